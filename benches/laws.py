@@ -52,7 +52,7 @@ def _law(name: str) -> list[Row]:
     steps = _core.Law(*_LAWS[name], _CONSTANTS)
     rows = steps.rows()
     assert rows is not None
-    code = steps.native(native.address(rows))
+    code = steps.native(native.code_address(rows))
     result = []
     for n, words in _LENGTHS.items():
         chance = np.random.default_rng(1)

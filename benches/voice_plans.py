@@ -11,7 +11,7 @@ import numpy as np
 from benches.voice_cost import Voices, counted, evenness
 from benches.voice_page import method
 from benches.voice_scores import Instrument, score
-from ergon.rendering.level import HIGHPASS
+from ergon.rendering.level import HIGHPASS_HZ
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import Stage, stage
 
@@ -25,7 +25,7 @@ class Player:
     """Voices of a staged score. `times` holds the least processor time of each block [s]."""
 
     def __init__(self, staged: Stage, count: int) -> None:
-        self._simulation, self._mixer = staged.simulation, staged.mixer(highpass=HIGHPASS)
+        self._simulation, self._mixer = staged.simulation, staged.mixer(highpass=HIGHPASS_HZ)
         self._block = np.zeros((BLOCK, self._simulation.n_out))
         self._mixed = np.zeros((BLOCK, staged.n_channels))
         self._count, self._rate = count, staged.rate

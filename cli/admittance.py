@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from ergon.api.admittance import COUNT, Admittance, AdmittanceOptions
+from ergon.api.admittance import DEFAULT_FREQUENCY_COUNT, Admittance, AdmittanceOptions
 from ergon.api.admittance import admittance as find_admittance
 from ergon.api.errors import OptionError
 
@@ -30,7 +30,13 @@ _ARGUMENTS = {"forced": "FROM", "observed": "TO"}
 @click.argument("observed", metavar="[TO]...", nargs=-1)
 @click.option("--low", metavar="FREQUENCY", default="20Hz", show_default=True, help="The lowest.")
 @click.option("--high", metavar="FREQUENCY", default="5kHz", show_default=True, help="The highest.")
-@click.option("--count", type=click.IntRange(2), default=COUNT, show_default=True, help="How many.")
+@click.option(
+    "--count",
+    type=click.IntRange(2),
+    default=DEFAULT_FREQUENCY_COUNT,
+    show_default=True,
+    help="How many.",
+)
 @click.option("--linear", is_flag=True, help="Frequencies even in Hz, not by logarithm.")
 @click.option("--peaks", is_flag=True, help="Add the frequencies of the modes between.")
 @click.option("--csv", "table", metavar="FILE", help="Write all numbers into a CSV file.")

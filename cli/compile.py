@@ -32,15 +32,15 @@ def compile_score(
     and impulse, and its place in the score. --json gives JSON lines instead of CSV.
     """
     from ergon.exchange.safe import open_for_writing
-    from ergon.exchange.stream import Form, Names, header
-    from ergon.rendering.ergons import stream
+    from ergon.exchange.stream import ErgonNames, Form, stream_header
+    from ergon.rendering.ergons import stream_ergons
 
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
     stage = score.stage_recording(loaded, console, seed=seed)
     piece = score.piece_of(loaded)
     output_form: Form = "json" if console.json else "csv"
     reaches = {name: key.reach for name, key in piece.keys.items()}
-    ergon_names = Names(
+    ergon_names = ErgonNames(
         struck=stage.network.name_of,
         source=lambda index: str(stage.sources[index]),
         reach=lambda struck: reaches.get(struck.partition(".")[0], 1.0),
@@ -53,11 +53,11 @@ def compile_score(
         ) as output_file,
         quiet.progress("compiling", stage.n_analysed_frames, stage.rate) as progress,
     ):
-        header_text = header(
+        header_text = stream_header(
             output_form, title=piece.title, rate=stage.rate, score=score.digest(piece)
         )
         output_file.write(header_text.encode())
-        for text, frame in stream(
+        for text, frame in stream_ergons(
             stage.simulation, stage.n_analysed_frames, output_form, ergon_names
         ):
             output_file.write(text.encode())

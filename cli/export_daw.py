@@ -120,7 +120,7 @@ def _project(
     output_folder: Path,
 ) -> bytes:
     """The project of REAPER: a track for each stem, and the mix, which is muted."""
-    from ergon.exchange.reaper import SoundFormat, SoundTrack, project
+    from ergon.exchange.reaper import SoundFormat, SoundTrack, project_text
 
     format = completed.job.format
     tracks = [
@@ -129,19 +129,19 @@ def _project(
     ]
     mix = SoundTrack("mix", Path(completed.files.mix.path).name, is_muted=bool(tracks))
     sounds = SoundFormat(completed.files.n_frames / format.rate, format.rate, format.n_channels)
-    return project(*clock, piece_title, [*tracks, mix], sounds).encode()
+    return project_text(*clock, piece_title, [*tracks, mix], sounds).encode()
 
 
 def _project_room(
     clock: tuple[Callable[[float], float], float, list[Meter], list[Marker]], stage: Stage
 ) -> int:
     """Bytes that the project takes at most: two stems of each instrument, and the mix."""
-    from ergon.exchange.reaper import SoundFormat, SoundTrack, project
+    from ergon.exchange.reaper import SoundFormat, SoundTrack, project_text
 
     names = [name for part in stage.piece.instruments for name in (f"{part}-dry", f"{part}-wet")]
     tracks = [SoundTrack(name, f"stems/0000_{name}.flac") for name in [*names, "mix"]]
     sounds = SoundFormat(stage.n_analysed_frames / stage.rate, int(stage.rate), _CHANNELS_MAX)
-    return len(project(*clock, stage.piece.title, tracks, sounds).encode())
+    return len(project_text(*clock, stage.piece.title, tracks, sounds).encode())
 
 
 def _note_tracks(stage: Stage) -> list[NoteTrack]:

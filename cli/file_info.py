@@ -162,7 +162,7 @@ def _gltf(path: Path) -> Content:
         raise Refused(f"{path}: {error}") from None
     size = int.from_bytes(file_bytes[12:16], "little")
     root = parse_json(file_bytes[20 : 20 + size] if is_binary else file_bytes)
-    return Content("mesh (glTF 2)", _mesh_figures(mesh), gltf_file.passed_over(root))
+    return Content("mesh (glTF 2)", _mesh_figures(mesh), gltf_file.ignored_contents(root))
 
 
 # --- tunings ------------------------------------------------------------------------------------

@@ -140,7 +140,7 @@ def _drawn(motion_comparison: Replay, picture_width: int | None) -> str:
 def _show(console: Console, motion_comparison: Replay, address: str | None) -> None:
     """Show force, real motion, model and residual in a browser, until Ctrl-C."""
     from ergon.api.options import FileOptions
-    from ergon.api.pages import ANYWHERE
+    from ergon.api.pages import ANY_LOCAL_PORT
     from ergon.api.viewing import render_view
     from ergon.common.report import Report
     from ergon.workshop.metrology.replay_scene import write_scene
@@ -149,7 +149,7 @@ def _show(console: Console, motion_comparison: Replay, address: str | None) -> N
         folder = Path(folder_name)
         options = FileOptions(motion=True, see="all")
         shown = render_view(write_scene(motion_comparison, folder), folder, options, Report())
-        serve_shown(console, shown, address or ANYWHERE, [])
+        serve_shown(console, shown, address or ANY_LOCAL_PORT, [])
 
 
 def _print_residuals(

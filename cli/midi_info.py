@@ -23,7 +23,7 @@ _LINE_MAX = 2_000  # characters
 
 def midi(console: Console, path: Path) -> None:
     """Say what a MIDI file holds, what of it a score can play, and what is passed over."""
-    from ergon.scores.gesture.midi_survey import FOLLOWED, passed_over, survey
+    from ergon.scores.gesture.midi_survey import FOLLOWED_KINDS, survey, unused_contents
     from ergon.scores.gesture.take_file import TakeError
 
     try:
@@ -34,7 +34,9 @@ def midi(console: Console, path: Path) -> None:
     tempos = [(quarter, _MINUTE / micros) for quarter, micros in file.tempos if micros]
     meters = [(quarter, f"{count}/{2**power}") for quarter, count, power in file.meters]
     all_features = dict.fromkeys(("has_pedal", "has_tempo", "has_meter", "has_wheel"), True)
-    left_out = [*passed_over(file, **all_features, follows=lambda move: move.kind in FOLLOWED)]
+    left_out = [
+        *unused_contents(file, **all_features, follows=lambda move: move.kind in FOLLOWED_KINDS)
+    ]
     if n_unread_bytes := file.n_bytes_after + file.n_bytes_unread:
         left_out.append(plural(n_unread_bytes, "byte") + " after the end of tracks")
     if file.n_missing:
@@ -102,7 +104,7 @@ def _understood(file: MidiSurvey) -> Iterator[str]:
     """What a score can play of a file, or take over."""
     from ergon.scores.gesture.midi_bytes import CONTROLLER
     from ergon.scores.gesture.midi_file import SUSTAIN
-    from ergon.scores.gesture.midi_survey import FOLLOWED, NOUNS
+    from ergon.scores.gesture.midi_survey import FOLLOWED_KINDS, NOUNS
 
     if count := sum(file.notes.values()):
         yield plural(count, "note")
@@ -110,7 +112,7 @@ def _understood(file: MidiSurvey) -> Iterator[str]:
     for move, count in file.moves.items():
         is_pedal = move.kind == CONTROLLER and move.number == SUSTAIN
         counts["pedal value" if is_pedal else NOUNS[move.kind][0]] += count
-    for noun in ("pedal value", *(NOUNS[kind][0] for kind in FOLLOWED)):
+    for noun in ("pedal value", *(NOUNS[kind][0] for kind in FOLLOWED_KINDS)):
         if counts[noun]:
             yield plural(counts[noun], noun)
     if file.n_tempos:

@@ -101,13 +101,13 @@ def _write(
     frame_instants: NDArray[np.float64],
     exaggeration: float | None,
 ) -> None:
-    from ergon.exchange.gltf import gltf
+    from ergon.exchange.gltf import gltf_text
     from ergon.exchange.motion import csv_rows, write_npz
 
     if file_ending == ".npz":
         write_npz(output_file, motion, frame_instants)
     elif file_ending == ".gltf":
-        output_file.write(gltf(motion, frame_instants, exaggeration).encode())
+        output_file.write(gltf_text(motion, frame_instants, exaggeration).encode())
     else:
         for text in csv_rows(motion, frame_instants):
             output_file.write(text.encode())

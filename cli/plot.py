@@ -12,7 +12,7 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.api.plot import NOTES, drawn_curves, struck_bars
+from ergon.api.plot import NOTES_NAME, drawn_curves, struck_bars
 from ergon.common.sound_files import is_sound
 
 from . import options
@@ -64,7 +64,7 @@ def plot(
         _sound(console, Path(score_path), svg, width, height, force)
         return
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
-    if name == NOTES:
+    if name == NOTES_NAME:
         _notes(console, loaded, svg, width, height, force)
         return
     curves, plot_title = drawn_curves(loaded, name, key, console)
@@ -107,7 +107,7 @@ def _notes(
         if lanes:
             axis_label += "; without a pitch: "
             axis_label += ", ".join(f"{name} at {key:g}" for name, key in lanes.items())
-        console.data(f"{plot_title}\n{_text([Curve(NOTES, t, x)], width, height, axis_label)}")
+        console.data(f"{plot_title}\n{_text([Curve(NOTES_NAME, t, x)], width, height, axis_label)}")
 
 
 def _sound(

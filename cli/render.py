@@ -74,11 +74,13 @@ def render(
     (score_path,) = score_paths
     check_stdout(output, is_json=console.json)
     from ergon.api.render_journal import render_journal
-    from ergon.api.score import JOURNAL
+    from ergon.api.score import JOURNAL_SUFFIX
 
-    if file_options.on is not None and (freeze is not None or Path(score_path).suffix == JOURNAL):
+    if file_options.on is not None and (
+        freeze is not None or Path(score_path).suffix == JOURNAL_SUFFIX
+    ):
         raise Refused("--on renders scores; a journal and --freeze are computed here")
-    if Path(score_path).suffix == JOURNAL:
+    if Path(score_path).suffix == JOURNAL_SUFFIX:
         if dry or watch or freeze:
             raise Refused("a journal is rendered as it was played: no -n, --watch or --freeze")
         completed = render_journal(Path(score_path), output, file_options, console)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ergon.exchange.wave_header import BYTES
+from ergon.exchange.wave_header import BYTES_BY_FORM
 from ergon.rendering.balance import dominant_instrument
-from ergon.rendering.loudness import TRUE_PEAK_MAX
+from ergon.rendering.loudness import TRUE_PEAK_DB_MAX
 
 from .console import Console, plural
 from .units import decibels, level, loudness_of, octets, seconds
@@ -142,11 +142,9 @@ def _say_if_quieter(console: Console, level_asked: Level, mix: RenderedFile) -> 
     loudness_below = level_asked.loudness - mix.loudness
     if loudness_below >= _QUIETER and level_asked.limit is None:
         console.say(
-            f"{mix.path} is {loudness_below:.1f} dB below the {level_asked.loudness:g} LUFS of "
-            "its master, "
-            "since "
-            f"the highest peak of the piece is at {TRUE_PEAK_MAX:g} dBTP; `limit: -2dB` in the "
-            "master lets it be louder"
+            f"{mix.path} is {loudness_below:.1f} dB below the {level_asked.loudness:g} LUFS of its "
+            f"master, since the highest peak of the piece is at {TRUE_PEAK_DB_MAX:g} dBTP; `limit: "
+            "-2dB` in the master lets it be louder"
         )
 
 
@@ -184,8 +182,7 @@ def print_finer_steps(console: Console, reports: Reports) -> None:
         were = "was" if finer_frames == 1 else "were"
         console.say(
             f"{part_name}: {plural(finer_frames, 'frame')} {were} computed finer, up to {largest} "
-            "times: "
-            "there its links are too stiff for one frame"
+            "times: there its links are too stiff for one frame"
         )
 
 
@@ -193,7 +190,7 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
     """Say what a render would write, and how sure it is that its plan is stable."""
     guarantee = _guarantee(stage)
     n_files = 1 + (len(stage.stems(is_split=job.splits_stems)) if job.stems is not None else 0)
-    output_bytes = job.n_frames * job.format.n_channels * BYTES[job.format.bits] * n_files
+    output_bytes = job.n_frames * job.format.n_channels * BYTES_BY_FORM[job.format.bits] * n_files
     simulated = job.simulated_frames(stage.n_frames)
     n_bytes_kept = 0
     if job.level.is_levelled:
@@ -228,8 +225,7 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
         f"{job.target}: {bound}{seconds(job.n_frames / job.format.rate)}, {channels}, "
         f"{format_text}",
         f"disk: {octets(output_bytes)} in {plural(n_files, 'file')}, {octets(n_bytes_kept)} more "
-        "while it "
-        "runs",
+        "while it runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
         f"{simulated:,} frames, {steps:.3g} module-steps",
         f"stability: {guarantee}, as planned; {_plain_stability(margin)}",

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ergon.api.errors import OptionError
-from ergon.api.tune import REACHED, Tuned, TuneOptions
+from ergon.api.tune import REACHED_CENTS, Tuned, TuneOptions
 from ergon.api.tune import tune as find_tuning
 from ergon.common.shown_paths import is_from_pack
 
@@ -113,7 +113,7 @@ def _lines(tuned: Tuned) -> str:
 
 
 def _cents(cents: float) -> str:
-    return "0 cents" if abs(cents) <= REACHED else f"{cents:+.4g} cents"
+    return "0 cents" if abs(cents) <= REACHED_CENTS else f"{cents:+.4g} cents"
 
 
 def _unreached(tuned: Tuned) -> str:

@@ -13,7 +13,7 @@ from ergon.notation.text import document
 from ergon.notation.text.document import Node
 
 MAX_DECAYS = 64
-POISSON = 0.3  # approximately that of steel and brass
+DEFAULT_POISSON = 0.3  # approximately that of steel and brass
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,7 @@ class Decays(Shape):
         if not 2 <= len(node_pairs) <= MAX_DECAYS:
             message = (
                 f"{context.label(name)}: decays at {len(node_pairs)} frequencies are written; "
-                "write "
-                f"from 2 to {MAX_DECAYS}, or one time for the lowest mode"
+                f"write from 2 to {MAX_DECAYS}, or one time for the lowest mode"
             )
             context.error("E106", message, node.place)
             return MISSING
@@ -60,19 +59,19 @@ class _DecayShape(Either):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if isinstance(node, document.Sequence):
-            return wrong_shape(self, node, name, context, help=_STAGES)
+            return wrong_shape(self, node, name, context, help=_TWO_STAGE_ADVICE)
         return Either.read(self, node, name, context)
 
 
-_STAGES = (
+_TWO_STAGE_ADVICE = (
     "no mode falls in two stages; two strings of one pitch with a damper between them do "
     '(docs/language.md, "Two-stage decay")'
 )
-DECAY = _DecayShape(k.DURATION, Decays())
+DECAY_SHAPE = _DecayShape(k.DURATION, Decays())
 _BENDING = Record(
     "bending",
     "how a plate resists curvature",
-    (Field("poisson", k.POISSON, "Poisson's ratio", POISSON),),
+    (Field("poisson", k.POISSON, "Poisson's ratio", DEFAULT_POISSON),),
     _poisson,
 )
 
@@ -90,7 +89,7 @@ class Bending(Shape):
         is_bending = k.BOOLEAN.read(node, name, context)
         if is_bending is MISSING:
             return MISSING
-        return POISSON if is_bending else None
+        return DEFAULT_POISSON if is_bending else None
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

@@ -22,9 +22,10 @@ from ergon.notation.tables.strengths import ImpulseRange
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 
-_TRAVEL = 10e-3  # m, for each SI unit of the constant
-_OIL = 100.0  # N·s/m; with _TRAVEL an impulse of 1 N·s is one SI unit
-_MASSES = {"draw": 2.0, "press": 1.0}  # kg; with _OIL it comes to rest within 20 ms and 10 ms
+_METRES_PER_UNIT = 10e-3  # m, for each SI unit of the constant
+_OIL_VISCOSITY = 100.0  # N·s/m; with _METRES_PER_UNIT an impulse of 1 N·s is one SI unit
+# Masses [kg]; with _OIL_VISCOSITY they come to rest within 20 ms and 10 ms.
+_MASS_BY_FIELD = {"draw": 2.0, "press": 1.0}
 
 
 class LinkRange(NamedTuple):
@@ -36,7 +37,7 @@ class LinkRange(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Word:
+class _BowField:
     """A field of acts that leads a constant of a link."""
 
     constant: str
@@ -46,27 +47,29 @@ class _Word:
 
     def parse(self, text: str) -> LinkRange:
         """`hair 0.2N..2N`. Raises TextError."""
-        link_name, _, amounts = text.strip().partition(" ")
-        if not NAME.fullmatch(link_name) or not amounts.strip():
+        link_name, _, range_text = text.strip().partition(" ")
+        if not NAME.fullmatch(link_name) or not range_text.strip():
             message = f"a link and a range are expected, such as {self.example}"
             raise TextError(message, length=max(1, len(text)), code="E201")
         example = self.example.partition(" ")[2]
         try:
-            ends = q.span(amounts, lambda word: q.quantity(word, self.dimension), example)
+            soft_and_hard = q.span(
+                range_text, lambda word: q.quantity(word, self.dimension), example
+            )
         except TextError as error:
             error.offset += len(text) - len(text.lstrip()) + len(link_name) + 1
             raise
-        if not 0.0 < ends[0] < ends[1]:
+        if not 0.0 < soft_and_hard[0] < soft_and_hard[1]:
             message = "the softest and the hardest stroke are expected, both above 0, "
             raise TextError(f"{message}such as {example}", length=len(text), code="E202")
-        return LinkRange(link_name, *ends)
+        return LinkRange(link_name, *soft_and_hard)
 
 
-WORDS = {
-    "draw": _Word("u", q.SPEED, "hair 0.04m/s..0.4m/s", "how fast a link rubs: its `u`"),
-    "press": _Word("F", q.PUSH, "hair 0.2N..2N", "how hard a link presses: its `F`"),
+BOW_FIELDS = {
+    "draw": _BowField("u", q.SPEED, "hair 0.04m/s..0.4m/s", "how fast a link rubs: its `u`"),
+    "press": _BowField("F", q.PUSH, "hair 0.2N..2N", "how hard a link presses: its `F`"),
 }
-FIELDS = (
+BOW_ACT_FIELDS = (
     *(
         Field(
             name,
@@ -78,47 +81,47 @@ FIELDS = (
             word.doc,
             shown="nothing",
         )
-        for name, word in WORDS.items()
+        for name, word in BOW_FIELDS.items()
     ),
     Field("until", choice("note"), "when drawing and pressing end", "note"),
 )
 
 
-class Pressing(NamedTuple):
+class StruckMass(NamedTuple):
     """What an act that draws or presses strikes: the name of a mass, and its impulses."""
 
     mass: str
-    reach: ImpulseRange
+    impulses: ImpulseRange
 
 
 class DrawnActs:
     """The acts of an instrument that draw or press, by their written values."""
 
-    def __init__(self, written: Mapping[str, Any]) -> None:
+    def __init__(self, written_acts: Mapping[str, Any]) -> None:
         """Take the acts by name; reports links that no act brings."""
-        self._written = {name: body for name, body in written.items() if body is not MISSING}
-        self._links: dict[str, str] = {}  # the act that brings each link
-        for name, act_body in self._written.items():
+        self._acts = {name: body for name, body in written_acts.items() if body is not MISSING}
+        self._act_of_link: dict[str, str] = {}  # the act that brings each link
+        for name, act_body in self._acts.items():
             for link in act_body["with"] or ():
-                self._links.setdefault(link, name)
-        self._highest: dict[tuple[str, str], float] = defaultdict(float)
-        self._turning: set[tuple[str, str]] = set()
-        for act_body in self._written.values():
-            for constant_word, led in _led(act_body):
+                self._act_of_link.setdefault(link, name)
+        self._hardest_values: dict[tuple[str, str], float] = defaultdict(float)
+        self._alternating: set[tuple[str, str]] = set()
+        for act_body in self._acts.values():
+            for constant_word, led in _link_ranges(act_body):
                 if self._is_known(act_body, constant_word, led):
-                    self._highest[led.link, constant_word] += led.hard
+                    self._hardest_values[led.link, constant_word] += led.hard
                     if constant_word == "draw" and act_body["turns"]:
-                        self._turning.add((led.link, constant_word))
+                        self._alternating.add((led.link, constant_word))
 
-    def pressing(self, body: Values) -> list[Pressing]:
+    def struck_masses(self, body: Values) -> list[StruckMass]:
         """What an act strikes to draw and to press."""
         return [
-            Pressing(
+            StruckMass(
                 _mass_name(led.link, word),
-                ImpulseRange(led.soft, led.hard, (led.link, word) in self._turning),
+                ImpulseRange(led.soft, led.hard, (led.link, word) in self._alternating),
             )
-            for word, led in _led(body)
-            if (led.link, word) in self._highest
+            for word, led in _link_ranges(body)
+            if (led.link, word) in self._hardest_values
         ]
 
     def modules(
@@ -126,29 +129,37 @@ class DrawnActs:
     ) -> tuple[Module, ...]:
         """The modules that an act brings, with the masses that lead constants of its links."""
         written_modules: dict[str, Any] = dict(body["with"] or {})
-        for _, led in _led(body):
-            if led.link in self._links:
+        for _, led in _link_ranges(body):
+            if led.link in self._act_of_link:
                 written_modules = {
-                    **(self._written[self._links[led.link]]["with"] or {}),
+                    **(self._acts[self._act_of_link[led.link]]["with"] or {}),
                     **written_modules,
                 }
         brought_modules = []
         for part_module in modules_of(written_modules):
-            words = [word for word in WORDS if (part_module.name, word) in self._highest]
-            brought_modules += [part for word in words for part in _mass(part_module, word)]
-            brought_modules.append(self._following(part_module, words) if words else part_module)
+            words = [
+                word for word in BOW_FIELDS if (part_module.name, word) in self._hardest_values
+            ]
+            brought_modules += [
+                part for word in words for part in _leading_mass_modules(part_module, word)
+            ]
+            brought_modules.append(
+                self._with_followed_masses(part_module, words) if words else part_module
+            )
         return tuple(brought_modules)
 
     def _is_known(self, body: Values, word: str, led: LinkRange) -> bool:
         """Whether a link is one that an act brings, and has no such constant; reports others."""
-        act_label, constant = body.context.label(word), WORDS[word].constant
-        brings = None if led.link not in self._links else self._written[self._links[led.link]]
-        if brings is None:
+        act_label, constant = body.context.label(word), BOW_FIELDS[word].constant
+        act_fields = (
+            None if led.link not in self._act_of_link else self._acts[self._act_of_link[led.link]]
+        )
+        if act_fields is None:
             message = f"{act_label}: no act brings a link {quote(led.link)}; write it in `with`"
-            suggestion = nearest(led.link, self._links)
+            suggestion = nearest(led.link, self._act_of_link)
             body.error("E301", message, word, suggestion=suggestion)
             return False
-        link_values = brings["with"][led.link]
+        link_values = act_fields["with"][led.link]
         link_fields = (
             link_values.by_name.get(link_values.kind, MISSING)
             if link_values is not MISSING
@@ -171,24 +182,26 @@ class DrawnActs:
             return False
         return True
 
-    def _following(self, link_module: Module, constant_words: Sequence[str]) -> Module:
+    def _with_followed_masses(self, link_module: Module, constant_words: Sequence[str]) -> Module:
         """A link whose constants follow the masses that lead them, from their written values on."""
         follows, field_places = dict(link_module.fields["follows"] or {}), dict(link_module.places)
         constants = dict(link_module.fields["constants"])
         for constant_word in constant_words:
             constant, high_value = (
-                WORDS[constant_word].constant,
-                self._highest[link_module.name, constant_word],
+                BOW_FIELDS[constant_word].constant,
+                self._hardest_values[link_module.name, constant_word],
             )
-            low_value = -high_value if (link_module.name, constant_word) in self._turning else 0.0
+            low_value = (
+                -high_value if (link_module.name, constant_word) in self._alternating else 0.0
+            )
             rest_value = constants.pop(constant, 0.0)
             leading_mass = Name(_mass_name(link_module.name, constant_word), link_module.place)
-            span = _TRAVEL * (high_value - low_value)
+            span = _METRES_PER_UNIT * (high_value - low_value)
             follows[constant] = Following(
                 leading_mass,
                 rest_value + low_value,
                 rest_value + high_value,
-                -_TRAVEL * low_value,
+                -_METRES_PER_UNIT * low_value,
                 span,
             )
             field_places.setdefault("follows", link_module.place)
@@ -196,8 +209,8 @@ class DrawnActs:
         return replace(link_module, fields=fields, places=field_places)
 
 
-def _led(body: Values) -> Iterator[tuple[str, LinkRange]]:
-    for word in WORDS:
+def _link_ranges(body: Values) -> Iterator[tuple[str, LinkRange]]:
+    for word in BOW_FIELDS:
         if body[word] is not None:
             yield word, body[word]
 
@@ -206,11 +219,11 @@ def _mass_name(link: str, word: str) -> str:
     return f"{link}-{word}"
 
 
-def _mass(link: Module, constant_word: str) -> Iterator[Module]:
+def _leading_mass_modules(link: Module, constant_word: str) -> Iterator[Module]:
     """A mass that a constant follows, in its oil."""
     mass_name, link_place = _mass_name(link.name, constant_word), link.place
     rest_fields = {"X0": 0.0, "V0": 0.0, "follows": ()}
-    yield Module(mass_name, "MAS", {"M": _MASSES[constant_word], **rest_fields}, link_place)
+    yield Module(mass_name, "MAS", {"M": _MASS_BY_FIELD[constant_word], **rest_fields}, link_place)
     yield Module(f"{mass_name}-ground", "SOL", {"X0": 0.0}, link_place)
     between = Name(f"{mass_name}-ground", link_place), Name(mass_name, link_place)
-    yield Module(f"{mass_name}-oil", "FRO", {"between": between, "Z": _OIL}, link_place)
+    yield Module(f"{mass_name}-oil", "FRO", {"between": between, "Z": _OIL_VISCOSITY}, link_place)

@@ -29,7 +29,7 @@ class Following:
     span: float
 
 
-def field(value_shape: Shape, endpoint: Shape, doc: str) -> Field:
+def follows_field(value_shape: Shape, endpoint: Shape, doc: str) -> Field:
     """The field `follows`, with parameters by name; `value_shape` reads their values."""
 
     def build(following_values: Values) -> Any:
@@ -101,13 +101,12 @@ def check_constants(law_values: Values) -> None:
     if len(written_names) > CONSTANTS_MAX:
         message = (
             f"{law_values.context.label('follows')}: at most {CONSTANTS_MAX} constants of a law "
-            "follow "
-            "MATs"
+            "follow MATs"
         )
         law_values.error("E105", message, "follows")
 
 
-def values(
+def engine_values(
     part_module: Module, mat: Callable[[Target], int]
 ) -> list[tuple[str, tuple[int, float, float, float, float]]]:
     """The following parameters by name: index of the MAT, offset, span, and the values at both ends

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from ergon.instruments import following
 from ergon.instruments.model import Module, Target
-from ergon.instruments.names import Part, PartNames
+from ergon.instruments.names import PartContents, PartNames
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 
 
-def resolve(
-    link_module: Module, link_part: Part, part_names: PartNames, module_label: str
+def with_targets(
+    link_module: Module, link_part: PartContents, part_names: PartNames, module_label: str
 ) -> Module:
     """The module with names of MATs looked up; followings that are refused are reported and left
     out.
@@ -21,7 +21,7 @@ def resolve(
     if not written_followings:
         return link_module
     follows_place = link_module.places.get("follows", link_module.place)
-    if link_part.struck is not None:
+    if link_part.struck_mat is not None:
         message = (
             f"{module_label}: follows: a value that follows a MAT belongs to an instrument, not to "
             "a key"
@@ -46,5 +46,5 @@ def resolve(
     return replace(link_module, fields={**link_module.fields, "follows": by_parameter})
 
 
-def _is_itself(module: Module, part: Part, target: Target) -> bool:
+def _is_itself(module: Module, part: PartContents, target: Target) -> bool:
     return module.kind == "MAS" and (target.part, target.module) == (part.name, module.name)

@@ -10,14 +10,14 @@ from typing import Any
 from ergon import _core
 from ergon.instruments import following
 from ergon.instruments.model import Module
-from ergon.instruments.transpose import law
+from ergon.instruments.transpose import transpose_law
 from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.values import Place
 
-_WORDS = re.compile(r"[^\W\d]\w*")
+_IDENTIFIER = re.compile(r"[^\W\d]\w*")
 # Words of a law that are not constants.
-_KNOWN_WORDS = {"d", "v", "where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh", "noise"}
+_LAW_WORDS = {"d", "v", "where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh", "noise"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ def is_name(text: str | None) -> bool:
 Locate = Callable[[str, int, int], Place]  # field, offset, length
 
 
-def resolved(
+def with_law_text(
     law_module: Module,
     laws: Mapping[str, LawText],
     module_label: str,
@@ -56,26 +56,26 @@ def resolved(
             or law_text in law_fields["constants"]
         ):
             continue
-        named = laws.get(law_text)
-        if named is None:
+        named_law = laws.get(law_text)
+        if named_law is None:
             message = f"{module_label}: no law is called {quote(law_text)}"
             law_place = locate(field_name, 0, len(law_text))
             collector.error("E301", message, law_place, word=law_text, names=tuple(laws))
             return law_module
-        constants |= named.constants
+        constants |= named_law.constants
         if field_name == "law":
-            law_fields["law"] = named.law
-            law_fields["damping"] = law_fields["damping"] or named.damping
+            law_fields["law"] = named_law.law
+            law_fields["damping"] = law_fields["damping"] or named_law.damping
         else:
-            law_fields["damping"] = named.damping
+            law_fields["damping"] = named_law.damping
     written_constants = law_fields["constants"]
     follows = following.followings(law_module)
-    starts = {name: follow_rule.start for name, follow_rule in follows.items()}
-    law_fields["constants"] = {**constants, **written_constants, **starts}
+    following_starts = {name: follow_rule.start for name, follow_rule in follows.items()}
+    law_fields["constants"] = {**constants, **written_constants, **following_starts}
     interval = law_fields.pop("interval", None)
     used_words = (
-        set(_WORDS.findall(f"{law_fields['law'] or ''} {law_fields['damping'] or ''}"))
-        - _KNOWN_WORDS
+        set(_IDENTIFIER.findall(f"{law_fields['law'] or ''} {law_fields['damping'] or ''}"))
+        - _LAW_WORDS
     )
     fields_of_kind = [w for w in law_module.fields if w not in ("constants", "interval")]
     for field_name in (*written_constants, *follows):
@@ -87,14 +87,14 @@ def resolved(
             ]
             collector.error("E101", message, law_place, word=field_name, names=known_names)
             return law_module
-    if check(law_fields, module_label, locate, collector):
+    if compiles(law_fields, module_label, locate, collector):
         if interval is not None:
-            law(law_fields, interval)
+            transpose_law(law_fields, interval)
         return replace(law_module, fields=law_fields)
     return law_module
 
 
-def check(
+def compiles(
     law_fields: Mapping[str, Any], module_label: str, locate: Locate, collector: Collector
 ) -> bool:
     """Whether the core compiles the law; reports the characters at fault if not."""

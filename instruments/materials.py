@@ -32,41 +32,43 @@ class Material:
 
 
 # Values from the literature name their source; an engineering value is one without a source.
-_METAL = (
+_METAL_SOURCE = (
     "W. D. Callister and D. G. Rethwisch, Materials Science and Engineering, app. B; in the ranges "
     "of J. Thomas, web.mst.edu, Properties of materials; "
 )
-_LOSS = "loss: L. Cremer and M. Heckl, Structure-Borne Sound (1988), after help.solidworks.com, "
-_NO_LOSS = "loss: engineering value"
-_WOOD = "Forest Products Laboratory, Wood Handbook (2010), ch. 5; "
-_STRING = "N. Lynch-Aird and J. Woodhouse, Materials "
-_TUNED = "; E rises with tension, this one and the loss are engineering values"
+_LOSS_SOURCE = (
+    "loss: L. Cremer and M. Heckl, Structure-Borne Sound (1988), after help.solidworks.com, "
+)
+_NO_LOSS_SOURCE = "loss: engineering value"
+_WOOD_SOURCE = "Forest Products Laboratory, Wood Handbook (2010), ch. 5; "
+_STRING_SOURCE = "N. Lynch-Aird and J. Woodhouse, Materials "
+_TUNED_SOURCE = "; E rises with tension, this one and the loss are engineering values"
 
 MATERIALS: Mapping[str, Material] = {
-    "steel": Material(7850.0, 207e9, 0.30, 3e-4, _METAL + _LOSS + "iron: 2 to 6e-4"),
+    "steel": Material(7850.0, 207e9, 0.30, 3e-4, _METAL_SOURCE + _LOSS_SOURCE + "iron: 2 to 6e-4"),
     "bronze": Material(
         8800.0,
         110e9,
         0.35,
         5e-4,
         "engineering values: H. Jack, engineeronadisk.com, has 8200 to 8800 kg/m³, 96 to 120 GPa "
-        "and 0.34; " + _NO_LOSS,
+        "and 0.34; " + _NO_LOSS_SOURCE,
     ),
-    "brass": Material(8530.0, 110e9, 0.35, 5e-4, _METAL + _LOSS + "below 1e-3"),
-    "copper": Material(8890.0, 115e9, 0.33, 2e-3, _METAL + _LOSS + "2e-3"),
-    "aluminium": Material(2710.0, 69e9, 0.33, 1e-4, _METAL + _LOSS + "1e-4"),
-    "glass": Material(2500.0, 69e9, 0.23, 1e-3, _METAL + _NO_LOSS),
+    "brass": Material(8530.0, 110e9, 0.35, 5e-4, _METAL_SOURCE + _LOSS_SOURCE + "below 1e-3"),
+    "copper": Material(8890.0, 115e9, 0.33, 2e-3, _METAL_SOURCE + _LOSS_SOURCE + "2e-3"),
+    "aluminium": Material(2710.0, 69e9, 0.33, 1e-4, _METAL_SOURCE + _LOSS_SOURCE + "1e-4"),
+    "glass": Material(2500.0, 69e9, 0.23, 1e-3, _METAL_SOURCE + _NO_LOSS_SOURCE),
     "spruce": Material(
         430.0,
         10.9e9,
         0.37,
         8e-3,
-        _WOOD
+        _WOOD_SOURCE
         + "a static test of Sitka spruce (Acta Acustica, 2025, aacus240113, table 5): 9.1 and "
-        "0.82 GPa, 0.44; " + _NO_LOSS,
+        "0.82 GPa, 0.44; " + _NO_LOSS_SOURCE,
         0.85e9,
     ),
-    "maple": Material(700.0, 13.9e9, 0.42, 1.1e-2, _WOOD + _NO_LOSS, 1.8e9),
+    "maple": Material(700.0, 13.9e9, 0.42, 1.1e-2, _WOOD_SOURCE + _NO_LOSS_SOURCE, 1.8e9),
     "rosewood": Material(
         830.0,
         13.5e9,
@@ -76,16 +78,19 @@ MATERIALS: Mapping[str, Material] = {
         "Illinois): 0.45 % ± 0.09 %",
         2.2e9,
     ),
-    "nylon": Material(1070.0, 5e9, 0.39, 3e-2, _STRING + "10 (2017) 497" + _TUNED),
+    "nylon": Material(1070.0, 5e9, 0.39, 3e-2, _STRING_SOURCE + "10 (2017) 497" + _TUNED_SOURCE),
     "gut": Material(
         1280.0,
         6.5e9,
         0.40,
         5e-2,
-        _STRING + "11 (2018) 2160: E is the same at any tension; it and the loss are engineering "
+        _STRING_SOURCE
+        + "11 (2018) 2160: E is the same at any tension; it and the loss are engineering "
         "values",
     ),
-    "fluorocarbon": Material(1780.0, 7e9, 0.40, 3e-2, _STRING + "11 (2018) 2160" + _TUNED),
+    "fluorocarbon": Material(
+        1780.0, 7e9, 0.40, 3e-2, _STRING_SOURCE + "11 (2018) 2160" + _TUNED_SOURCE
+    ),
     "skin": Material(1100.0, 0.5e9, 0.40, 3e-2, "engineering values for calfskin"),
     "mylar": Material(
         1390.0,
@@ -93,7 +98,7 @@ MATERIALS: Mapping[str, Material] = {
         0.38,
         1.5e-2,
         "DuPont Teijin Films, Mylar product information H-37232-3: 4.8 GPa along, 5.0 across; "
-        + _NO_LOSS,
+        + _NO_LOSS_SOURCE,
     ),
 }
 
@@ -109,11 +114,13 @@ def _material(material_values: Values) -> Any:
         if "young" in material_parameters:  # a material without a grain
             material_parameters.setdefault("across", None)
         return replace(MATERIALS[base_material], **material_parameters)
-    missing = [
+    missing_names = [
         name for name in ("density", "young", "poisson", "loss") if name not in material_parameters
     ]
-    if missing:
-        message = f"{material_values.context.label('material')} has no {', '.join(missing)}; write "
+    if missing_names:
+        message = (
+            f"{material_values.context.label('material')} has no {', '.join(missing_names)}; write "
+        )
         message += "them, or name a material with `like`"
         material_values.context.error("E103", message, material_values.node.place)
         return MISSING
@@ -146,4 +153,4 @@ class MaterialShape(Either):
         return MATERIALS[value] if isinstance(value, str) else value
 
 
-MATERIAL = MaterialShape(_MATERIAL_NAME, MATERIAL_RECORD)
+MATERIAL_SHAPE = MaterialShape(_MATERIAL_NAME, MATERIAL_RECORD)

@@ -17,16 +17,16 @@ from ergon.instruments.stiff import INHARMONICITY_MAX
 from ergon.notation.tables.fields import Values
 
 # Fields that describe material and size; the other fields are computed from them.
-MATTER = ("material", "length", "diameter", "thickness", "tension")
-AUDIBLE_TOP = 5_000.0  # [Hz] bodies get enough masses for modes up to here
+MATTER_FIELDS = ("material", "length", "diameter", "thickness", "tension")
+AUDIBLE_TOP_HZ = 5_000.0  # [Hz] bodies get enough masses for modes up to here
 _SECOND_DECAY_HERTZ = 2_000.0  # [Hz] of a body's second decay; at least four times its pitch
 _AIR_DENSITY, _AIR_VISCOSITY = 1.204, 1.81e-5  # [kg/m³], [Pa·s] at 20 °C
-_STRING_MASSES, _MASSES = (40, 300), (150, 500)  # (least, most) masses by default
-_RINGS = (3, 60)  # (least, most) rings of a disc
-_SIDES = (7, 121)  # (least, most) masses along a side of a plate that bends
+_STRING_MASSES_RANGE, _PLATE_MASSES_RANGE = (40, 300), (150, 500)  # (least, most) masses by default
+_DISC_RINGS_RANGE = (3, 60)  # (least, most) rings of a disc
+_SIDE_MASSES_RANGE = (7, 121)  # (least, most) masses along a side of a plate that bends
 
 
-class _Refused(Exception):
+class _MatterError(Exception):
     """A mistake: its code, its sentence (to follow the field's name), and the field."""
 
     def __init__(self, code: str, message: str, field: str = "") -> None:
@@ -39,23 +39,23 @@ def from_material(body_kind: str, body_values: Values, *, quietly: bool = False)
 
     None if an error was reported, or if fields are missing and `quietly` is set.
     """
-    resolve = {"STRING": _string, "PLATE": _plate}.get(body_kind)
+    resolve = {"STRING": _string_fields, "PLATE": _plate}.get(body_kind)
     if resolve is None:
         return body_values
     try:
         if not body_values.written("material"):
-            _needs_material(body_kind, body_values)
+            _refuse_size_without_material(body_kind, body_values)
             return body_values
         if any(name not in body_values.by_name for name in body_values.nodes):
             return None  # a field was refused already
         resolved = resolve(body_values, body_values.by_name["material"])
-    except _Refused as refused:
+    except _MatterError as refused:
         if not quietly:
             field_label = body_values.context.label(refused.field)
             body_values.error(refused.code, f"{field_label}: {refused.message}", refused.field)
         return None
     material_node = body_values.nodes["material"]
-    dropped_fields = (*MATTER, "masses") if body_kind == "PLATE" else MATTER
+    dropped_fields = (*MATTER_FIELDS, "masses") if body_kind == "PLATE" else MATTER_FIELDS
     module_fields = {
         name: value for name, value in body_values.by_name.items() if name not in dropped_fields
     }
@@ -65,12 +65,12 @@ def from_material(body_kind: str, body_values: Values, *, quietly: bool = False)
     return replace(body_values, by_name={**module_fields, **resolved}, nodes=nodes)
 
 
-def _needs_material(kind: str, body_values: Values) -> None:
-    needing = (*MATTER, "masses") if kind == "PLATE" else MATTER
-    for field_name in needing:
+def _refuse_size_without_material(kind: str, body_values: Values) -> None:
+    material_fields = (*MATTER_FIELDS, "masses") if kind == "PLATE" else MATTER_FIELDS
+    for field_name in material_fields:
         if body_values.written(field_name):
             message = "a size in metres needs a material; write for instance `material: steel` too"
-            raise _Refused("E103", message, field_name)
+            raise _MatterError("E103", message, field_name)
     for field_name, member_count in (
         ("radius", "radius: 12, rings"),
         ("sides", "sides: [40, 25], masses"),
@@ -78,7 +78,7 @@ def _needs_material(kind: str, body_values: Values) -> None:
         if _is_size(body_values.by_name.get(field_name)):
             message = "a size in metres needs a material; write for instance `material: bronze` "
             message += f"too, or {member_count}"
-            raise _Refused("E103", message, field_name)
+            raise _MatterError("E103", message, field_name)
 
 
 def _is_size(value: Any) -> bool:
@@ -88,7 +88,7 @@ def _is_size(value: Any) -> bool:
     )
 
 
-def _open(module_values: Values, field_names: tuple[str, ...], what_noun: str) -> str:
+def _missing_name(module_values: Values, field_names: tuple[str, ...], what_noun: str) -> str:
     """The name in `field_names` that is not written, and follows from the others; refuses none or
     several.
     """
@@ -97,70 +97,83 @@ def _open(module_values: Values, field_names: tuple[str, ...], what_noun: str) -
     if not missing_names:
         others = f"{', '.join(field_names[:-2])} and {field_names[-2]}"
         message = f"{others} already determine it; remove one of {names_text}"
-        raise _Refused("E111", message, field_names[-1])
+        raise _MatterError("E111", message, field_names[-1])
     if len(missing_names) > 1:
         need = (
             f"{what_noun} needs all but one of {names_text}; write {' or '.join(missing_names)} too"
         )
-        raise _Refused("E103", need)
+        raise _MatterError("E103", need)
     return missing_names[0]
 
 
-def _root(square: float) -> float:
+def _root_of_positive(square: float) -> float:
     if not square > 0.0 or not isfinite(square):
         message = "bending alone would make a body of this size sound higher than `f`; make it "
-        raise _Refused("E202", message + "thinner or longer, or write a higher f", "f")
+        raise _MatterError("E202", message + "thinner or longer, or write a higher f", "f")
     return sqrt(square)
 
 
-def _pitch(pitch_hertz: float) -> float:
+def _checked_pitch(pitch_hertz: float) -> float:
     if 0.0 < pitch_hertz <= 1e6:
         return pitch_hertz
     message = f"its lowest mode would sound at {pitch_hertz:.3g} Hz; the maximum is 1e+06 Hz"
-    raise _Refused("E202", message + ": make it larger or slacker", "material")
+    raise _MatterError("E202", message + ": make it larger or slacker", "material")
 
 
 # --- a round wire under tension -------------------------------------------------------------------
 
 
-def _string(string_values: Values, matter: Material) -> dict[str, Any]:
+def _string_fields(string_values: Values, matter: Material) -> dict[str, Any]:
     string_fields = dict(string_values.by_name)
-    stretch = (
+    quarter_wave_factor = (
         2.0 if string_values["ends"] == "left" else 1.0
     )  # a quarter of a wave fits, not a half
     if "M" in string_fields:
         if "length" not in string_fields:
-            raise _Refused("E103", "a written mass needs the length too", "M")
+            raise _MatterError("E103", "a written mass needs the length too", "M")
         mass_share = _string_share(
-            string_values["ends"], string_fields.get("masses", _STRING_MASSES[0])
+            string_values["ends"], string_fields.get("masses", _STRING_MASSES_RANGE[0])
         )
         line_density = string_fields["M"] / (mass_share * string_fields["length"])
         string_fields.setdefault("diameter", sqrt(4.0 * line_density / (pi * matter.density)))
         string_values = replace(string_values, by_name=string_fields)
-    unknown = _open(string_values, ("length", "diameter", "f", "tension"), "a STRING of a material")
-    plain = bool(string_values.written("stiffness"))
-    bent = 0.0 if plain else string_fields.get("inharmonicity")  # B, if it is written
+    unknown = _missing_name(
+        string_values, ("length", "diameter", "f", "tension"), "a STRING of a material"
+    )
+    has_written_stiffness = bool(string_values.written("stiffness"))
+    # The coefficient of inharmonicity B, if it is written.
+    written_inharmonicity = 0.0 if has_written_stiffness else string_fields.get("inharmonicity")
     string_length, diameter = (
-        string_fields.get("length", 0.0) * stretch,
+        string_fields.get("length", 0.0) * quarter_wave_factor,
         string_fields.get("diameter", 0.0),
     )
     line_density = matter.density * pi * diameter * diameter / 4.0  # [kg/m]
     if "M" in string_fields:
         line_density = string_fields["M"] / (mass_share * string_fields["length"])
     string_pitch, tension = string_fields.get("f", 0.0), string_fields.get("tension", 0.0)
-    young = matter.young if bent is None else 0.0
-    stiff = pi * pi * young * pi * diameter * diameter * diameter * diameter / 64.0  # π²·E·I
-    ratio = 1.0 + (bent or 0.0)  # square of the pitch over that without stiffness
+    young = matter.young if written_inharmonicity is None else 0.0
+    bending_term = pi * pi * young * pi * diameter * diameter * diameter * diameter / 64.0  # π²·E·I
+    # Square of the pitch over that without stiffness.
+    stiff_pitch_ratio_squared = 1.0 + (written_inharmonicity or 0.0)
     if unknown == "tension":
         tension = (
-            4.0 * string_length * string_length * line_density * string_pitch * string_pitch / ratio
-            - stiff / (string_length * string_length)
+            4.0
+            * string_length
+            * string_length
+            * line_density
+            * string_pitch
+            * string_pitch
+            / stiff_pitch_ratio_squared
+            - bending_term / (string_length * string_length)
         )
-        _root(tension)
+        _root_of_positive(tension)
     elif unknown == "length":
-        rise = 4.0 * line_density * string_pitch * string_pitch / ratio
-        string_length = _root(
-            (tension + sqrt(tension * tension + 4.0 * rise * stiff)) / (2.0 * rise)
+        tension_per_length_squared = (
+            4.0 * line_density * string_pitch * string_pitch / stiff_pitch_ratio_squared
+        )
+        string_length = _root_of_positive(
+            (tension + sqrt(tension * tension + 4.0 * tension_per_length_squared * bending_term))
+            / (2.0 * tension_per_length_squared)
         )
     elif unknown == "diameter":
         a = pi * pi * pi * young / (64.0 * string_length * string_length)
@@ -171,34 +184,45 @@ def _string(string_values: Values, matter: Material) -> dict[str, Any]:
             * string_pitch
             * string_length
             * string_length
-            / ratio
+            / stiff_pitch_ratio_squared
         )
         square = b * b - 4.0 * a * tension
-        diameter = sqrt(2.0 * tension / (b + _root(square)))
+        diameter = sqrt(2.0 * tension / (b + _root_of_positive(square)))
         line_density = matter.density * pi * diameter * diameter / 4.0
-        stiff = pi * pi * pi * young * diameter * diameter * diameter * diameter / 64.0
-    inharmonicity = bent if bent is not None else stiff / (tension * string_length * string_length)
+        bending_term = pi * pi * pi * young * diameter * diameter * diameter * diameter / 64.0
+    inharmonicity = (
+        written_inharmonicity
+        if written_inharmonicity is not None
+        else bending_term / (tension * string_length * string_length)
+    )
     if inharmonicity > INHARMONICITY_MAX:
         message = f"the inharmonicity would be {inharmonicity:.3g}, above the maximum of "
         message += f"{INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
-        raise _Refused("E202", message, "diameter" if string_values.written("diameter") else "")
+        raise _MatterError("E202", message, "diameter" if string_values.written("diameter") else "")
     if unknown == "f":
-        string_pitch = _pitch(
+        string_pitch = _checked_pitch(
             sqrt(tension / line_density * (1.0 + inharmonicity)) / (2.0 * string_length)
         )
-    low, high = _STRING_MASSES
+    low, high = _STRING_MASSES_RANGE
     masses = string_fields.get("masses") or min(
-        max(low, ceil(2.0 * AUDIBLE_TOP / string_pitch)), high
+        max(low, ceil(2.0 * AUDIBLE_TOP_HZ / string_pitch)), high
     )
-    mass = line_density * string_length / stretch * _string_share(string_values["ends"], masses)
+    mass = (
+        line_density
+        * string_length
+        / quarter_wave_factor
+        * _string_share(string_values["ends"], masses)
+    )
     resolved = {"masses": masses, "M": string_fields.get("M", mass), "f": string_pitch}
-    if not plain:
+    if not has_written_stiffness:
         resolved["inharmonicity"] = inharmonicity
     if "t60" not in string_fields:
-        curved = stiff / (pi * pi)
+        bending_stiffness = bending_term / (pi * pi)
         resolved["t60"] = _decays(
             string_pitch,
-            lambda at: _string_loss(at, line_density, diameter, tension, curved, matter.loss),
+            lambda frequency: _string_loss(
+                frequency, line_density, diameter, tension, bending_stiffness, matter.loss
+            ),
         )
     return resolved
 
@@ -219,12 +243,12 @@ def _string_loss(
     """1/Q of a partial: losses to the air (Stokes) and in bending, after Valette and after
     Woodhouse.
     """
-    air = sqrt(pi * _AIR_VISCOSITY * _AIR_DENSITY * partial_frequency)
-    drag = 2.0 * pi * (_AIR_VISCOSITY + diameter * air)  # [N·s/m²]
-    wave = 2.0 * pi * partial_frequency
-    return drag / (line_density * wave) + loss * curved * line_density * wave * wave / (
-        tension * tension
-    )
+    viscous_layer = sqrt(pi * _AIR_VISCOSITY * _AIR_DENSITY * partial_frequency)
+    drag = 2.0 * pi * (_AIR_VISCOSITY + diameter * viscous_layer)  # [N·s/m²]
+    angular_frequency = 2.0 * pi * partial_frequency
+    return drag / (
+        line_density * angular_frequency
+    ) + loss * curved * line_density * angular_frequency * angular_frequency / (tension * tension)
 
 
 def _decays(lowest_frequency: float, loss: Any) -> Any:
@@ -258,50 +282,66 @@ def _plate(plate_values: Values, matter: Material) -> dict[str, Any]:
     )
     area = pi * plate_width * plate_height / 4.0 if is_disc else plate_width * plate_height
     if "M" in plate_fields and "thickness" not in plate_fields:
-        mesh, mass_share = _mesh(
+        mesh, mass_share = _mesh_fields(
             is_disc,
             rim,
             plate_width,
             plate_height,
-            plate_fields.get("masses", _MASSES[0]),
+            plate_fields.get("masses", _PLATE_MASSES_RANGE[0]),
             is_membrane,
         )
         plate_fields["thickness"] = plate_fields["M"] / (mass_share * area * matter.density)
         plate_values = replace(plate_values, by_name=plate_fields)
     names = ("thickness", "f", "tension") if is_membrane else ("thickness", "f")
-    unknown = _open(plate_values, names, "a PLATE of a material and a size")
+    unknown = _missing_name(plate_values, names, "a PLATE of a material and a size")
     thickness, lowest_frequency, tension = (
         plate_fields.get(name, 0.0) for name in ("thickness", "f", "tension")
     )
     poisson = plate_fields.get("bending") or matter.poisson
-    wave = 2.0 * pi * lowest_frequency
+    angular_frequency = 2.0 * pi * lowest_frequency
     if is_membrane:
         shape_factor = (
-            _DISC_MEMBRANE / plate_fields["radius"] if is_disc else _held(plate_width, plate_height)
+            _DISC_MEMBRANE_COEFFICIENT / plate_fields["radius"]
+            if is_disc
+            else _membrane_wave_number(plate_width, plate_height)
         )
         if unknown == "tension":
-            tension = thickness * matter.density * (wave / shape_factor) * (wave / shape_factor)
+            tension = (
+                thickness
+                * matter.density
+                * (angular_frequency / shape_factor)
+                * (angular_frequency / shape_factor)
+            )
         elif unknown == "thickness":
-            thickness = tension * (shape_factor / wave) * (shape_factor / wave) / matter.density
+            thickness = (
+                tension
+                * (shape_factor / angular_frequency)
+                * (shape_factor / angular_frequency)
+                / matter.density
+            )
         speed = sqrt(tension / (thickness * matter.density))
-        lowest_frequency = lowest_frequency or _pitch(shape_factor * speed / (2.0 * pi))
-        # As many masses as put the highest mode of the lattice at AUDIBLE_TOP.
-        need = 1.6 * pi * area * AUDIBLE_TOP * AUDIBLE_TOP / (speed * speed)
+        lowest_frequency = lowest_frequency or _checked_pitch(shape_factor * speed / (2.0 * pi))
+        # As many masses as put the highest mode of the lattice at AUDIBLE_TOP_HZ.
+        mass_count_needed = 1.6 * pi * area * AUDIBLE_TOP_HZ * AUDIBLE_TOP_HZ / (speed * speed)
     else:
         young = matter.young if matter.across is None else sqrt(matter.young * matter.across)
         shape_factor = (
-            _disc(rim, poisson, plate_fields["radius"])
+            _disc_factor(rim, poisson, plate_fields["radius"])
             if is_disc
-            else _rectangle(rim, poisson, plate_width, plate_height)
+            else _rectangle_factor(rim, poisson, plate_width, plate_height)
         )
         flexural_speed = sqrt(young / (12.0 * matter.density * (1.0 - poisson * poisson)))  # [m/s]
-        thickness = thickness or wave / (shape_factor * flexural_speed)
-        lowest_frequency = lowest_frequency or _pitch(
+        thickness = thickness or angular_frequency / (shape_factor * flexural_speed)
+        lowest_frequency = lowest_frequency or _checked_pitch(
             shape_factor * flexural_speed * thickness / (2.0 * pi)
         )
-        need = (1.9 if rim == "free" else 1.2) * area * AUDIBLE_TOP / (flexural_speed * thickness)
-    masses = plate_fields.get("masses") or min(max(_MASSES[0], ceil(need)), _MASSES[1])
-    mesh, mass_share = _mesh(is_disc, rim, plate_width, plate_height, masses, is_membrane)
+        mass_count_needed = (
+            (1.9 if rim == "free" else 1.2) * area * AUDIBLE_TOP_HZ / (flexural_speed * thickness)
+        )
+    masses = plate_fields.get("masses") or min(
+        max(_PLATE_MASSES_RANGE[0], ceil(mass_count_needed)), _PLATE_MASSES_RANGE[1]
+    )
+    mesh, mass_share = _mesh_fields(is_disc, rim, plate_width, plate_height, masses, is_membrane)
     mass = thickness * matter.density * area * mass_share
     resolved = {**mesh, "rim": rim, "M": plate_fields.get("M", mass), "f": lowest_frequency}
     if not is_membrane:
@@ -320,57 +360,59 @@ def _plate_form(plate_values: Values, plate_shape: str) -> None:
     """Refuse fields that contradict each other."""
     plate_fields = plate_values.by_name
     if plate_values.written("radius") and plate_values.written("sides"):
-        raise _Refused("E111", "`radius` is written too; keep one of the two", "sides")
+        raise _MatterError("E111", "`radius` is written too; keep one of the two", "sides")
     if not _is_size(plate_fields.get("radius" if plate_shape == "disc" else "sides")):
         message = "a PLATE of a material needs its size: radius: 30cm, or sides: [40cm, 25cm]"
-        raise _Refused("E103", message)
+        raise _MatterError("E103", message)
     if plate_fields.get("shape", plate_shape) != plate_shape:
         message = f"a PLATE of a material with this size is a {plate_shape}; remove the shape"
-        raise _Refused("E111", message, "shape")
+        raise _MatterError("E111", message, "shape")
     if not _is_membrane(plate_values):
         return
     if plate_fields.get("bending") is not None:
         message = "a membrane under tension does not bend; remove one of tension and bending"
-        raise _Refused("E111", message, "bending")
+        raise _MatterError("E111", message, "bending")
     if plate_fields.get("rim") == "free":
         message = "a membrane under tension is held at its rim; write `rim: fixed`"
-        raise _Refused("E111", message, "rim")
+        raise _MatterError("E111", message, "rim")
 
 
-def _mesh(
+def _mesh_fields(
     is_disc: bool, rim: str, plate_width: float, plate_height: float, masses: int, is_membrane: bool
 ) -> tuple[dict[str, Any], float]:
     """The fields of a mesh of about `masses` masses, and the share of the material's mass in
     them.
     """
     if is_disc:
-        ring_count, rings_max = _RINGS
-        while 3 * ring_count * (ring_count + 1) + 1 < masses and ring_count < rings_max:
+        ring_count, gaps_max = _DISC_RINGS_RANGE
+        while 3 * ring_count * (ring_count + 1) + 1 < masses and ring_count < gaps_max:
             ring_count += 1
-        inner = (ring_count - 0.5) / ring_count
-        mass_share = inner * inner if rim == "fixed" else 1.0
+        inner_radius_share = (ring_count - 0.5) / ring_count
+        mass_share = inner_radius_share * inner_radius_share if rim == "fixed" else 1.0
         return {"shape": "disc", "radius": ring_count}, mass_share
     # The number of gaps between masses, including those to a fixed rim.
-    rim_rings = 1 if rim == "fixed" else -1
-    least_side, rings_max = (
-        _SIDES[0] + rim_rings,
-        (_SIDES[1] if not is_membrane else 4 * _SIDES[1]) + rim_rings,
+    extra_gaps = 1 if rim == "fixed" else -1
+    gaps_min, gaps_max = (
+        _SIDE_MASSES_RANGE[0] + extra_gaps,
+        (_SIDE_MASSES_RANGE[1] if not is_membrane else 4 * _SIDE_MASSES_RANGE[1]) + extra_gaps,
     )
     short_side, long_side = min(plate_width, plate_height), max(plate_width, plate_height)
     side_ratio = long_side / short_side
-    first = max(least_side, round(sqrt(masses / side_ratio)) + rim_rings)
-    gaps = [n for n in range(first, first + 4) if n * side_ratio <= rings_max]
-    if not gaps:
+    first_gaps = max(gaps_min, round(sqrt(masses / side_ratio)) + extra_gaps)
+    gap_counts = [n for n in range(first_gaps, first_gaps + 4) if n * side_ratio <= gaps_max]
+    if not gap_counts:
         message = (
             f"its sides are {side_ratio:.3g} to 1, more than a mesh of at most "
-            f"{rings_max - rim_rings} "
+            f"{gaps_max - extra_gaps} "
         )
-        raise _Refused("E202", message + "masses a side can have; make it squarer", "sides")
-    best = min(gaps, key=lambda n: abs(round(n * side_ratio) / (n * side_ratio) - 1.0))
-    counts = best - rim_rings, round(best * side_ratio) - rim_rings
-    sides = counts if plate_width < plate_height else counts[::-1]
+        raise _MatterError("E202", message + "masses a side can have; make it squarer", "sides")
+    best_gaps = min(gap_counts, key=lambda n: abs(round(n * side_ratio) / (n * side_ratio) - 1.0))
+    mass_counts = best_gaps - extra_gaps, round(best_gaps * side_ratio) - extra_gaps
+    sides = mass_counts if plate_width < plate_height else mass_counts[::-1]
     mass_share = (
-        counts[0] * counts[1] / (best * round(best * side_ratio)) if rim == "fixed" else 1.0
+        mass_counts[0] * mass_counts[1] / (best_gaps * round(best_gaps * side_ratio))
+        if rim == "fixed"
+        else 1.0
     )
     return {"shape": "rectangle", "sides": sides}, mass_share
 
@@ -379,18 +421,18 @@ def _mesh(
 # Poisson's ratio (and the ratio of sides), fitted to the characteristic equations of a disc
 # (Leissa, Vibration of Plates, NASA SP-160, 1969, ch. 2) and to a Ritz series of a free rectangle.
 
-_DISC_MEMBRANE = 2.404825557695773
-_DISC = {
+_DISC_MEMBRANE_COEFFICIENT = 2.404825557695773
+_DISC_COEFFICIENTS = {
     "free": (6.15301, -2.20388, -1.37126, -0.118062, -0.849569),
     "fixed": (4.44362, 1.82306, -0.698604, 0.30724, -0.0999956),
 }
-_TWISTED = (
+_TWISTING_COEFFICIENTS = (
     (15.133223, -0.605767, 0.284518),
     (1.614902, 4.115308, -1.173665),
     (-1.146143, -3.365339, 0.486508),
     (0.220704, 0.868969, 0.079616),
 )
-_BENT = (
+_BENDING_COEFFICIENTS = (
     (22.373254, -0.004368, 0.023071),
     (-0.002054, 0.195579, -0.450152),
     (-0.010423, 0.212839, 16.327338),
@@ -405,30 +447,36 @@ def _polynomial(coefficients: tuple[float, ...], x: float) -> float:
     return term_sum
 
 
-def _disc(rim: str, poisson: float, radius: float) -> float:
-    return _polynomial(_DISC[rim], poisson) / (radius * radius)
+def _disc_factor(rim: str, poisson: float, radius: float) -> float:
+    return _polynomial(_DISC_COEFFICIENTS[rim], poisson) / (radius * radius)
 
 
-def _held(plate_width: float, high: float) -> float:
-    return pi * sqrt(1.0 / (plate_width * plate_width) + 1.0 / (high * high))
+def _membrane_wave_number(plate_width: float, plate_height: float) -> float:
+    return pi * sqrt(1.0 / (plate_width * plate_width) + 1.0 / (plate_height * plate_height))
 
 
-def _rectangle(rim: str, poisson: float, plate_width: float, plate_height: float) -> float:
+def _rectangle_factor(rim: str, poisson: float, plate_width: float, plate_height: float) -> float:
     """ω·√(ρ·h/D) of a rectangle [1/m²]; with a free rim its lowest mode bends along its length, or
     twists.
     """
     if rim == "fixed":
-        wave = _held(plate_width, plate_height)
+        wave = _membrane_wave_number(plate_width, plate_height)
         return wave * wave
     long_side, side_ratio = (
         max(plate_width, plate_height),
         min(plate_width, plate_height) / max(plate_width, plate_height),
     )
-    bent, twisted = (
+    bending_factor, twisting_factor = (
         _polynomial(tuple(_polynomial(row, poisson) for row in table), side_ratio)
-        for table in (_BENT, _TWISTED)
+        for table in (_BENDING_COEFFICIENTS, _TWISTING_COEFFICIENTS)
     )
-    bent *= sqrt(1.0 - poisson * poisson)
-    twisted *= sqrt(1.0 - poisson) / side_ratio
-    lowest = twisted if side_ratio > 0.8 else bent if side_ratio < 0.45 else min(bent, twisted)
-    return lowest / (long_side * long_side)
+    bending_factor *= sqrt(1.0 - poisson * poisson)
+    twisting_factor *= sqrt(1.0 - poisson) / side_ratio
+    lowest_factor = (
+        twisting_factor
+        if side_ratio > 0.8
+        else bending_factor
+        if side_ratio < 0.45
+        else min(bending_factor, twisting_factor)
+    )
+    return lowest_factor / (long_side * long_side)

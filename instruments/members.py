@@ -11,8 +11,8 @@ PATTERN = r"(?:[0-9]{1,9}(?:\.\.(?:[0-9]{1,9}|last))?|all|last|centre)"
 _MEMBERS = re.compile(PATTERN)
 
 
-def members(
-    members_text: str, member_count: int, called: str
+def parse_members(
+    members_text: str, member_count: int, owner_name: str
 ) -> tuple[int | Literal["centre"], int]:
     """The first member that `members_text` names, and their number; `called` has `member_count`
     members.
@@ -35,7 +35,7 @@ def members(
     first_member = int(low)
     last_member = member_count - 1 if high == "last" else int(high or low)
     if max(first_member, last_member) >= member_count:
-        raise TextError(f"{called} has members 0 to {member_count - 1:,}")
+        raise TextError(f"{owner_name} has members 0 to {member_count - 1:,}")
     if last_member < first_member:
         raise TextError(f"{members_text} runs downwards; write the lower number first")
     return first_member, last_member - first_member + 1

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ergon import _core
-from ergon.instruments.modal_band import Band, band
+from ergon.instruments.modal_band import Band, band_record
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Values
@@ -18,7 +18,7 @@ from ergon.notation.text.values import Place
 
 MAX_MODES = 100_000  # modes of a list or a file
 _MAX_LINE = 1_000  # characters
-DEFAULT_PLACE = "point"  # place of MODES that name none
+DEFAULT_PLACE_NAME = "point"  # place of MODES that name none
 
 
 class Each(tuple[float, ...]):
@@ -38,16 +38,16 @@ class EachShape(Either):
         return Each(value) if is_list else value
 
 
-def _each(member: Text, scalar: Text | None) -> EachShape:
+def _each_shape(member: Text, scalar: Text | None) -> EachShape:
     return EachShape(scalar, None, ListOf(member, 1, MAX_MODES))
 
 
-BANK_PITCHES = _each(k.PITCH, k.PITCHES)
-BANK_DECAYS = _each(k.DURATION, k.DURATIONS)
-BANK_GAINS = _each(k.GAIN, None)
+BANK_PITCHES_SHAPE = _each_shape(k.PITCH, k.PITCHES)
+BANK_DECAYS_SHAPE = _each_shape(k.DURATION, k.DURATIONS)
+BANK_GAINS_SHAPE = _each_shape(k.GAIN, None)
 
 
-def listed(bank_values: Values) -> Values | None:
+def with_listed_modes(bank_values: Values) -> Values | None:
     """The fields of a BANK whose modes are listed, with its count; None if an error was
     reported.
     """
@@ -108,10 +108,10 @@ def listed(bank_values: Values) -> Values | None:
 # --- files ----------------------------------------------------------------------------------------
 
 
-def from_file(
+def with_modes_of_file(
     bank_values: Values,
     read_document: Callable[[str, Place], Document | None],
-    moved: Callable[[str, Any, Any], Any],
+    transposed: Callable[[str, Any, Any], Any],
     collector: Collector,
 ) -> Values:
     """The fields of a BANK or MODES with the modes of the file that it names, moved by an
@@ -120,13 +120,13 @@ def from_file(
     file_name = bank_values.by_name.get("modes")
     if file_name is None:
         return bank_values
-    conflicting = bank_values.written("f", "t60", "gain", "count", "spread", "places")
-    if conflicting:
+    conflicting_fields = bank_values.written("f", "t60", "gain", "count", "spread", "places")
+    if conflicting_fields:
         message = (
-            f"{bank_values.context.label(conflicting[0])}: `modes` is written too; keep one of the "
-            "two"
+            f"{bank_values.context.label(conflicting_fields[0])}: `modes` is written too; keep one "
+            "of the two"
         )
-        bank_values.error("E111", message, conflicting[0])
+        bank_values.error("E111", message, conflicting_fields[0])
         return _without_frequencies(bank_values)
     table = read_document(file_name, bank_values.place_of("modes"))
     file_columns = None if table is None else _columns(table, bank_values, collector)
@@ -136,7 +136,9 @@ def from_file(
     bank_nodes, modes_node = dict(bank_values.nodes), bank_values.nodes["modes"]
     for field, column in file_columns.items():
         bank_fields[field] = (
-            moved(field, column, bank_fields["interval"]) if "interval" in bank_fields else column
+            transposed(field, column, bank_fields["interval"])
+            if "interval" in bank_fields
+            else column
         )
         bank_nodes[field] = modes_node
     bank_fields.pop("interval", None)
@@ -157,48 +159,48 @@ def _columns(
     """
     bank_label, modes_place = bank_values.context.label("modes"), bank_values.place_of("modes")
     is_bank = "gain" in bank_values.record.by_name
-    format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE])
+    line_format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE_NAME])
     mode_rows: list[tuple[float, ...]] = []
-    is_whole = True
+    are_all_valid = True
     for line_number, table_line in enumerate(table_document.text.splitlines(), 1):
         if not table_line.strip() or table_line.lstrip().startswith("#"):
             continue
         line_place = Place(table_document.file, line_number, 1)
-        if not mode_rows and is_whole and _is_heading(table_line):
+        if not mode_rows and are_all_valid and _is_heading(table_line):
             place_names = [cell.strip() for cell in table_line.split(",")][2:]
             if is_bank or not place_names:
                 continue
             if (wrong_name := _wrong_name(place_names)) is not None:
                 collector.error("E110", f"{bank_label}: {wrong_name}", line_place)
                 return None
-            format = _places_row(place_names)
+            line_format = _places_row(place_names)
             continue
-        mode_row = _row(table_line, line_place, bank_label, format, collector)
-        is_whole &= mode_row is not None
+        mode_row = _read_row(table_line, line_place, bank_label, line_format, collector)
+        are_all_valid &= mode_row is not None
         if mode_row is not None:
             mode_rows.append(mode_row)
         if len(mode_rows) > MAX_MODES:
             message = f"{bank_label}: the file has more than {MAX_MODES:,} modes"
             collector.error("E105", message, modes_place)
             return None
-    if not mode_rows and is_whole:
-        message = f"{bank_label}: the file has no modes; write lines such as {format.example}"
+    if not mode_rows and are_all_valid:
+        message = f"{bank_label}: the file has no modes; write lines such as {line_format.example}"
         collector.error("E106", message, modes_place)
-    if not mode_rows or not is_whole:
+    if not mode_rows or not are_all_valid:
         return None
     f, t60, *others = (Each(column) for column in zip(*mode_rows, strict=True))
     if is_bank:
         return {"f": f, "t60": t60, "gain": others[0]}
-    return {"f": f, "t60": t60, "places": dict(zip(format.places, others, strict=True))}
+    return {"f": f, "t60": t60, "places": dict(zip(line_format.places, others, strict=True))}
 
 
 @dataclass(frozen=True)
-class _Row:
+class _LineFormat:
     """The format of a line of a file: how its cells are read; the last cell of a BANK is
     optional.
     """
 
-    reads: tuple[Text, ...]
+    cell_shapes: tuple[Text, ...]
     places: Sequence[str] = ()
 
     @property
@@ -213,39 +215,45 @@ class _Row:
             return f"a frequency, a decay and, if you like, a gain: {self.example}"
         return f"a frequency, a decay and a level at {', '.join(self.places)}: {self.example}"
 
-    def fits(self, count: int) -> bool:
+    def accepts_cells(self, count: int) -> bool:
         """Whether a line may have this number of cells."""
-        return count == len(self.reads) or (not self.places and count == len(self.reads) - 1)
+        return count == len(self.cell_shapes) or (
+            not self.places and count == len(self.cell_shapes) - 1
+        )
 
 
-_BANK_ROW = _Row((k.PITCH, k.DURATION, k.GAIN))
+_BANK_ROW = _LineFormat((k.PITCH, k.DURATION, k.GAIN))
 
 
-def _places_row(names: Sequence[str]) -> _Row:
-    return _Row((k.PITCH, k.DURATION, *(LEVEL for _ in names)), names)
+def _places_row(names: Sequence[str]) -> _LineFormat:
+    return _LineFormat((k.PITCH, k.DURATION, *(LEVEL_SHAPE for _ in names)), names)
 
 
 def _is_heading(line: str) -> bool:
     return [cell.strip().lower() for cell in line.split(",")][:2] == ["f", "t60"]
 
 
-def _row(
-    table_line: str, line_place: Place, bank_label: str, format: _Row, collector: Collector
+def _read_row(
+    table_line: str,
+    line_place: Place,
+    bank_label: str,
+    line_format: _LineFormat,
+    collector: Collector,
 ) -> tuple[float, ...] | None:
     """The values of a line; None if errors were reported, each at its cell."""
     line_cells = table_line.split(",")
-    if not format.fits(len(line_cells)) or len(table_line) > _MAX_LINE:
-        message = f"{bank_label}: a line is {format.words}"
+    if not line_format.accepts_cells(len(line_cells)) or len(table_line) > _MAX_LINE:
+        message = f"{bank_label}: a line is {line_format.words}"
         collector.error(
             "E106", message, replace(line_place, length=max(1, min(len(table_line), 80)))
         )
         return None
     row_values, cell_column = [], 1
-    for cell_text, cell_reader in zip(line_cells, format.reads, strict=False):
+    for cell_text, cell_reader in zip(line_cells, line_format.cell_shapes, strict=False):
         cell_word = cell_text.strip()
         cell_begin = cell_column + len(cell_text) - len(cell_text.lstrip())
         try:
-            row_values.append(_value(cell_word, cell_reader))
+            row_values.append(_cell_value(cell_word, cell_reader))
         except TextError as error:
             error_place = replace(
                 line_place, column=cell_begin + error.offset, length=max(1, error.length)
@@ -255,10 +263,10 @@ def _row(
         cell_column += len(cell_text) + 1
     if len(row_values) < len(line_cells):
         return None
-    return (*row_values, 1.0)[: len(format.reads)]
+    return (*row_values, 1.0)[: len(line_format.cell_shapes)]
 
 
-def _value(cell_text: str, cell_reader: Text) -> float:
+def _cell_value(cell_text: str, cell_reader: Text) -> float:
     """The value of a cell; a decay without a unit is in seconds, as other programs write it."""
     if cell_reader is k.DURATION and cell_text.replace(".", "", 1).isdigit():
         cell_text += "s"
@@ -275,23 +283,23 @@ def _value(cell_text: str, cell_reader: Text) -> float:
 # --- MODES ----------------------------------------------------------------------------------------
 
 
-def _level(text: str) -> float:
+def _parse_level(text: str) -> float:
     level_word = text.strip()
     if level_word.startswith("x") or level_word.endswith("dB"):
         return float(k.GAIN.parse(level_word))
     return float(k.NUMBER.parse(level_word))
 
 
-LEVEL = Text(
-    _level,
+LEVEL_SHAPE = Text(
+    _parse_level,
     "a level, such as 0.5, -0.3 or -6dB",
     r"^([+-]?[0-9.]+(e[+-]?[0-9]+)?( *dB)?|x[0-9.]+)$",
     is_value=True,
 )
-MODES_PITCHES = ListOf(k.PITCH, 1, _core.MAX_MODAL, single=True)
-MODES_DECAYS = ListOf(k.DURATION, 1, _core.MAX_MODAL, single=True)
-PLACES = NamesOf(ListOf(LEVEL, 1, _core.MAX_MODAL, single=True), "place")
-BAND = band(LEVEL)
+MODES_PITCHES_SHAPE = ListOf(k.PITCH, 1, _core.MAX_MODAL, single=True)
+MODES_DECAYS_SHAPE = ListOf(k.DURATION, 1, _core.MAX_MODAL, single=True)
+PLACES_SHAPE = NamesOf(ListOf(LEVEL_SHAPE, 1, _core.MAX_MODAL, single=True), "place")
+BAND_RECORD = band_record(LEVEL_SHAPE)
 
 
 def _wrong_name(place_names: Sequence[str]) -> str | None:
@@ -309,7 +317,7 @@ def _wrong_name(place_names: Sequence[str]) -> str | None:
     return None
 
 
-def placed(modes_values: Values) -> Values | None:
+def with_levels_at_places(modes_values: Values) -> Values | None:
     """The fields of MODES, with a decay for each mode and the level of each mode at each place.
 
     None if an error was reported.
@@ -329,7 +337,7 @@ def placed(modes_values: Values) -> Values | None:
     if t60 is not None and len(t60) == 1:
         modes_fields["t60"] = t60 = Each(t60 * len(mode_frequencies))
     if mode_places is None:
-        modes_fields["places"] = mode_places = {DEFAULT_PLACE: (1.0,) * len(mode_frequencies)}
+        modes_fields["places"] = mode_places = {DEFAULT_PLACE_NAME: (1.0,) * len(mode_frequencies)}
         modes_nodes["places"] = modes_nodes["f"]
     place_names = list(mode_places)
     if (wrong_name := _wrong_name(place_names)) is not None or not place_names:
@@ -338,8 +346,11 @@ def placed(modes_values: Values) -> Values | None:
             "E110", f"{modes_values.context.label('places')}: {wrong_name}", "places"
         )
         return None
-    lists = {"t60": t60, **{f"place {quote(name)}": levels for name, levels in mode_places.items()}}
-    for list_name, mode_levels in lists.items():
+    values_by_list = {
+        "t60": t60,
+        **{f"place {quote(name)}": levels for name, levels in mode_places.items()},
+    }
+    for list_name, mode_levels in values_by_list.items():
         field_name = list_name if list_name == "t60" else "places"
         if mode_levels is MISSING:
             return None
@@ -357,11 +368,11 @@ def placed(modes_values: Values) -> Values | None:
             )
             modes_values.error("E202", message + "remove the place", field_name)
             return None
-    if isinstance(drawn := modes_fields.pop("band", None), Band):
-        if (mistake := _wrong_band(drawn, place_names, len(mode_frequencies))) is not None:
+    if isinstance(mode_band := modes_fields.pop("band", None), Band):
+        if (mistake := _wrong_band(mode_band, place_names, len(mode_frequencies))) is not None:
             modes_values.error("E110", f"{modes_values.context.label('band')}: {mistake}", "band")
             return None
-        pitches, decays, mode_levels = drawn.drawn(place_names)
+        pitches, decays, mode_levels = mode_band.draw_modes(place_names)
         modes_fields["f"] = Each((*mode_frequencies, *pitches))
         if t60 is not None:
             modes_fields["t60"] = Each((*t60, *decays))
@@ -370,15 +381,16 @@ def placed(modes_values: Values) -> Values | None:
     return replace(modes_values, by_name=modes_fields, nodes=modes_nodes)
 
 
-def _wrong_band(drawn: Band, place_names: Sequence[str], listed_modes: int) -> str | None:
+def _wrong_band(mode_band: Band, place_names: Sequence[str], listed_modes: int) -> str | None:
     """Why a band cannot be added to modes that are listed; None if it can."""
-    if unknown_places := sorted(set(drawn.levels) - set(place_names)):
+    if unknown_places := sorted(set(mode_band.levels) - set(place_names)):
         return (
             f"there is no place {quote(unknown_places[0])}; its places are {', '.join(place_names)}"
         )
-    if listed_modes + drawn.count > _core.MAX_MODAL:
+    if listed_modes + mode_band.count > _core.MAX_MODAL:
         return (
-            f"there are {listed_modes + drawn.count} modes with it; the most is {_core.MAX_MODAL}"
+            f"there are {listed_modes + mode_band.count} modes with it; the most is "
+            f"{_core.MAX_MODAL}"
         )
     return None
 
@@ -406,21 +418,23 @@ def retuned_modes(
             continue
         if field_name == "f":
             body_fields["f"] = Each(tune(mode_frequencies, member_value[0]))
-            if isinstance(drawn := body_fields.get("band"), Band):
-                band_ends = tune((min(mode_frequencies), *drawn.f), member_value[0])[1:]
-                body_fields["band"] = replace(drawn, f=tuple(band_ends))
+            if isinstance(mode_band := body_fields.get("band"), Band):
+                band_ends = tune((min(mode_frequencies), *mode_band.f), member_value[0])[1:]
+                body_fields["band"] = replace(mode_band, f=tuple(band_ends))
         elif field_name == "M":
             body_fields["M"] = member_value
         elif t60 := body_fields.get("t60"):
-            lowest = (
+            lowest_t60 = (
                 t60[min(range(len(mode_frequencies)), key=mode_frequencies.__getitem__)]
                 if len(t60) == len(mode_frequencies)
                 else t60[0]
             )
-            body_fields["t60"] = Each(member_value[0] * (mode_t60 / lowest) for mode_t60 in t60)
-            if isinstance(drawn := body_fields.get("band"), Band):
-                low, high = (member_value[0] * (mode_t60 / lowest) for mode_t60 in drawn.t60)
-                body_fields["band"] = replace(drawn, t60=(low, high))
+            body_fields["t60"] = Each(member_value[0] * (mode_t60 / lowest_t60) for mode_t60 in t60)
+            if isinstance(mode_band := body_fields.get("band"), Band):
+                low, high = (
+                    member_value[0] * (mode_t60 / lowest_t60) for mode_t60 in mode_band.t60
+                )
+                body_fields["band"] = replace(mode_band, t60=(low, high))
         else:
             body_fields["t60"] = Each(member_value[:1])
         body_nodes[field_name] = member_values.nodes[field_name]

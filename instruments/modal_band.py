@@ -15,7 +15,7 @@ from ergon.notation.tables.shapes import MISSING, Shape
 
 _SCATTER_OCTAVES = 0.5  # octaves that a decay lies above or below the line at most
 _LEVEL_RATIO_MIN = 0.5  # smallest drawn level over the written one
-_DIGITS = 6
+_SIGNIFICANT_DIGITS = 6
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Band:
     levels: Mapping[str, float]
     seed: int
 
-    def drawn(
+    def draw_modes(
         self, names: Sequence[str]
     ) -> tuple[tuple[float, ...], tuple[float, ...], dict[str, tuple[float, ...]]]:
         """Frequencies, decays, and the levels at each of the places.
@@ -47,14 +47,14 @@ class Band:
         levels_by_place: dict[str, list[float]] = {name: [] for name in names}
         for i in range(self.count):
             share_below = (i + chance.random()) / self.count
-            drawn_frequencies.append(_between(self.f, share_below))
-            scatter = _core.pow(2.0, _SCATTER_OCTAVES * (2.0 * chance.random() - 1.0))
-            t60.append(_rounded(_between(self.t60, 1.0 - share_below) * scatter))
+            drawn_frequencies.append(_geometric_mean(self.f, share_below))
+            decay_factor = _core.pow(2.0, _SCATTER_OCTAVES * (2.0 * chance.random() - 1.0))
+            t60.append(_rounded(_geometric_mean(self.t60, 1.0 - share_below) * decay_factor))
             for number, place_name in enumerate(names):
-                share = _LEVEL_RATIO_MIN + (1.0 - _LEVEL_RATIO_MIN) * chance.random()
+                level_share = _LEVEL_RATIO_MIN + (1.0 - _LEVEL_RATIO_MIN) * chance.random()
                 sign = -1.0 if number and (i >> (number - 1)) % 2 else 1.0
                 levels_by_place[place_name].append(
-                    _rounded(self.levels.get(place_name, 0.0) * share * sign)
+                    _rounded(self.levels.get(place_name, 0.0) * level_share * sign)
                 )
         return (
             tuple(drawn_frequencies),
@@ -63,13 +63,13 @@ class Band:
         )
 
 
-def _between(ends: tuple[float, float], height: float) -> float:
-    return _rounded(ends[0] * _core.pow(ends[1] / ends[0], height))
+def _geometric_mean(ends: tuple[float, float], share: float) -> float:
+    return _rounded(ends[0] * _core.pow(ends[1] / ends[0], share))
 
 
 def _rounded(value: float) -> float:
     """A number with few digits, as one would write it in a score."""
-    return float(f"{value:.{_DIGITS}g}")
+    return float(f"{value:.{_SIGNIFICANT_DIGITS}g}")
 
 
 def _build(values: Values) -> Any:
@@ -80,7 +80,7 @@ def _build(values: Values) -> Any:
     return Band(mode_count, f, t60, {name: level[0] for name, level in places.items()}, seed)
 
 
-def band(level_shape: Shape) -> Record:
+def band_record(level_shape: Shape) -> Record:
     """The table of a band; `level_shape` is that of a mode at a place."""
     return Record(
         "band",

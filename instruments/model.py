@@ -63,7 +63,7 @@ class Layout:
         """Number of channels up to the last one that has a loudspeaker."""
         return max(self.channels) + 1
 
-    def others(self, n_channels: int) -> tuple[int, ...]:
+    def channels_without_loudspeaker(self, n_channels: int) -> tuple[int, ...]:
         """Those of a number of channels, from 0, that have no loudspeaker."""
         return tuple(channel for channel in range(n_channels) if channel not in self.channels)
 
@@ -125,7 +125,7 @@ class Module:
         return ends
 
     @property
-    def driven(self) -> Target:
+    def driven_mat(self) -> Target:
         """The MAT that an ENX or ENF drives, once its name is looked up."""
         target: Target = self.fields["to"]
         return target
@@ -153,14 +153,14 @@ class Output:
     is_distance: bool = field(default=False, metadata={"hash_omits_empty": True})
 
     @property
-    def traits(self) -> OutputKind:
+    def kind_facts(self) -> OutputKind:
         """What its kind says of it."""
         return OUTPUTS[self.kind]
 
     @property
     def is_movement(self) -> bool:
         """Whether the movement of masses is heard, not a force, a distance or an energy."""
-        return self.traits.is_movement and not self.is_distance
+        return self.kind_facts.is_movement and not self.is_distance
 
 
 @dataclass(frozen=True, slots=True)

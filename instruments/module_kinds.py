@@ -24,30 +24,30 @@ from ergon.instruments.model import Form
 from ergon.instruments.space import fields as space_fields
 from ergon.notation.tables.fields import Record
 
-_ON_ONE_AXIS = (
+_SINGLE_AXIS_KINDS = (
     *(MAS, SOL, CEL),
     *(RES, FRO, REF, BUT, LNL, BRISTLE, DRY, MAGNET),
     *(STRING, PLATE, BANK, MODES),
 )
 
 
-def _all() -> dict[str, Kind]:
-    proxy = proxies.table(ENDPOINT)
-    kinds_by_name = {kind.name: kind for kind in _ON_ONE_AXIS}
+def _kinds_by_name() -> dict[str, Kind]:
+    proxy = proxies.proxy_record(ENDPOINT)
+    kinds_by_name = {kind.name: kind for kind in _SINGLE_AXIS_KINDS}
     kinds_by_name["PROXY"] = Kind("PROXY", "mat", {"si": proxy, "ca": proxy}, check=proxies.check)
     for name, (family, table) in space_fields.tables(BETWEEN, ENDPOINT, LAW_FIELDS).items():
-        known = kinds_by_name.get(name, Kind(name, family, {}))
-        kinds_by_name[name] = replace(known, tables={**known.tables, "space": table})
+        known_kind = kinds_by_name.get(name, Kind(name, family, {}))
+        kinds_by_name[name] = replace(known_kind, tables={**known_kind.tables, "space": table})
     return {**kinds_by_name, "ENX": ENX, "ENF": ENF}
 
 
-KINDS = _all()
-MATS = tuple(name for name, kind in KINDS.items() if kind.family == "mat")
-LINKS = tuple(name for name, kind in KINDS.items() if kind.family == "link")
-GENERATORS = tuple(name for name, kind in KINDS.items() if kind.family == "generator")
-BODIES = ("STRING", "PLATE")  # generators whose masses lie beside each other
-HOLDERS = (*MATS, *GENERATORS)  # kinds that have <M> points
-FOLLOWERS = ("PROXY", "SURFACE")  # kinds whose points follow masses of other modules
+KINDS = _kinds_by_name()
+MAT_KINDS = tuple(name for name, kind in KINDS.items() if kind.family == "mat")
+LINK_KINDS = tuple(name for name, kind in KINDS.items() if kind.family == "link")
+GENERATOR_KINDS = tuple(name for name, kind in KINDS.items() if kind.family == "generator")
+BODY_KINDS = ("STRING", "PLATE")  # generators whose masses lie beside each other
+POINT_KINDS = (*MAT_KINDS, *GENERATOR_KINDS)  # kinds that have <M> points
+FOLLOWER_KINDS = ("PROXY", "SURFACE")  # kinds whose points follow masses of other modules
 
 
 # Fields that earlier versions did not have, with their defaults: a digest omits a field with its
@@ -72,7 +72,7 @@ HASH_OMITS_DEFAULTS: dict[str, Any] = {
 
 def links_with(*roles: str) -> frozenset[str]:
     """The kinds of links of some roles: linear, contact, law, friction."""
-    return frozenset(name for name in LINKS if KINDS[name].role in roles)
+    return frozenset(name for name in LINK_KINDS if KINDS[name].role in roles)
 
 
 def tables(form: Form, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Record]:

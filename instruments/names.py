@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from ergon.instruments.members import PATTERN, members
+from ergon.instruments.members import PATTERN, parse_members
 from ergon.instruments.model import Act, Module, Target
-from ergon.instruments.module_kinds import HOLDERS, LINKS, member_count
-from ergon.instruments.spread import size as n_links
+from ergon.instruments.module_kinds import LINK_KINDS, POINT_KINDS, member_count
+from ergon.instruments.spread import link_count as n_links
 from ergon.notation.tables import tuning
 from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.quantities import note_slip
@@ -20,32 +20,32 @@ from ergon.notation.tables.tuning import Tuning
 from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import Collector, TextError, quote
 
-_MEMBERS = re.compile(rf"(.*?)(?:\.({PATTERN}))?")
+_NAME_WITH_MEMBERS = re.compile(rf"(.*?)(?:\.({PATTERN}))?")
 
-Wanted = Literal["mat", "mats", "body", "point", "points", "link", "links"]
+WantedFamily = Literal["mat", "mats", "body", "point", "points", "link", "links"]
 
 
 @dataclass(slots=True)
-class Part:
+class PartContents:
     """The names in a key or an instrument."""
 
     name: str
     modules: Mapping[str, Module]
-    struck: str | None = None  # a key's MAT that ergons strike
+    struck_mat: str | None = None  # a key's MAT that ergons strike
     prefix: str = ""  # prefix of its file
-    broken: frozenset[str] = frozenset()  # modules that were refused: reported already
-    selves: frozenset[str] = frozenset()  # names for itself, with those it was copied from
+    refused_modules: frozenset[str] = frozenset()  # modules that were refused: reported already
+    self_names: frozenset[str] = frozenset()  # names for itself, with those it was copied from
     axes: int = 1  # 2 or 3 for an instrument in space
     acts: Mapping[str, Act] = field(default_factory=dict)  # how it is played, the usual one first
 
     @property
     def mats(self) -> list[str]:
         """Names of modules that have <M> points."""
-        return [name for name, module in self.modules.items() if module.kind in HOLDERS]
+        return [name for name, module in self.modules.items() if module.kind in POINT_KINDS]
 
 
 @dataclass(frozen=True, slots=True)
-class Family:
+class NoteFamily:
     """An instrument with notes: the part of each note by its pitch, in its tuning."""
 
     parts: Mapping[float, str]
@@ -66,34 +66,34 @@ class PartNames:
     """All parts of a piece, by name."""
 
     collector: Collector
-    parts: dict[str, Part] = field(default_factory=dict)
-    broken: set[str] = field(default_factory=set)  # parts that were refused
-    reached: set[str] = field(default_factory=set)  # parts that some name refers to
-    searched: set[str] = field(default_factory=set)  # parts in which some name was looked for
-    families: dict[str, Family] = field(default_factory=dict)  # instruments with `notes`
+    parts: dict[str, PartContents] = field(default_factory=dict)
+    refused_parts: set[str] = field(default_factory=set)  # parts that were refused
+    referenced_parts: set[str] = field(default_factory=set)  # parts that some name refers to
+    searched_parts: set[str] = field(default_factory=set)  # parts in which some name was looked for
+    families: dict[str, NoteFamily] = field(default_factory=dict)  # instruments with `notes`
     tuning: Tuning | None = None  # tuning of the score
     tunings: dict[str, Tuning] = field(default_factory=dict)  # tunings of instruments that have one
 
-    def targets(self, name: Name, wanted: Wanted, who: str) -> list[Target]:
+    def targets(self, name: Name, wanted: WantedFamily, label: str) -> list[Target]:
         """The targets of a name; for an instrument with notes one for each note.
 
         If one is not found, that is reported once, and there are none.
         """
         name_targets = []
-        for member_target in self.members(name):
-            named_target = self.target(member_target, wanted, who)
+        for member_target in self.member_names(name):
+            named_target = self.target(member_target, wanted, label)
             if named_target is None:
                 return []
             name_targets.append(named_target)
         return name_targets
 
-    def struck(self, name: Name, who: str) -> list[Target]:
+    def struck_targets(self, name: Name, who: str) -> list[Target]:
         """The MATs that strikes reach by a name: where it names an instrument, or an act of one
         (`kick.strike`), those of the act; there are none if an error was reported.
         """
         struck_targets = []
-        for member_name in self.members(name):
-            named_part, act = self._act(member_name)
+        for member_name in self.member_names(name):
+            named_part, act = self._named_act(member_name)
             if act is None:
                 named_target = self.target(member_name, "mats", who)
                 if named_target is None:
@@ -101,50 +101,52 @@ class PartNames:
                 struck_targets.append(named_target)
                 continue
             # What is wrong with the act itself is reported where it is written.
-            quiet = replace(self, collector=Collector())
-            self.reached.add(named_part.name)
-            self._bring(named_part, act)
-            inside = quiet.act_targets(named_part, act)
+            silent_names = replace(self, collector=Collector())
+            self.referenced_parts.add(named_part.name)
+            self._add_modules_of_act(named_part, act)
+            act_targets = silent_names.act_targets(named_part, act)
             struck_targets += [
-                replace(t, text=str(member_name), place=member_name.place) for t in inside
+                replace(t, text=str(member_name), place=member_name.place) for t in act_targets
             ]
         return struck_targets
 
-    def act_targets(self, act_owner: Part, act: Act) -> list[Target]:
+    def act_targets(self, act_owner: PartContents, act: Act) -> list[Target]:
         """The MATs that an act of an instrument strikes; reports what is wrong with its names."""
         if act.at:
-            return self._inside(act_owner, act, act.at)
-        target = self.target(Name(act_owner.name, act.place), "mats", _who_plays(act_owner))
+            return self._targets_inside(act_owner, act, act.at)
+        target = self.target(Name(act_owner.name, act.place), "mats", _play_label(act_owner))
         return [] if target is None else [target]
 
-    def resolved_act(self, act_owner: Part, act: Act) -> Act:
+    def resolved_act(self, act_owner: PartContents, act: Act) -> Act:
         """An act with what it strikes; reports what is wrong with its names."""
         holds = tuple(
-            replace(hold, targets=tuple(self._inside(act_owner, act, hold.at)))
+            replace(hold, targets=tuple(self._targets_inside(act_owner, act, hold.at)))
             for hold in act.holds
         )
         return replace(act, targets=tuple(self.act_targets(act_owner, act)), holds=holds)
 
-    def _inside(self, owner: Part, act: Act, names: Iterable[Name]) -> list[Target]:
+    def _targets_inside(self, owner: PartContents, act: Act, names: Iterable[Name]) -> list[Target]:
         """The MATs of names that are written inside an instrument, for one of its acts."""
-        owner = replace(owner, modules=_with(owner.modules, act))
-        reached = (self.target(name, "mats", _who_plays(owner), owner) for name in names)
+        owner = replace(owner, modules=_with_act_modules(owner.modules, act))
+        reached = (self.target(name, "mats", _play_label(owner), owner) for name in names)
         return [target for target in reached if target is not None]
 
-    def bring(self, struck_target: Target) -> None:
+    def add_modules_of_struck(self, struck_target: Target) -> None:
         """Add the modules of the act that strikes a target, if they are not there yet."""
         target_part = self.parts.get(struck_target.part)
         if target_part is None or struck_target.module in target_part.modules:
             return
         for act in target_part.acts.values():
             if any(module.name == struck_target.module for module in act.modules):
-                self._bring(target_part, act)
+                self._add_modules_of_act(target_part, act)
 
-    def bring_ready(self, act_owner: Part, names: Sequence[Name], module_label: str) -> None:
+    def add_modules_of_acts(
+        self, act_owner: PartContents, names: Sequence[Name], module_label: str
+    ) -> None:
         """Add the modules of acts by their names; reports names of none."""
         for act_name in names:
             if act_name in act_owner.acts:
-                self._bring(act_owner, act_owner.acts[act_name])
+                self._add_modules_of_act(act_owner, act_owner.acts[act_name])
             else:
                 known = tuple(act_owner.acts)
                 problem = f"{quote(act_owner.name)} has no act {quote(act_name)}"
@@ -152,29 +154,31 @@ class PartNames:
                     act_name, module_label, problem, "E301", word=str(act_name), names=known
                 )
 
-    def _bring(self, owner: Part, act: Act) -> None:
-        owner.modules = _with(owner.modules, act)
+    def _add_modules_of_act(self, owner: PartContents, act: Act) -> None:
+        owner.modules = _with_act_modules(owner.modules, act)
 
-    def reach(self, target: Target) -> ImpulseRange | None:
+    def impulse_range(self, target: Target) -> ImpulseRange | None:
         """The impulses of the softest and the hardest stroke at a target; None if its instrument
         does not say how it is played.
         """
         acts = self.parts[target.part].acts
-        striking = [a for a in acts.values() if any(_head(n) == target.module for n in a.at)]
-        named = (a for a in striking if a.name == target.text.rpartition(".")[2])
-        act = next(named, None) or next(iter([*striking, *acts.values()]), None)
+        striking_acts = [
+            a for a in acts.values() if any(_module_of_name(n) == target.module for n in a.at)
+        ]
+        named = (a for a in striking_acts if a.name == target.text.rpartition(".")[2])
+        act = next(named, None) or next(iter([*striking_acts, *acts.values()]), None)
         return None if act is None else act.reach
 
-    def has_end(self, target: Target) -> bool:
+    def ends_with_note(self, target: Target) -> bool:
         """Whether the end of a note does something where a target is struck."""
         return any(act.holds or act.is_drawn for act in self.parts[target.part].acts.values())
 
     def is_drawn(self, target: Target) -> bool:
         """Whether what a target strikes lasts as long as a note."""
         acts = self.parts[target.part].acts.values()
-        return any(act.is_drawn for act in acts if target.module in map(_head, act.at))
+        return any(act.is_drawn for act in acts if target.module in map(_module_of_name, act.at))
 
-    def drawn_act(self, instrument_name: Name, act: str) -> Iterator[Name]:
+    def drawn_act_name(self, instrument_name: Name, act: str) -> Iterator[Name]:
         """The name of an act of the instrument that a name names, if it has such an act, which
         lasts as long as a note.
         """
@@ -185,11 +189,13 @@ class PartNames:
         if part is not None and act in part.acts and part.acts[act].is_drawn:
             yield Name(f"{owner}.{act}", instrument_name.place)
 
-    def sure_reach(self, struck_target: Target, module_label: str) -> ImpulseRange | None:
+    def required_impulse_range(
+        self, struck_target: Target, module_label: str
+    ) -> ImpulseRange | None:
         """The impulses of the softest and the hardest stroke at a target; reports an instrument
         that does not say how it is played.
         """
-        impulse_reach = self.reach(struck_target)
+        impulse_reach = self.impulse_range(struck_target)
         if impulse_reach is None:
             message = (
                 f"{module_label}: how strongly? {quote(struck_target.part)} has no `play` that "
@@ -199,7 +205,7 @@ class PartNames:
             self.collector.error("E103", message, struck_target.place)
         return impulse_reach
 
-    def _act(self, name: Name) -> tuple[Part, Act | None]:
+    def _named_act(self, name: Name) -> tuple[PartContents, Act | None]:
         """The instrument and its act that a name names; no act if it names something else."""
         named_part = self.parts.get(name)
         if named_part is not None and named_part.acts:
@@ -212,20 +218,20 @@ class PartNames:
             and path_tail not in named_part.modules
         ):
             return named_part, named_part.acts[path_tail]
-        return Part("", {}), None
+        return PartContents("", {}), None
 
-    def members(self, name: Name, prefix: str = "") -> list[Name]:
+    def member_names(self, name: Name, prefix: str = "") -> list[Name]:
         """The name itself; for an instrument with notes (`string`, `string.body.12`) one name for
         each note.
         """
-        named = self.family(name, prefix)
+        named = self.family_and_rest(name, prefix)
         if named is None:
             return [name]
         family, rest = named
         names = (".".join(filter(None, (part, rest))) for part in family.parts.values())
         return [Name(word, name.place, str(name)) for word in names]
 
-    def family(self, path: str, prefix: str = "") -> tuple[Family, str] | None:
+    def family_and_rest(self, path: str, prefix: str = "") -> tuple[NoteFamily, str] | None:
         """The notes of an instrument if a path names it without a note, and the rest of the path;
         else None.
         """
@@ -259,7 +265,12 @@ class PartNames:
         return tuning.tuning_of_path(path, self.tunings, self.tuning)
 
     def target(
-        self, name: Name, wanted: Wanted, who: str, part: Part | None = None, prefix: str = ""
+        self,
+        name: Name,
+        wanted: WantedFamily,
+        who: str,
+        part: PartContents | None = None,
+        prefix: str = "",
     ) -> Target | None:
         """The target of a name, seen from inside `part` if given; None if an error was reported.
 
@@ -267,38 +278,38 @@ class PartNames:
         `body` is `mats`, where the name of a module alone means all its members. A point is in
         space, and each of its coordinates is a MAT: `ball.bob.x`.
         """
-        members_match = _MEMBERS.fullmatch(name)
+        members_match = _NAME_WITH_MEMBERS.fullmatch(name)
         prefix = prefix or (part.prefix if part else "")
         path = self.spelled(members_match[1] if members_match else str(name), prefix)
         named_target = self._find(path, part, prefix)
         members_text = members_match[2] if members_match else None
         axis_index = None
         if named_target is None and members_text is None:
-            named_target, members_text = self._place(path, part, prefix)
+            named_target, members_text = self._find_place(path, part, prefix)
         if named_target is None and members_match is not None and members_match[2] is None:
             named_target, members_text, axis_index = self._coordinate(path, part, prefix)
-        if named_target is None and (family := self.family(path, prefix)) is not None:
+        if named_target is None and (family := self.family_and_rest(path, prefix)) is not None:
             parts = [*family[0].parts.values()]
             examples = ", ".join(parts[:4])
             problem = f"{quote(name)} has {len(parts)} notes; write one of them: {examples}"
             self._refuse(name, who, problem)
             return None
         if named_target is None:
-            self._unknown(name, path, who, part)
+            self._report_unknown(name, path, who, part)
             return None
         target_part, module_name = named_target
-        self.reached.add(target_part.name)
+        self.referenced_parts.add(target_part.name)
         if module_name is None:
-            module_name = self._only(target_part, name, wanted, who, members_text)
+            module_name = self._only_module(target_part, name, wanted, who, members_text)
             if module_name is None:
                 return None
         target_module = target_part.modules[module_name]
-        if (target_module.kind in LINKS) != (wanted in ("link", "links")) or (
-            target_module.kind not in LINKS and target_module.kind not in HOLDERS
+        if (target_module.kind in LINK_KINDS) != (wanted in ("link", "links")) or (
+            target_module.kind not in LINK_KINDS and target_module.kind not in POINT_KINDS
         ):
-            self._wrong_family(name, target_module, wanted, who)
+            self._report_wrong_family(name, target_module, wanted, who)
             return None
-        if target_part.axes > 1 and target_module.kind not in LINKS:
+        if target_part.axes > 1 and target_module.kind not in LINK_KINDS:
             return self._in_space(
                 name, target_part, target_module, members_text, axis_index, wanted, who
             )
@@ -312,13 +323,13 @@ class PartNames:
         return self._members(name, target_part, target_module, members_text, wanted, who)
 
     def _coordinate(
-        self, path: str, seen_from: Part | None, prefix: str
-    ) -> tuple[tuple[Part, str | None] | None, str | None, int | None]:
+        self, path: str, seen_from: PartContents | None, prefix: str
+    ) -> tuple[tuple[PartContents, str | None] | None, str | None, int | None]:
         """The part and module, the members, and the axis of a path that names a coordinate in
         space; None otherwise.
         """
         head, _, axis_name = path.rpartition(".")
-        members_match = _MEMBERS.fullmatch(head)
+        members_match = _NAME_WITH_MEMBERS.fullmatch(head)
         if axis_name not in AXES or members_match is None:
             return None, None, None
         coordinate_target = self._find(members_match[1], seen_from, prefix)
@@ -329,29 +340,30 @@ class PartNames:
     def _in_space(
         self,
         name: Name,
-        owner: Part,
+        owner: PartContents,
         module: Module,
-        some: str | None,
+        members_text: str | None,
         axis: int | None,
-        wanted: Wanted,
+        wanted: WantedFamily,
         who: str,
     ) -> Target | None:
         """Points of a module, or one of their coordinates; None if an error was reported."""
-        body_module = self._body(owner, module)
+        body_module = self._carrying_masses(owner, module)
         point_count = body_module.count if body_module else member_count(module.kind, module.fields)
-        called = ".".join(filter(None, (owner.name, module.name)))
+        full_name = ".".join(filter(None, (owner.name, module.name)))
         first_point, range_size, problem = 0, 1, ""
         if point_count == 0:  # the body was refused already
             return None
-        if some is None and point_count > 1:
+        if members_text is None and point_count > 1:
             problem = (
-                f"{called} has {point_count:,} points; write some of them: {called}.0, {called}.all"
+                f"{full_name} has {point_count:,} points; write some of them: {full_name}.0, "
+                f"{full_name}.all"
             )
-        elif some is not None and point_count == 1:
-            problem = f"{called} is one {module.kind}; it has no members"
-        elif some is not None:
+        elif members_text is not None and point_count == 1:
+            problem = f"{full_name} is one {module.kind}; it has no members"
+        elif members_text is not None:
             try:
-                start, range_size = members(some, point_count, called)
+                start, range_size = parse_members(members_text, point_count, full_name)
                 first_point = point_count // 2 if start == "centre" else start
             except TextError as error:
                 problem = error.message
@@ -385,7 +397,7 @@ class PartNames:
         first_point += point_count * (axis or 0)
         return Target(owner.name, module.name, first_point, range_size, str(name), name.place)
 
-    def _body(self, owner: Part, module: Module) -> Target | None:
+    def _carrying_masses(self, owner: PartContents, module: Module) -> Target | None:
         """The masses that carry the points of a surface; None for other modules."""
         surface_of = module.fields["of"] if module.kind == "SURFACE" else None
         if not isinstance(surface_of, Name):
@@ -394,9 +406,9 @@ class PartNames:
         missing = Target(owner.name, module.name, 0, 0, str(surface_of), surface_of.place)
         return quiet.target(surface_of, "body", "", owner) or missing
 
-    def _place(
-        self, path: str, part: Part | None, prefix: str
-    ) -> tuple[tuple[Part, str | None] | None, str | None]:
+    def _find_place(
+        self, path: str, part: PartContents | None, prefix: str
+    ) -> tuple[tuple[PartContents, str | None] | None, str | None]:
         """The part and its MODES, and the index of the place, for a path that names a place; None
         otherwise.
         """
@@ -419,8 +431,8 @@ class PartNames:
         )
 
     def _find(
-        self, path: str, seen_from: Part | None, prefix: str
-    ) -> tuple[Part, str | None] | None:
+        self, path: str, seen_from: PartContents | None, prefix: str
+    ) -> tuple[PartContents, str | None] | None:
         """The part and the module that a path names (module None: a part of several modules); None
         if there is none.
         """
@@ -428,33 +440,35 @@ class PartNames:
             return seen_from, path
         if seen_from is not None:
             path_head, _, path_tail = path.partition(".")
-            if path_head in seen_from.selves and (not path_tail or path_tail in seen_from.modules):
+            if path_head in seen_from.self_names and (
+                not path_tail or path_tail in seen_from.modules
+            ):
                 return seen_from, path_tail if path_tail or "" in seen_from.modules else None
         for full_path in _with_prefix(path, prefix):
             if full_path in self.parts:
-                self.searched.add(full_path)
+                self.searched_parts.add(full_path)
                 owner = self.parts[full_path]
                 return owner, "" if "" in owner.modules else None
             path_head, _, path_tail = full_path.rpartition(".")
             if path_head in self.parts:
-                self.searched.add(path_head)
+                self.searched_parts.add(path_head)
                 if path_tail in self.parts[path_head].modules:
                     return self.parts[path_head], path_tail
         return None
 
-    def _only(
+    def _only_module(
         self,
-        target_part: Part,
+        target_part: PartContents,
         target_name: Name,
-        wanted: Wanted,
+        wanted: WantedFamily,
         module_label: str,
         members_text: str | None,
     ) -> str | None:
-        if target_part.struck:
-            return target_part.struck
-        links = [n for n, m in target_part.modules.items() if m.kind in LINKS]
+        if target_part.struck_mat:
+            return target_part.struck_mat
+        links = [n for n, m in target_part.modules.items() if m.kind in LINK_KINDS]
         candidates = links if wanted in ("link", "links") else target_part.mats
-        if target_part.broken or not target_part.modules:  # refused already
+        if target_part.refused_modules or not target_part.modules:  # refused already
             return None
         if len(candidates) == 1:
             return candidates[0]
@@ -477,20 +491,20 @@ class PartNames:
     def _members(
         self,
         name: Name,
-        owner: Part,
+        owner: PartContents,
         module: Module,
         some: str | None,
-        wanted: Wanted,
+        wanted: WantedFamily,
         who: str,
     ) -> Target | None:
-        count = self._count(owner, module)
-        several = wanted in ("mats", "body", "links")
+        count = self._member_count(owner, module)
+        allows_several = wanted in ("mats", "body", "links")
         called = ".".join(filter(None, (owner.name, module.name)))
         first_member: int | Literal["centre"] = 0
         range_size = 1
         problem = ""
         if some is None:
-            if module.kind in LINKS or wanted == "body":  # all together
+            if module.kind in LINK_KINDS or wanted == "body":  # all together
                 range_size = count
             elif count > 1:
                 member_kind, examples = "masses", ("0", "centre")
@@ -501,39 +515,39 @@ class PartNames:
                     )
                 words = ", ".join(f"{called}.{example}" for example in examples)
                 problem = f"{called} has {count:,} {member_kind}; write one of them: {words}"
-        elif count == 1 and module.kind in (*LINKS, "MAS", "SOL", "CEL", "PROXY"):
+        elif count == 1 and module.kind in (*LINK_KINDS, "MAS", "SOL", "CEL", "PROXY"):
             problem = f"{called} is one {module.kind}; it has no members"
         else:
             try:
-                first_member, range_size = members(some, count, called)
+                first_member, range_size = parse_members(some, count, called)
             except TextError as error:
                 problem = error.message
-        if not problem and range_size > 1 and not several:
+        if not problem and range_size > 1 and not allows_several:
             problem = f"one MAT is expected here, but {range_size:,} are named"
         if problem:
             self._refuse(name, who, problem)
             return None
         return Target(owner.name, module.name, first_member, range_size, str(name), name.place)
 
-    def _count(self, owner: Part, module: Module) -> int:
+    def _member_count(self, owner: PartContents, module: Module) -> int:
         """The number of members of a module, or of single links of a link over a range."""
-        if module.kind not in LINKS:
+        if module.kind not in LINK_KINDS:
             return member_count(module.kind, module.fields)
         quiet = replace(self, collector=Collector())
         ends = module.fields["between"] or ()
-        wanted: Wanted = "points" if owner.axes > 1 else "mats"
+        wanted: WantedFamily = "points" if owner.axes > 1 else "mats"
         targets = (quiet.target(end, wanted, "", owner) for end in ends)
         return n_links([end for end in targets if end is not None])
 
-    def _unknown(self, name: Name, path: str, who: str, part: Part | None) -> None:
+    def _report_unknown(self, name: Name, path: str, who: str, part: PartContents | None) -> None:
         if self._is_broken(path, part):
             return
         instrument, _, tail = name.written.rpartition(".")
-        family = self.family(instrument) if instrument else None
-        slip = None if family is None or tuning.is_pitch(tail) else note_slip(tail)
-        if slip is not None:
-            suggestion = slip.suggestion and f"{instrument}.{slip.suggestion}"
-            self._refuse(name, who, slip.message, "E201", suggestion=suggestion)
+        family = self.family_and_rest(instrument) if instrument else None
+        near_note = None if family is None or tuning.is_pitch(tail) else note_slip(tail)
+        if near_note is not None:
+            suggestion = near_note.suggestion and f"{instrument}.{near_note.suggestion}"
+            self._refuse(name, who, near_note.message, "E201", suggestion=suggestion)
             return
         known_names = list(part.modules) if part else []
         known_names += list(self.parts)
@@ -557,32 +571,36 @@ class PartNames:
         message = f"{who}: {problem}" if who else problem
         self.collector.error(code, message, name.place, **more)
 
-    def _is_broken(self, path: str, seen_from: Part | None) -> bool:
+    def _is_broken(self, path: str, seen_from: PartContents | None) -> bool:
         """Whether the name was refused already: each mistake is reported once."""
         words = path.split(".")
-        cuts = [(".".join(words[:i]), ".".join(words[i:])) for i in range(1, len(words) + 1)]
+        head_and_tail_pairs = [
+            (".".join(words[:i]), ".".join(words[i:])) for i in range(1, len(words) + 1)
+        ]
         for (
             path_head,
             path_tail,
-        ) in cuts:  # a part, a module of the same part, or a module of another
-            if path_head in self.broken or (
-                seen_from is not None and path_head in seen_from.broken
+        ) in head_and_tail_pairs:  # a part, a module of the same part, or a module of another
+            if path_head in self.refused_parts or (
+                seen_from is not None and path_head in seen_from.refused_modules
             ):
                 return True
             owner = self.parts.get(path_head)
-            if owner is not None and (not owner.modules or path_tail.split(".")[0] in owner.broken):
+            if owner is not None and (
+                not owner.modules or path_tail.split(".")[0] in owner.refused_modules
+            ):
                 return True
         return False
 
-    def _wrong_family(
-        self, target_name: Name, target_module: Module, wanted: Wanted, module_label: str
+    def _report_wrong_family(
+        self, target_name: Name, target_module: Module, wanted: WantedFamily, module_label: str
     ) -> None:
         if wanted in ("link", "links"):
             error_sentence = (
                 f"{quote(target_name)} is a {target_module.kind}: SOF listens to the force of a "
                 "link"
             )
-        elif target_module.kind in LINKS:
+        elif target_module.kind in LINK_KINDS:
             error_sentence = (
                 f"{quote(target_name)} is a {target_module.kind}, a link: an <L> point joins <M> "
                 "points only"
@@ -594,17 +612,17 @@ class PartNames:
         self._refuse(target_name, module_label, error_sentence)
 
 
-def _who_plays(owner: Part) -> str:
+def _play_label(owner: PartContents) -> str:
     return f"play of {quote(owner.name)}"
 
 
-def _with(modules: Mapping[str, Module], act: Act) -> Mapping[str, Module]:
+def _with_act_modules(modules: Mapping[str, Module], act: Act) -> Mapping[str, Module]:
     """Modules with those of an act that are not among them."""
     extra = {module.name: module for module in act.modules if module.name not in modules}
     return {**modules, **extra} if extra else modules
 
 
-def _head(name: str) -> str:
+def _module_of_name(name: str) -> str:
     """The module of a name inside an instrument."""
     return name.partition(".")[0]
 

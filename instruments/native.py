@@ -14,13 +14,13 @@ from typing import Any
 
 from ergon import _core
 from ergon.common.compiler import load_numba
-from ergon.instruments.native_source import SLOW, Row, source
+from ergon.instruments.native_source import LINKWISE_FUNCTIONS, Row, source
 
 # From `python -m benches laws`: native code saves 1 ns per row for a link alone, 0.05 ns in a run.
 # On that machine numba takes 0.2 s to load, 0.4 s for its first law, then 0.05 s and 0.005 s a row;
 # the costs here are twice that, so that compiling pays on other machines too.
-_SAVED_ALONE, _SAVED_IN_RUN = 1e-9, 0.05e-9
-_COST, _COST_OF_ROW = 1.2, 0.01
+_SECONDS_SAVED_ALONE, _SECONDS_SAVED_IN_RUN = 1e-9, 0.05e-9
+_COMPILE_SECONDS, _COMPILE_SECONDS_PER_ROW = 1.2, 0.01
 # Compiled code by the rows of its law. It must stay in memory until the process ends.
 _compiled: dict[tuple[Row, ...], Any] = {}
 _lock = threading.Lock()
@@ -31,31 +31,37 @@ def speed_up(network: _core.Network, n_frames: int) -> int:
 
     Without numba it is 0: the core computes these laws, with the same bits.
     """
-    worth = [
+    laws_to_compile = [
         (index, rows)
         for index, (rows, alone, in_runs) in enumerate(network.laws())
         if is_worth_compiling(rows, alone, in_runs, n_frames)
     ]
-    if not worth or load_numba()[0] is None:
+    if not laws_to_compile or load_numba()[0] is None:
         return 0
-    network.native([(index, address(rows)) for index, rows in worth])
-    return len(worth)
+    network.native([(index, code_address(rows)) for index, rows in laws_to_compile])
+    return len(laws_to_compile)
 
 
-def is_worth_compiling(law_rows: Sequence[Row], alone: int, in_runs: int, n_frames: int) -> bool:
+def is_worth_compiling(
+    law_rows: Sequence[Row], n_single_links: int, n_links_in_runs: int, n_frames: int
+) -> bool:
     """Whether native code saves more time than compiling takes; depends on the score alone, not on
     a clock.
 
     `alone` and `in_runs` are numbers of links. A law with functions of the core that work link
     by link saves nothing.
     """
-    if any(row[0] in SLOW for row in law_rows):
+    if any(row[0] in LINKWISE_FUNCTIONS for row in law_rows):
         return False
-    saved = (_SAVED_ALONE * alone + _SAVED_IN_RUN * in_runs) * len(law_rows) * n_frames
-    return saved > _COST + _COST_OF_ROW * len(law_rows)
+    saved_seconds = (
+        (_SECONDS_SAVED_ALONE * n_single_links + _SECONDS_SAVED_IN_RUN * n_links_in_runs)
+        * len(law_rows)
+        * n_frames
+    )
+    return saved_seconds > _COMPILE_SECONDS + _COMPILE_SECONDS_PER_ROW * len(law_rows)
 
 
-def address(rows: Sequence[Row]) -> int:
+def code_address(rows: Sequence[Row]) -> int:
     """The address of a law's machine code; laws with the same rows share it."""
     law_key = tuple(rows)
     with _lock:
@@ -69,9 +75,11 @@ def _compile(source_text: str) -> Any:
     if numba is None:
         raise ImportError(reason)
     types = numba.types
-    room, integer = ctypes.POINTER(ctypes.c_double), ctypes.c_int64
-    function = ctypes.CFUNCTYPE(None, room, integer, integer, integer, integer)
-    functions_by_name: dict[str, Any] = {name: function(at) for name, at in _core.law_functions()}
+    double_pointer, integer = ctypes.POINTER(ctypes.c_double), ctypes.c_int64
+    function_type = ctypes.CFUNCTYPE(None, double_pointer, integer, integer, integer, integer)
+    functions_by_name: dict[str, Any] = {
+        name: function_type(at) for name, at in _core.law_functions()
+    }
     functions_by_name["sqrt"] = math.sqrt
     exec(compile(source_text, "<law>", "exec"), functions_by_name)
     pointer: Any = types.CPointer

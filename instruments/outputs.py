@@ -19,7 +19,7 @@ from ergon.notation.text.values import Place
 
 
 @dataclass(frozen=True)
-class Listening:
+class WrittenOutput:
     """`SOX: m` or `SOF: b` as written, before names are looked up."""
 
     name: str
@@ -46,42 +46,40 @@ DISTANCE = Record(
 )
 
 
-def _names(kind: OutputKind) -> Shape:
+def _targets_shape(kind: OutputKind) -> Shape:
     if kind.is_energy:
         return _LISTENED_MODULES
     return Either(_LISTENED_MODULES.item, DISTANCE if kind.is_movement else _SOF, _LISTENED_MODULES)
 
 
-_OUTPUT_SHAPES = {name: _names(kind) for name, kind in OUTPUTS.items()}
+_OUTPUT_SHAPES = {name: _targets_shape(kind) for name, kind in OUTPUTS.items()}
 
 
-def _listening(output_values: Values) -> Any:
-    between_value = output_values.by_name.get(output_values.kind, MISSING)
-    if between_value is MISSING:
+def _written_output(output_values: Values) -> Any:
+    target_value = output_values.by_name.get(output_values.kind, MISSING)
+    if target_value is MISSING:
         return MISSING
     nearest = None
-    is_distance = isinstance(between_value, Values) and between_value.record is DISTANCE
+    is_distance = isinstance(target_value, Values) and target_value.record is DISTANCE
     if is_distance:
-        between_value = between_value["between"] or ()
-    elif isinstance(between_value, Values):  # SOF: {BUT: b} or {nearest: file}
-        nearest = between_value["nearest"]
-        if (nearest is None) == (not between_value.kind):
+        target_value = target_value["between"] or ()
+    elif isinstance(target_value, Values):  # SOF: {BUT: b} or {nearest: file}
+        nearest = target_value["nearest"]
+        if (nearest is None) == (not target_value.kind):
             output_values.error(
                 "E111", "SOF names a link by its kind, or a layout: nearest", output_values.kind
             )
             return MISSING
-        between_value = (
-            between_value.by_name.get(between_value.kind, ()) if between_value.kind else ()
-        )
-    end_names = (between_value,) if isinstance(between_value, Name) else between_value
+        target_value = target_value.by_name.get(target_value.kind, ()) if target_value.kind else ()
+    end_names = (target_value,) if isinstance(target_value, Name) else target_value
     place = output_values.place_of(output_values.kind)
-    return Listening(
+    return WrittenOutput(
         output_values.context.name, output_values.kind, end_names, nearest, place, is_distance
     )
 
 
 _SINGLE_OUTPUT = Record(
-    "output", "one output", (), _listening, kinds=_OUTPUT_SHAPES, kind_required=True
+    "output", "one output", (), _written_output, kinds=_OUTPUT_SHAPES, kind_required=True
 )
 
 
@@ -89,7 +87,7 @@ _NAMED_OUTPUTS = NamesOf(_SINGLE_OUTPUT, "output", has_loops=True)
 
 
 @dataclass(frozen=True)
-class Outputs(Shape):
+class OutputsShape(Shape):
     """`{SOX: m}`, or a mapping of names to such outputs."""
 
     def read(self, node: Node, name: str, context: Context) -> Any:

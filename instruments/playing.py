@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ergon.instruments.drawing import FIELDS, WORDS, DrawnActs, Pressing
+from ergon.instruments.drawing import BOW_ACT_FIELDS, BOW_FIELDS, DrawnActs, StruckMass
 from ergon.instruments.model import Act, Hold, Module
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
@@ -14,20 +14,20 @@ from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Name, Reference
 from ergon.notation.tables.strengths import ImpulseRange
 
-_ANY_REACH = 1e-3, 1e-2  # N·s
-READY = ListOf(Reference("acts, such as strike"), 1, single=True)
+_SUBSTITUTE_IMPULSES = 1e-3, 1e-2  # N·s
+READY_SHAPE = ListOf(Reference("acts, such as strike"), 1, single=True)
 LEVEL_DOC = "how loud a stroke at mf is at a gain of 0 dB, measured"
-LOUDNESS = k.quantity(q.LOUDNESS)
-_MODULES = ListOf(Reference("modules, such as beater", ("modules",)), 1, single=True)
+LOUDNESS_SHAPE = k.quantity(q.LOUDNESS)
+_MODULES_SHAPE = ListOf(Reference("modules, such as beater", ("modules",)), 1, single=True)
 
 
-RELEASE = Record(
+RELEASE_RECORD = Record(
     "release",
     "what the end of a note does",
     (
         Field(
             "at",
-            _MODULES,
+            _MODULES_SHAPE,
             "what its impulse strikes; where the note begins, against it",
             None,
             True,
@@ -40,22 +40,22 @@ RELEASE = Record(
 def play_table(module_record: Record) -> NamesOf:
     """The table of `play:`, in which modules are written as `module_record` says."""
     module_fields = (
-        Field("at", _MODULES, "what is struck", shown="its only module"),
+        Field("at", _MODULES_SHAPE, "what is struck", shown="its only module"),
         Field("impulse", k.IMPULSES, "those of its softest and of its hardest stroke"),
-        *FIELDS,
+        *BOW_ACT_FIELDS,
         Field(
             "with",
             NamesOf(module_record, "module", has_loops=True),
             "modules that are there once a line plays it",
         ),
-        Field("release", RELEASE, "what the end of a note does", shown="nothing"),
+        Field("release", RELEASE_RECORD, "what the end of a note does", shown="nothing"),
         Field("lasts", k.CONTACT_TIME, "how long a stroke lasts; 0s: an instant", shown="0.19ms"),
         Field("turns", k.BOOLEAN, "each second stroke goes backwards, as a bow does", False),
     )
     return NamesOf(Record("act", "a way in which an instrument is played", module_fields), "act")
 
 
-def acts(
+def read_acts(
     module_values: Values, modules_of: Callable[[Mapping[str, Any]], tuple[Module, ...]]
 ) -> tuple[Act, ...]:
     """The acts of an instrument; the first is what a stroke without further words means.
@@ -65,19 +65,19 @@ def acts(
     """
     written_acts = []
     written: dict[str, Any] = module_values["play"] or {}
-    drawn = DrawnActs(written)
+    drawn_acts = DrawnActs(written)
     for act_name, act_body in written.items():
         if act_body is MISSING or (act_body.written("impulse") and act_body["impulse"] is None):
             continue
-        pressing = drawn.pressing(act_body)
-        struck_act = _struck(act_body, pressing)
+        struck_masses = drawn_acts.struck_masses(act_body)
+        struck_act = _struck_modules(act_body, struck_masses)
         if struck_act is None:
             continue
         struck_places, reach = struck_act
-        brought = drawn.modules(act_body, modules_of)
+        act_modules = drawn_acts.modules(act_body, modules_of)
         holds = tuple(
-            Hold((Name(mass, act_body.place),), press_field)
-            for mass, press_field in pressing
+            Hold((Name(mass, act_body.place),), impulses)
+            for mass, impulses in struck_masses
             if (mass,) != struck_places
         )
         written_acts.append(
@@ -86,17 +86,17 @@ def acts(
                 struck_places,
                 reach,
                 act_body.place,
-                brought,
-                holds=(*_release(act_body), *holds),
-                is_drawn=bool(pressing) and pressing[0].mass in struck_places,
+                act_modules,
+                holds=(*_release_holds(act_body), *holds),
+                is_drawn=bool(struck_masses) and struck_masses[0].mass in struck_places,
                 lasts=act_body["lasts"],
             )
         )
     return tuple(written_acts)
 
 
-def _struck(
-    act_body: Values, pressing: list[Pressing]
+def _struck_modules(
+    act_body: Values, pressing: list[StruckMass]
 ) -> tuple[tuple[Name, ...], ImpulseRange] | None:
     """What an act strikes, with its impulses; None if that is not known, which is reported."""
     if act_body["impulse"] is None:
@@ -108,7 +108,7 @@ def _struck(
         if pressing:
             mass, reach = pressing[0]
             return (Name(mass, act_body.place),), reach
-        if not any(act_body.written(word) for word in WORDS):
+        if not any(act_body.written(word) for word in BOW_FIELDS):
             message = (
                 f"{act_body.context.label('')} has no 'impulse': the softest and the hardest stroke"
             )
@@ -118,11 +118,11 @@ def _struck(
     if not 0.0 < soft < hard:
         message = f"{act_body.context.label('impulse')}: the softest and the hardest stroke are "
         act_body.error("E202", message + "expected, both above 0, such as 3mNs..40mNs", "impulse")
-        soft, hard = _ANY_REACH  # strikes by this act are not refused once more
+        soft, hard = _SUBSTITUTE_IMPULSES  # strikes by this act are not refused once more
     return act_body["at"] or (), ImpulseRange(soft, hard, act_body["turns"])
 
 
-def _release(body: Values) -> tuple[Hold, ...]:
+def _release_holds(body: Values) -> tuple[Hold, ...]:
     release_value = body["release"]
     if release_value is None or not all(
         name in release_value.by_name for name in ("at", "impulse")

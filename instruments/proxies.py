@@ -15,7 +15,7 @@ from ergon.notation.tables.shapes import Shape
 _WEIGHT_FIELDS = ("shares", "at", "follows")
 
 
-def table(endpoint: Shape) -> Record:
+def proxy_record(endpoint: Shape) -> Record:
     """The fields of a PROXY; `endpoint` reads one module or some of its members."""
     module_fields = (
         Field(
@@ -60,13 +60,13 @@ def check(proxy_values: Values) -> None:
             "keep one of the two"
         )
         proxy_values.error("E111", message, weight_fields[1])
-    only: dict[str, tuple[str, ...]] = dict.fromkeys(("offset", "span"), ("follows",))
-    only |= dict.fromkeys(("columns", "rim"), ("at", "follows"))
-    for field_name in proxy_values.written(*only):
-        if not proxy_values.written(*only[field_name]):
+    required_fields: dict[str, tuple[str, ...]] = dict.fromkeys(("offset", "span"), ("follows",))
+    required_fields |= dict.fromkeys(("columns", "rim"), ("at", "follows"))
+    for field_name in proxy_values.written(*required_fields):
+        if not proxy_values.written(*required_fields[field_name]):
             message = (
                 f"{proxy_values.context.label(field_name)}: only a PROXY with "
-                f"{' or '.join(only[field_name])} has "
+                f"{' or '.join(required_fields[field_name])} has "
             )
             proxy_values.error("E111", f"{message}this field", field_name)
     if 0.0 in (proxy_values["span"] or ()):
@@ -89,14 +89,16 @@ def add(
     columns = proxy_fields["columns"]
     mat_rows = [mats[first : first + columns] for first in range(0, len(mats), columns)]
     if proxy_fields["rim"] is not None:
-        held = members_of(proxy_fields["rim"])[0]
-        mat_rows = [[held, *row, held] for row in mat_rows]
+        rim_mat = members_of(proxy_fields["rim"])[0]
+        mat_rows = [[rim_mat, *row, rim_mat] for row in mat_rows]
         if len(mat_rows) > 1:
-            mesh_mats = [held] * len(mat_rows[0])
+            mesh_mats = [rim_mat] * len(mat_rows[0])
             mat_rows = [mesh_mats, *mat_rows, mesh_mats]
     if proxy_fields["follows"]:
         guides = [members_of(target)[0] for target in proxy_fields["follows"]]
-        lengths = (_each(proxy_fields[name], len(guides)) for name in ("offset", "span"))
+        lengths = (
+            _repeated_for_each(proxy_fields[name], len(guides)) for name in ("offset", "span")
+        )
         side_positions = list(zip(guides, *lengths, strict=True))
     else:
         side_positions = [(None, at, 1.0) for at in proxy_fields["at"]]
@@ -112,7 +114,7 @@ def add(
     return network.moving_proxy(proxy_name, all_mats, len(mat_rows[0]), mat_pair)
 
 
-def _each(values: tuple[float, ...], count: int) -> tuple[float, ...]:
+def _repeated_for_each(values: tuple[float, ...], count: int) -> tuple[float, ...]:
     return values if len(values) == count else values * count
 
 

@@ -10,14 +10,19 @@ from typing import Any
 
 from ergon import _core
 from ergon.instruments.matter import from_material
-from ergon.instruments.modal import listed, placed, retuned_modes
+from ergon.instruments.modal import retuned_modes, with_levels_at_places, with_listed_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
-from ergon.instruments.module_kinds import HOLDERS, KINDS, tables, with_optional_fields
-from ergon.instruments.outputs import Outputs
-from ergon.instruments.playing import LEVEL_DOC, LOUDNESS, READY, acts, play_table
+from ergon.instruments.module_kinds import KINDS, POINT_KINDS, tables, with_optional_fields
+from ergon.instruments.outputs import OutputsShape
+from ergon.instruments.playing import LEVEL_DOC, LOUDNESS_SHAPE, READY_SHAPE, play_table, read_acts
 from ergon.instruments.space import Space
 from ergon.instruments.space.checks import check as check_in_space
-from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
+from ergon.instruments.transpose import (
+    INTERVAL_SHAPE,
+    interval_between,
+    named_pitch,
+    transposed_value,
+)
 from ergon.notation.tables import tuning
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import ListOf, NamesOf, merged
@@ -41,7 +46,7 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.memory import Recall, make_anew
 
 # Steps of work for a module that is written: it is read, looked up, and put into the network.
-_MODULE_STEPS = 80_000
+_INTERRUPT_STEPS_PER_MODULE = 80_000
 MODULES_DOC = "the network: names, each with one kind of module, and loops that make them"
 
 
@@ -64,7 +69,7 @@ def member_table(instrument_form: Form) -> Record:
             "fields of its modules",
         ),
         Field("f", k.PITCHES, "another pitch for a single generator"),
-        Field("transpose", INTERVAL, "how much higher it is than its note"),
+        Field("transpose", INTERVAL_SHAPE, "how much higher it is than its note"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
         Field(
             "M",
@@ -74,13 +79,13 @@ def member_table(instrument_form: Form) -> Record:
     )
     kinds = {
         name: with_optional_fields(table)
-        for name, table in tables(instrument_form, HOLDERS).items()
+        for name, table in tables(instrument_form, POINT_KINDS).items()
     }
     return Record("member", "what one note has of its own", module_fields, kinds=kinds)
 
 
 @dataclass(frozen=True)
-class Members(Shape):
+class MembersShape(Shape):
     """`{F3: {modules: …}}`: the fields that single notes have of their own."""
 
     item: Record
@@ -111,7 +116,7 @@ class Members(Shape):
         return "notes, each with fields, such as F3: {t60: 3s}"
 
 
-PLACING = Record(
+PLACING_RECORD = Record(
     "place",
     "where it lies among loudspeakers, for `nearest`",
     (
@@ -122,26 +127,26 @@ PLACING = Record(
 )
 
 
-_ROUTE = (
+_ROUTE_ADVICE = (
     "how an instrument is heard stands in its route: "
     "`mix: {route: [{from: bell, to: 1, gain: -6dB, pan: 0.3}]}`"
 )
 _SILENT_DOC = (
-    f"{_ROUTE}; without a route it is silent, and at the prompt `mute bell` and `solo bell`"
+    f"{_ROUTE_ADVICE}; without a route it is silent, and at the prompt `mute bell` and `solo bell`"
 )
-_PEDAL = (
+_PEDAL_ADVICE = (
     "an instrument has no pedal: its `play` may have a `release`, which ends notes, and the pedal "
     "of a MIDI file (controller 64) delays it"
 )
-_BEGIN = (
+_BEGIN_ADVICE = (
     "an instrument begins with one of a file by `from: FILE/NAME`, such as "
     "`bell: {from: bells/church}`, or with another of this score by `like: NAME`"
 )
 _FIELDS_ELSEWHERE = {
-    **dict.fromkeys(("use", "instrument", "preset", "patch"), _BEGIN),
-    **dict.fromkeys(("gain", "volume", "pan", "to", "reverb", "send", "channel"), _ROUTE),
+    **dict.fromkeys(("use", "instrument", "preset", "patch"), _BEGIN_ADVICE),
+    **dict.fromkeys(("gain", "volume", "pan", "to", "reverb", "send", "channel"), _ROUTE_ADVICE),
     **dict.fromkeys(("mute", "solo"), _SILENT_DOC),
-    **dict.fromkeys(("pedal", "sustain"), _PEDAL),
+    **dict.fromkeys(("pedal", "sustain"), _PEDAL_ADVICE),
 }
 
 
@@ -157,14 +162,16 @@ def instrument_table(instrument_form: Form) -> Record:
         Field(
             "modules", NamesOf(module_table(instrument_form), "module", has_loops=True), MODULES_DOC
         ),
-        Field("out", Outputs(), "what is heard of it", shown="nothing"),
+        Field("out", OutputsShape(), "what is heard of it", shown="nothing"),
         Field("f", k.PITCHES, "its pitch; what it begins with is retuned as a whole"),
-        Field("transpose", INTERVAL, "how much higher than what it begins with, or is written"),
+        Field(
+            "transpose", INTERVAL_SHAPE, "how much higher than what it begins with, or is written"
+        ),
         Field("tuning", TUNING, "of the notes of this instrument", shown="that of the score"),
         Field("notes", Notes(), "one of it at each note; its members are called by them"),
         Field(
             "members",
-            Members(member_table(instrument_form)),
+            MembersShape(member_table(instrument_form)),
             "what single members have of their own",
         ),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
@@ -175,7 +182,7 @@ def instrument_table(instrument_form: Form) -> Record:
         ),
         Field("units", choice("si", "ca"), "`ca`: M, K, Z of the discrete network", "si"),
         Field("at", k.RATE, "the rate of that network"),
-        Field("place", PLACING, "where it lies among loudspeakers, for `nearest`"),
+        Field("place", PLACING_RECORD, "where it lies among loudspeakers, for `nearest`"),
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="audio"),
         Field("space", k.integer(1, 3, "3"), "how many axes its masses move along", 1),
         Field("gravity", k.GRAVITY, "gravity in space, against the last axis", shown="none"),
@@ -184,12 +191,12 @@ def instrument_table(instrument_form: Form) -> Record:
             play_table(module_table(instrument_form)),
             "how it is played; the first act is usual",
         ),
-        Field("ready", READY, "acts whose modules are there before a line plays them"),
-        Field("level", LOUDNESS, LEVEL_DOC, shown="unknown"),
+        Field("ready", READY_SHAPE, "acts whose modules are there before a line plays them"),
+        Field("level", LOUDNESS_SHAPE, LEVEL_DOC, shown="unknown"),
     )
     kinds = {
         name: with_optional_fields(table)
-        for name, table in tables(instrument_form, HOLDERS).items()
+        for name, table in tables(instrument_form, POINT_KINDS).items()
     }
     return Record(
         "instrument",
@@ -208,17 +215,17 @@ class InstrumentShape(Shape):
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
-        tuned = context.tunings.get(context.name)
-        if tuned is None:
+        instrument_tuning = context.tunings.get(context.name)
+        if instrument_tuning is None:
             return self.chosen(node).read(node, name, context)
         named_amounts(node.document)  # `let` is in the tuning of the score
-        with tuning.used(tuned):
+        with tuning.used(instrument_tuning):
             return self.chosen(node).read(node, name, context)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema, including fields that only one form has."""
         first, *others = (table.schema() for table in self.forms.values())
-        return reduce(_with_more, others, first)
+        return reduce(_merged_schema, others, first)
 
     def words(self) -> str:
         """In words."""
@@ -247,13 +254,13 @@ def form(instrument_node: Node) -> Form:
     return "ca" if text("units") == "ca" else "si"
 
 
-def _with_more(base_schema: dict[str, Any], other_schema: dict[str, Any]) -> dict[str, Any]:
+def _merged_schema(base_schema: dict[str, Any], other_schema: dict[str, Any]) -> dict[str, Any]:
     """A schema with the properties and types that another has in addition."""
     first_type, their = base_schema.get("type"), other_schema.get("type")
     if isinstance(first_type, list) and isinstance(their, list) and not {*first_type} & {*their}:
         return merged(other_schema, base_schema)
     merged_schema = {
-        key: _with_more(value, other_schema[key])
+        key: _merged_schema(value, other_schema[key])
         if isinstance(value, dict) and isinstance(other_schema.get(key), dict)
         else value
         for key, value in base_schema.items()
@@ -266,7 +273,7 @@ def _with_more(base_schema: dict[str, Any], other_schema: dict[str, Any]) -> dic
     return merged_schema
 
 
-INSTRUMENT = InstrumentShape(
+INSTRUMENT_SHAPE = InstrumentShape(
     {form_name: instrument_table(form_name) for form_name in ("si", "ca", "space")}
 )
 
@@ -277,8 +284,8 @@ def has_required_fields(kind_name: str, module_values: Values, axes: int = 1) ->
     """
     tables = KINDS[kind_name].tables
     # Under `units: ca` some kinds have more fields, and other fields are required.
-    is_more = module_values.record.by_name.keys() != KINDS[kind_name].table.by_name.keys()
-    table = tables["space" if axes > 1 else "ca" if is_more else "si"]
+    is_discrete = module_values.record.by_name.keys() != KINDS[kind_name].table.by_name.keys()
+    table = tables["space" if axes > 1 else "ca" if is_discrete else "si"]
     required = [field for field in table.fields if field.required]
     for field in required:
         if field.name not in module_values.nodes and field.name not in module_values.misspelt:
@@ -289,7 +296,9 @@ def has_required_fields(kind_name: str, module_values: Values, axes: int = 1) ->
     return all(field.name in module_values.by_name for field in required)
 
 
-def modules(module_values: Values, axes: int = 1, recall: Recall = make_anew) -> tuple[Module, ...]:
+def read_modules(
+    module_values: Values, axes: int = 1, recall: Recall = make_anew
+) -> tuple[Module, ...]:
     """The modules of a key or an instrument; modules that were refused are left out.
 
     `recall` gives those of values that were read before.
@@ -300,23 +309,25 @@ def modules(module_values: Values, axes: int = 1, recall: Recall = make_anew) ->
 def _modules_of(bodies: Mapping[str, Any], axes: int, recall: Recall) -> tuple[Module, ...]:
     known_fields = (
         # The values are kept, so that no others get their id.
-        recall(("module", name, id(body), axes), partial(_with_modules, name, body, axes))[1]
+        recall(("module", name, id(body), axes), partial(_values_and_modules, name, body, axes))[1]
         for name, body in bodies.items()
         if body is not MISSING
     )
     return tuple(chain.from_iterable(known_fields))
 
 
-def _with_modules(
+def _values_and_modules(
     module_name: str, module_values: Values, axis_count: int
 ) -> tuple[Values, tuple[Module, ...]]:
     """The values of a module, and the modules that they make: none if they were refused."""
-    _core.poll(_MODULE_STEPS)
-    body = _followed(module_values.kind, module_values.by_name[module_values.kind], axis_count)
+    _core.poll(_INTERRUPT_STEPS_PER_MODULE)
+    body = _completed_values(
+        module_values.kind, module_values.by_name[module_values.kind], axis_count
+    )
     if body is None or not has_required_fields(module_values.kind, body, axis_count):
         return module_values, ()
     return module_values, with_ground_point(
-        module(module_name, module_values.kind, body, axis_count)
+        make_module(module_name, module_values.kind, body, axis_count)
     )
 
 
@@ -330,21 +341,23 @@ def with_ground_point(module_made: Module) -> tuple[Module, ...]:
     return ground, replace(module_made, fields={**module_made.fields, "to": None, "between": ends})
 
 
-def _followed(kind_name: str, module_values: Values, axes: int = 1) -> Values | None:
+def _completed_values(kind_name: str, module_values: Values, axes: int = 1) -> Values | None:
     """The fields of a module with those computed from others; None if an error was reported."""
     if axes > 1:
         return module_values
-    follow = {"BANK": listed, "MODES": placed}.get(kind_name)
-    return from_material(kind_name, module_values) if follow is None else follow(module_values)
+    complete = {"BANK": with_listed_modes, "MODES": with_levels_at_places}.get(kind_name)
+    return from_material(kind_name, module_values) if complete is None else complete(module_values)
 
 
-def module(module_name: str, kind_name: str, module_values: Values, axis_count: int = 1) -> Module:
+def make_module(
+    module_name: str, kind_name: str, module_values: Values, axis_count: int = 1
+) -> Module:
     """A module with all its fields, with defaults filled in; checks the fields against each
     other.
     """
     if axis_count > 1:
         return _in_space(module_name, kind_name, module_values, axis_count)
-    return _completed(
+    return _built_module(
         module_name,
         kind_name,
         {field.name: module_values[field.name] for field in module_values.record.fields},
@@ -354,22 +367,24 @@ def module(module_name: str, kind_name: str, module_values: Values, axis_count: 
 
 def _in_space(module_name: str, kind_name: str, module_values: Values, axis_count: int) -> Module:
     module_fields = {field.name: module_values[field.name] for field in module_values.record.fields}
-    if kind_name in HOLDERS:
+    if kind_name in POINT_KINDS:
         module_fields["axes"] = axis_count
     check_in_space(kind_name, module_fields, module_values, axis_count)
-    return _completed(module_name, kind_name, module_fields, module_values)
+    return _built_module(module_name, kind_name, module_fields, module_values)
 
 
-def _completed(
+def _built_module(
     module_name: str, kind_name: str, written_fields: dict[str, object], module_values: Values
 ) -> Module:
     """A module of the fields that are built from those that are written."""
     module_kind = KINDS[kind_name]
-    for unbuilt in module_kind.unbuilt:
-        written_fields.pop(unbuilt, None)
+    for source_field in module_kind.source_fields:
+        written_fields.pop(source_field, None)
     module_kind.complete(module_values, written_fields)
     module_kind.check(module_values)
-    becomes, written = (module_kind.becomes, kind_name) if module_kind.becomes else (kind_name, "")
+    becomes, written = (
+        (module_kind.built_kind, kind_name) if module_kind.built_kind else (kind_name, "")
+    )
     return Module(
         module_name,
         becomes,
@@ -380,7 +395,7 @@ def _completed(
     )
 
 
-def instrument(instrument_values: Values, recall: Recall = make_anew) -> Instrument:
+def make_instrument(instrument_values: Values, recall: Recall = make_anew) -> Instrument:
     """An instrument from its values, with `like:` and `from:` already followed; `recall` gives
     modules that were read before.
     """
@@ -390,13 +405,13 @@ def instrument(instrument_values: Values, recall: Recall = make_anew) -> Instrum
     if instrument_values.kind:
         body_values = instrument_values.by_name[instrument_values.kind]
         if body_values is not MISSING and axis_count == 1:
-            body_values = _retuned(instrument_values, body_values)
+            body_values = _with_own_pitch(instrument_values, body_values)
         if (
             body_values is not MISSING
             and body_values is not None
             and has_required_fields(instrument_values.kind, body_values, axis_count)
         ):
-            built.append(module("", instrument_values.kind, body_values, axis_count))
+            built.append(make_module("", instrument_values.kind, body_values, axis_count))
     elif extra_fields := [
         name
         for name in instrument_values.written("t60", "M")
@@ -415,7 +430,7 @@ def instrument(instrument_values: Values, recall: Recall = make_anew) -> Instrum
         instrument_values.error(
             "E202", f"{instrument_values.context.label('f')}: only a BANK has a range", "f"
         )
-    built += modules(instrument_values, axis_count, recall)
+    built += read_modules(instrument_values, axis_count, recall)
     if not instrument_values.kind and not instrument_values.written("modules"):
         instrument_values.error("E103", f"{instrument_values.context.label('')} has no modules")
     if instrument_values.kind and instrument_values.written("modules"):
@@ -449,7 +464,7 @@ def instrument(instrument_values: Values, recall: Recall = make_anew) -> Instrum
         pitch=pitch,
         placing=placing,
         space=space,
-        acts=acts(instrument_values, partial(_modules_of, axes=axis_count, recall=recall)),
+        acts=read_acts(instrument_values, partial(_modules_of, axes=axis_count, recall=recall)),
         loudness=instrument_values["level"],
     )
 
@@ -463,7 +478,7 @@ def _space(space_values: Values) -> Space | None:
     not fit.
     """
     axis_count = space_values["space"] if "space" in space_values.by_name else 1
-    is_written = space_values.record is INSTRUMENT.forms["space"]
+    is_written = space_values.record is INSTRUMENT_SHAPE.forms["space"]
     if is_written and axis_count == 1:  # refused already
         axis_count = len(AXES)
     if axis_count > 1 and not is_written:
@@ -491,7 +506,7 @@ def _placing(module_values: Values | None) -> Placing | None:
 
 
 def _ca_rate(instrument_values: Values) -> float | None:
-    _no_matter(instrument_values)
+    _refuse_materials(instrument_values)
     if instrument_values["units"] != "ca":
         if instrument_values.written("at"):
             instrument_values.error(
@@ -508,7 +523,7 @@ def _ca_rate(instrument_values: Values) -> float | None:
     return instrument_values["at"] or 44100.0
 
 
-def _no_matter(values: Values) -> None:
+def _refuse_materials(values: Values) -> None:
     """Refuse materials under `units: ca`, whose M, K and Z are plain numbers."""
     bodies = [values, *(values["modules"] or {}).values()] if values["units"] == "ca" else []
     for body in bodies:
@@ -522,7 +537,7 @@ def _no_matter(values: Values) -> None:
             body_fields.error("E111", message, "material")
 
 
-def _retuned(instrument_values: Values, body_values: Values) -> Values | None:
+def _with_own_pitch(instrument_values: Values, body_values: Values) -> Values | None:
     """The generator's values with the instrument's own `f`, `t60` and `M`.
 
     A body of a material that has a pitch gets the new one; if its size is incomplete, `f`
@@ -530,9 +545,11 @@ def _retuned(instrument_values: Values, body_values: Values) -> Values | None:
     """
     if instrument_values.kind == "MODES":
         retuned_values = retuned_modes(
-            body_values, instrument_values, lambda f, to: moved("f", f, between(min(f), to))
+            body_values,
+            instrument_values,
+            lambda f, to: transposed_value("f", f, interval_between(min(f), to)),
         )
-        return _followed("MODES", retuned_values)
+        return _completed_values("MODES", retuned_values)
     body_values = from_material(instrument_values.kind, body_values, quietly=True) or body_values
     body_fields, body_nodes = dict(body_values.by_name), dict(body_values.nodes)
     for field_name in instrument_values.written("f", "t60", "M"):
@@ -558,4 +575,4 @@ def _retuned(instrument_values: Values, body_values: Values) -> Values | None:
         body_values.free,
         body_values.kind,
     )
-    return _followed(instrument_values.kind, retuned)
+    return _completed_values(instrument_values.kind, retuned)

@@ -9,11 +9,11 @@ from dataclasses import replace
 from typing import Any
 
 from ergon.instruments import following_names, proxy_names, spread
-from ergon.instruments.laws import LawText, resolved
-from ergon.instruments.members import members
+from ergon.instruments.laws import LawText, with_law_text
+from ergon.instruments.members import parse_members
 from ergon.instruments.model import Layout, Module, Output, Target
-from ergon.instruments.module_kinds import BODIES, GENERATORS, LINKS, member_count
-from ergon.instruments.names import Part, PartNames, Wanted
+from ergon.instruments.module_kinds import BODY_KINDS, GENERATOR_KINDS, LINK_KINDS, member_count
+from ergon.instruments.names import PartContents, PartNames, WantedFamily
 from ergon.instruments.space import NETS
 from ergon.instruments.starts import Start
 from ergon.notation.tables.fields import Values
@@ -30,7 +30,7 @@ class ModuleRules:
 
     def __init__(
         self,
-        part: Part,
+        part: PartContents,
         part_names: PartNames,
         laws: Mapping[str, LawText],
         takes: Mapping[str, Any],
@@ -39,7 +39,7 @@ class ModuleRules:
         """Begin with no module."""
         self._part, self._part_names = part, part_names
         self._laws, self._takes, self._bodies = laws, takes, bodies
-        self._driven: dict[tuple[str, str, object], str] = {}
+        self._driver_of_point: dict[tuple[str, str, object], str] = {}
 
     def resolved(self, module: Module) -> Module | None:
         """A module with every name replaced by its target; None if it was refused."""
@@ -48,34 +48,36 @@ class ModuleRules:
             f"{module.shown_kind} {quote('.'.join(filter(None, (module_part.name, module.name))))}"
         )
         module_fields = dict(module.fields)
-        if module.kind in LINKS:
-            ends = module_fields["between"] = _ends(module, module_part, part_names, module_label)
+        if module.kind in LINK_KINDS:
+            ends = module_fields["between"] = _link_ends(
+                module, module_part, part_names, module_label
+            )
             if "gap" in module_fields and module_part.axes == 1:
-                module_fields["gap"] = spread.gaps(
-                    module, spread.size(ends), module_label, part_names.collector
+                module_fields["gap"] = spread.contact_gaps(
+                    module, spread.link_count(ends), module_label, part_names.collector
                 )
         elif module.kind in ("ENX", "ENF"):
-            _drive(
+            _resolve_drive(
                 module,
                 module_part,
                 part_names,
                 self._takes,
                 module_fields,
-                self._driven,
+                self._driver_of_point,
                 module_label,
             )
         elif module.kind == "SURFACE":
-            module_fields["of"] = _body(module, module_part, part_names, module_label)
+            module_fields["of"] = _carrying_masses(module, module_part, part_names, module_label)
             if module_fields["of"] is None:
                 return None
         elif module.kind == "PROXY":
-            if not proxy_names.resolve(
+            if not proxy_names.resolve_names(
                 module, module_part, part_names, module_fields, module_label
             ):
                 return None
-        elif module.kind in GENERATORS and module_part.axes == 1:
-            _starts(module, module_label, part_names.collector)
-        named = following_names.resolve(
+        elif module.kind in GENERATOR_KINDS and module_part.axes == 1:
+            _check_start_members(module, module_label, part_names.collector)
+        named = following_names.with_targets(
             replace(module, fields=module_fields), module_part, part_names, module_label
         )
         body = self._bodies.get(module.name)
@@ -93,24 +95,28 @@ def with_checked_law(
     are unchanged.
     """
     fields = law_module.fields
-    refused = (n in law_module.places and fields[n] is None for n in ("law", "damping", "points"))
-    if law_module.kind != "LNL" or any(refused):
+    refused_fields = (
+        n in law_module.places and fields[n] is None for n in ("law", "damping", "points")
+    )
+    if law_module.kind != "LNL" or any(refused_fields):
         return law_module
-    return resolved(law_module, laws, module_label, _locator(law_module, body), collector)
+    return with_law_text(
+        law_module, laws, module_label, _place_locator(law_module, body), collector
+    )
 
 
-def _ends(
-    link_module: Module, link_part: Part, part_names: PartNames, module_label: str
+def _link_ends(
+    link_module: Module, link_part: PartContents, part_names: PartNames, module_label: str
 ) -> tuple[Target, ...]:
     """The ends of a link; checks that each <L> point joins one <M> point, and a link two different
     ones.
     """
     names = link_module.fields["between"] or ()
-    wanted: Wanted = "points" if link_part.axes > 1 else "mats"
+    wanted: WantedFamily = "points" if link_part.axes > 1 else "mats"
     targets = (part_names.target(name, wanted, module_label, link_part) for name in names)
     ends = tuple(end for end in targets if end is not None)
     if spread.is_pairwise(link_module.kind, link_module.fields, ends):
-        spread.may_touch_all(
+        spread.may_act_on_all_pairs(
             link_module.kind,
             ends,
             spread.has_wall(link_module.fields),
@@ -118,12 +124,12 @@ def _ends(
             part_names.collector,
         )
     else:
-        spread.is_fitting(ends, module_label, part_names.collector)
+        spread.may_join(ends, module_label, part_names.collector)
     return ends
 
 
-def _body(
-    part_module: Module, seen_from: Part, part_names: PartNames, module_label: str
+def _carrying_masses(
+    part_module: Module, seen_from: PartContents, part_names: PartNames, module_label: str
 ) -> Target | None:
     """The masses that carry a surface, which must be those of a STRING or PLATE; None if an error
     was reported.
@@ -135,18 +141,17 @@ def _body(
     if body_target is None:
         return None
     body_kind = part_names.parts[body_target.part].modules[body_target.module].kind
-    if body_kind not in BODIES:
+    if body_kind not in BODY_KINDS:
         message = (
             f"{module_label}: of: {quote(body_target.text)} is a {body_kind}; a surface is that of "
-            "a "
-            "STRING or a "
+            "a STRING or a "
         )
         part_names.collector.error("E304", f"{message}PLATE: of: gong", body_name.place)
         return None
     return body_target
 
 
-def _starts(generator_module: Module, module_label: str, collector: Collector) -> None:
+def _check_start_members(generator_module: Module, module_label: str, collector: Collector) -> None:
     """Report initial values for members that a generator does not have."""
     count = member_count(generator_module.kind, generator_module.fields)
     for field_name in ("X0", "V0"):
@@ -154,23 +159,23 @@ def _starts(generator_module: Module, module_label: str, collector: Collector) -
         for start_values in starts if isinstance(starts, tuple) else (starts,):
             if isinstance(start_values, Start):
                 try:
-                    members(str(start_values.at), count, generator_module.name or "it")
+                    parse_members(str(start_values.at), count, generator_module.name or "it")
                 except TextError as error:
                     message = f"{module_label}: {field_name}: {error.message}"
                     collector.error("E304", message, start_values.at.place)
 
 
-def _point(target: Target) -> tuple[str, str, object]:
+def _point_key(target: Target) -> tuple[str, str, object]:
     return target.part, target.module, target.first
 
 
-def _drive(
+def _resolve_drive(
     drive_module: Module,
-    drive_part: Part,
+    drive_part: PartContents,
     part_names: PartNames,
     takes: Mapping[str, Any],
     drive_fields: dict[str, Any],
-    driven: dict[tuple[str, str, object], str],
+    driver_of_point: dict[tuple[str, str, object], str],
     module_label: str,
 ) -> None:
     """Look up the target and source of an ENX or ENF, and report two imposed positions at one
@@ -198,12 +203,11 @@ def _drive(
             "do; drive one "
         )
         part_names.collector.error("E304", f"{message}of its masses instead", drive_module.place)
-    first_driver = driven.setdefault(_point(driven_target), drive_module.name)
+    first_driver = driver_of_point.setdefault(_point_key(driven_target), drive_module.name)
     if first_driver != drive_module.name:
         message = (
             f"{module_label}: {first_driver} already imposes the position of {driven_target.text}; "
-            "only "
-            "forces add up"
+            "only forces add up"
         )
         part_names.collector.error("E304", message, drive_module.place)
 
@@ -233,8 +237,8 @@ def _check_input(drive_module: Module, take: Any, module_label: str, collector: 
         collector.error("E111", message, drive_module.places.get("at", drive_module.place))
 
 
-def outputs(
-    output_part: Part,
+def resolved_outputs(
+    output_part: PartContents,
     written: tuple[Output, ...],
     part_names: PartNames,
     layout: Callable[[str, Place], Layout | None],
@@ -246,9 +250,11 @@ def outputs(
             f"{output_part.name}.{written_output.name}" if written_output.name else output_part.name
         )
         output_label = f"{written_output.kind} of {quote(called)}"
-        family = "point" if written_output.is_distance else written_output.traits.sources
+        family = "point" if written_output.is_distance else written_output.kind_facts.sources
         names: tuple[Any, ...] = written_output.targets
-        targets = (target for name in names for target in _each(name, output_part, part_names))
+        targets = (
+            target for name in names for target in _names_of_notes(name, output_part, part_names)
+        )
         target_lists = (
             _output_target(name, family, output_label, output_part, part_names) for name in targets
         )
@@ -257,13 +263,15 @@ def outputs(
             output_targets, output_label, part_names
         ):
             continue
-        room = None
+        loudspeakers = None
         if isinstance(written_output.nearest, str):
-            room = layout(written_output.nearest, written_output.place)
+            loudspeakers = layout(written_output.nearest, written_output.place)
             if not any(module.kind == "BANK" for module in output_part.modules.values()):
                 message = f"{output_label}: `nearest` needs the members of a BANK"
                 part_names.collector.error("E304", message, written_output.place)
-        resolved_outputs.append(replace(written_output, targets=output_targets, nearest=room))
+        resolved_outputs.append(
+            replace(written_output, targets=output_targets, nearest=loudspeakers)
+        )
     return tuple(resolved_outputs)
 
 
@@ -278,7 +286,7 @@ def _is_distance(
     first_target, second_target = output_targets
     axis_counts = [part_names.parts[end.part].axes for end in output_targets]
     problem = ""
-    if _point(first_target) == _point(second_target):
+    if _point_key(first_target) == _point_key(second_target):
         problem = (
             f"both points are {second_target.text}; a distance is that of two different points"
         )
@@ -292,14 +300,18 @@ def _is_distance(
     return not problem
 
 
-def _each(name: Name, part: Part, part_names: PartNames) -> list[Name]:
+def _names_of_notes(name: Name, part: PartContents, part_names: PartNames) -> list[Name]:
     """The name itself; for another instrument with notes, the name of each note."""
-    is_own = name.partition(".")[0] in (*part.modules, *part.selves)
-    return [name] if is_own else part_names.members(name, part.prefix)
+    is_own = name.partition(".")[0] in (*part.modules, *part.self_names)
+    return [name] if is_own else part_names.member_names(name, part.prefix)
 
 
 def _output_target(
-    target_name: Name, family: Any, output_label: str, output_part: Part, part_names: PartNames
+    target_name: Name,
+    family: Any,
+    output_label: str,
+    output_part: PartContents,
+    part_names: PartNames,
 ) -> Target | None:
     """The target of an output. SOF also accepts the ground springs of a CEL or BANK, and all
     springs of a net.
@@ -317,7 +329,7 @@ def _output_target(
     return part_names.target(target_name, family, output_label, output_part)
 
 
-def _locator(part_module: Module, body: Values | None) -> Callable[[str, int, int], Place]:
+def _place_locator(part_module: Module, body: Values | None) -> Callable[[str, int, int], Place]:
     def locate(field: str, offset: int, length: int) -> Place:
         node = body.nodes.get(field) if body else None
         place_at = getattr(node, "place_at", None)

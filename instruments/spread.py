@@ -21,13 +21,18 @@ from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import Collector, quote
 
-_MEMBERS = re.compile(rf"\.{PATTERN}$")
+_MEMBER_SUFFIX = re.compile(rf"\.{PATTERN}$")
 
-MAX_SPREAD = 10_000  # points of one link
-MAX_MEETING = 200_000  # points that meet each other
-MAX_ATTRACTING = 1_000  # points that attract each other: each looks at all others in every frame
+MAX_LINKED_POINTS = 10_000  # points of one link
+MAX_CONTACT_POINTS = 200_000  # points that meet each other
+MAX_ATTRACTED_POINTS = (
+    1_000  # points that attract each other: each looks at all others in every frame
+)
 # Links that act between all pairs: their name, and the largest number of points.
-_PAIRS_MAX = {"BUT": ("a contact", MAX_MEETING), "ATTRACTION": ("an attraction", MAX_ATTRACTING)}
+_PAIRWISE_LIMITS = {
+    "BUT": ("a contact", MAX_CONTACT_POINTS),
+    "ATTRACTION": ("an attraction", MAX_ATTRACTED_POINTS),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +78,10 @@ PROFILE = Record(
     ),
     _profile,
 )
-GAP = Either(k.POSITION, PROFILE, ListOf(k.POSITION, 1, MAX_SPREAD))
+GAP = Either(k.POSITION, PROFILE, ListOf(k.POSITION, 1, MAX_LINKED_POINTS))
 
 
-def size(ends: Sequence[Target]) -> int:
+def link_count(ends: Sequence[Target]) -> int:
     """The number of links between two ends, of which one or both may be ranges."""
     return max((end.count for end in ends), default=1)
 
@@ -87,7 +92,7 @@ def is_pairwise(kind_name: str, link_fields: Mapping[str, Any], ends: Sequence[T
     """
     if kind_name not in ("BUT", "ATTRACTION") or not any(end.points for end in ends):
         return False
-    return size(ends) > 1 or has_wall(link_fields) or link_fields.get("friction", 0.0) > 0.0
+    return link_count(ends) > 1 or has_wall(link_fields) or link_fields.get("friction", 0.0) > 0.0
 
 
 def has_wall(contact_fields: Mapping[str, Any]) -> bool:
@@ -104,21 +109,24 @@ def single_links(link_module: Module) -> Iterator[Module]:
     A link that acts between all points of two ranges is one link; a box is one for each wall.
     """
     ends = link_module.ends
-    n, gap = size(ends), link_module.fields.get("gap")
+    n, gap = link_count(ends), link_module.fields.get("gap")
     if link_module.fields.get("box") is not None:
-        yield from _walls(link_module)
+        yield from _box_walls(link_module)
         return
     if n == 1 or is_pairwise(link_module.kind, link_module.fields, ends):
         yield link_module
         return
     for i in range(n):
-        module_fields = {**link_module.fields, "between": tuple(_member(end, i) for end in ends)}
+        module_fields = {
+            **link_module.fields,
+            "between": tuple(_single_end(end, i) for end in ends),
+        }
         if isinstance(gap, tuple):
             module_fields["gap"] = gap[i]
         yield replace(link_module, name=f"{link_module.name}.{i}", fields=module_fields)
 
 
-def _walls(box_module: Module) -> Iterator[Module]:
+def _box_walls(box_module: Module) -> Iterator[Module]:
     """The walls of a box, two for each axis: planes that face its middle."""
     widths = box_module.fields["box"]
     for axis_index, box_width in enumerate(widths):
@@ -133,17 +141,17 @@ def _walls(box_module: Module) -> Iterator[Module]:
             yield replace(box_module, name=name, fields={**box_module.fields, **wall_fields})
 
 
-def _member(link_end: Target, i: int) -> Target:
+def _single_end(link_end: Target, i: int) -> Target:
     """The end of single link `i`: a range gives its member, a single module stays."""
     if link_end.count == 1 or link_end.first == "centre":
         return link_end
     member = link_end.first + i
     return replace(
-        link_end, first=member, count=1, text=f"{_MEMBERS.sub('', link_end.text)}.{member}"
+        link_end, first=member, count=1, text=f"{_MEMBER_SUFFIX.sub('', link_end.text)}.{member}"
     )
 
 
-def is_fitting(ends: Sequence[Target], link_label: str, collector: Collector) -> bool:
+def may_join(ends: Sequence[Target], link_label: str, collector: Collector) -> bool:
     """Whether two ends make links: one MAT and a range, or two ranges of one size; reports an error
     if not.
     """
@@ -159,18 +167,21 @@ def is_fitting(ends: Sequence[Target], link_label: str, collector: Collector) ->
         message += "; a link joins one module to each of a range, or two ranges of one length"
         collector.error("E304", message, end_place)
         return False
-    if size(ends) > MAX_SPREAD:
-        message = f"{link_label}: a link has at most {MAX_SPREAD:,} points, not {size(ends):,}"
+    if link_count(ends) > MAX_LINKED_POINTS:
+        message = (
+            f"{link_label}: a link has at most {MAX_LINKED_POINTS:,} points, not "
+            f"{link_count(ends):,}"
+        )
         collector.error("E105", message, end_place)
         return False
-    if (shared := _shared(first_end, second_end)) is not None:
-        message = f"{link_label}: both ends are {shared}; a link joins two different points"
+    if (self_joined := _self_joined_point(first_end, second_end)) is not None:
+        message = f"{link_label}: both ends are {self_joined}; a link joins two different points"
         collector.error("E304", message, end_place)
         return False
     return True
 
 
-def may_touch_all(
+def may_act_on_all_pairs(
     kind_name: str, ends: Sequence[Target], is_wall: bool, module_label: str, collector: Collector
 ) -> bool:
     """Whether a contact or an attraction may act between all points of both ends; reports an error
@@ -179,7 +190,7 @@ def may_touch_all(
     if len(ends) != 2:
         return False
     first_end, second_end = ends
-    pair_kind, pairs_limit = _PAIRS_MAX[kind_name]
+    pair_kind, pairs_limit = _PAIRWISE_LIMITS[kind_name]
     problem = ""
     code = "E304"
     if is_wall and first_end.count > second_end.count:
@@ -194,7 +205,7 @@ def may_touch_all(
         and isinstance(first_end.first, int)
     ):
         is_same = (first_end.first, first_end.count) == (second_end.first, second_end.count)
-        last_reason = (
+        common_end = (
             min(first_end.first + first_end.count, second_end.first + second_end.count)
             if isinstance(second_end.first, int)
             else 0
@@ -204,35 +215,37 @@ def may_touch_all(
         elif (
             not is_same
             and isinstance(second_end.first, int)
-            and max(first_end.first, second_end.first) < last_reason
+            and max(first_end.first, second_end.first) < common_end
         ):
             problem = (
                 f"{quote(first_end.text)} and {quote(second_end.text)} have points in common; "
                 "write the same "
             )
             problem += "range twice, or two that have none"
-    if not problem and size(ends) > pairs_limit:
+    if not problem and link_count(ends) > pairs_limit:
         code = "E105"
-        problem = f"{pair_kind} of all pairs has at most {pairs_limit:,} points, not {size(ends):,}"
+        problem = (
+            f"{pair_kind} of all pairs has at most {pairs_limit:,} points, not {link_count(ends):,}"
+        )
     if problem:
         collector.error(code, f"{module_label}: {problem}", second_end.place)
     return not problem
 
 
-def _shared(first_end: Target, second_end: Target) -> str | None:
+def _self_joined_point(first_end: Target, second_end: Target) -> str | None:
     """A point that would be joined to itself; None if there is none."""
     if (first_end.part, first_end.module) != (second_end.part, second_end.module):
         return None
     if "centre" in (first_end.first, second_end.first):
         return second_end.text if first_end.first == second_end.first else None
-    n = size((first_end, second_end))
-    for first, other in ((_member(first_end, i), _member(second_end, i)) for i in range(n)):
+    n = link_count((first_end, second_end))
+    for first, other in ((_single_end(first_end, i), _single_end(second_end, i)) for i in range(n)):
         if first.first == other.first:
             return other.text
     return None
 
 
-def gaps(contact_module: Module, n: int, module_label: str, collector: Collector) -> Any:
+def contact_gaps(contact_module: Module, n: int, module_label: str, collector: Collector) -> Any:
     """The gap of a contact of n points: one for all, or one for each; reports a list of another
     length.
     """

@@ -17,7 +17,7 @@ class Start:
     value: float
 
 
-def start(part_name: str, value_shape: Shape, value_name: str) -> Shape:
+def start_shape(part_name: str, value_shape: Shape, value_name: str) -> Shape:
     """One value for all members, or values of some."""
 
     def build(values: Values) -> Start:

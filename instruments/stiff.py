@@ -14,18 +14,17 @@ from ergon.notation.tables.shapes import MISSING
 INHARMONICITY_MAX = 0.1
 
 
-def _coefficient(string_values: Values) -> Any:
+def _inharmonicity(string_values: Values) -> Any:
     """B = π³·E·r⁴/(4·T·L²) of a round wire, with bending stiffness E·π·r⁴/4 and tension T."""
     young, radius, tension, wire_length = (
         float(string_values[name]) for name in ("young", "radius", "tension", "length")
     )
-    stiffness_ratio = math.pi**3 * young * radius**4 / (4.0 * tension * wire_length**2)
-    if stiffness_ratio <= INHARMONICITY_MAX:
-        return stiffness_ratio
+    inharmonicity = math.pi**3 * young * radius**4 / (4.0 * tension * wire_length**2)
+    if inharmonicity <= INHARMONICITY_MAX:
+        return inharmonicity
     message = (
-        f"{string_values.context.label('inharmonicity')} would be {stiffness_ratio:.3g}, above the "
-        "maximum of "
-        f"{INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
+        f"{string_values.context.label('inharmonicity')} would be {inharmonicity:.3g}, above the "
+        f"maximum of {INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
     )
     string_values.error("E202", message, "radius")
     return MISSING
@@ -40,9 +39,9 @@ _WIRE = Record(
         Field("tension", k.FORCE, "tension T", required=True),
         Field("length", k.SIZE, "length L between its ends", required=True),
     ),
-    _coefficient,
+    _inharmonicity,
 )
-INHARMONICITY = Either(k.INHARMONICITY, _WIRE)
+INHARMONICITY_SHAPE = Either(k.INHARMONICITY, _WIRE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,15 +56,15 @@ class Stretched:
         return self.per_gap * gaps * gaps
 
 
-def _stretched(values: Values) -> Stretched:
-    area = math.pi * float(values["radius"]) ** 2
-    return Stretched(float(values["young"]) * area / (2.0 * float(values["length"]) ** 3))
+def _stretched_wire(values: Values) -> Stretched:
+    section_area = math.pi * float(values["radius"]) ** 2
+    return Stretched(float(values["young"]) * section_area / (2.0 * float(values["length"]) ** 3))
 
 
-_STRETCHED = Record(
+_STRETCHED_WIRE = Record(
     "wire",
     "a round wire that is stretched: q = E·A·n²/(2·L³), n gaps between masses",
     _WIRE.fields[:2] + _WIRE.fields[3:],
-    _stretched,
+    _stretched_wire,
 )
-STRETCHING = Either(k.HARDENING, _STRETCHED)
+STRETCHING_SHAPE = Either(k.HARDENING, _STRETCHED_WIRE)

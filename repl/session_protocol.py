@@ -138,7 +138,7 @@ class SessionProtocol(Protocol):
 
 
 # Alone on a line, or with `now` or a comment: a line that the language refuses must not act.
-_STOP = re.compile(
+_STOP_PATTERN = re.compile(
     r"[ \t]*(?:(?P<panic>pa|pani|panic)|(?P<quit>qui|quit))(?:[ \t]+now)?[ \t\r]*"
     r"(?:(?<=[ \t])#.*)?"
 )
@@ -146,7 +146,9 @@ _STOP = re.compile(
 
 def stop_of(text: str) -> str | None:
     """The stop that a line, or any line of a block, asks for: "panic", "quit" or None."""
-    stops = {match.lastgroup for line in text.split("\n") if (match := _STOP.fullmatch(line))}
+    stops = {
+        match.lastgroup for line in text.split("\n") if (match := _STOP_PATTERN.fullmatch(line))
+    }
     return "panic" if "panic" in stops else "quit" if stops else None
 
 

@@ -8,52 +8,52 @@ from typing import Any
 
 from ergon.common.module_arguments import module_arguments
 from ergon.instruments.materials import MATERIAL_RECORD, MATERIALS
-from ergon.instruments.module_kinds import HOLDERS, KINDS, LINKS, tables
-from ergon.instruments.read import INSTRUMENT, PLACING
+from ergon.instruments.module_kinds import KINDS, LINK_KINDS, POINT_KINDS, tables
+from ergon.instruments.read import INSTRUMENT_SHAPE, PLACING_RECORD
 from ergon.instruments.space.fields import SURFACE_FILE
 from ergon.instruments.spread import PROFILE
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s
 from ergon.scores.reading.automation import AUTOMATION
-from ergon.scores.reading.gesture_tables import GESTURE, TAKE
-from ergon.scores.reading.key_tables import COUPLING, KEY, PLAYER
-from ergon.scores.reading.measured_tables import CALIBRATION, LAYOUT, SPEAKER
-from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY
-from ergon.scores.reading.mix_tables import MASTER, MIX, RENDER, ROUTE
-from ergon.scores.reading.part import PLAY
-from ergon.scores.reading.strike_tables import PHRASE, STRIKES
+from ergon.scores.reading.gesture_tables import GESTURE_RECORD, TAKE_RECORD
+from ergon.scores.reading.key_tables import COUPLING_RECORD, KEY_RECORD, PLAYER_RECORD
+from ergon.scores.reading.measured_tables import CALIBRATION_RECORD, LAYOUT_RECORD, SPEAKER_RECORD
+from ergon.scores.reading.melody import ENTRY_RECORD, PHRASE_ENTRY_RECORD
+from ergon.scores.reading.mix_tables import MASTER_RECORD, MIX_RECORD, RENDER_RECORD, ROUTE_RECORD
+from ergon.scores.reading.part import PLAY_RECORD
+from ergon.scores.reading.strike_tables import PHRASE_RECORD, STRIKES_RECORD
 
 _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("tuning", s.TUNING),
-    ("rates", s.RATES),
-    ("tempo", s.TEMPO),
-    ("meter", s.METERS),
-    ("keys", KEY),
-    ("instruments", INSTRUMENT.forms["si"]),
-    ("instruments: place", PLACING),
-    ("laws", s.LAW),
-    ("gestures", GESTURE),
-    ("takes", TAKE),
-    ("phrases", PHRASE),
-    ("strikes", STRIKES),
-    ("strikes: entries", ENTRY),
-    ("phrases: entries", PHRASE_ENTRY),
-    ("players", PLAYER),
-    ("duet", COUPLING),
-    ("parts", PLAY),
+    ("rates", s.RATES_RECORD),
+    ("tempo", s.TEMPO_RECORD),
+    ("meter", s.METERS_RECORD),
+    ("keys", KEY_RECORD),
+    ("instruments", INSTRUMENT_SHAPE.forms["si"]),
+    ("instruments: place", PLACING_RECORD),
+    ("laws", s.LAW_RECORD),
+    ("gestures", GESTURE_RECORD),
+    ("takes", TAKE_RECORD),
+    ("phrases", PHRASE_RECORD),
+    ("strikes", STRIKES_RECORD),
+    ("strikes: entries", ENTRY_RECORD),
+    ("phrases: entries", PHRASE_ENTRY_RECORD),
+    ("players", PLAYER_RECORD),
+    ("duet", COUPLING_RECORD),
+    ("parts", PLAY_RECORD),
     ("automation", AUTOMATION),
-    ("mix", MIX),
-    ("mix: route", ROUTE),
-    ("mix: master", MASTER),
-    ("render", RENDER),
-    ("accuracy", s.ACCURACY),
-    ("files of `calib:`", CALIBRATION),
-    ("files of `layout:`", LAYOUT),
-    ("files of `layout:`: speakers by angles", SPEAKER),
+    ("mix", MIX_RECORD),
+    ("mix: route", ROUTE_RECORD),
+    ("mix: master", MASTER_RECORD),
+    ("render", RENDER_RECORD),
+    ("accuracy", s.ACCURACY_RECORD),
+    ("files of `calib:`", CALIBRATION_RECORD),
+    ("files of `layout:`", LAYOUT_RECORD),
+    ("files of `layout:`: speakers by angles", SPEAKER_RECORD),
 )
 
 
-_MATTER = (*HOLDERS, *LINKS)
+_MATTER = (*POINT_KINDS, *LINK_KINDS)
 
 
 def _default(field: Field) -> str:

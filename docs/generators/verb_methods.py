@@ -12,7 +12,7 @@ from pathlib import Path
 from ergon.common.module_arguments import module_arguments
 from ergon.repl.language import building
 from ergon.repl.language.forms import Form, Slot
-from ergon.repl.language.playing import PLAYING
+from ergon.repl.language.playing import PLAYING_VALUE
 from ergon.repl.language.verbs import forms_of
 
 _HEAD = '''\
@@ -33,7 +33,7 @@ def text() -> str:
 
 def _method(name: str) -> str:
     forms = list(forms_of(building.FUNCTIONS[name]))
-    takes_options = any(slot.value is PLAYING for form in forms for slot in form.slots)
+    takes_options = any(slot.value is PLAYING_VALUE for form in forms for slot in form.slots)
     names = sorted({word for form in forms for word in _words(form)})
     parameters = ["self"]
     if any(form.slots for form in forms):

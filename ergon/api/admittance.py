@@ -12,7 +12,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
-from .parts import hertz, point, refuse_several_axes
+from .parts import frequency_option, point, refuse_several_axes
 from .pictures import Picture
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.instruments.model import Target
 
-COUNT = 1000
-LOW, HIGH = 20.0, 5000.0  # [Hz]
+DEFAULT_FREQUENCY_COUNT = 1000
+DEFAULT_LOW_HZ, DEFAULT_HIGH_HZ = 20.0, 5000.0  # [Hz]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +36,9 @@ class AdmittanceOptions(ReadOptions):
     (n,) [Hz] replace all of these.
     """
 
-    low: float | str = LOW
-    high: float | str = HIGH
-    count: int = COUNT
+    low: float | str = DEFAULT_LOW_HZ
+    high: float | str = DEFAULT_HIGH_HZ
+    count: int = DEFAULT_FREQUENCY_COUNT
     linear: bool = False
     peaks: bool = False
     frequencies: Sequence[float] | NDArray[np.float64] | None = None
@@ -54,7 +54,10 @@ class AdmittanceOptions(ReadOptions):
             ):
                 raise OptionError("frequencies", "write a row of numbers above 0 [Hz]")
             return frequencies_asked
-        low_hertz, high_hertz = hertz("low", self.low), hertz("high", self.high)
+        low_hertz, high_hertz = (
+            frequency_option("low", self.low),
+            frequency_option("high", self.high),
+        )
         if not low_hertz < high_hertz:
             raise OptionError(
                 "high", f"is {high_hertz:g} Hz; it must be above low, {low_hertz:g} Hz"
@@ -165,7 +168,7 @@ def admittance(
         if options.peaks and options.frequencies is None:
             frequency_axis = _with_peaks(network, part_names, frequency_axis)
         mats = [
-            _masses(
+            _moving_mats(
                 "observed" if number else "forced", end, built.assembly.members(end), part_elements
             )
             for number, end in enumerate((forced_point, *observed_points))
@@ -184,7 +187,7 @@ def admittance(
     )
 
 
-def _masses(
+def _moving_mats(
     option: str,
     forced_target: Target,
     candidates: Sequence[int],

@@ -77,7 +77,7 @@ def render_several(
     renders = _render_requests(paths, folder, options, report)
     if options.on is None:
         for score in renders:
-            yield _rendered(score, report)
+            yield _render_one(score, report)
         return
     from .cluster import open_cluster
 
@@ -108,7 +108,7 @@ def _render_requests(
     if file_options.on is not None:
         check_shared(file_options)
     for path in paths:
-        if Path(path).suffix == scores.JOURNAL or str(path) == scores.STDIN:
+        if Path(path).suffix == scores.JOURNAL_SUFFIX or str(path) == scores.STDIN:
             raise ErgonError(
                 f"{path} cannot be rendered together with other scores; render it alone"
             )
@@ -153,7 +153,7 @@ def _refuse_mistakes(read: Sequence[Loaded]) -> None:
         )
 
 
-def _rendered(score: _RenderRequest, report: Report) -> Rendered:
+def _render_one(score: _RenderRequest, report: Report) -> Rendered:
     try:
         prepared = prepare(score.loaded, score.target, score.options, report)
         return Rendered(score.score, write(prepared, report))
@@ -165,7 +165,7 @@ def _rendered(score: _RenderRequest, report: Report) -> Rendered:
 
 
 @dataclass(slots=True)
-class _SharedScore:
+class _SharedRender:
     """A score that a thread renders, and how many chains of stretches and modules it has."""
 
     score: str
@@ -178,14 +178,16 @@ def _render_concurrently(
     renders: Sequence[_RenderRequest], cluster: Cluster, report: Report
 ) -> Iterator[Rendered]:
     """Render scores at the same time, as many as keep all workers busy."""
-    locked_report = _Locked(report)
+    locked_report = _LockedReport(report)
     renders_left = list(reversed(renders))
-    running: dict[cf.Future[Completed], _SharedScore] = {}
+    running: dict[cf.Future[Completed], _SharedRender] = {}
     workers_max = min(_CONCURRENT_SCORES_MAX, 2 * cluster.count + 1)
     with cf.ThreadPoolExecutor(workers_max, "ergon-render") as pool:
         try:
             while renders_left or running:
-                if renders_left and _is_room(running.values(), cluster.count, workers_max):
+                if renders_left and _may_start_another(
+                    running.values(), cluster.count, workers_max
+                ):
                     score = renders_left.pop()
                     try:
                         prepared = prepare(score.loaded, score.target, score.options, locked_report)
@@ -195,11 +197,11 @@ def _render_concurrently(
                     score_work = _shared_score(score.score, prepared, cluster.count)
                     running[
                         pool.submit(
-                            partial(_write, score_work.work, prepared, locked_report, cluster)
+                            partial(_write_score, score_work.work, prepared, locked_report, cluster)
                         )
                     ] = score_work
                 # If there is room for another score, do not wait: yield only what has ended by now.
-                has_more = bool(renders_left) and _is_room(
+                has_more = bool(renders_left) and _may_start_another(
                     running.values(), cluster.count, workers_max
                 )
                 limit = 0.0 if has_more else _POLL_SECONDS
@@ -210,7 +212,7 @@ def _render_concurrently(
                 score_work.work.cancel()
 
 
-def _is_room(running: Iterable[_SharedScore], render_count: int, limit: int) -> bool:
+def _may_start_another(running: Iterable[_SharedRender], render_count: int, limit: int) -> bool:
     """Whether workers may be idle, and memory is left for another score."""
     running_list = list(running)
     return len(running_list) < limit and (
@@ -223,13 +225,13 @@ def _is_room(running: Iterable[_SharedScore], render_count: int, limit: int) -> 
     )
 
 
-def _shared_score(score: str, prepared: PreparedRender, count: int) -> _SharedScore:
+def _shared_score(score: str, prepared: PreparedRender, count: int) -> _SharedRender:
     stage = prepared.stage
     n_chains = chain_count(count, stage.simulation)
-    return _SharedScore(score, n_chains, stage.network.n_mat + stage.network.n_lia, _core.Work())
+    return _SharedRender(score, n_chains, stage.network.n_mat + stage.network.n_lia, _core.Work())
 
 
-def _write(
+def _write_score(
     work: _core.Work, prepared: PreparedRender, report: Report, cluster: Cluster
 ) -> Completed:
     with work:
@@ -246,7 +248,7 @@ def _result_of(score: str, future: cf.Future[Completed]) -> Rendered:
     return Rendered(score, None, error)
 
 
-class _Locked(Report):
+class _LockedReport(Report):
     """Passes messages on, one at a time; the progress of single scores is dropped."""
 
     __slots__ = ("_lock", "_report")

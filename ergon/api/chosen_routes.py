@@ -32,7 +32,7 @@ def choose_routes(loaded: Loaded, only: str | None, except_: str | None) -> Load
             option_name, "the score has no routes; write them in `mix`, or use --stems"
         )
     chosen_names = [name.strip() for name in names_text.split(",")]
-    _check(piece, option_name, chosen_names)
+    _check_names(piece, option_name, chosen_names)
     routes = tuple(
         route
         for route in piece.mix.routes
@@ -48,7 +48,7 @@ def _is_from(piece: Piece, route: Route, names: Collection[str]) -> bool:
     return route.part in names or families.get(str(route.part), "") in names
 
 
-def _check(piece: Piece, option: str, chosen_names: Collection[str]) -> None:
+def _check_names(piece: Piece, option: str, chosen_names: Collection[str]) -> None:
     from ergon.notation.text.spelling import nearest
 
     part_names = [*piece.instruments, *piece.families]

@@ -36,14 +36,15 @@ if TYPE_CHECKING:
 
 K = TypeVar("K")
 V = TypeVar("V")
-_LOCAL_MAX = 1024
-_RETRIES = 10  # attempts for a request whose worker died
-_CONNECTING = 20.0  # [s]
-_LOOK_EVERY = 1.0  # [s] between looks at the connection
-_BEGINNINGS = 5
-_LOST = 30  # looks without a scheduler or without workers, until that is an error
-_LOGS = ("asyncio", "distributed", "tornado")  # loggers of Dask and of the libraries below it
-_ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
+_LOCAL_WORKERS_MAX = 1024
+_TASK_RETRIES = 10  # attempts for a request whose worker died
+_CONNECT_SECONDS_MAX = 20.0  # [s]
+_POLL_SECONDS = 1.0  # [s] between looks at the connection
+_START_ATTEMPTS = 5
+_LOST_POLLS_MAX = 30  # looks without a scheduler or without workers, until that is an error
+# Loggers of Dask and of the libraries below it.
+_SILENCED_LOGGERS = ("asyncio", "distributed", "tornado")
+_ADDRESS_PATTERN = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
 
 
 @dataclass(slots=True)
@@ -68,19 +69,19 @@ class Cluster:
 
     def executor(self) -> Executor:
         """An executor on the workers; a task is repeated if its worker dies."""
-        executor: Executor = self.client.get_executor(retries=_RETRIES, pure=False)
+        executor: Executor = self.client.get_executor(retries=_TASK_RETRIES, pure=False)
         return executor
 
     def wait(self, futures: Sequence[Future[Any]]) -> None:
         """Return when one of the futures has ended. Raises ClusterError if no worker is left."""
         without = 0
-        while not cf.wait(futures, _LOOK_EVERY, FIRST_COMPLETED).done:
+        while not cf.wait(futures, _POLL_SECONDS, FIRST_COMPLETED).done:
             _core.poll()
             if self.client.status == "running" and self._n_workers():
                 without = 0
                 continue
             without += 1
-            if self.client.status in ("closing", "closed") or without > _LOST:
+            if self.client.status in ("closing", "closed") or without > _LOST_POLLS_MAX:
                 raise self.lost()
 
     def computed(
@@ -145,7 +146,7 @@ class Cluster:
 
 
 @dataclass(slots=True)
-class Sharing:
+class SharedWorkers:
     """Workers that compute stretches of one piece; `rendering.remote.Workers`."""
 
     cluster: Cluster
@@ -159,7 +160,7 @@ class Sharing:
 
     def submit(self, request: Request) -> Future[Answer]:
         """Have a request computed."""
-        return self.executor.submit(cluster_worker.stretch, self.job, request)
+        return self.executor.submit(cluster_worker.compute_stretch, self.job, request)
 
     def wait(self, futures: Sequence[Future[Answer]]) -> None:
         """Return when one of them has ended."""
@@ -177,19 +178,19 @@ class Sharing:
 
 def count_of(on: str, report: Report) -> int:
     """How many processes "local:N" or a scheduler has. Raises OptionError and ClusterError."""
-    local = _local(on)
+    local = _local_count(on)
     if local is not None:
         return local
     with open_cluster(on, report) as cluster:
         return cluster.count
 
 
-def _local(on: str) -> int | None:
+def _local_count(on: str) -> int | None:
     """N of "local:N"; None for an address. Raises OptionError."""
     local = re.fullmatch(r"local:(\d+)", on)
-    if local is not None and not 1 <= int(local[1]) <= _LOCAL_MAX:
-        raise OptionError("on", f"local:{local[1]}: the number is from 1 to {_LOCAL_MAX}")
-    if local is None and not _ADDRESS.fullmatch(on):
+    if local is not None and not 1 <= int(local[1]) <= _LOCAL_WORKERS_MAX:
+        raise OptionError("on", f"local:{local[1]}: the number is from 1 to {_LOCAL_WORKERS_MAX}")
+    if local is None and not _ADDRESS_PATTERN.fullmatch(on):
         reason = f"'{on}' is neither local:N nor an address such as tcp://HOST:8786"
         raise OptionError("on", reason)
     return None if local is None else int(local[1])
@@ -201,25 +202,25 @@ def open_cluster(on: str, report: Report) -> Iterator[Cluster]:
 
     At the end `report` gets the amount of render work of each. Raises OptionError, ClusterError.
     """
-    local = _local(on)
+    local = _local_count(on)
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
-        raise ClusterError(_missing("dask and distributed")) from None
-    _silence()
+        raise ClusterError(_missing_package_error("dask and distributed")) from None
+    _silence_logs()
     with contextlib.ExitStack() as stack:
         address: Any = on
         if local is not None:
-            address = _begun(stack, local)
+            address = _started_cluster(stack, local)
         try:
-            security = _encrypted(distributed, on) if on.startswith("tls:") else None
+            security = _security(distributed, on) if on.startswith("tls:") else None
             client = stack.enter_context(
-                distributed.Client(address, timeout=_CONNECTING, security=security)
+                distributed.Client(address, timeout=_CONNECT_SECONDS_MAX, security=security)
             )
-            client.wait_for_workers(1, timeout=_CONNECTING)
+            client.wait_for_workers(1, timeout=_CONNECT_SECONDS_MAX)
         except TimeoutError:
             raise ClusterError(
-                f"{on}: no worker answers within {_CONNECTING:g} s; `dask scheduler` and "
+                f"{on}: no worker answers within {_CONNECT_SECONDS_MAX:g} s; `dask scheduler` and "
                 "`dask worker ADDRESS` start what is missing"
             ) from None
         except (OSError, RuntimeError) as error:
@@ -234,7 +235,7 @@ def open_cluster(on: str, report: Report) -> Iterator[Cluster]:
             cluster.tell(report)
 
 
-def _encrypted(distributed: Any, on: str) -> Any:
+def _security(distributed: Any, on: str) -> Any:
     """The certificates of Dask's configuration. Raises ClusterError if they are missing or
     invalid.
     """
@@ -254,23 +255,23 @@ def _encrypted(distributed: Any, on: str) -> Any:
     return security
 
 
-def _silence() -> None:
+def _silence_logs() -> None:
     """Silence the logs of Dask, which repeat each failure: ergon reports it once, as a sentence."""
-    for name in (*_LOGS, *logging.root.manager.loggerDict):
-        if name.partition(".")[0] in _LOGS:
+    for name in (*_SILENCED_LOGGERS, *logging.root.manager.loggerDict):
+        if name.partition(".")[0] in _SILENCED_LOGGERS:
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
-def _begun(stack: contextlib.ExitStack, process_count: int) -> Any:
+def _started_cluster(stack: contextlib.ExitStack, process_count: int) -> Any:
     """Start processes on this machine, and try again if one dies meanwhile. Raises ClusterError."""
     from .local_workers import local_cluster
 
     failure_reason = ""
-    for _ in range(_BEGINNINGS):
+    for _ in range(_START_ATTEMPTS):
         try:
-            return stack.enter_context(local_cluster(process_count, _RETRIES))
+            return stack.enter_context(local_cluster(process_count, _TASK_RETRIES))
         except ImportError:  # the library that makes certificates is missing
-            raise ClusterError(_missing("cryptography")) from None
+            raise ClusterError(_missing_package_error("cryptography")) from None
         except NotPrivateError as error:
             raise ClusterError(f"local:{process_count}: {error}") from None
         except (RuntimeError, OSError) as error:
@@ -278,14 +279,14 @@ def _begun(stack: contextlib.ExitStack, process_count: int) -> Any:
     raise ClusterError(f"local:{process_count}: the processes did not start: {failure_reason}")
 
 
-def _missing(package: str) -> str:
+def _missing_package_error(package: str) -> str:
     return f"--on needs {package}; install what is missing by: {install_command('cluster')}"
 
 
-def share_work(cluster: Cluster, job: Job) -> Sharing:
+def share_work(cluster: Cluster, job: Job) -> SharedWorkers:
     """Workers for the islands of a job."""
     job_future = cluster.client.submit(cluster_worker.return_job, job, pure=False)
-    return Sharing(cluster, cluster.executor(), job_future)
+    return SharedWorkers(cluster, cluster.executor(), job_future)
 
 
 def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -> Job:
@@ -298,7 +299,9 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
     assert planned_accuracy is not None
     score = next(iter(loaded.files))  # the score is read first
     score_content = bundled(score, loaded)
-    plan_text = plan_file.text(plan.choices(), plan.hash, budget=dict(budget_of(planned_accuracy)))
+    plan_text = plan_file.plan_text(
+        plan.choices(), plan.hash, budget=dict(budget_of(planned_accuracy))
+    )
     score_digest = hashlib.sha256(plan_text.encode()).hexdigest()
     return Job(
         version=cluster_worker.version(),

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 # Bound on the modules of all staged pieces in memory; a single piece may have any number.
 MODULES_MAX = 1_000_000
-_JOBS_MAX = 16
+_STAGED_JOBS_MAX = 16
 _FORMAT_VERSION = 1  # version of jobs, requests and answers
 
 
@@ -50,7 +50,7 @@ class Job(TypedDict):
 
 def version() -> list[Any]:
     """The versions that must be equal on a worker and on its client."""
-    return [_core.__version__, plan_file.VERSION, _FORMAT_VERSION]
+    return [_core.__version__, plan_file.PLAN_VERSION, _FORMAT_VERSION]
 
 
 def check_version(versions_asked: list[Any]) -> None:
@@ -68,7 +68,7 @@ def check_version(versions_asked: list[Any]) -> None:
 
 
 @dataclass(slots=True, eq=False)
-class _Ready:
+class _StagedJob:
     """A staged piece; given the states of islands, its simulation computes any stretch."""
 
     digest: str
@@ -78,8 +78,8 @@ class _Ready:
 
 
 # One stretch at a time: a worker is one process per core. The piece used last is at the end.
-lock = threading.Lock()
-_ready: list[_Ready] = []
+staging_lock = threading.Lock()
+_staged_jobs: list[_StagedJob] = []
 
 
 def return_job(job: Job) -> Job:
@@ -87,17 +87,17 @@ def return_job(job: Job) -> Job:
     return job
 
 
-def stretch(job: Job, request: Request) -> Answer:
+def compute_stretch(job: Job, request: Request) -> Answer:
     """Compute a stretch of some islands of a job."""
     start_time = time.perf_counter()
     stretch_answer = Answer(
         worker=f"{socket.gethostname()}:{os.getpid()}", seconds=0.0, sounds=[], states=[]
     )
-    with lock:
+    with staging_lock:
         try:
-            staged_job = _staged(job)
+            staged_job = _staged_job(job)
             for island_request in request["islands"]:
-                sound, state = _advanced(staged_job, request, island_request)
+                sound, state = _computed_island(staged_job, request, island_request)
                 stretch_answer["sounds"].append(sound)
                 stretch_answer["states"].append(state)
         except _core.DivergedError:
@@ -110,12 +110,12 @@ def stretch(job: Job, request: Request) -> Answer:
     return stretch_answer
 
 
-def _staged(job: Job) -> _Ready:
+def _staged_job(job: Job) -> _StagedJob:
     """The staged piece of a job; the pieces used last stay staged. Raises ErgonError."""
-    for staged_job in _ready:
+    for staged_job in _staged_jobs:
         if staged_job.digest == job["digest"]:
-            _ready.remove(staged_job)
-            _ready.append(staged_job)
+            _staged_jobs.remove(staged_job)
+            _staged_jobs.append(staged_job)
             return staged_job
     check_version(job["version"])
     with unpack(job["content"]) as path:
@@ -131,18 +131,20 @@ def _staged(job: Job) -> _Ready:
             )
     simulation, network = staged.stage.simulation, staged.stage.network
     n_modules = network.n_mat + network.n_lia
-    while _ready and (len(_ready) >= _JOBS_MAX or _n_modules() + n_modules > MODULES_MAX):
-        _ready.pop(0)
-    _ready.append(_Ready(job["digest"], simulation, simulation.storable(), n_modules))
-    return _ready[-1]
+    while _staged_jobs and (
+        len(_staged_jobs) >= _STAGED_JOBS_MAX or _n_modules() + n_modules > MODULES_MAX
+    ):
+        _staged_jobs.pop(0)
+    _staged_jobs.append(_StagedJob(job["digest"], simulation, simulation.storable(), n_modules))
+    return _staged_jobs[-1]
 
 
 def _n_modules() -> int:
-    return sum(staged_job.n_modules for staged_job in _ready)
+    return sum(staged_job.n_modules for staged_job in _staged_jobs)
 
 
-def _advanced(
-    staged_job: _Ready, request: Request, island_request: IslandRequest
+def _computed_island(
+    staged_job: _StagedJob, request: Request, island_request: IslandRequest
 ) -> tuple[bytes, bytes]:
     """Compute a stretch of an island: its sound, and its state after it."""
     first_frame, stop_frame, island_number = (
@@ -169,5 +171,5 @@ def _advanced(
         )
         return sound_frames, simulation.recorded(island).state
     except BaseException:
-        _ready.remove(staged_job)  # stopped in the middle of a frame
+        _staged_jobs.remove(staged_job)  # stopped in the middle of a frame
         raise

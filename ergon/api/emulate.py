@@ -42,8 +42,8 @@ DEVICES: dict[DeviceName, _Device] = {
     "frame": _Device(1, 20.0, {"pty": "frame", "udp": "frame+udp"}),
     "haply": _Device(3, 10.0, {"ws": "haply"}),
 }
-_TICK = 44100 / 44  # periods a second: a tick of 44 samples
-_CEL = 0.05, 0.0, 1.0  # mass [kg], stiffness [N/m] and damping [N·s/m] of a key
+_DEFAULT_TICK_HZ = 44100 / 44  # periods a second: a tick of 44 samples
+_DEFAULT_CEL = 0.05, 0.0, 1.0  # mass [kg], stiffness [N/m] and damping [N·s/m] of a key
 
 
 def _quantity(default: float | None, shown: str, dimension: str, help: str) -> Any:
@@ -69,9 +69,9 @@ class EmulationOptions:
         metavar="PORT",
     )
     axes: int | None = option(None, "Number of keys; for a frame alone.", Integer(1, 16))
-    mass: float = _quantity(_CEL[0], "50g", "MASS", "Mass of each key.")
-    stiffness: float = _quantity(_CEL[1], "0N/m", "STIFFNESS", "Spring of each key.")
-    damping: float = _quantity(_CEL[2], "1Ns/m", "DAMPING", "Damping of each key.")
+    mass: float = _quantity(_DEFAULT_CEL[0], "50g", "MASS", "Mass of each key.")
+    stiffness: float = _quantity(_DEFAULT_CEL[1], "0N/m", "STIFFNESS", "Spring of each key.")
+    damping: float = _quantity(_DEFAULT_CEL[2], "1Ns/m", "DAMPING", "Damping of each key.")
     calib: Path | None = option(
         None,
         "Make each key that of a score with this calibration file: its mass, spring, damping, "
@@ -108,7 +108,9 @@ class EmulationOptions:
     force_step: float | None = _quantity(
         None, "exact", "FORCE", "Resolution of each motor's force."
     )
-    rate: float = _quantity(_TICK, "1002Hz", "FREQUENCY", "Periods a second of the device.")
+    rate: float = _quantity(
+        _DEFAULT_TICK_HZ, "1002Hz", "FREQUENCY", "Periods a second of the device."
+    )
     gesture: Sequence[str] = option(
         (),
         "Gesture of a hand on the next key, such as '0mm@0 6mm@1/8 0mm@1/2'; repeatable.",
@@ -153,7 +155,7 @@ def emulate(
     from ergon import _core
 
     default_url = DEVICES[device]
-    _check(device, options)
+    _check_options(device, options)
     transport, port = _transport(device, options)
     axis_count = options.axes or default_url.axes
     suffix = "?lockstep" if options.lockstep else ""
@@ -167,12 +169,12 @@ def emulate(
         transport,
         tell_url,
         port=port,
-        paths=_paths(options, 0 if options.free else axis_count),
+        paths=_hand_paths(options, 0 if options.free else axis_count),
         hand=(options.hand, options.grip),
         axes=axis_count,
         force_max=default_url.force if options.force_max is None else options.force_max,
-        model=_model(options),
-        network=None if options.calib is None else _measured(options.calib, options.travel),
+        model=_key_model(options),
+        network=None if options.calib is None else _measured_key(options.calib, options.travel),
         force_step=options.force_step or 0.0,
         touch_gate=device == "firefader" if options.gate is None else options.gate,
         mass=options.mass,
@@ -190,7 +192,7 @@ def emulate(
     )
 
 
-def _check(device: DeviceName, emulation_options: EmulationOptions) -> None:
+def _check_options(device: DeviceName, emulation_options: EmulationOptions) -> None:
     """Refuse options that contradict each other, or the device. Raises EmulationError."""
     default_url = DEVICES[device]
     if emulation_options.axes not in (None, default_url.axes) and device != "frame":
@@ -212,7 +214,7 @@ def _check(device: DeviceName, emulation_options: EmulationOptions) -> None:
         emulation_options.mass,
         emulation_options.stiffness,
         emulation_options.damping,
-    ) == _CEL
+    ) == _DEFAULT_CEL
     dynamic_options = (
         emulation_options.weight,
         *emulation_options.friction,
@@ -225,7 +227,7 @@ def _check(device: DeviceName, emulation_options: EmulationOptions) -> None:
         )
 
 
-def _model(emulation_options: EmulationOptions) -> NDArray[np.float64] | None:
+def _key_model(emulation_options: EmulationOptions) -> NDArray[np.float64] | None:
     """The parameters of the model of a key (`_core.key_path`); None if the key is a plain CEL."""
     key_weight, friction, delay = (
         emulation_options.weight,
@@ -245,7 +247,7 @@ def _model(emulation_options: EmulationOptions) -> NDArray[np.float64] | None:
     return np.array([*cel, key_weight, dry, rest_position, delay, *friction_curve, *modes])
 
 
-def _measured(calib: Path, travel: float) -> tuple[_core.Network, int, float, float]:
+def _measured_key(calib: Path, travel: float) -> tuple[_core.Network, int, float, float]:
     """The network of a key from a calibration file, the MAT that ergons strike, the constant force
     there [N], and the delay of its motor [s].
     """
@@ -261,8 +263,8 @@ def _measured(calib: Path, travel: float) -> tuple[_core.Network, int, float, fl
         )
     calibrated_key = loaded.piece.keys["k"]
     assembly = Assembly()
-    assembly.part(calibrated_key.name, calibrated_key.modules)
-    assembly.joins(calibrated_key.name, calibrated_key.modules)
+    assembly.add_part(calibrated_key.name, calibrated_key.modules)
+    assembly.add_links(calibrated_key.name, calibrated_key.modules)
     push = sum(module.fields["from"] for module in calibrated_key.modules if module.kind == "ENF")
     assert calibrated_key.measured is not None
     return (
@@ -292,19 +294,19 @@ def _transport(device: DeviceName, emulation_options: EmulationOptions) -> tuple
     return transport_name, port
 
 
-def _paths(emulation_options: EmulationOptions, fingers: int) -> list[NDArray[np.float64]]:
+def _hand_paths(emulation_options: EmulationOptions, fingers: int) -> list[NDArray[np.float64]]:
     """The positions (n,) [m] of each hand; then an empty path for each finger that rests."""
     import numpy as np
 
     from ergon.notation.text.errors import TextError
     from ergon.scores.gesture import notation
-    from ergon.scores.gesture.sampled import sampled
+    from ergon.scores.gesture.sampled import sampled_positions
 
     paths = []
     for gesture_text in emulation_options.gesture:
         try:
             paths.append(
-                sampled(
+                sampled_positions(
                     notation.parse(gesture_text).points,
                     60 / emulation_options.tempo,
                     emulation_options.rate,

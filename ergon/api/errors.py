@@ -73,13 +73,13 @@ class OptionError(ErgonError):
     @property
     def on_command_line(self) -> str:
         """The message with the option as the command line writes it: `--gain: …`."""
-        flag_name, flag_reason = _flag(self.option), self.reason
+        flag_name, flag_reason = _command_line_flag(self.option), self.reason
         if self.excludes is not None:
-            flag_reason = f"excludes {_flag(self.excludes)}{self._advice}"
+            flag_reason = f"excludes {_command_line_flag(self.excludes)}{self._advice}"
         return f"{flag_name}{'' if self.value is None else f' {self.value}'}: {flag_reason}"
 
 
-def _flag(option: str) -> str:
+def _command_line_flag(option: str) -> str:
     return f"--{option.strip('_').replace('_', '-')}"
 
 
@@ -96,7 +96,7 @@ class DeviceError(ErgonError):
     """A sound card or a force-feedback device is not there, or does not answer."""
 
 
-def not_begun(error: _core.EngineError, sentence: str) -> ErgonError:
+def not_started_error(error: _core.EngineError, sentence: str) -> ErgonError:
     """The error for a performance that could not start: of its recording's file, or of a device."""
     from ergon.exchange.safe import FileRefusedError
 

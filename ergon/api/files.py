@@ -30,7 +30,7 @@ def render_to_file(
     DivergedError, OptionError, and FileRefusedError where a file may not be written.
     """
     options, report = options or FileOptions(), report or Report()
-    if Path(score).suffix == scores.JOURNAL:
+    if Path(score).suffix == scores.JOURNAL_SUFFIX:
         return render_journal(Path(score), out, options, report).files
     loaded = scores.read(score, options, report)
     return write(prepare(loaded, target(score, loaded, out), options, report), report).files

@@ -29,7 +29,7 @@ SUFFIX = ".motion"
 _INSTRUMENT_SPACING = 1.3  # [m] between instruments that the score does not place
 _KEYS_Y = -1.3  # [m] in front of the instruments
 _KEY_WIDTH = 0.1  # [m]
-_ROW = 0.6  # length of a row of modules without a place, as part of the bench
+_KEY_ROW_SPACING = 0.6  # length of a row of modules without a place, as part of the bench
 _LAYOUTS = {"BANK": "bank", "MODES": "bank", "STRING": "string", "PLATE": "plate"}
 
 
@@ -82,14 +82,14 @@ def _recorder_arguments(
         "look": look,
         "timeline": stage.timeline,
         "manifest": json.dumps(manifest(stage, look, duration), ensure_ascii=False),
-        "places": _places(stage, look),
-        "keys": [mat for _, mat, _ in _keys(stage)],
+        "places": _point_places(stage, look),
+        "keys": [mat for _, mat, _ in _key_entries(stage)],
         "n_speakers": stage.n_channels,
         "fps": FPS,
     }
 
 
-def _keys(stage: Stage) -> list[tuple[str, int, bool]]:
+def _key_entries(stage: Stage) -> list[tuple[str, int, bool]]:
     """Keys, with the MAT of each and whether a real hand plays it.
 
     Keys without a real hand come first.
@@ -130,7 +130,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
         "duration": duration,
         "points": len(point_index),
         "modes": look.n_modes,
-        "parts": [_part(stage, run.part, run) for run in look.runs()],
+        "parts": [_part_entry(stage, run.part, run) for run in look.runs()],
         "space": [axes for axes in in_space if None not in axes],
         "keys": [
             {
@@ -139,7 +139,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
                 "player": players.get(name),
                 "hand": is_real,
             }
-            for name, mat, is_real in _keys(stage)
+            for name, mat, is_real in _key_entries(stage)
         ],
         "contacts": [{"name": name, "a": a, "b": b} for name, a, b in contacts],
         "speakers": list(_speakers(stage)),
@@ -152,7 +152,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
     }
 
 
-def _part(stage: Stage, instrument_name: str, run: LookRun) -> dict[str, Any]:
+def _part_entry(stage: Stage, instrument_name: str, run: LookRun) -> dict[str, Any]:
     mode_table = None
     if run.modes is not None:
         mode_table = dict(zip(("first", "count", "of"), run.modes, strict=True))
@@ -162,22 +162,22 @@ def _part(stage: Stage, instrument_name: str, run: LookRun) -> dict[str, Any]:
         "first": run.first,
         "count": run.count,
         "kind": run.kind,
-        "layout": _layout(stage, instrument_name),
+        "layout": _layout_kind(stage, instrument_name),
         "why": "frozen" if is_frozen else run.why,
         "modes": mode_table,
         "exaggeration": 1.0
-        if _axes(stage, instrument_name) > 1
+        if _axis_count(stage, instrument_name) > 1
         else None,  # positions in space are true to scale
     }
 
 
-def _axes(stage: Stage, name: str) -> int:
+def _axis_count(stage: Stage, name: str) -> int:
     """How many axes the masses of a key or an instrument move along."""
     instrument = stage.piece.instruments.get(name)
     return instrument.axes if instrument else 1
 
 
-def _layout(stage: Stage, instrument_name: str) -> str:
+def _layout_kind(stage: Stage, instrument_name: str) -> str:
     if instrument_name in stage.piece.keys:
         return "key"
     instrument = stage.piece.instruments.get(instrument_name)
@@ -210,7 +210,7 @@ def _speakers(stage: Stage) -> Iterator[dict[str, Any]]:
         }
 
 
-def _places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
+def _point_places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
     """The position of each point at rest [m], (n_points, 3).
 
     Instruments lie where the score places them; without a place, in the middle of the layout, or
@@ -234,10 +234,10 @@ def _places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
         else:
             instrument_size, middle = _placing(stage, instrument_name, instruments)
             if (
-                _axes(stage, instrument_name) == 1
+                _axis_count(stage, instrument_name) == 1
             ):  # points in space are where their coordinates say
                 bench = np.array([network.position_of(mats[point]) for point in point_indices])
-                point_places[point_indices, :2] = instrument_size * _spread(bench)
+                point_places[point_indices, :2] = instrument_size * _centred_bench(bench)
             point_places[point_indices] += middle
     return point_places
 
@@ -268,12 +268,12 @@ def _placing(
     return 1.0, (x, instrument_number // columns * _INSTRUMENT_SPACING, 0.0)
 
 
-def _spread(bench: NDArray[np.float64]) -> NDArray[np.float64]:
+def _centred_bench(bench: NDArray[np.float64]) -> NDArray[np.float64]:
     """Positions on the bench (n_points, 2); points that are all in its middle are set in a row."""
     import numpy as np
 
     loose = np.flatnonzero((bench == 0.0).all(axis=1))
     spread_bench = bench.copy()
     if len(loose) > 1:
-        spread_bench[loose, 0] = _ROW * (np.arange(len(loose)) / (len(loose) - 1) - 0.5)
+        spread_bench[loose, 0] = _KEY_ROW_SPACING * (np.arange(len(loose)) / (len(loose) - 1) - 0.5)
     return spread_bench

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from ergon.space.fold_filters import Field
     from ergon.space.head import Head
 
-_AMBISONICS = "ambix"
-_BLOCK = 65_536  # frames
-_WRITTEN: dict[Bits, Bits] = {
+_AMBISONICS_PREFIX = "ambix"
+_BLOCK_FRAMES = 65_536  # frames
+_WRITTEN_BITS: dict[Bits, Bits] = {
     8: 16,
     32: "float",
     "double": "float",
@@ -107,10 +107,10 @@ def fold_file(
     input_files = (path, *([Path(options.head)] if options.head else []))
     if target_path != "-":
         check_target(Path(target_path), force=options.force, inputs=input_files)
-    source_file, effects = _source(path, info, options, report)
-    filters, adm_chunks = _filters(source_file, (to, options.head), info.format.rate, report)
-    filters = _without(effects, filters)
-    bits: Bits = options.bits or _WRITTEN.get(info.format.bits, info.format.bits)
+    source_file, effects = _source_field(path, info, options, report)
+    filters, adm_chunks = _fold_filters(source_file, (to, options.head), info.format.rate, report)
+    filters = _filters_without(effects, filters)
+    bits: Bits = options.bits or _WRITTEN_BITS.get(info.format.bits, info.format.bits)
     if info.damage is not None:
         report.warn(f"{path}: {info.damage}")
     format = WaveFormat(info.format.rate, filters.shape[1], bits)
@@ -128,14 +128,14 @@ def fold_file(
     ):
         true_peak, n_folded = _core.TruePeak(format.n_channels), 0
         blocks = _folded_file(path, info, sound.read_blocks(path), fold.tail)
-        for fold_block in _folded(blocks, fold, format.n_channels):
+        for fold_block in _folded_blocks(blocks, fold, format.n_channels):
             spool.take(fold_block)
             true_peak.process(fold_block)
             n_folded += len(fold_block)
             progress.update(n_folded)
-        fold_gain = _gain(options, format, spool.peak, true_peak.peak)
+        fold_gain = _fold_gain(options, format, spool.peak, true_peak.peak)
         writer = sound.writer(target_path, file, format, n_frames, stamp)
-        for fold_block in spool.blocks(_BLOCK):
+        for fold_block in spool.blocks(_BLOCK_FRAMES):
             if format.bits == "float":
                 writer.write(_core.single(fold_block * fold_gain, 1.0))  # type: ignore[arg-type]
             else:
@@ -149,7 +149,9 @@ def fold_file(
     )
 
 
-def _gain(fold_options: FoldOptions, format: WaveFormat, peak: float, true_peak: float) -> float:
+def _fold_gain(
+    fold_options: FoldOptions, format: WaveFormat, peak: float, true_peak: float
+) -> float:
     """The gain (a ratio) of a fold: as asked, or less where it would clip. Raises OptionError."""
     gain_asked = 1.0 if fold_options.gain is None else asked_gain(fold_options.gain)
     if format.bits == "float" or gain_asked * peak <= 1.0:
@@ -159,9 +161,8 @@ def _gain(fold_options: FoldOptions, format: WaveFormat, peak: float, true_peak:
     raise OptionError(
         "gain",
         f"the fold would clip: its peak would be {20.0 * log10(gain_asked * peak):+.1f} dBFS; the "
-        "most "
-        f"is {-20.0 * log10(peak):.2f} dB in {format.bits} bits. Leave the option out, and the "
-        "fold is turned down as far as it must be, or write floats",
+        f"most is {-20.0 * log10(peak):.2f} dB in {format.bits} bits. Leave the option out, and "
+        "the fold is turned down as far as it must be, or write floats",
         value=fold_options.gain,
     )
 
@@ -187,11 +188,15 @@ def fold_of(
         reason = "the score does not say where its loudspeakers are: write `mix: {layout: …}` in it"
         raise OptionError("to", reason, value=options.to)
     fold_to = options.to, options.head
-    filters, _ = _filters(_in_order(layout), fold_to, piece.rate, report or Report())
-    return _core.Fold(_without(layout.others(piece.mix.channels), filters))
+    filters, _ = _fold_filters(
+        _speakers_by_channel(layout), fold_to, piece.rate, report or Report()
+    )
+    return _core.Fold(
+        _filters_without(layout.channels_without_loudspeaker(piece.mix.channels), filters)
+    )
 
 
-def _folded(
+def _folded_blocks(
     blocks: Iterator[NDArray[np.float64]], fold: _core.Fold, n_channels: int
 ) -> Iterator[NDArray[np.float64]]:
     """The folded blocks, each a new array."""
@@ -225,20 +230,20 @@ def _folded_file(
     yield np.zeros((tail_frames, info.format.n_channels))
 
 
-def _order(layout_word: str, option: str) -> int | None:
+def _ambisonics_order(layout_word: str, option: str) -> int | None:
     """The order of `ambix5`; None for another word. Raises OptionError."""
     from ergon.space.ambisonics import ORDER_MAX
 
-    if not layout_word.startswith(_AMBISONICS) or Path(layout_word).suffix:
+    if not layout_word.startswith(_AMBISONICS_PREFIX) or Path(layout_word).suffix:
         return None
-    digits = layout_word.removeprefix(_AMBISONICS)
+    digits = layout_word.removeprefix(_AMBISONICS_PREFIX)
     if digits not in map(str, range(1, ORDER_MAX + 1)):
-        reason = f"the order of Ambisonics is 1 to {ORDER_MAX}, such as {_AMBISONICS}5"
+        reason = f"the order of Ambisonics is 1 to {ORDER_MAX}, such as {_AMBISONICS_PREFIX}5"
         raise OptionError(option, reason, value=layout_word)
     return int(digits)
 
 
-def _in_order(layout: Layout) -> Field:
+def _speakers_by_channel(layout: Layout) -> Field:
     """The loudspeakers of a layout in the order of their channels."""
     from ergon.space.fold_filters import Field
 
@@ -246,7 +251,9 @@ def _in_order(layout: Layout) -> Field:
     return Field(tuple(place for _, place in placed))
 
 
-def _named(field_word: str, option_name: str, report: Report) -> tuple[Field, tuple[int, ...]]:
+def _field_of_word(
+    field_word: str, option_name: str, report: Report
+) -> tuple[Field, tuple[int, ...]]:
     """The field that a word names: an order of Ambisonics, or the loudspeakers of a layout; and the
     channels, from 0, that lie between those of the field.
     """
@@ -255,19 +262,21 @@ def _named(field_word: str, option_name: str, report: Report) -> tuple[Field, tu
 
     from .layouts import NoLayoutError, read_layout
 
-    order = _order(field_word, option_name)
+    order = _ambisonics_order(field_word, option_name)
     if order is not None:
         return Field(order=order), ()
     try:
         layout = read_layout(field_word, report)
-        return _in_order(layout), layout.others(layout.n_channels)
+        return _speakers_by_channel(layout), layout.channels_without_loudspeaker(layout.n_channels)
     except NoLayoutError as error:
         raise OptionError(
-            option_name, f"{error}, or {_AMBISONICS}1 to {_AMBISONICS}{ORDER_MAX}"
+            option_name, f"{error}, or {_AMBISONICS_PREFIX}1 to {_AMBISONICS_PREFIX}{ORDER_MAX}"
         ) from None
 
 
-def _without(left_out: tuple[int, ...], filters: NDArray[np.float64]) -> NDArray[np.float64]:
+def _filters_without(
+    left_out: tuple[int, ...], filters: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """The filters of all channels, of which the others are not heard."""
     if not left_out:
         return filters
@@ -278,7 +287,7 @@ def _without(left_out: tuple[int, ...], filters: NDArray[np.float64]) -> NDArray
     return all_filters
 
 
-def _source(
+def _source_field(
     path: Path, info: WaveInfo, fold_options: FoldOptions, report: Report
 ) -> tuple[Field, tuple[int, ...]]:
     """What the channels of a file are: as `fold_options` say, or else as the file says; and which
@@ -291,7 +300,7 @@ def _source(
 
     channel_kind = "for low-frequency effects"
     if fold_options.layout is not None:
-        field_names, effects = _named(fold_options.layout, "layout", report)
+        field_names, effects = _field_of_word(fold_options.layout, "layout", report)
         channel_kind = "not among the loudspeakers of the layout"
     else:
         unknown_reason = "it does not say what its channels are"
@@ -312,14 +321,13 @@ def _source(
         if first_channels:
             channel_words = (
                 f"channels {', '.join(first_channels)} and {last_channel} are {channel_kind}, and "
-                "are "
-                "left out"
+                "are left out"
             )
         report.warn(f"{path}: {channel_words}")
     return field_names, effects
 
 
-def _filters(
+def _fold_filters(
     source_field: Field, fold_to: tuple[str, str | Path | None], rate: float, report: Report
 ) -> tuple[NDArray[np.float64], Field | None]:
     """Filters (n_in, n_out, n_taps), and the target if it is a field, not stereo or two ears.
@@ -337,20 +345,22 @@ def _filters(
     if to == "stereo":
         return fold_filters.to_stereo(source_field), None
     if to == "binaural":
-        head_responses = head.kemar() if sofa is None else _head(sofa, source_field)
+        head_responses = head.kemar() if sofa is None else _head_of_file(sofa, source_field)
         return fold_filters.to_ears(source_field, head_responses, rate), None
-    target_field, left_out = _named(to, "to", report)
+    target_field, left_out = _field_of_word(to, "to", report)
     try:
         filters = fold_filters.to_field(source_field, target_field)
         if left_out:
-            filters_by_ear = _without(left_out, filters.transpose(1, 0, 2)).transpose(1, 0, 2)
+            filters_by_ear = _filters_without(left_out, filters.transpose(1, 0, 2)).transpose(
+                1, 0, 2
+            )
             return np.ascontiguousarray(filters_by_ear), None
         return filters, target_field
     except ArrayError as error:
         raise OptionError("to", str(error), value=to) from None
 
 
-def _head(path: str | Path, source_field: Field) -> Head:
+def _head_of_file(path: str | Path, source_field: Field) -> Head:
     """The head of a SOFA file, for the directions of a field."""
     from ergon.exchange import sofa
     from ergon.space import fold_filters, head

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 # Extra time [s]: with a real hand a piece may be longer, as the hand's stand-in ends with a tick.
-_LONGER = 1.0
+_EXTRA_SECONDS = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,9 +76,9 @@ def prepare(
     """Stage a score of which only these parts are heard."""
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    _are_there(piece, parts)
+    _check_instruments(piece, parts)
     live = [player.name for player in piece.players.values() if player.hand == "live"]
-    _are_free(piece, parts, live, "freeze")
+    _check_untouched(piece, parts, live, "freeze")
     stage = scores.stage_piece(
         loaded,
         options,
@@ -87,15 +87,15 @@ def prepare(
         threads=options.threads,
         silent=[part for part in _audible_parts(piece) if part not in parts],
     ).stage
-    folder = Path(out) if out is not None else _folder(str(score))
+    folder = Path(out) if out is not None else _frozen_folder(str(score))
     taps = {part: stage.listening.taps(part) for part in parts}
-    n_frames = stage.n_frames + int(_LONGER * stage.rate)
+    n_frames = stage.n_frames + int(_EXTRA_SECONDS * stage.rate)
     return PreparedFreeze(folder, taps, n_frames, loaded, stage)
 
 
 def write(prepared: PreparedFreeze, options: FreezeOptions, report: Report) -> Frozen:
     """Compute and write the parts."""
-    from ergon.rendering.frozen import write as write_files
+    from ergon.rendering.frozen import write_frozen_parts as write_files
 
     stage, loaded = prepared.stage, prepared.loaded
     with (
@@ -105,7 +105,7 @@ def write(prepared: PreparedFreeze, options: FreezeOptions, report: Report) -> F
         return write_files(
             stage,
             prepared.taps,
-            _source(loaded, stage),
+            _frozen_source(loaded, stage),
             prepared.folder,
             progress.update,
             n_frames=prepared.n_frames,
@@ -115,7 +115,7 @@ def write(prepared: PreparedFreeze, options: FreezeOptions, report: Report) -> F
         )
 
 
-def _folder(path: str) -> Path:
+def _frozen_folder(path: str) -> Path:
     if path == scores.STDIN:
         raise OptionError("output", "a score from stdin has no name for the folder; name one")
     folder = Path(path).with_suffix(".frozen")
@@ -128,7 +128,7 @@ def _audible_parts(piece: Piece) -> list[str]:
     return list(dict.fromkeys(instrument.name for _, instrument, _ in audible_outputs(piece)))
 
 
-def _are_there(piece: Piece, part_names: Iterable[str]) -> None:
+def _check_instruments(piece: Piece, part_names: Iterable[str]) -> None:
     from ergon.notation.text.spelling import nearest
 
     audible_names = _audible_parts(piece)
@@ -146,7 +146,9 @@ def _are_there(piece: Piece, part_names: Iterable[str]) -> None:
         raise OptionError("freeze", f"the score has no instrument '{frozen_part}'{hint}")
 
 
-def _are_free(piece: Piece, part_names: Collection[str], live: Iterable[str], option: str) -> None:
+def _check_untouched(
+    piece: Piece, part_names: Collection[str], live: Iterable[str], option: str
+) -> None:
     from ergon.scores.staging.reach import ties
 
     tied_names = ties(piece, part_names, live)
@@ -154,7 +156,7 @@ def _are_free(piece: Piece, part_names: Collection[str], live: Iterable[str], op
         raise OptionError(option, "; ".join(map(str, tied_names)))
 
 
-def _source(loaded: Loaded, stage: Stage) -> Source:
+def _frozen_source(loaded: Loaded, stage: Stage) -> Source:
     from ergon import _core
     from ergon.exchange.frozen import Source
 
@@ -199,15 +201,13 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
     if frozen_source.seed != seed:
         raise refused(
             f"the parts were frozen with seed {frozen_source.seed}, and this performance has seed "
-            f"{seed}; "
-            f"--seed {frozen_source.seed} plays them, `{freeze_command} --seed {seed}` freezes "
-            "them again"
+            f"{seed}; --seed {frozen_source.seed} plays them, `{freeze_command} --seed {seed}` "
+            "freezes them again"
         )
     if frozen_source.rate != piece.rate:
         raise refused(
             f"the parts were frozen at {frozen_source.rate:g} Hz, and the score has {piece.rate:g} "
-            "Hz; "
-            f"`{freeze_command}` freezes them again"
+            f"Hz; `{freeze_command}` freezes them again"
         )
     if frozen_source.version != _core.__version__:
         report.warn(
@@ -220,7 +220,7 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
 def are_free(piece: Piece, frozen: Frozen, real_players: Iterable[str]) -> None:
     """Raise OptionError if a hand can feel a frozen part."""
     live = [player.name for player in piece.players.values() if player.hand == "live"]
-    _are_free(piece, frozen.parts, dict.fromkeys((*live, *real_players)), "frozen")
+    _check_untouched(piece, frozen.parts, dict.fromkeys((*live, *real_players)), "frozen")
 
 
 def verified(stage: Stage, frozen: Frozen, folder: Path) -> list[VerifiedStem]:

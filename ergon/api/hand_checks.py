@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 from ergon.common.report import Report
 
 from .errors import OptionError
-from .pages import ANYWHERE, serve
+from .pages import ANY_LOCAL_PORT, serve
 
 if TYPE_CHECKING:
     from ergon.live.fitness import Finding
     from ergon.live.led_hands import LedHands
 
 _POLL_SECONDS = 0.02  # [s] between two looks whether something came
-_WAIT = 120.0  # [s] for the first position
+_WAIT_SECONDS_MAX = 120.0  # [s] for the first position
 
 
 def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> list[Finding]:
@@ -43,11 +43,11 @@ def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> l
     server = None
     try:
         if hands.page_leads:
-            server = serve(ANYWHERE, "hands", report, leads=hands.page_leads)
+            server = serve(ANY_LOCAL_PORT, "hands", report, leads=hands.page_leads)
             report.say(f"play the keys at {server.url}hands.html")
         for sentence in hands.sentences:
             report.say(sentence)
-        _wait(hands, seconds, report)
+        _wait_for_hands(hands, seconds, report)
         return [
             describe_arrivals(board, board.lead) for board in hands.boards if board.lead is not None
         ]
@@ -57,12 +57,12 @@ def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> l
         hands.close()
 
 
-def _wait(hands: LedHands, wait_seconds: float, report: Report) -> None:
+def _wait_for_hands(hands: LedHands, wait_seconds: float, report: Report) -> None:
     """Wait until each input has been measured, or has sent nothing for long."""
     leads = [board.lead for board in hands.boards if board.lead is not None]
     report.say(f"move each input for {wait_seconds:g} s")
     start_by_hand: dict[str, float] = {}
-    end = time.monotonic() + _WAIT
+    end = time.monotonic() + _WAIT_SECONDS_MAX
     while time.monotonic() < end:
         now = time.monotonic()
         for lead in leads:

@@ -20,9 +20,11 @@ if TYPE_CHECKING:
 
     from .options import PerformanceOptions
 
-_LET_GO = "{}: let go of the key: a small pulse of force finds the direction of its motor"
-_LET_GO_ALL = "{}: let go of the keys: small pulses of force find the directions of their motors"
-_STIFFEST = 1e6  # [N/m] of a led key: it yields 20 µm to the greatest force
+_LET_GO_MESSAGE = "{}: let go of the key: a small pulse of force finds the direction of its motor"
+_LET_GO_ALL_MESSAGE = (
+    "{}: let go of the keys: small pulses of force find the directions of their motors"
+)
+_GUIDE_STIFFNESS_MAX = 1e6  # [N/m] of a led key: it yields 20 µm to the greatest force
 
 
 def boards_of(piece: Piece, options: PerformanceOptions) -> list[Board]:
@@ -104,14 +106,16 @@ def led_hands(piece: Piece, boards: Sequence[Board], report: Report) -> LedHands
 def _led_key(score_key: Key) -> LedKey:
     """Travel, spring and rest of a key of the score, for one that is played without a device."""
     from ergon.live.led_address import LedKey
-    from ergon.scores.staging.version_glides import ties
+    from ergon.scores.staging.version_glides import cel_constants
 
     travel = score_key.travel or LedKey().travel
     (struck_cel,) = (module for module in score_key.modules if module.name == score_key.struck)
     if struck_cel.kind != "CEL":
         return LedKey(travel)
-    stiffness, _, _ = ties(struck_cel.fields)
-    return LedKey(travel, min(stiffness, _STIFFEST), float(struck_cel.fields.get("rest") or 0.0))
+    stiffness, _, _ = cel_constants(struck_cel.fields)
+    return LedKey(
+        travel, min(stiffness, _GUIDE_STIFFNESS_MAX), float(struck_cel.fields.get("rest") or 0.0)
+    )
 
 
 def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) -> list[Board]:
@@ -135,14 +139,16 @@ def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) 
         ]
         players = [player for axes in unsure for _, player in axes]
         if players:
-            request = _LET_GO if len(players) == 1 else _LET_GO_ALL
+            request = _LET_GO_MESSAGE if len(players) == 1 else _LET_GO_ALL_MESSAGE
             report.say(request.format(", ".join(players)))
         trials = _tried_together(boards, unsure, calibrations)
         for board, axes, board_calibrations, moved in zip(
             boards, unsure, calibrations, trials, strict=True
         ):
             for number, player in axes:
-                _try(board, number, player, board_calibrations, moved.get(number), report)
+                _find_direction(
+                    board, number, player, board_calibrations, moved.get(number), report
+                )
     except BoardError as error:
         raise OptionError("live", str(error)) from None
     except _core.EngineError as error:
@@ -180,7 +186,7 @@ def _tried_together(
         return list(pool.map(trial, range(len(boards))))
 
 
-def _try(
+def _find_direction(
     board: Board,
     axis_number: int,
     player: str,

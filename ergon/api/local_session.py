@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
-from ergon.rendering.level import HIGHPASS
+from ergon.rendering.level import HIGHPASS_HZ
 
 from . import freeze
 from . import score as scores
-from .errors import OptionError, not_begun
+from .errors import OptionError, not_started_error
 from .fold import fold_of
 from .gain import gain_of
 from .hands import boards_of, calibrated_boards, driven_players, led_hands
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 # Time that a change needs from the session to the physics thread, on a busy machine too [s].
-_CHANGE_LEAD = 0.006
+_CHANGE_LEAD_SECONDS = 0.006
 _THREAD_SWITCH_SECONDS = 0.0005  # [s]
 _GainAndReference = tuple[float, float | None]  # gain, and reference level: ratios
 
@@ -61,15 +61,15 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     from ergon.repl.session.session import Session
 
     is_seen = sees_all(options)
-    first_version = _beginning(path, options, report)
+    first_version = _session_beginning(path, options, report)
     version, piece = first_version.version, first_version.version.piece
     boards = boards_of(piece, options)
     driven = driven_players(piece, options, boards)
     real_hands = {player: None for board in boards for _, player in board.axes}
-    folder, frozen = _frozen(version, first_version.frozen, real_hands, options, report)
+    folder, frozen = _frozen_and_folder(version, first_version.frozen, real_hands, options, report)
     boards = calibrated_boards(boards, options.unchecked, report)
     with scores.staging(version.texts.load, report):
-        config = _config(piece, options, boards, first_version.levels, frozen, report)
+        config = _performance_config(piece, options, boards, first_version.levels, frozen, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
     led = led_hands(piece, boards, report)
@@ -88,7 +88,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         config = replace(
             config, record=hands, about=about, pages=pages, boards=led.boards, driven=driven
         )
-        make, opening = _engine(
+        make, opening = _make_engine(
             version,
             first_version.clock,
             first_version.past,
@@ -101,7 +101,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
             session = Session(
                 version,
                 make,
-                margin=_CHANGE_LEAD,
+                margin=_CHANGE_LEAD_SECONDS,
                 journal=journal,
                 real=real_hands,
                 store=user_store(),
@@ -127,11 +127,11 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     attach_midi(session, engine.performance, ports)
     if osc is not None:
         session.attach(SessionOsc(session, osc, engine.performance))
-    _run(session)
+    _start_session(session)
     return session
 
 
-def _run(session: Session) -> None:
+def _start_session(session: Session) -> None:
     """Start a session that is ready, and set the process up for it."""
     from ergon import _core
     from ergon.repl.prompt.signals import signals_blocked_in_threads
@@ -162,7 +162,7 @@ class _SummarisedHands:
 
 
 @dataclass(frozen=True, slots=True)
-class _Beginning:
+class _SessionBeginning:
     """The beginning of a session: its first version, and where the piece stands.
 
     A resumed session also has the versions before, the gain and the reference level at which it
@@ -177,7 +177,9 @@ class _Beginning:
     frozen: FrozenFolder | None = None
 
 
-def _beginning(path: str | None, session_options: SessionOptions, report: Report) -> _Beginning:
+def _session_beginning(
+    path: str | None, session_options: SessionOptions, report: Report
+) -> _SessionBeginning:
     """The beginning of a session of a score, or of the journal that it resumes."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
@@ -198,7 +200,7 @@ def _beginning(path: str | None, session_options: SessionOptions, report: Report
                 report.warn(gap)
             opening = journal_content.start
             gain_and_reference = opening.gain, opening.reference
-            return _Beginning(
+            return _SessionBeginning(
                 *resumed_state(journal_content),
                 gain_and_reference,
                 journal_content.disk,
@@ -215,10 +217,10 @@ def _beginning(path: str | None, session_options: SessionOptions, report: Report
     )
     piece = scores.piece_of(loaded)
     texts = Texts.read(path, scores.bounds(path, session_options.trust))
-    return _Beginning(Version(0, "", texts, piece), Clock())
+    return _SessionBeginning(Version(0, "", texts, piece), Clock())
 
 
-def _empty_piece() -> _Beginning:
+def _empty_piece() -> _SessionBeginning:
     """The beginning of a piece that is typed from nothing; `save` writes it."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
@@ -228,10 +230,10 @@ def _empty_piece() -> _Beginning:
 
     texts = Texts(str(free_path(Path("piece.yaml"))), _EMPTY_PIECE)
     piece = scores.piece_of(texts.load())
-    return _Beginning(Version(0, "", texts.complete(), piece), Clock(), disk=Disk())
+    return _SessionBeginning(Version(0, "", texts.complete(), piece), Clock(), disk=Disk())
 
 
-def _frozen(
+def _frozen_and_folder(
     version: Version,
     folder: FrozenFolder | None,
     real_players: Collection[str],
@@ -268,7 +270,7 @@ def _frozen(
     return folder.beside(Path(session_options.journal)), loaded_parts
 
 
-def _config(
+def _performance_config(
     piece: Piece,
     session_options: SessionOptions,
     boards: Sequence[Board],
@@ -292,7 +294,7 @@ def _config(
         audio=audio,
         gain=gain,
         limit=master.limit if master is not None and master.limit is not None else 1.0,
-        highpass=HIGHPASS,
+        highpass=HIGHPASS_HZ,
         reference=reference,
         boards=boards,
         force_max=session_options.force_max,
@@ -309,18 +311,18 @@ def _preflight_stage(piece: Piece, frozen: Sequence[LoadedPart]) -> Stage:
     from ergon.exchange.plan_store import user_store
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.frozen_parts import place_samples
-    from ergon.repl.session.running import rehearsal
+    from ergon.repl.session.running import rehearsal_piece
     from ergon.scores.staging.stage import stage
 
     if not (piece.parts or piece.strikes):
-        piece, frozen = rehearsal(piece), ()
+        piece, frozen = rehearsal_piece(piece), ()
     silent = frozenset(part.name for part in frozen)
     staged = stage(piece, planned=True, store=user_store(), silent=silent, on_fault="mute")
     staged.placed = place_samples(frozen, staged.listening, Clock(0.0), staged.rate)
     return staged
 
 
-def _engine(
+def _make_engine(
     version: Version,
     clock: Clock,
     past: PastVersions | None,
@@ -341,7 +343,7 @@ def _engine(
             with signals_blocked_in_threads():  # threads of the physics must not get these signals
                 engine = LiveEngine(stage, config)
         except _core.EngineError as error:
-            raise not_begun(error, str(error)) from None
+            raise not_started_error(error, str(error)) from None
         report.say(engine.performance.output())
         if sentence := engine.performance.sound_input().sentence:
             report.say(f"input: {sentence}")

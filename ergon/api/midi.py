@@ -78,10 +78,10 @@ def attach_midi(session: Session, performance: _core.Performance, ports: MidiPor
     if ports.clock_from is not None:
         ear = HearingClock(session.schedule.rate, 0)
         clock = ClockIn(session, ear.instant_of, ports.clock_from)
-        session.attach(clock, partial(_followed, ear, clock, performance))
+        session.attach(clock, partial(_follow_clock, ear, clock, performance))
 
 
-def _followed(
+def _follow_clock(
     ear: HearingClock, clock: ClockIn, performance: _core.Performance, instant_now: float
 ) -> None:
     ear.update(performance.status(), instant_now)

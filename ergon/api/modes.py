@@ -15,7 +15,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
-from .parts import hertz, selected_parts
+from .parts import frequency_option, selected_parts
 from .pictures import Picture, table_html
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
 
-COUNT = 20  # modes of each part, by default
+DEFAULT_MODE_COUNT = 20  # modes of each part, by default
 
 
 @renamed(to="upto")
@@ -45,7 +45,9 @@ class ModesOptions(ReadOptions):
         None, "All modes up to this frequency, such as 5kHz.", metavar="FREQUENCY"
     )
     count: int | None = option(
-        None, f"So many modes of each part; without --upto and --count {COUNT}.", Integer(1)
+        None,
+        f"So many modes of each part; without --upto and --count {DEFAULT_MODE_COUNT}.",
+        Integer(1),
     )
     around: float | str | None = option(
         None, "The modes next to a frequency or note, such as A3.", metavar="FREQUENCY"
@@ -57,19 +59,19 @@ class ModesOptions(ReadOptions):
             for name, value in (("count", self.count), ("around", self.around)):
                 if value is not None:
                     raise OptionError(name, "; give one of the two", excludes="upto")
-            return {"to": hertz("upto", self.upto)}
-        mode_count = COUNT if self.count is None else self.count
+            return {"to": frequency_option("upto", self.upto)}
+        mode_count = DEFAULT_MODE_COUNT if self.count is None else self.count
         if mode_count < 1:
             raise OptionError("count", f"is {mode_count}; it must be at least 1")
         if self.around is not None:
-            return {"count": mode_count, "around": hertz("around", self.around)}
+            return {"count": mode_count, "around": frequency_option("around", self.around)}
         return {"count": mode_count}
 
 
-_LEVEL_MIN = -200.0  # [dB] lower levels are shown as no motion
-_LOWEST_NOTE = 8.0  # [Hz] below it is the rigid motion of a free body
+_LEVEL_DB_MIN = -200.0  # [dB] lower levels are shown as no motion
+_NOTE_HZ_MIN = 8.0  # [Hz] below it is the rigid motion of a free body
 # A motion that seems to decay for longer than 11 days is undamped; the rest is rounding [s].
-_LONGEST_T60 = 1e6
+_T60_SECONDS_MAX = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +113,7 @@ class PartModes:
         from ergon.notation.tables.notes import nearest_note
 
         pitches = (float(f) for f in self.frequencies)
-        return tuple(nearest_note(f) if f >= _LOWEST_NOTE else ("", 0.0) for f in pitches)
+        return tuple(nearest_note(f) if f >= _NOTE_HZ_MIN else ("", 0.0) for f in pitches)
 
     def plot(self) -> Picture:
         """The modes by pitch, and cents from the nearest note."""
@@ -159,7 +161,7 @@ def mode_words(part: PartModes) -> list[str]:
     """`1  A4 +2.1  0.5 s` for each mode."""
     modes_with_decays = zip(part.frequencies, part.t60, part.notes, strict=True)
     return [
-        f"{number}  {f'{note} {cents:+.1f}' if note else f'{f:.3g} Hz'}  {_t60(float(t60))}"
+        f"{number}  {f'{note} {cents:+.1f}' if note else f'{f:.3g} Hz'}  {_t60_text(float(t60))}"
         for number, (f, t60, (note, cents)) in enumerate(modes_with_decays, 1)
     ]
 
@@ -174,15 +176,15 @@ def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
             note,
             f"{cents:+.1f}" if note else "",
             f"{f:.2f} Hz",
-            _t60(float(t60)),
-            *("–" if level[i] < _LEVEL_MIN else f"{level[i]:.1f} dB" for level in levels),
+            _t60_text(float(t60)),
+            *("–" if level[i] < _LEVEL_DB_MIN else f"{level[i]:.1f} dB" for level in levels),
         )
         for i, (f, t60, (note, cents)) in enumerate(modes_with_decays)
     ]
     return [("", "note", "cents", "frequency", "T60", *part.points), *mode_lines]
 
 
-def _t60(decay_seconds: float) -> str:
+def _t60_text(decay_seconds: float) -> str:
     if isinf(decay_seconds):
         return "no loss"
     minutes, seconds = divmod(int(decay_seconds), 60)
@@ -223,7 +225,7 @@ def modes_of(
     network = built.network
     asked_modes = _engine_modes(network, name, search_bounds)
     decay = -asked_modes.poles.real
-    is_damped = decay > LN_1000 / _LONGEST_T60
+    is_damped = decay > LN_1000 / _T60_SECONDS_MAX
     t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay, 1.0), np.inf)
     slots = points_of(piece, built, name, asked_modes.mats)
     points_by_name = {
@@ -267,7 +269,7 @@ def points_of(
     """
     slots = {mat: slot for slot, mat in enumerate(mats)}
     slots_by_point = {}
-    for point_text, targets in _points(piece, name):
+    for point_text, targets in _named_points(piece, name):
         all_mats = [mat for target in targets for mat in built.assembly.members(target)]
         mat_slots = [slots[mat] for mat in all_mats if mat in slots]
         if mat_slots:
@@ -279,7 +281,7 @@ def points_of(
     return slots_by_point
 
 
-def _points(piece: Piece, part_name: str) -> Iterator[tuple[str, Sequence[Target]]]:
+def _named_points(piece: Piece, part_name: str) -> Iterator[tuple[str, Sequence[Target]]]:
     """The points where a part is heard, named after the output, and those where it is struck or
     touched, with the name "".
     """

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 THREADS = min(2, os.cpu_count() or 1)  # one simulates, one mixes and writes
-_BLOCK_MAX = 1 << 20  # frames: 24 s; more takes memory and gains nothing
+_BLOCK_FRAMES_MAX = 1 << 20  # frames: 24 s; more takes memory and gains nothing
 
 
 @documented
@@ -180,7 +180,7 @@ class RenderOptions(AccuracyOptions):
     block: int = option(
         4096,
         "Frames computed at once; the bytes are the same for any number.",
-        Integer(1, _BLOCK_MAX),
+        Integer(1, _BLOCK_FRAMES_MAX),
     )
     hands: Path | str | None = option(
         None,

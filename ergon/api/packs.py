@@ -61,7 +61,7 @@ def pack(
         raise OptionError("output", "a score from stdin has no name for the pack; name one")
     target_path = str(out) if out is not None else f"{Path(score).stem}{SUFFIX}"
     loaded = scores.read(score, options, report)
-    packed_content = _packed(str(score), loaded)
+    packed_content = _packed_files(str(score), loaded)
     pack_data = pack_bytes(packed_content)
     _check_same(packed_content, loaded)
     with open_for_writing(target_path, binary=True, force=force, inputs=loaded.inputs) as file:
@@ -75,7 +75,7 @@ def opened_pack(path: str | Path) -> Iterator[Path]:
 
     Messages name its files `PACK:FILE`. Raises PackError and OSError.
     """
-    with _unpacked(read_pack(Path(path)), str(path)) as score:
+    with _unpacked_score(read_pack(Path(path)), str(path)) as score:
         yield score
 
 
@@ -90,11 +90,11 @@ def unpack(path: str | Path, folder: str | Path | None = None) -> Path:
     target_folder = Path(folder) if folder is not None else Path(Path(path).stem)
     with new_folder(target_folder) as part:
         write_files(pack, part)
-        (part / _marker()).touch()
+        (part / _marker_content()).touch()
     return target_folder / pack.score
 
 
-def _packed(score: str, loaded: Loaded) -> Pack:
+def _packed_files(score: str, loaded: Loaded) -> Pack:
     """The files of a score, in their places relative to each other; those that ship are beside the
     score, where they take precedence.
     """
@@ -102,13 +102,13 @@ def _packed(score: str, loaded: Loaded) -> Pack:
     from ergon.notation.text.files import shipped
 
     scores.piece_of(loaded)
-    score_place = _place(score)
+    score_place = _place_in_folder(score)
     packed: dict[str, bytes] = {}
     n_bytes_left = BYTES_MAX
     for input_name in dict.fromkeys(map(str, loaded.inputs)):
         ships = shipped(Path(input_name))
         packed_name = (
-            _place(input_name)
+            _place_in_folder(input_name)
             if ships is None
             else os.path.join(os.path.dirname(score_place), ships)
         )
@@ -121,8 +121,7 @@ def _packed(score: str, loaded: Loaded) -> Pack:
         if packed.setdefault(packed_name, packed_bytes) != packed_bytes:
             raise PackError(
                 f"{packed_name} and the file {ships} of the library would be one file in a pack; "
-                "rename "
-                "your own"
+                "rename your own"
             )
         n_bytes_left = max(0, n_bytes_left - len(packed_bytes))
     root = os.path.commonpath([os.path.dirname(path) for path in packed])
@@ -134,7 +133,7 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
     """Raise PackError unless a pack holds all that makes its piece."""
     from ergon.scores.reading.load import load
 
-    with _unpacked(pack) as score:
+    with _unpacked_score(pack) as score:
         loaded_again = load(score)
         inside = os.path.realpath(score)[: -len(pack.score)]
         for path in loaded_again.inputs:
@@ -147,29 +146,28 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
             line_number = problem.place.line
             raise PackError(
                 f"{pack.score}:{line_number}: {problem.message}; in a pack files are named "
-                "relative to "
-                "the file that names them"
+                "relative to the file that names them"
             )
         if digest_of(loaded_again.piece) != digest_of(scores.piece_of(loaded)):
             raise PackError("the pack would be another piece: a file changed while it was packed")
 
 
 @contextmanager
-def _unpacked(pack: Pack, pack_name: str | None = None) -> Iterator[Path]:
+def _unpacked_score(pack: Pack, pack_name: str | None = None) -> Iterator[Path]:
     """The score of a pack in a private folder; messages name its files as those of `pack_name`."""
     with tempfile.TemporaryDirectory(prefix="ergon-pack-") as temporary:
         folder = Path(os.path.realpath(temporary))
         if pack_name is not None:
             show_as(folder, pack_name)
-        (folder / _marker()).touch()  # all below is one project
+        (folder / _marker_content()).touch()  # all below is one project
         yield write_files(pack, folder)
 
 
-def _marker() -> str:
+def _marker_content() -> str:
     from ergon.notation.text.bounds import MARKER
 
     return MARKER
 
 
-def _place(name: str) -> str:
+def _place_in_folder(name: str) -> str:
     return os.path.abspath("stdin.yaml" if name == scores.STDIN else name)

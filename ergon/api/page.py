@@ -13,7 +13,7 @@ from .options import FileOptions
 from .share import share_file
 from .viewing import render_view
 
-_HEIGHT = 480  # pixels of the frame in a notebook
+_FRAME_HEIGHT_PIXELS = 480  # pixels of the frame in a notebook
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,9 @@ class Page:
         write_text(str(path), self.html, force=force, inputs=())
 
     def _repr_html_(self) -> str:
-        frame = f"width='100%' height='{_HEIGHT}' style='border:0' sandbox='allow-scripts'"
+        frame = (
+            f"width='100%' height='{_FRAME_HEIGHT_PIXELS}' style='border:0' sandbox='allow-scripts'"
+        )
         return f'<iframe {frame} srcdoc="{escape(self.html)}"></iframe>'
 
 

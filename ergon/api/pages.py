@@ -23,7 +23,7 @@ from .options import PerformanceOptions
 if TYPE_CHECKING:
     from ergon import _core
 
-ANYWHERE = "127.0.0.1:0"  # any free port of this machine
+ANY_LOCAL_PORT = "127.0.0.1:0"  # any free port of this machine
 _SECRET_BYTES = 32
 
 
@@ -37,7 +37,7 @@ def pages_of(
     """
     if not options.view and options.view_at is None and not leads:
         return None
-    server = serve(options.view_at or ANYWHERE, "view_at", report, leads=leads)
+    server = serve(options.view_at or ANY_LOCAL_PORT, "view_at", report, leads=leads)
     report.event("view", url=server.url)
     report.say(f"seen at {server.url}")
     if leads:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 
-def hertz(option: str, value: float | str) -> float:
+def frequency_option(option: str, value: float | str) -> float:
     """A frequency [Hz] as a number or a text such as "5kHz" and "A3". Raises OptionError."""
     from ergon.notation.tables.quantities import frequency
     from ergon.notation.text.errors import TextError
@@ -72,7 +72,9 @@ def point(piece: Piece, option: str, text: str) -> Target:
         raise OptionError(option, f"{error.message}{hint}") from None
 
 
-def stretches(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.complex128]:
+def link_elongations(
+    shapes: NDArray[np.complex128], elements: _core.Elements
+) -> NDArray[np.complex128]:
     """The elongation of each link in each mode (n_modes, n_links)."""
     import numpy as np
 
@@ -80,14 +82,16 @@ def stretches(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArr
     return np.asarray(shapes_with_fixed[:, elements.a] - shapes_with_fixed[:, elements.b])
 
 
-def is_free(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.bool_]:
+def stretches_no_spring(
+    shapes: NDArray[np.complex128], elements: _core.Elements
+) -> NDArray[np.bool_]:
     """Which modes stretch no spring, such as the rigid motion of a free body (n_modes,)."""
     import numpy as np
 
     shapes_with_fixed = np.column_stack([shapes, np.zeros(len(shapes))])
     element_weights = np.array([kind != "BUT" for kind in elements.kinds], dtype=float)
     element_weights *= elements.stiffness
-    stretched = np.abs(stretches(shapes, elements)) ** 2 @ element_weights
+    stretched = np.abs(link_elongations(shapes, elements)) ** 2 @ element_weights
     moved = (
         np.abs(shapes_with_fixed[:, elements.a]) ** 2
         + np.abs(shapes_with_fixed[:, elements.b]) ** 2

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
-from ergon.rendering.level import HIGHPASS
+from ergon.rendering.level import HIGHPASS_HZ
 from ergon.scores.reading.digest import digest_of
 
 from . import freeze
 from . import score as scores
-from .errors import OptionError, not_begun
+from .errors import OptionError, not_started_error
 from .fold import fold_of
 from .gain import gain_of
 from .hands import (
@@ -66,7 +66,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     is_seen = sees_all(options)
     loaded = scores.read(path, options, report, leave_out=_ABSENT_HAND_NOTES)
     score_piece = scores.piece_of(loaded)
-    piece = _with_standins(score_piece, options.standin)
+    piece = _with_stand_ins(score_piece, options.standin)
     loaded = replace(loaded, piece=piece)
     boards = boards_of(piece, options)
     driven = driven_players(piece, options, boards)
@@ -91,7 +91,9 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     if frozen is not None and options.frozen is not None:
         stems = freeze.verified(stage, frozen, Path(options.frozen))
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
-    config = replace(_config(piece, stage, boards, options, stems, report), driven=driven)
+    config = replace(
+        _performance_config(piece, stage, boards, options, stems, report), driven=driven
+    )
     hands = led_hands(piece, boards, report)
     try:
         pages = pages_of(options, report, hands.page_leads)
@@ -123,7 +125,7 @@ def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Perform
         with report.progress("going there", config.start, stage.rate) as progress:
             return perform(stage, config, progress.update)
     except _core.EngineError as error:
-        raise not_begun(error, _fault_sentence(error, stage)) from None
+        raise not_started_error(error, _fault_sentence(error, stage)) from None
 
 
 def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: Report) -> None:
@@ -133,10 +135,9 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
             live = stage.live[hand_limit.hand]
             report.warn(
                 f"{live.player} on {live.key}: the piece is {hand_limit.stiffness:,.0f} N/m stiff "
-                "at "
-                f"this key, and the device is stable up to {hand_limit.limit:,.0f} N/m at "
-                f"{stage.rate / live.tick_frames:.0f} Hz; "
-                f"forces on {live.player} are scaled to {hand_limit.scale:.0%}"
+                f"at this key, and the device is stable up to {hand_limit.limit:,.0f} N/m at "
+                f"{stage.rate / live.tick_frames:.0f} Hz; forces on {live.player} are scaled to "
+                f"{hand_limit.scale:.0%}"
             )
 
 
@@ -148,7 +149,7 @@ def _fault_sentence(error: _core.EngineError, stage: Stage) -> str:
     return f"{hand.player} on {hand.key}: {error.sentence}"
 
 
-def _with_standins(piece: Piece, pairs: Sequence[str]) -> Piece:
+def _with_stand_ins(piece: Piece, pairs: Sequence[str]) -> Piece:
     """The piece with the takes or gestures that stand in for absent hands."""
     players = dict(piece.players)
     for standin_pair in pairs:
@@ -169,7 +170,7 @@ def _with_standins(piece: Piece, pairs: Sequence[str]) -> Piece:
     return replace(piece, players=players)
 
 
-def _config(
+def _performance_config(
     piece: Piece,
     stage: Stage,
     boards: Sequence[Board],
@@ -201,12 +202,14 @@ def _config(
     if play_options.loop and (recording_path or play_options.audio.startswith("file:")):
         raise OptionError("loop", "excludes --record, --record-input and file:, written once")
     scores.integer_rate(stage.rate)
-    record_target = None if play_options.record is None else _recording(play_options.record, stage)
+    record_target = (
+        None if play_options.record is None else _recording_file(play_options.record, stage)
+    )
     config = PlaybackConfig(
         audio=play_options.card,
         gain=gain_of(piece, lambda: stage, play_options.gain, report, frozen),
         limit=limit,
-        highpass=HIGHPASS,
+        highpass=HIGHPASS_HZ,
         reference=piece.mix.reference(),
         start=start_frame // tick_frames(stage) * tick_frames(stage),
         end=end_frame,
@@ -222,10 +225,10 @@ def _config(
     )
     if record_target is None:
         return config
-    return replace(config, about=_about(piece, stage, config, play_options))
+    return replace(config, about=_recording_description(piece, stage, config, play_options))
 
 
-def _about(
+def _recording_description(
     piece: Piece, stage: Stage, config: PlaybackConfig, play_options: PlayOptions
 ) -> dict[str, object]:
     """The description at the beginning of a recording."""
@@ -271,7 +274,7 @@ def _input_file(play_options: PlayOptions, piece: Piece) -> Path | None:
     return Path(play_options.record_input)
 
 
-def _recording(path: str, stage: Stage) -> Path:
+def _recording_file(path: str, stage: Stage) -> Path:
     if not stage.live:
         raise OptionError("record", "this score has no live hands to record; leave this option out")
     record_path = Path(path)

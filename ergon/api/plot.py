@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from ergon.view.curve import Curve
     from ergon.view.roll import Bar
 
-NOTES = "notes"  # a plot of all notes, in place of a name
-_JOINING_SECONDS = 0.02  # [s] drawn before a gesture: its joining curve
+NOTES_NAME = "notes"  # a plot of all notes, in place of a name
+_JOIN_SECONDS = 0.02  # [s] drawn before a gesture: its joining curve
 
 
 def plot(
@@ -45,7 +45,7 @@ def plot(
 
     report = report or Report()
     loaded = scores.read(score, options, report)
-    if name == NOTES:
+    if name == NOTES_NAME:
         _, bars, plot_title = struck_bars(loaded, report)
         return Picture(roll.picture(bars, title=plot_title))
     curves, plot_title = drawn_curves(loaded, name, key, report)
@@ -64,11 +64,13 @@ def struck_bars(loaded: Loaded, report: Report) -> tuple[Sequence[StruckNote], S
     struck_bars_found = struck_notes(stage)
     if not struck_bars_found:
         raise ErgonError("no instrument is struck in this piece")
-    bars = [Bar(n.instrument, n.begin, n.end, _key(n.pitch), n.strength) for n in struck_bars_found]
+    bars = [
+        Bar(n.instrument, n.begin, n.end, _midi_key(n.pitch), n.strength) for n in struck_bars_found
+    ]
     return struck_bars_found, bars, f"notes of {stage.piece.title or 'a piece'}"
 
 
-def _key(pitch: float | None) -> float | None:
+def _midi_key(pitch: float | None) -> float | None:
     """The key of MIDI of a pitch [Hz]."""
     return None if pitch is None else 69.0 + 12.0 * log2(pitch / 440.0)
 
@@ -84,7 +86,7 @@ def drawn_curves(
 
     piece = scores.piece_of(loaded)
     if name is None:
-        known_names = _known(piece)
+        known_names = _known_names(piece)
         path = loaded.inputs[0] if loaded.inputs else "this score"
         if not known_names:
             raise ErgonError(
@@ -94,13 +96,13 @@ def drawn_curves(
             )
         raise ErgonError(f"say what is to be drawn: {known_names}")
     if key is not None and key not in piece.keys:
-        raise ErgonError(f"there is no key '{key}'{_nearest(key, piece.keys)}")
+        raise ErgonError(f"there is no key '{key}'{_nearest_name(key, piece.keys)}")
     all_names = [*piece.gestures, *piece.takes, *piece.players]
     if name not in all_names:
-        raise ErgonError(f"there is no '{name}'{_nearest(name, all_names)}")
-    stage, gestures = _staged(loaded, name, key, report)
+        raise ErgonError(f"there is no '{name}'{_nearest_name(name, all_names)}")
+    stage, gestures = _stage_and_gestures(loaded, name, key, report)
     first_gesture = gestures[0]
-    start_seconds = max(0.0, min(gesture.start for gesture in gestures) - _JOINING_SECONDS)
+    start_seconds = max(0.0, min(gesture.start for gesture in gestures) - _JOIN_SECONDS)
     stop_seconds = max(gesture.stop for gesture in gestures)
     reach = piece.keys[first_gesture.key].reach
     curves = asked_and_done(
@@ -115,7 +117,7 @@ def drawn_curves(
     return curves, f"{name}{instant} on {first_gesture.key}"
 
 
-def _staged(
+def _stage_and_gestures(
     loaded: Loaded, gesture_name: str, key_name: str | None, report: Report
 ) -> tuple[Stage, Sequence[StagedGesture]]:
     """The stage to look at, and the gestures of it that are meant."""
@@ -141,7 +143,7 @@ def _staged(
     return piece_alone, piece_alone.gestures
 
 
-def _nearest(unknown_word: str, known_names: Iterable[str]) -> str:
+def _nearest_name(unknown_word: str, known_names: Iterable[str]) -> str:
     from ergon.notation.text.spelling import nearest
 
     known_names = list(known_names)
@@ -150,6 +152,6 @@ def _nearest(unknown_word: str, known_names: Iterable[str]) -> str:
     return f"{hint} (there is {', '.join(known_names)})" if known_names else hint
 
 
-def _known(piece: Piece) -> str:
+def _known_names(piece: Piece) -> str:
     kinds = {"gestures": piece.gestures, "takes": piece.takes, "players": piece.players}
     return "; ".join(f"{kind}: {', '.join(names)}" for kind, names in kinds.items() if names)

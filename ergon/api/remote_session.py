@@ -24,7 +24,7 @@ from .options import SessionOptions
 if TYPE_CHECKING:
     from ergon.repl.wire.remote import RemoteSession
 
-_POLL_INTERVAL = 0.05  # [s] between two looks whether the engine answers
+_POLL_SECONDS = 0.05  # [s] between two looks whether the engine answers
 # On Windows a process that outlives its terminal: in a group of its own, without a window.
 _DETACHED_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0) | getattr(
     subprocess, "CREATE_NO_WINDOW", 0
@@ -36,7 +36,7 @@ _SEPARATE_OPTIONS = ("socket", "journal")
 def serve(path: str | None, options: SessionOptions, report: Report) -> None:
     """Run the engine in this process, until the session ends."""
     with _errors_as_option_errors():
-        _serve(path, options, _place(options), report)
+        _serve_session(path, options, _socket_place(options), report)
 
 
 def join(path: str | None, options: SessionOptions, report: Report) -> RemoteSession:
@@ -45,7 +45,7 @@ def join(path: str | None, options: SessionOptions, report: Report) -> RemoteSes
     Raises OptionError, and EngineExitError where the new process ends before it answers.
     """
     with _errors_as_option_errors():
-        return _join(path, options, _place(options), report)
+        return _join_session(path, options, _socket_place(options), report)
 
 
 @contextlib.contextmanager
@@ -59,7 +59,7 @@ def _errors_as_option_errors() -> Iterator[None]:
         raise OptionError("socket", str(error)) from None
 
 
-def _place(session_options: SessionOptions) -> Path:
+def _socket_place(session_options: SessionOptions) -> Path:
     from ergon.repl.wire.local_socket import default_path
 
     if not session_options.socket:
@@ -75,7 +75,7 @@ def _place(session_options: SessionOptions) -> Path:
 # --- the engine's process ------------------------------------------------------------------------
 
 
-def _serve(
+def _serve_session(
     path: str | None, session_options: SessionOptions, socket_path: Path, report: Report
 ) -> None:
     from ergon._core import __version__, stop_on_signals
@@ -103,7 +103,7 @@ def _serve(
 # --- the prompt's process ------------------------------------------------------------------------
 
 
-def _join(
+def _join_session(
     path: str | None, session_options: SessionOptions, socket_path: Path, report: Report
 ) -> RemoteSession:
     from ergon.repl.wire.local_socket import NoSessionError
@@ -111,28 +111,27 @@ def _join(
     from ergon.repl.wire.remote import RemoteSession
 
     try:
-        remote = RemoteSession(socket_path, _command(session_options))
+        remote = RemoteSession(socket_path, _join_command(session_options))
     except NoSessionError as error:
         if path is None and session_options.resume is None:
             raise OptionError(
                 "socket", f"{error}; `ergon repl SCORE --socket` begins one"
             ) from None
-        return _start(path, session_options, socket_path, report)
+        return _start_engine(path, session_options, socket_path, report)
     except ProtocolError as error:
         raise ErgonError(f"{socket_path}: {error}") from None
     score = str(remote.about.get("score", ""))
     if session_options.resume is not None or (path is not None and os.path.abspath(path) != score):
         remote.close()
         raise ErgonError(
-            f"a session at {socket_path} plays {score} already; "
-            f"`{_command(session_options)}` joins it, --socket with another path begins another "
-            "session"
+            f"a session at {socket_path} plays {score} already; `{_join_command(session_options)}` "
+            "joins it, --socket with another path begins another session"
         )
     report.say(f"joined the session that plays {score}")
     return remote
 
 
-def _start(
+def _start_engine(
     path: str | None, session_options: SessionOptions, socket_path: Path, report: Report
 ) -> RemoteSession:
     """Start the engine's process, in a process session of its own (setsid); pass on its stderr
@@ -144,13 +143,13 @@ def _start(
 
     command = [sys.executable, "-m", "ergon.cli", "repl", *([path] if path is not None else [])]
     command += [
-        *_as_options(session_options),
+        *_command_line_options(session_options),
         f"--journal={session_options.journal}",
         f"--socket={socket_path}",
         "--engine",
     ]
     with (
-        _log(Path(session_options.journal).with_suffix(".log")) as sink,
+        _new_log_file(Path(session_options.journal).with_suffix(".log")) as sink,
         open(sink.name, "rb") as log_file,
     ):
         log = Path(sink.name)
@@ -165,15 +164,15 @@ def _start(
         try:
             while True:
                 code = process.poll()  # asked before its last output is read
-                _pass_on(log_file.read())
+                _write_stderr(log_file.read())
                 if code is not None:
                     log.unlink()
                     raise EngineExitError(abs(code))
                 with contextlib.suppress(NoSessionError):
-                    remote = RemoteSession(socket_path, _command(session_options))
+                    remote = RemoteSession(socket_path, _join_command(session_options))
                     break
-                time.sleep(_POLL_INTERVAL)
-            _pass_on(log_file.read())
+                time.sleep(_POLL_SECONDS)
+            _write_stderr(log_file.read())
         except ProtocolError as error:
             process.terminate()
             raise ErgonError(f"{socket_path}: {error}") from None
@@ -187,7 +186,7 @@ def _start(
     return remote
 
 
-def _log(path: Path) -> IO[bytes]:
+def _new_log_file(path: Path) -> IO[bytes]:
     """A new file under the first free one of its names: each of several engines gets its own."""
     from ergon.repl.session.journal import numbered_paths
 
@@ -197,17 +196,17 @@ def _log(path: Path) -> IO[bytes]:
     raise AssertionError  # names do not end
 
 
-def _command(options: SessionOptions) -> str:
+def _join_command(options: SessionOptions) -> str:
     """The command that joins the session."""
     return f"ergon repl --socket {options.socket}".rstrip()
 
 
-def _pass_on(text: bytes) -> None:
+def _write_stderr(text: bytes) -> None:
     sys.stderr.write(clean(text.decode(errors="replace")))
     sys.stderr.flush()
 
 
-def _as_options(session_options: SessionOptions) -> Iterator[str]:
+def _command_line_options(session_options: SessionOptions) -> Iterator[str]:
     """The options, as a command line for the engine."""
     for field in fields(session_options):
         option_name, value = (
@@ -219,8 +218,8 @@ def _as_options(session_options: SessionOptions) -> Iterator[str]:
         if value is True:
             yield option_name
         elif value is not None and value is not False:
-            yield from (f"{option_name}={option_value}" for option_value in _each(value))
+            yield from (f"{option_name}={option_value}" for option_value in _option_values(value))
 
 
-def _each(value: object) -> tuple[object, ...]:
+def _option_values(value: object) -> tuple[object, ...]:
     return tuple(value) if isinstance(value, list | tuple) else (value,)

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
     from .cluster import Cluster
 
-_FAINT = 0.01  # -40 dBFS
-_UNNAMED = "piece.yaml"  # a score of which only the text is known
+_FAINT_PEAK = 0.01  # -40 dBFS
+_UNNAMED_SCORE = "piece.yaml"  # a score of which only the text is known
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ def faint_diagnostics(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]
     if _is_silent(bits, peak):
         help = "`ergon check --simulate` says what moves and what touches"
         return [Diagnostic("W324", "the file is silent", mix_place, None, help)]
-    if peak >= _FAINT or (bits == "float" and piece.mix.master is None):
+    if peak >= _FAINT_PEAK or (bits == "float" and piece.mix.master is None):
         return []
     message = f"the highest peak of the file is {20.0 * math.log10(peak):.1f} dBFS, below -40 dBFS"
     help = "raise the gain of its routes, or let the master do it: `master: {loudness: -20LUFS}`"
@@ -140,12 +140,12 @@ def render(
     if score is None:
         if options.text is None:
             raise OptionError("score", "name a score, or give its text: render(text=…)")
-        score = _UNNAMED
+        score = _UNNAMED_SCORE
     loaded = scores.read(score, options, report)
     prepared = prepare(loaded, "-", options, report)
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"))
     with (
-        _shared(prepared, job, report) as job,
+        _job_with_workers(prepared, job, report) as job,
         _render_progress(prepared, "rendering", report) as progress,
     ):
         frames, outcome, prepared.stage.reports = render_array(prepared.stage, job, progress)
@@ -165,7 +165,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         raise OptionError("wet", "this is about stems; add the option stems")
     if options.on is not None:
         check_shared(options)
-    recorded = _recorded(loaded, options, report)
+    recorded = _recorded_hands(loaded, options, report)
     loaded, complete = _with_inputs(loaded, options), loaded.piece
     loaded = choose_routes(loaded, options.only, options.except_)
     staged = scores.stage_piece(
@@ -197,15 +197,15 @@ def write(prepared: PreparedRender, report: Report, cluster: Cluster | None = No
 
     Raises DivergedError, FileRefusedError and ClusterError.
     """
-    from ergon.rendering.render import render
+    from ergon.rendering.render import render_files
 
     stage, job = prepared.stage, prepared.job
     task = f"rendering {Path(job.target).name}"
     with (
-        _shared(prepared, job, report, cluster) as job,
+        _job_with_workers(prepared, job, report, cluster) as job,
         _render_progress(prepared, task, report) as progress,
     ):
-        rendered = render(stage, job, progress)
+        rendered = render_files(stage, job, progress)
         stage.reports = rendered.outcome
     job = replace(job, stop=job.start + rendered.n_frames)
     faint = tuple(faint_diagnostics(stage.piece, job.format.bits, rendered.mix.peak))
@@ -231,7 +231,7 @@ def check_shared(options: RenderOptions) -> None:
 
 
 @contextmanager
-def _shared(
+def _job_with_workers(
     prepared: PreparedRender, job: RenderJob, report: Report, cluster: Cluster | None = None
 ) -> Iterator[RenderJob]:
     """The job, with the processes that share its work if there are any."""
@@ -259,9 +259,13 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
 
     bits: Bits = options.bits or piece.render.bits
     n_channels = options.channels or piece.render.channels or stage.n_channels
-    start_frame = 0 if options.from_ is None else _frame(piece, stage, options.from_, "from_")
+    start_frame = (
+        0 if options.from_ is None else _frame_of_position(piece, stage, options.from_, "from_")
+    )
     stop_frame = (
-        stage.n_frames if options.until is None else _frame(piece, stage, options.until, "until")
+        stage.n_frames
+        if options.until is None
+        else _frame_of_position(piece, stage, options.until, "until")
     )
     stop_frame = min(stop_frame, stage.n_frames)
     if not stage.n_frames:
@@ -357,7 +361,7 @@ def _with_inputs(loaded: Loaded, render_options: RenderOptions) -> Loaded:
     return replace(loaded, piece=replace(piece, takes=takes))
 
 
-def _recorded(
+def _recorded_hands(
     loaded: Loaded, render_options: RenderOptions, report: Report
 ) -> HandRecording | None:
     """The recorded hands, if a recording is given. Raises OptionError."""
@@ -376,6 +380,6 @@ def _recorded(
     return recorded
 
 
-def _frame(piece: Piece, stage: Stage, position: str, option: str) -> int:
+def _frame_of_position(piece: Piece, stage: Stage, position: str, option: str) -> int:
     """The frame of a position: an instant t falls on sample floor(t·rate + ½)."""
     return int(scores.instant(piece, position, option) * stage.rate + 0.5)

@@ -17,7 +17,7 @@ from .options import FileOptions
 from .render import Completed
 
 # Options whose values the journal itself decides.
-_DECIDED = (
+_OPTIONS_SET_BY_JOURNAL = (
     "from_",
     "until",
     "stems",
@@ -47,16 +47,16 @@ def render_journal(
     from ergon.exchange.wave_header import Stamp, WaveFormat
     from ergon.rendering.job import RenderJob
     from ergon.rendering.level import Level
-    from ergon.rendering.render import render
+    from ergon.rendering.render import render_files
     from ergon.repl.session.journal_content import read_journal
     from ergon.repl.session.replay import ReplayedSession
 
-    for name in _DECIDED:
+    for name in _OPTIONS_SET_BY_JOURNAL:
         if getattr(options, name) not in (None, False):
             raise OptionError(name, "a journal is rendered as it was played, without this option")
     if options.motion:
         raise OptionError("motion", "a journal has no motion file; render its score")
-    with _played(path):
+    with _journal_errors(path):
         journal_content = read_journal(path, trust=options.trust)
         with scores.staging(journal_content.start.texts.load, report):
             replayed = ReplayedSession(journal_content)
@@ -96,16 +96,16 @@ def render_journal(
         silences=journal_content.silences,
     )
     with (
-        _played(path),
+        _journal_errors(path),
         report.progress(f"rendering {path.name}", replayed.n_frames, replayed.rate) as progress,
     ):
-        rendered = render(replayed, job, progress.update)
+        rendered = render_files(replayed, job, progress.update)
     stage = replayed.running.stage
     return Completed(rendered, job, 0.0, stage.network, stage.simulation)
 
 
 @contextmanager
-def _played(path: Path) -> Iterator[None]:
+def _journal_errors(path: Path) -> Iterator[None]:
     """Turn errors of reading or replaying a journal into ErgonErrors."""
     from ergon import _core
     from ergon.repl.session.journal import JournalError

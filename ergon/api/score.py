@@ -15,7 +15,7 @@ from ergon.common.errors import ErgonError
 from ergon.common.foreign_files import foreign_file
 from ergon.common.report import Report
 from ergon.exchange.wave_header import Bits
-from ergon.rendering.level import HIGHPASS, Level
+from ergon.rendering.level import HIGHPASS_HZ, Level
 
 from .errors import DivergedError, OptionError, ScoreError
 from .options import AccuracyOptions, ReadOptions, check_seed
@@ -29,17 +29,19 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 STDIN = "-"
-JOURNAL = ".jsonl"  # how the name of a session's journal ends
-_SOUND = (
+JOURNAL_SUFFIX = ".jsonl"  # how the name of a session's journal ends
+_SOUND_MESSAGE = (
     "a sound, not a score: `ergon info {path}` says what it holds, `ergon plot {path}` draws it"
 )
-_UNREAD_SOUND = "a sound, not a score, and is not read; `ffmpeg -i {path} sound.wav` makes it WAV"
+_UNREAD_SOUND_MESSAGE = (
+    "a sound, not a score, and is not read; `ffmpeg -i {path} sound.wav` makes it WAV"
+)
 # Files that are given where a score is meant, by their endings, and what reads them.
-_OTHER_FILES = {
-    ".wav": _SOUND,
-    ".flac": _SOUND,
-    ".mp3": _UNREAD_SOUND,
-    ".ogg": _UNREAD_SOUND,
+_MESSAGE_BY_SUFFIX = {
+    ".wav": _SOUND_MESSAGE,
+    ".flac": _SOUND_MESSAGE,
+    ".mp3": _UNREAD_SOUND_MESSAGE,
+    ".ogg": _UNREAD_SOUND_MESSAGE,
     ".mid": "a MIDI file, not a score: `ergon info {path}` says what is played in it, and a score "
     "plays it by `from: {path}` in a phrase (`ergon help midi`)",
     ".motion": "a file of motion, not a score: `ergon view {path}` shows it",
@@ -68,15 +70,15 @@ def read(
     from ergon.scores.reading.load import load
 
     options, path = options or ReadOptions(), str(path)
-    if path.endswith(JOURNAL):
+    if path.endswith(JOURNAL_SUFFIX):
         raise ErgonError(
             f"{path} is the journal of a session, not a score: `ergon render {path}` computes its "
             f"sound; `ergon repl --resume {path}` continues it, and `save` there writes its score"
         )
-    advice = _OTHER_FILES.get(Path(path).suffix.lower()) if options.text is None else None
+    advice = _MESSAGE_BY_SUFFIX.get(Path(path).suffix.lower()) if options.text is None else None
     if advice is not None and Path(path).is_file():
         raise ErgonError(f"{path} is {advice.format(path=path)}")
-    text = _stdin() if path == STDIN and options.text is None else options.text
+    text = _read_stdin() if path == STDIN and options.text is None else options.text
     loaded = load(path, text=text, bounds=bounds(path, options.trust))
     if loaded.piece is None and options.text is None:
         _refuse_foreign(Path(path))
@@ -287,7 +289,7 @@ def level_of(piece: Piece, bits: Bits) -> Level:
     return Level(
         normalise=master.normalise if master else None,
         limit=master.limit if master else None,
-        highpass=None if is_measured else HIGHPASS,
+        highpass=None if is_measured else HIGHPASS_HZ,
         reference=piece.mix.reference(is_measured=is_measured),
         loudness=master.loudness if master else None,
     )
@@ -296,7 +298,7 @@ def level_of(piece: Piece, bits: Bits) -> Level:
 def played_level(piece: Piece) -> Level:
     """The level of a performance that is given no gain."""
     limit = master.limit if (master := piece.mix.master) is not None else None
-    return Level(None, 1.0 if limit is None else limit, HIGHPASS, 1.0, piece.mix.reference())
+    return Level(None, 1.0 if limit is None else limit, HIGHPASS_HZ, 1.0, piece.mix.reference())
 
 
 def integer_rate(rate: float) -> int:
@@ -308,7 +310,7 @@ def integer_rate(rate: float) -> int:
     return int(rate)
 
 
-def _stdin() -> str:
+def _read_stdin() -> str:
     from ergon.notation.text.syntax import MAX_BYTES
 
     stdin_bytes = sys.stdin.buffer.read(MAX_BYTES + 1)

@@ -41,11 +41,11 @@ class NotBundledError(ErgonError):
 def bundled(path: str, loaded: Loaded) -> ScoreBundle:
     """A score that was read, with its files. Raises NotBundledError and OSError."""
     scores.piece_of(loaded)
-    texts = {_place(name): document.text for name, document in loaded.files.items()}
+    texts = {_place_in_bundle(name): document.text for name, document in loaded.files.items()}
     bundle = {place: text.encode() for place, text in texts.items()}
     bytes_left = _BYTES_MAX - sum(map(len, bundle.values()))
     for input_path in loaded.inputs:
-        file_place = _place(str(input_path))
+        file_place = _place_in_bundle(str(input_path))
         if file_place not in bundle and bytes_left >= 0:
             bundle[file_place] = read_bounded(Path(file_place), bytes_left)
             bytes_left -= len(bundle[file_place])
@@ -57,7 +57,7 @@ def bundled(path: str, loaded: Loaded) -> ScoreBundle:
     root = os.path.commonpath([os.path.dirname(place) for place in bundle])
     names = {place: Path(os.path.relpath(place, root)).as_posix() for place in bundle}
     files = {names[place]: content for place, content in bundle.items()}
-    return ScoreBundle(score=names[_place(path)], root=root, files=files)
+    return ScoreBundle(score=names[_place_in_bundle(path)], root=root, files=files)
 
 
 def digest(content: ScoreBundle, *details: object) -> str:
@@ -103,5 +103,5 @@ def with_local_paths(sentence: str, path: Path, content: ScoreBundle) -> str:
     return sentence.replace(unpacked_root, content["root"].rstrip("/"))
 
 
-def _place(name: str) -> str:
+def _place_in_bundle(name: str) -> str:
     return os.path.abspath("stdin.yaml" if name == scores.STDIN else name)

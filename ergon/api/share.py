@@ -12,7 +12,7 @@ from ergon.exchange.safe import check_target, write_text
 
 from .errors import OptionError
 from .film import FPS
-from .pages import ANYWHERE, serve
+from .pages import ANY_LOCAL_PORT, serve
 from .shared_page import page_files, shared_page
 from .viewing import EARS, as_flac
 
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     from .viewing import Shown
 
 LIMIT_MB = 50.0
-_MEGA = 1e6
-_CODED = 4 / 3  # characters of base64 for a byte
+_BYTES_PER_MEGABYTE = 1e6
+_BASE64_RATIO = 4 / 3  # characters of base64 for a byte
 
 # Typical sizes of what ships [bytes]; a piece may have half of them, or twice as much.
-_SAMPLED_POINT = 60.0  # a second, of a mass whose positions are sampled
-_FREE_POINT = 15.0  # a second, of a free oscillation or a mode
-_CHUNK = 2  # head of a chunk of the motion file, deflated
-_KEY, _SPEAKER = 6, 4  # bytes for each in every frame of the motion
-_FLAC = 0.25  # estimated size over that of the samples
+_SAMPLED_POINT_BYTES_PER_SECOND = 60.0  # a second, of a mass whose positions are sampled
+_FREE_POINT_BYTES_PER_SECOND = 15.0  # a second, of a free oscillation or a mode
+_CHUNK_BYTES = 2  # head of a chunk of the motion file, deflated
+_KEY_BYTES, _SPEAKER_BYTES = 6, 4  # bytes for each in every frame of the motion
+_FLAC_RATIO = 0.25  # estimated size over that of the samples
 _ESTIMATE_RATIO_MAX = (
     2.0  # a piece is refused before it is computed if its estimate is so many limits
 )
@@ -56,30 +56,35 @@ def check_estimate(prepared: PreparedRender, path: Path, limit_mb: float) -> Non
     if film is None:
         return
     film_seconds = film.stop / rate
-    motion = film_seconds * _motion_each_second(prepared.stage)
-    sound_bytes = film_seconds * rate * min(film.n_channels, EARS) * 2 * _FLAC
-    page_size = _CODED * (motion + sound_bytes)
-    if page_size > _ESTIMATE_RATIO_MAX * limit_mb * _MEGA:
-        fitting = film_seconds * limit_mb * _MEGA / page_size
+    motion = film_seconds * _motion_bytes_per_second(prepared.stage)
+    sound_bytes = film_seconds * rate * min(film.n_channels, EARS) * 2 * _FLAC_RATIO
+    page_size = _BASE64_RATIO * (motion + sound_bytes)
+    if page_size > _ESTIMATE_RATIO_MAX * limit_mb * _BYTES_PER_MEGABYTE:
+        fitting = film_seconds * limit_mb * _BYTES_PER_MEGABYTE / page_size
         raise OptionError(
             "limit",
-            f"{path} would have about {_megabytes(page_size)} ({_megabytes(_CODED * motion)} of "
-            f"motion, {_megabytes(_CODED * sound_bytes)} of sound), more than {limit_mb:g} MB, so "
-            "it was "
+            f"{path} would have about {_megabytes_text(page_size)} "
+            f"({_megabytes_text(_BASE64_RATIO * motion)} of "
+            f"motion, {_megabytes_text(_BASE64_RATIO * sound_bytes)} of sound), more than "
+            f"{limit_mb:g} MB, so it was "
             f"not computed; share a shorter stretch than its {film_seconds:,.0f} s (about "
             f"{fitting:,.0f} s fit), or allow more",
         )
 
 
-def _motion_each_second(stage: Stage) -> float:
+def _motion_bytes_per_second(stage: Stage) -> float:
     """About how many bytes a second of a motion file has."""
     from ergon import _core
 
-    costs = {"sampled": _SAMPLED_POINT, "free": _FREE_POINT, "modal": _FREE_POINT}
+    costs = {
+        "sampled": _SAMPLED_POINT_BYTES_PER_SECOND,
+        "free": _FREE_POINT_BYTES_PER_SECOND,
+        "modal": _FREE_POINT_BYTES_PER_SECOND,
+    }
     runs = _core.MotionLook(stage.simulation).runs()
     points = sum(run.count * costs.get(run.kind, 0.0) for run in runs)
-    keys = _CHUNK + _KEY * len(stage.piece.keys) if stage.piece.keys else 0
-    return points + FPS * (keys + _CHUNK + _SPEAKER * stage.n_channels)
+    keys = _CHUNK_BYTES + _KEY_BYTES * len(stage.piece.keys) if stage.piece.keys else 0
+    return points + FPS * (keys + _CHUNK_BYTES + _SPEAKER_BYTES * stage.n_channels)
 
 
 def share_file(
@@ -101,23 +106,21 @@ def share_file(
     check_target(path, force=force, inputs=inputs)
     sound_bytes = None if shown.sound is None else as_flac(shown.sound, folder).read_bytes()
     motion = shown.motion.read_bytes()
-    page_bytes = _CODED * (len(motion) + len(sound_bytes or b""))
-    if page_bytes > limit_mb * _MEGA:
-        parts_text = f"{_megabytes(_CODED * len(motion))} of motion"
+    page_bytes = _BASE64_RATIO * (len(motion) + len(sound_bytes or b""))
+    if page_bytes > limit_mb * _BYTES_PER_MEGABYTE:
+        parts_text = f"{_megabytes_text(_BASE64_RATIO * len(motion))} of motion"
         if sound_bytes is not None:
-            parts_text += f", {_megabytes(_CODED * len(sound_bytes))} of sound"
+            parts_text += f", {_megabytes_text(_BASE64_RATIO * len(sound_bytes))} of sound"
         raise OptionError(
             "limit",
-            f"{path} would have {_megabytes(page_bytes)} ({parts_text}), more than {limit_mb:g} "
-            "MB; "
-            "share "
-            "a shorter stretch, or allow more",
+            f"{path} would have {_megabytes_text(page_bytes)} ({parts_text}), more than "
+            f"{limit_mb:g} MB; share a shorter stretch, or allow more",
         )
-    server = serve(ANYWHERE, "at", report)
+    server = serve(ANY_LOCAL_PORT, "at", report)
     try:
         page_words = [*words, *(["sound"] if sound_bytes is not None else [])]
         page_text = shared_page(
-            page_files(server.url), _title(shown), page_words, motion, sound_bytes
+            page_files(server.url), _shown_title(shown), page_words, motion, sound_bytes
         )
     finally:
         server.close()
@@ -125,12 +128,12 @@ def share_file(
     return SharedFile(str(path), len(page_text.encode()), len(motion), len(sound_bytes or b""))
 
 
-def _title(shown: Shown) -> str:
+def _shown_title(shown: Shown) -> str:
     from ergon import _core
 
     title = parse_json(_core.read_motion(shown.motion).manifest).get("title")
     return str(title or "ergon")
 
 
-def _megabytes(size: float) -> str:
-    return f"{size / _MEGA:.1f} MB"
+def _megabytes_text(size: float) -> str:
+    return f"{size / _BYTES_PER_MEGABYTE:.1f} MB"

@@ -17,15 +17,15 @@ from collections.abc import Callable
 
 from ergon.exchange.safe import MARK
 
-_IMPORT = re.compile(r'(?<= from )"\./([\w-]+\.js)"')
-_LINKS = re.compile(r'<(?:link|script)\b[^>]*\b(?:href|src)="([\w.-]+)"[^>]*>(?:</script>)?')
+_IMPORT_PATTERN = re.compile(r'(?<= from )"\./([\w-]+\.js)"')
+_LINK_PATTERN = re.compile(r'<(?:link|script)\b[^>]*\b(?:href|src)="([\w.-]+)"[^>]*>(?:</script>)?')
 # Words of the page's address, which a file has none of.
-_ADDRESS = "new URLSearchParams(location.search)"
-_POLICY = (
+_ADDRESS_EXPRESSION = "new URLSearchParams(location.search)"
+_CONTENT_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' data:; style-src 'unsafe-inline'; "
     "img-src data:; media-src blob:; connect-src 'none'; form-action 'none'; base-uri 'none'"
 )
-_ANSWERS = """\
+_ANSWERS_SCRIPT = """\
 {
   const bytes = (name) => {
     const text = document.getElementById(`shared-${name}`);
@@ -74,24 +74,26 @@ def shared_page(
     where the file is opened without any. A sound is FLAC or WAV.
     """
     index_page = read("")
-    module_texts = _modules(read, "main.js")
+    module_texts = _page_modules(read, "main.js")
     main = module_texts["main.js"]
-    if main.count(_ADDRESS) != 1:
+    if main.count(_ADDRESS_EXPRESSION) != 1:
         raise ValueError("the page does not read the words of its address where it did")
-    address_script = _ADDRESS.replace(")", f" || {json.dumps('&'.join(words))})")
-    module_texts["main.js"] = main.replace(_ADDRESS, address_script)
+    address_script = _ADDRESS_EXPRESSION.replace(")", f" || {json.dumps('&'.join(words))})")
+    module_texts["main.js"] = main.replace(_ADDRESS_EXPRESSION, address_script)
     imports = {
-        f"ergon/{name}": _data("text/javascript", _IMPORT.sub(r'"ergon/\1"', text).encode())
+        f"ergon/{name}": _data_url(
+            "text/javascript", _IMPORT_PATTERN.sub(r'"ergon/\1"', text).encode()
+        )
         for name, text in module_texts.items()
     }
-    icon = _data("image/svg+xml", read("icon.svg").encode())
+    icon = _data_url("image/svg+xml", read("icon.svg").encode())
     head_html = "\n".join(
         (
-            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
+            f'<meta http-equiv="Content-Security-Policy" content="{_CONTENT_POLICY}">',
             f"<title>{html.escape(title)}</title>",
             f'<link rel="icon" href="{icon}">',
             f"<style>\n{read('style.css')}</style>",
-            f"<script>\n{_ANSWERS}</script>",
+            f"<script>\n{_ANSWERS_SCRIPT}</script>",
             f'<script type="importmap">{json.dumps({"imports": imports})}</script>',
         )
     )
@@ -106,14 +108,14 @@ def shared_page(
             '<script type="module">import "ergon/main.js";</script>',
         )
     )
-    text = _LINKS.sub("", re.sub(r"<title>[^<]*</title>", "", index_page))
+    text = _LINK_PATTERN.sub("", re.sub(r"<title>[^<]*</title>", "", index_page))
     text = text.replace("<!doctype html>", f"<!doctype html>\n<!-- {MARK.decode()} -->", 1)
     return text.replace("</head>", f"{head_html}\n</head>", 1).replace(
         "</body>", f"{page_tail}\n</body>", 1
     )
 
 
-def _modules(read_module: Callable[[str], str], first_module: str) -> dict[str, str]:
+def _page_modules(read_module: Callable[[str], str], first_module: str) -> dict[str, str]:
     """A module and all that it imports, by name."""
     module_texts: dict[str, str] = {}
     module_names = [first_module]
@@ -121,9 +123,9 @@ def _modules(read_module: Callable[[str], str], first_module: str) -> dict[str, 
         module_name = module_names.pop()
         if module_name not in module_texts:
             module_texts[module_name] = read_module(module_name)
-            module_names += _IMPORT.findall(module_texts[module_name])
+            module_names += _IMPORT_PATTERN.findall(module_texts[module_name])
     return module_texts
 
 
-def _data(kind: str, content: bytes) -> str:
+def _data_url(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"

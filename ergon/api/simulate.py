@@ -47,10 +47,10 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     """Play a piece to its end; `report` hears of its progress under the name of `task`."""
     from ergon.rendering.follow import gesture_fidelities
     from ergon.rendering.mass_excursions import measure_excursions
-    from ergon.scores.staging.probes import probed
+    from ergon.scores.staging.probes import probe_piece
 
     report = report or Report()
-    probed_piece = probed(piece)
+    probed_piece = probe_piece(piece)
     stage = stage_as_checked(probed_piece.piece, report)
     with report.progress(task, stage.n_analysed_frames, stage.rate) as progress:
         moved, closed, bows = measure_excursions(stage, probed_piece, progress.update)

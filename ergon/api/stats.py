@@ -14,7 +14,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .modes import PartModes, modes_of, points_of
 from .options import ReadOptions
-from .parts import hertz, is_free, selected_parts
+from .parts import frequency_option, selected_parts, stretches_no_spring
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
 
-_STATIC = 1e-5  # of the lowest frequency: there inertia changes the response by this squared
-_NOTHING = 1e-12  # share of a blow's energy that counts as none
+_RIGID_SHARE_MAX = (
+    1e-5  # of the lowest frequency: there inertia changes the response by this squared
+)
+_ZERO_SHARE_MAX = 1e-12  # share of a blow's energy that counts as none
 
 
 @renamed(to="upto")
@@ -118,18 +120,18 @@ def stats(
     from ergon.scores.staging.preparing import prepare
 
     options = options or StatsOptions()
-    frequency_max = hertz("upto", options.upto)
+    frequency_max = frequency_option("upto", options.upto)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     part_names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
         return tuple(
-            _stats(piece, built, name, frequency_max, loaded.inputs) for name in part_names
+            _part_stats(piece, built, name, frequency_max, loaded.inputs) for name in part_names
         )
 
 
-def _stats(
+def _part_stats(
     piece: Piece,
     built: BuiltNetwork,
     part_name: str,
@@ -140,10 +142,10 @@ def _stats(
 
     elements = built.network.elements([part_name])
     part_modes = modes_of(piece, built, part_name, {"to": frequency_max}, input_files)
-    n_free = int(is_free(part_modes.shapes, elements).sum())
+    n_free = int(stretches_no_spring(part_modes.shapes, elements).sum())
     swinging = part_modes.frequencies[n_free:]
-    middles, counts = _bands(swinging[swinging > 0])
-    guarantee, oversampling = _certificate(piece, part_name)
+    middles, counts = _third_octave_counts(swinging[swinging > 0])
+    guarantee, oversampling = _part_certificate(piece, part_name)
     mats = elements.mats
     named_slots = points_of(piece, built, part_name, mats)
     return PartStats(
@@ -152,29 +154,29 @@ def _stats(
         elements.n_held,
         float(elements.masses.sum()),
         (float(elements.masses.min()), float(elements.masses.max())) if mats else (0.0, 0.0),
-        tuple(_links(elements)),
+        tuple(_link_stats(elements)),
         part_modes,
         n_free,
         middles,
         counts,
-        _highest(built.network, part_name, elements),
+        _highest_mode_hertz(built.network, part_name, elements),
         guarantee,
         oversampling,
         tuple(
-            _point(built.network, part_name, elements, part_modes, label, np.array(slots))
+            _point_stats(built.network, part_name, elements, part_modes, label, np.array(slots))
             for label, slots in named_slots.items()
         ),
         tuple(input_files),
-        {m.name: m.fields["M"] for m in _modules(piece, part_name) if m.kind == "MODES"},
+        {m.name: m.fields["M"] for m in _module_counts(piece, part_name) if m.kind == "MODES"},
     )
 
 
-def _modules(piece: Piece, name: str) -> Sequence[Module]:
+def _module_counts(piece: Piece, name: str) -> Sequence[Module]:
     part = piece.instruments.get(name) or piece.keys.get(name)
     return () if part is None else part.modules
 
 
-def _links(elements: _core.Elements) -> Sequence[LinkStats]:
+def _link_stats(elements: _core.Elements) -> Sequence[LinkStats]:
     import numpy as np
 
     kinds = np.array(elements.kinds)
@@ -186,7 +188,9 @@ def _links(elements: _core.Elements) -> Sequence[LinkStats]:
     return link_rows
 
 
-def _bands(frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def _third_octave_counts(
+    frequencies: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Centres of the third octaves from the lowest frequency to the highest, and how many lie in
     each.
     """
@@ -200,7 +204,7 @@ def _bands(frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
     return 1000 * 2 ** ((low + np.arange(len(counts))) / 3), counts
 
 
-def _highest(network: _core.Network, part_name: str, elements: _core.Elements) -> float:
+def _highest_mode_hertz(network: _core.Network, part_name: str, elements: _core.Elements) -> float:
     """The highest mode's frequency without damping [Hz]: that of the mode nearest to an upper
     bound, or the bound where no mode is found.
     """
@@ -224,7 +228,7 @@ def _highest(network: _core.Network, part_name: str, elements: _core.Elements) -
     return float(abs(poles[0]) if rate is None else abs(poles[0].imag)) / (2 * np.pi)
 
 
-def _certificate(piece: Piece, part_name: str) -> tuple[str | None, int]:
+def _part_certificate(piece: Piece, part_name: str) -> tuple[str | None, int]:
     """The guarantee of a part by itself, and the steps a frame that it holds for."""
     from ergon import _core
     from ergon.scores.edits.tunable import TunablePart
@@ -239,7 +243,7 @@ def _certificate(piece: Piece, part_name: str) -> tuple[str | None, int]:
     return None, 1
 
 
-def _point(
+def _point_stats(
     network: _core.Network,
     part_name: str,
     elements: _core.Elements,
@@ -265,9 +269,9 @@ def _point(
     slowest = float(np.abs(lowest.poles[:1]).sum() or swinging)
     if not isfinite(slowest):  # a discrete network may be at rest within a frame
         slowest = 2 * np.pi * (elements.ca_rate or 0.0)
-    is_pushed_away = bool((energy_shares[~stands] > _NOTHING).any()) or slowest == 0
-    if not is_pushed_away and not is_free(lowest.shapes, elements).any():
-        f = _STATIC * slowest / (2 * np.pi)
+    is_pushed_away = bool((energy_shares[~stands] > _ZERO_SHARE_MAX).any()) or slowest == 0
+    if not is_pushed_away and not stretches_no_spring(lowest.shapes, elements).any():
+        f = _RIGID_SHARE_MAX * slowest / (2 * np.pi)
         answer = network.admittance([part_name], mats, [mats], [f])[0, 0]
         compliance = float((answer / (2j * np.pi * f)).real)
     return PointStats(point_label, float(masses.sum()), compliance, energy_shares, centroid)

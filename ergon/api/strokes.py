@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from .simulate import Simulated
 
 _ROUNDING_TOLERANCE = 1e-9  # [m], and as a ratio of strokes: smaller differences are rounding
-_Kinds = Mapping[tuple[str, str], str]  # kinds of modules, by part and name
-_THROWN = ("MAS", "CEL")  # modules that a stroke throws at a contact
+_KindByModule = Mapping[tuple[str, str], str]  # kinds of modules, by part and name
+_THROWN_KINDS = ("MAS", "CEL")  # modules that a stroke throws at a contact
 
 
-class _Stroke(NamedTuple):
+class _StrokeReach(NamedTuple):
     """A stroke: when it begins [s]; how far it takes a key towards a contact [m], or its impulse
     [N·s].
     """
@@ -33,14 +33,14 @@ class _Stroke(NamedTuple):
     reach: float
 
 
-class _Player(NamedTuple):
+class _ContactPlayer(NamedTuple):
     """What may close a contact: the words for one of its strokes and for several, and the
     strokes.
     """
 
     singular: str
     more: str
-    strokes: Iterable[_Stroke]
+    strokes: Iterable[_StrokeReach]
 
 
 def closed_once_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic]:
@@ -69,7 +69,7 @@ def closed_once_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic]
 
 
 def _contact_warning(
-    piece: Piece, simulated: Simulated, contact_points: list[ContactClosings], kinds: _Kinds
+    piece: Piece, simulated: Simulated, contact_points: list[ContactClosings], kinds: _KindByModule
 ) -> Diagnostic | None:
     """The warning for a contact that closed, of one point or of several; None if there is none."""
     contact = contact_points[0].contact
@@ -77,7 +77,7 @@ def _contact_warning(
     last_closed = max(stroke.last for stroke in contact_points if stroke.last is not None)
     if any(stroke.is_closed for stroke in contact_points):
         return None
-    for player in _players(piece, simulated, contact.module, kinds):
+    for player in _contact_players(piece, simulated, contact.module, kinds):
         strokes = sorted(player.strokes)
         # No stroke closed a contact that is closed from the beginning.
         strokes_before = [
@@ -106,61 +106,65 @@ def _contact_warning(
     return None
 
 
-def _players(
-    piece: Piece, simulated: Simulated, contact: Module, module_kinds: _Kinds
-) -> Iterator[_Player]:
+def _contact_players(
+    piece: Piece, simulated: Simulated, contact: Module, module_kinds: _KindByModule
+) -> Iterator[_ContactPlayer]:
     """Keys that close a contact, and strikes on one of its ends."""
-    for key, direction in _keys(piece, contact, module_kinds):
-        strokes = (s for g in simulated.gestures if g.key == key for s in _strokes(g, direction))
-        yield _Player(f"stroke of {key} goes as far", f"strokes of {key} go as far", strokes)
+    for key, direction in _closing_keys(piece, contact, module_kinds):
+        strokes = (
+            s for g in simulated.gestures if g.key == key for s in _gesture_strokes(g, direction)
+        )
+        yield _ContactPlayer(f"stroke of {key} goes as far", f"strokes of {key} go as far", strokes)
     timeline, mats = simulated.stage.timeline, simulated.stage.built.assembly.mats
     if timeline is None:
         return
     for contact_end in contact.ends:
-        if module_kinds[contact_end.part, contact_end.module] not in _THROWN:
+        if module_kinds[contact_end.part, contact_end.module] not in _THROWN_KINDS:
             continue
         module_name, direction = (
             f"{contact_end.part}.{contact_end.module}",
-            _direction(contact, contact_end),
+            _closing_direction(contact, contact_end),
         )
         struck = timeline.strikes_on(mats[contact_end.part, contact_end.module])
-        strokes = (_Stroke(instant, direction * impulse) for instant, impulse in struck)
-        yield _Player(
+        strokes = (_StrokeReach(instant, direction * impulse) for instant, impulse in struck)
+        yield _ContactPlayer(
             f"strike on {module_name} is as strong",
             f"strikes on {module_name} are as strong",
             strokes,
         )
 
 
-def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, float]]:
+def _closing_keys(
+    piece: Piece, contact: Module, kinds: _KindByModule
+) -> Iterator[tuple[str, float]]:
     """Keys that close a contact, directly or by a mass that they push, and the direction they move
     in to do so: 1 or -1.
     """
     struck_keys = {(name, key.struck): name for name, key in piece.keys.items()}
     for end in contact.ends:
         if key := struck_keys.get((end.part, end.module)):
-            yield key, _direction(contact, end)
+            yield key, _closing_direction(contact, end)
     thrown = {(e.part, e.module) for e in contact.ends} - struck_keys.keys()
     for _, piece_module in piece.modules():
         if piece_module.kind != "BUT" or piece_module is contact:
             continue
         targets_by_module = {(end.part, end.module): end for end in piece_module.ends}
         between = thrown & targets_by_module.keys()
-        if any(kinds[end] in _THROWN for end in between):
+        if any(kinds[end] in _THROWN_KINDS for end in between):
             yield from (
-                (struck_keys[w], _direction(piece_module, e))
+                (struck_keys[w], _closing_direction(piece_module, e))
                 for w, e in targets_by_module.items()
                 if w in struck_keys
             )
 
 
-def _direction(contact: Module, end: Target) -> float:
+def _closing_direction(contact: Module, end: Target) -> float:
     """The direction in which an end of a contact moves to close it: upwards 1, downwards -1."""
     upwards = contact.fields["side"] == "below"
     return 1.0 if upwards == (end == contact.ends[0]) else -1.0
 
 
-def _strokes(gesture: StagedGesture, direction: float) -> Iterator[_Stroke]:
+def _gesture_strokes(gesture: StagedGesture, direction: float) -> Iterator[_StrokeReach]:
     """The strokes of a written gesture in a direction, each from one turn to the turn back."""
     if gesture.layer:
         return  # a layer adds to an unknown path
@@ -169,7 +173,7 @@ def _strokes(gesture: StagedGesture, direction: float) -> Iterator[_Stroke]:
         reach_forward = direction * x
         if reach_forward < highest - _ROUNDING_TOLERANCE:
             if highest > lowest + _ROUNDING_TOLERANCE:
-                yield _Stroke(begins, highest)
+                yield _StrokeReach(begins, highest)
             begins, lowest, highest = begins_at, reach_forward, reach_forward
             continue
         if (
@@ -179,4 +183,4 @@ def _strokes(gesture: StagedGesture, direction: float) -> Iterator[_Stroke]:
             begins, lowest = begins_at, min(lowest, reach_forward)
         highest = max(highest, reach_forward)
     if highest > lowest + _ROUNDING_TOLERANCE:
-        yield _Stroke(begins, highest)
+        yield _StrokeReach(begins, highest)

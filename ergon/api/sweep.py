@@ -30,10 +30,10 @@ from .sweep_variant import Outcome, compute, on_worker
 
 if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.edits.varying import Variant, Varied
+    from ergon.scores.edits.varying import Variant, VariedTarget
     from ergon.scores.reading.load import Loaded
 
-_NAME_MAX = 150  # characters of a file's name without its number
+_FILE_NAME_CHARACTERS_MAX = 150  # characters of a file's name without its number
 
 
 @documented
@@ -111,15 +111,15 @@ def sweep(
     Raises ScoreError, OptionError and FileRefusedError.
     """
     options, report = options or SweepOptions(), report or Report()
-    varied, combined = _varied(options)
+    varied, combined = _varied_values(options)
     loaded = scores.read(score, ReadOptions(text=options.text, trust=options.trust), report)
     scores.piece_of(loaded)
-    folder = _folder(score, options)
+    folder = _sweep_folder(score, options)
     sweep_table = Table(folder / "sweep.csv", tuple(variation.target for variation in varied))
     check_target(sweep_table.path, force=options.force, inputs=loaded.inputs)
     picture = folder / "sweep.svg"
     check_target(picture, force=options.force, inputs=loaded.inputs)
-    variants = _variants(score, options, loaded, varied, combined, report)
+    variants = _valid_variants(score, options, loaded, varied, combined, report)
     named_variants = _named_variants(str(score), options, variants)
     known_rows = _rows_by_variant(sweep_table, named_variants, folder)
     for variant in named_variants:
@@ -129,12 +129,12 @@ def sweep(
     missing = [variant for variant in named_variants if variant.number not in known_rows]
     picture_title = scores.piece_of(loaded).title or Path(score).stem
     try:
-        _compute(str(score), options, missing, folder, rows_by_number, sweep_table, report)
+        _compute_missing(str(score), options, missing, folder, rows_by_number, sweep_table, report)
     finally:  # keep the variants that were computed before Ctrl-C
         ordered_rows = [rows_by_number[number] for number in sorted(rows_by_number)]
         if ordered_rows:
             sweep_table.write(ordered_rows, picture_title, force=options.force)
-            _draw(
+            _draw_sweep(
                 picture,
                 picture_title,
                 [variation.target for variation in varied],
@@ -146,10 +146,10 @@ def sweep(
     )
 
 
-def _varied(sweep_options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]:
+def _varied_values(sweep_options: SweepOptions) -> tuple[list[VariedTarget], list[tuple[str, ...]]]:
     """The targets that vary, and the values of each variant. Raises OptionError."""
     from ergon.notation.text.edit import EditError
-    from ergon.scores.edits.varying import SEED, combined, parse
+    from ergon.scores.edits.varying import SEED, parse, value_combinations
 
     if not sweep_options.vary:
         raise OptionError(
@@ -157,7 +157,7 @@ def _varied(sweep_options: SweepOptions) -> tuple[list[Varied], list[tuple[str, 
         )
     try:
         varied = [parse(text) for text in sweep_options.vary]
-        combined_values = combined(varied, is_zipped=sweep_options.zip)
+        combined_values = value_combinations(varied, is_zipped=sweep_options.zip)
     except EditError as error:
         raise OptionError("vary", str(error)) from None
     check_seed(sweep_options.seed)
@@ -175,7 +175,7 @@ def _varied(sweep_options: SweepOptions) -> tuple[list[Varied], list[tuple[str, 
     return varied, combined_values
 
 
-def _folder(score: str | Path, options: SweepOptions) -> Path:
+def _sweep_folder(score: str | Path, options: SweepOptions) -> Path:
     if options.out is not None:
         return Path(options.out)
     if str(score) == scores.STDIN:
@@ -183,11 +183,11 @@ def _folder(score: str | Path, options: SweepOptions) -> Path:
     return Path(f"{Path(score).stem}.sweep")
 
 
-def _variants(
+def _valid_variants(
     score: str | Path,
     sweep_options: SweepOptions,
     loaded: Loaded,
-    varied: Sequence[Varied],
+    varied: Sequence[VariedTarget],
     combined: Sequence[tuple[str, ...]],
     report: Report,
 ) -> Iterator[Variant]:
@@ -197,7 +197,7 @@ def _variants(
 
     targets = [variation.target for variation in varied]
     try:
-        for variant in variants(_texts(score, sweep_options, loaded), targets, combined):
+        for variant in variants(_score_texts(score, sweep_options, loaded), targets, combined):
             if variant.loaded.piece is None:
                 variant_text = ", ".join(map("=".join, zip(targets, variant.values, strict=True)))
                 report.say(f"the variant {variant_text} has mistakes; nothing is rendered")
@@ -211,7 +211,7 @@ def _variants(
         raise OptionError("vary", str(error)) from None
 
 
-def _texts(score: str | Path, sweep_options: SweepOptions, loaded: Loaded) -> Texts:
+def _score_texts(score: str | Path, sweep_options: SweepOptions, loaded: Loaded) -> Texts:
     from ergon.scores.edits.texts import Texts
 
     path = str(Path(score))  # the form in which the loader writes it
@@ -236,7 +236,9 @@ def _named_variants(
             variant_name = f"{stem}-{name_count}"
         file_names.add(variant_name.lower())
         file = f"{variant_name}.wav" if sweep_options.sound else ""
-        key = digest(bundled(score, variant.loaded), sorted(render_options.items()), _version())
+        key = digest(
+            bundled(score, variant.loaded), sorted(render_options.items()), _program_version()
+        )
         named_variants.append(
             _NamedVariant(variant_number, variant.values, variant.texts, file, key)
         )
@@ -246,9 +248,10 @@ def _named_variants(
 def _file_name(variant_text: str) -> str:
     """Values as the name of a file: `bell.m.K=1kN_m,seed=3`."""
     variant_name = re.sub(r"[^\w.=+,-]", "_", variant_text.replace(", ", ","))
-    if len(variant_name.encode()) <= _NAME_MAX:
+    if len(variant_name.encode()) <= _FILE_NAME_CHARACTERS_MAX:
         return variant_name
-    return f"{variant_name[: _NAME_MAX // 2]}-{sha256(variant_text.encode()).hexdigest()[:16]}"
+    variant_hash = sha256(variant_text.encode()).hexdigest()[:16]
+    return f"{variant_name[: _FILE_NAME_CHARACTERS_MAX // 2]}-{variant_hash}"
 
 
 def _render_options(sweep_options: SweepOptions) -> dict[str, Any]:
@@ -259,7 +262,7 @@ def _render_options(sweep_options: SweepOptions) -> dict[str, Any]:
     return {**options_by_name, "plan": plan, "threads": 1}
 
 
-def _version() -> str:
+def _program_version() -> str:
     from ergon.exchange.cache_folder import versioned_key
 
     return versioned_key("sweep")
@@ -276,7 +279,9 @@ def _rows_by_variant(
     for variant in named_variants:
         earlier_row = earlier.get(variant.digest)
         if earlier_row is None or (
-            variant.file and earlier_row.status == "ok" and not _is_whole(folder, earlier_row)
+            variant.file
+            and earlier_row.status == "ok"
+            and not _is_file_unchanged(folder, earlier_row)
         ):
             continue
         if variant.file and earlier_row.status == "ok" and earlier_row.file != variant.file:
@@ -285,7 +290,7 @@ def _rows_by_variant(
     return earlier_rows
 
 
-def _is_whole(folder: Path, table_row: SweepRow) -> bool:
+def _is_file_unchanged(folder: Path, table_row: SweepRow) -> bool:
     if not table_row.file:
         return False
     hashed = sha256()
@@ -298,7 +303,7 @@ def _is_whole(folder: Path, table_row: SweepRow) -> bool:
     return hashed.hexdigest() == table_row.sha256
 
 
-def _compute(
+def _compute_missing(
     score: str,
     sweep_options: SweepOptions,
     missing_variants: Sequence[_NamedVariant],
@@ -329,7 +334,7 @@ def _compute(
                     on_worker, engine_version, content(variant), render_options, variant.file
                 ),
             )
-            _keep(
+            _keep_results(
                 computed_pairs,
                 len(missing_variants),
                 folder,
@@ -344,7 +349,7 @@ def _compute(
             (variant, compute(content(variant), render_options, variant.file))
             for variant in missing_variants
         )
-        _keep(
+        _keep_results(
             computed_pairs,
             len(missing_variants),
             folder,
@@ -354,15 +359,15 @@ def _compute(
             report,
         )
         return
-    with _processes(jobs) as pool:
+    with _process_pool(jobs) as pool:
         computed_pairs = results_as_completed(
             missing_variants,
             lambda variant: pool.submit(compute, content(variant), render_options, variant.file),
-            _wait,
+            _first_done,
             Future.result,
             2 * jobs,
         )
-        _keep(
+        _keep_results(
             computed_pairs,
             len(missing_variants),
             folder,
@@ -373,11 +378,11 @@ def _compute(
         )
 
 
-def _wait(futures: Sequence[Future[Outcome]]) -> None:
+def _first_done(futures: Sequence[Future[Outcome]]) -> None:
     wait(futures, return_when=FIRST_COMPLETED)
 
 
-def _keep(
+def _keep_results(
     pairs: Iterator[tuple[_NamedVariant, Outcome]],
     variant_count: int,
     folder: Path,
@@ -418,10 +423,10 @@ def _keep(
 
 
 @contextmanager
-def _processes(jobs: int) -> Iterator[Executor]:
+def _process_pool(jobs: int) -> Iterator[Executor]:
     """Processes that end with this one, or at once at Ctrl-C."""
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, context, initializer=_begin)
+    pool = ProcessPoolExecutor(jobs, context, initializer=_begin_process)
     try:
         yield pool
     except BaseException:
@@ -432,13 +437,13 @@ def _processes(jobs: int) -> Iterator[Executor]:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _begin() -> None:
+def _begin_process() -> None:
     """Prepare a process of a sweep: one thread for BLAS, and Ctrl-C is left to the parent."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _draw(
+def _draw_sweep(
     path: Path,
     picture_title: str,
     targets: Sequence[str],

@@ -27,9 +27,9 @@ FIGURES: Mapping[str, str] = {
     "error_db": "largest error of the plan [dB]",
     "error_cents": "largest error of a pitch of the plan [cents]",
 }
-_HEAD, _TAIL = ("status", "file"), ("score_sha256", "file_sha256", "reason")
+_FIRST_COLUMNS, _LAST_COLUMNS = ("status", "file"), ("score_sha256", "file_sha256", "reason")
 _BYTES_MAX = 50_000_000
-_EVERY = 1.0  # [s] between two tables of an unfinished sweep
+_SAVE_INTERVAL_SECONDS = 1.0  # [s] between two tables of an unfinished sweep
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class Table:
         rows_by_digest: dict[str, SweepRow] = {}
         try:
             for fields in csv.DictReader(csv_lines):
-                row = _row(fields)
+                row = _sweep_row(fields)
                 rows_by_digest[row.digest] = row
         except (ValueError, KeyError, TypeError, csv.Error):
             return {}
@@ -79,7 +79,7 @@ class Table:
     def keep(self, rows: Sequence[SweepRow], *, force: bool) -> None:
         """Write an unfinished table, at most once a second."""
         instant_now = time.monotonic()
-        if instant_now - self._saved_time >= _EVERY:
+        if instant_now - self._saved_time >= _SAVE_INTERVAL_SECONDS:
             self.write(rows, "", force=force)
             self._saved_time = instant_now
 
@@ -91,7 +91,7 @@ class Table:
         facts += [f"{name}: {meaning}" for name, meaning in FIGURES.items()]
         out.writelines(f"# {fact}\n" for fact in facts)
         csv_table = csv.writer(out, lineterminator="\n")
-        csv_table.writerow((*self.targets, *_HEAD, *FIGURES, *_TAIL))
+        csv_table.writerow((*self.targets, *_FIRST_COLUMNS, *FIGURES, *_LAST_COLUMNS))
         for sweep_row in rows:
             figures = ["" if x is None else f"{x:.8g}" for x in map(sweep_row.figures.get, FIGURES)]
             reason = " ".join(sweep_row.reason.split())
@@ -102,7 +102,7 @@ class Table:
         write_text(self.path, out.getvalue(), force=force)
 
 
-def _row(row_fields: Mapping[str, str]) -> SweepRow:
+def _sweep_row(row_fields: Mapping[str, str]) -> SweepRow:
     figures = {name: float(row_fields[name]) if row_fields[name] else None for name in FIGURES}
     file_name = row_fields["file"]
     if file_name and Path(file_name).name != file_name:

@@ -45,7 +45,7 @@ def compute(content: ScoreBundle, options: dict[str, Any], name: str) -> Outcome
     """Render a variant with `options` as RenderOptions; `name` is its sound file, "" for none."""
     with unpack(content) as path:
         try:
-            figures, sound_data = _computed(str(path), RenderOptions(**options), name)
+            figures, sound_data = _computed_variant(str(path), RenderOptions(**options), name)
         except ErgonError as error:
             status = "diverged" if isinstance(error, DivergedError) else "refused"
             reason = with_local_paths(str(error), path, content)
@@ -62,11 +62,13 @@ def on_worker(
     from . import cluster_worker
 
     cluster_worker.check_version(version)
-    with cluster_worker.lock:
+    with cluster_worker.staging_lock:
         return compute(content, options, name)
 
 
-def _computed(path: str, render_options: RenderOptions, file_stem: str) -> tuple[Figures, bytes]:
+def _computed_variant(
+    path: str, render_options: RenderOptions, file_stem: str
+) -> tuple[Figures, bytes]:
     from ergon.rendering.measures import measures
     from ergon.rendering.render import render_array
 
@@ -88,7 +90,7 @@ def _computed(path: str, render_options: RenderOptions, file_stem: str) -> tuple
     figures: Figures = {
         "seconds": len(mix_frames) / stage.rate,
         "loudness_lufs": outcome.loudness,
-        "peak_db": _decibels(outcome.peak),
+        "peak_db": _level_db(outcome.peak),
         "centroid_hz": sound_measures.centroid,
         "pitch_hz": sound_measures.pitch,
         "partial_hz": sound_measures.partial,
@@ -99,10 +101,12 @@ def _computed(path: str, render_options: RenderOptions, file_stem: str) -> tuple
         "error_db": max(errors, default=None),
         "error_cents": max(cents, default=None),
     }
-    return figures, _file(file_stem, prepared, mix_frames) if file_stem else b""
+    return figures, _sound_file_bytes(file_stem, prepared, mix_frames) if file_stem else b""
 
 
-def _file(file_stem: str, prepared: PreparedRender, mix_frames: NDArray[np.float64]) -> bytes:
+def _sound_file_bytes(
+    file_stem: str, prepared: PreparedRender, mix_frames: NDArray[np.float64]
+) -> bytes:
     """The bytes of the file that `ergon render` writes."""
     from ergon import _core
     from ergon.exchange import sound
@@ -120,5 +124,5 @@ def _file(file_stem: str, prepared: PreparedRender, mix_frames: NDArray[np.float
     return wave_file.getvalue()
 
 
-def _decibels(ratio: float) -> float | None:
+def _level_db(ratio: float) -> float | None:
     return 20.0 * math.log10(ratio) if ratio > 0.0 else None

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .errors import OptionError
-from .parts import hertz
+from .parts import frequency_option
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -71,7 +71,7 @@ def take_stats(path: str | Path, options: TakeStatsOptions | None = None) -> tup
     from ergon.scores.gesture.take_file import TakeError
 
     options = options or TakeStatsOptions()
-    cutoff = hertz("cutoff", options.cutoff)
+    cutoff = frequency_option("cutoff", options.cutoff)
     try:
         recording = _core.read_recording(Path(path))
     except OSError as error:
@@ -103,11 +103,11 @@ def _hand_stats(recording: _core.Recording, axis_index: int, cutoff: float) -> H
         movement_stats(instants(recording), recording.positions()[:, axis_index], cutoff)
         if n >= 2
         else None,
-        _force(recording, axis_index),
+        _force_stats(recording, axis_index),
     )
 
 
-def _force(recording: _core.Recording, axis: int) -> ForceStats | None:
+def _force_stats(recording: _core.Recording, axis: int) -> ForceStats | None:
     import numpy as np
 
     x, tick_forces = recording.positions()[:, axis], recording.forces()[:, axis]

@@ -14,7 +14,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
-from .parts import hertz, is_free, selected_parts, stretches
+from .parts import frequency_option, link_elongations, selected_parts, stretches_no_spring
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from ergon.scores.edits.tunable import FieldKey, TunablePart, Value
     from ergon.scores.reading.load import Loaded
 
-REACHED = 1e-6  # [cents] within which a target counts as reached
+REACHED_CENTS = 1e-6  # [cents] within which a target counts as reached
 _CENTS_TOLERANCE = 1e-10  # [cents] at which the search ends
-_DIGITS = 12  # digits of a value; one more moves a mode by 1e-9 cents at most
-_STEPS_MAX = 80
-_STRIDE = 0.4  # a value is at most multiplied by e^0.4 in one step
+_SIGNIFICANT_DIGITS = 12  # digits of a value; one more moves a mode by 1e-9 cents at most
+_SEARCH_STEPS_MAX = 80
+_LOG_STEP_MAX = 0.4  # a value is at most multiplied by e^0.4 in one step
 _LOG_FACTOR_MAX = math.log(1000.0)
-_NUDGE = 1e-4  # step of a value's logarithm for derivatives
-_CENTS = 1200.0 / math.log(2.0)
-_FLAT = 1e-5  # a smaller slope is rounding, or tunes nothing
-_WORDS = {"masses": "M", "springs": "K", "pitches": "f"}
+_LOG_NUDGE = 1e-4  # step of a value's logarithm for derivatives
+_CENTS_PER_LOG = 1200.0 / math.log(2.0)
+_SLOPE_RATIO_MIN = 1e-5  # a smaller slope is rounding, or tunes nothing
+_FIELD_BY_WORD = {"masses": "M", "springs": "K", "pitches": "f"}
 
 
 @documented
@@ -103,7 +103,7 @@ class Tuned:
     @property
     def is_reached(self) -> bool:
         """Whether every target is reached within 1e-6 cents."""
-        return bool(abs(self.cents).max() <= REACHED)
+        return bool(abs(self.cents).max() <= REACHED_CENTS)
 
 
 def tune(
@@ -126,12 +126,12 @@ def tune(
     from ergon.scores.edits.tunable import TunablePart
 
     options = options or TuneOptions()
-    target_frequencies, has_ratios = _wanted(targets, options.base)
+    target_frequencies, has_ratios = _target_frequencies(targets, options.base)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     (selected_name,) = selected_parts(piece, (part,))
     tuned_part = TunablePart(piece, selected_name)
-    chosen = _chosen(tuned_part, options.by)
+    chosen = _chosen_values(tuned_part, options.by)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("tuning"):
         if has_ratios:
             first_mode = next(iter(target_frequencies))
@@ -154,7 +154,7 @@ def tune(
         for old, new in zip(search.values, tuned_values, strict=True)
         if old.number != new.number
     ]
-    edited_texts, edit_trouble = _edited(
+    edited_texts, edit_trouble = _edited_texts(
         score, options, loaded, tuned_part, [new for _, new in changed]
     )
     frequencies = search.frequencies({value.field_key: value.number for value in tuned_values})
@@ -180,14 +180,14 @@ def tune(
     )
 
 
-def _wanted(
+def _target_frequencies(
     target_texts: str | Mapping[int, float | str] | Sequence[float | str],
     base_pitch: float | str | None,
 ) -> tuple[dict[int, float], bool]:
     """Frequencies [Hz] by number of the mode; without a base, ratios and True."""
     if isinstance(target_texts, str) and ":" in target_texts:
         ratios_by_mode = {
-            number: _ratio(word)
+            number: _parse_ratio(word)
             for number, word in enumerate(target_texts.split(":"), 1)
             if word.strip() != "_"
         }
@@ -197,7 +197,7 @@ def _wanted(
             )
         if base_pitch is None:
             return ratios_by_mode, True
-        pitch = hertz("base", base_pitch)
+        pitch = frequency_option("base", base_pitch)
         return {number: pitch * ratio for number, ratio in ratios_by_mode.items()}, False
     if base_pitch is not None:
         raise OptionError(
@@ -220,7 +220,7 @@ def _wanted(
     for mode_number, target_text in sorted(numbered_targets):
         if mode_number < 1:
             raise OptionError("targets", f"there is no mode {mode_number}; modes count from 1")
-        hertz_by_mode[mode_number] = hertz("targets", target_text)
+        hertz_by_mode[mode_number] = frequency_option("targets", target_text)
     if any(
         a >= b
         for a, b in zip(
@@ -233,7 +233,7 @@ def _wanted(
     return hertz_by_mode, False
 
 
-def _ratio(ratio_word: str) -> float:
+def _parse_ratio(ratio_word: str) -> float:
     try:
         ratio_value = float(ratio_word)
     except ValueError:
@@ -244,7 +244,7 @@ def _ratio(ratio_word: str) -> float:
     return ratio_value
 
 
-def _chosen(tunable_part: TunablePart, target_names: Sequence[str]) -> list[Value]:
+def _chosen_values(tunable_part: TunablePart, target_names: Sequence[str]) -> list[Value]:
     """The values that `target_names` names. Raises OptionError."""
     from ergon.notation.text.spelling import nearest
 
@@ -262,9 +262,11 @@ def _chosen(tunable_part: TunablePart, target_names: Sequence[str]) -> list[Valu
             values_by_name.setdefault(name, []).append(part_value)
     chosen_values: dict[Value, None] = {}
     for target_word in target_names:
-        matches = values_by_name.get(_WORDS.get(target_word, target_word))
+        matches = values_by_name.get(_FIELD_BY_WORD.get(target_word, target_word))
         if matches is None:
-            value_words = [word for word, field in _WORDS.items() if field in values_by_name]
+            value_words = [
+                word for word, field in _FIELD_BY_WORD.items() if field in values_by_name
+            ]
             close = nearest(target_word, [*values_by_name, *value_words])
             hint = f"did you mean '{close}'?" if close else f"there are {', '.join(values_by_name)}"
             raise OptionError(
@@ -274,7 +276,7 @@ def _chosen(tunable_part: TunablePart, target_names: Sequence[str]) -> list[Valu
     return list(chosen_values)
 
 
-def _edited(
+def _edited_texts(
     score: str | Path,
     tune_options: TuneOptions,
     loaded: Loaded,
@@ -330,7 +332,7 @@ class _Search:
         # Values that no mode depends on are left out.
         for tuned_value in values:
             slope = self._slope(poles, shapes, elements, tuned_value, tuned_value.number, {})
-            if np.abs(slope).max() > _FLAT:
+            if np.abs(slope).max() > _SLOPE_RATIO_MIN:
                 self.values.append(tuned_value)
         if values and not self.values:
             names = ", ".join(part.target(value) for value in values)
@@ -349,18 +351,18 @@ class _Search:
         initial_logs = np.log([value.number for value in self.values])
         logs, error_max = initial_logs.copy(), math.inf
         search_state = self._modes(self._numbers(logs))
-        for _ in range(_STEPS_MAX):
+        for _ in range(_SEARCH_STEPS_MAX):
             poles = search_state[0]
             residuals = np.log(poles.imag / (2 * np.pi)) - self.log_targets
             error_max = float(np.abs(residuals).max())
             slopes = self._slopes(search_state, logs)
             log_step, self.rank = _least_step(slopes, residuals)
-            if error_max * _CENTS <= _CENTS_TOLERANCE:
+            if error_max * _CENTS_PER_LOG <= _CENTS_TOLERANCE:
                 break
             largest_step = float(np.abs(log_step).max())
             if largest_step <= 1e-15:
                 break
-            log_step *= min(1.0, _STRIDE / largest_step)
+            log_step *= min(1.0, _LOG_STEP_MAX / largest_step)
             accepted_step = self._better(logs, initial_logs, log_step, float(residuals @ residuals))
             if accepted_step is None:
                 break
@@ -368,7 +370,7 @@ class _Search:
         return [
             value.number
             if log_number == initial_log
-            else float(f"{math.exp(log_number):.{_DIGITS}g}")
+            else float(f"{math.exp(log_number):.{_SIGNIFICANT_DIGITS}g}")
             for value, log_number, initial_log in zip(self.values, logs, initial_logs, strict=True)
         ]
 
@@ -423,7 +425,7 @@ class _Search:
             except _core.EngineError as error:
                 raise OptionError("targets", str(error)) from None
             swings = np.flatnonzero(
-                (part_modes.poles.imag > 0) & ~is_free(part_modes.shapes, elements)
+                (part_modes.poles.imag > 0) & ~stretches_no_spring(part_modes.shapes, elements)
             )
             if len(swings) >= last_mode or mode_count >= n:
                 break
@@ -463,15 +465,18 @@ class _Search:
             return network.elements([self.part.name])
 
         try:
-            modes_above, modes_below = elements_at(math.exp(_NUDGE)), elements_at(math.exp(-_NUDGE))
+            modes_above, modes_below = (
+                elements_at(math.exp(_LOG_NUDGE)),
+                elements_at(math.exp(-_LOG_NUDGE)),
+            )
         except _core.EngineError:  # the value is at the limit of its range, and stays
             return np.zeros(len(poles))
         dm, dk, dz = (
-            (getattr(modes_above, name) - getattr(modes_below, name)) / (2 * _NUDGE)
+            (getattr(modes_above, name) - getattr(modes_below, name)) / (2 * _LOG_NUDGE)
             for name in ("masses", "stiffness", "damping")
         )
         is_contact = np.array([kind == "BUT" for kind in elements.kinds])
-        squared_stretches = np.where(is_contact, 0.0, stretches(shapes, elements) ** 2)
+        squared_stretches = np.where(is_contact, 0.0, link_elongations(shapes, elements) ** 2)
         rate, k, z = elements.ca_rate, elements.stiffness, elements.damping
         pole_steps = poles if rate is None else np.exp(poles / rate) - 1
         if rate is not None:
@@ -499,7 +504,7 @@ def _least_step(
     import numpy as np
 
     u, singular_values, v = np.linalg.svd(slopes, full_matrices=False)
-    sensitive = singular_values > _FLAT
+    sensitive = singular_values > _SLOPE_RATIO_MIN
     weights = (u.T @ -residuals)[sensitive] / singular_values[sensitive]
     return np.asarray(v[sensitive].T @ weights), int(sensitive.sum())
 

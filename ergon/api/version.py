@@ -10,10 +10,10 @@ from pathlib import Path
 from ergon.common.commit import commit_of
 
 # Written before a wheel is built (docs/generators/build_record.py), and absent from a checkout.
-RECORD = Path(__file__).with_name("build.json")
+BUILD_RECORD_PATH = Path(__file__).with_name("build.json")
 
 
-def _installed() -> str:
+def _installed_version() -> str:
     try:
         return version("ergon-live")
     except PackageNotFoundError:  # run from a source tree that was never installed
@@ -27,7 +27,7 @@ def commit() -> str:
     from it; empty if nothing says which.
     """
     try:
-        recorded = json.loads(RECORD.read_text(encoding="utf-8"))
+        recorded = json.loads(BUILD_RECORD_PATH.read_text(encoding="utf-8"))
         return str(recorded["commit"])
     except (OSError, ValueError, KeyError, TypeError):
         pass
@@ -51,4 +51,4 @@ def build() -> str:
     return ", ".join([*build_words, feature()])
 
 
-__version__ = _installed()
+__version__ = _installed_version()

@@ -20,7 +20,7 @@ from .render import PreparedRender, prepare, write
 if TYPE_CHECKING:
     from ergon.exchange.wave_header import WaveInfo
 
-_SOUNDS = (".wav", ".flac")
+_SOUND_SUFFIXES = (".wav", ".flac")
 EARS = 2
 
 
@@ -61,7 +61,9 @@ def sound_beside(motion: Path, report: Report) -> Path | None:
     from ergon import _core
     from ergon.exchange import sound
 
-    sound_path = next((p for kind in _SOUNDS if (p := motion.with_suffix(kind)).is_file()), None)
+    sound_path = next(
+        (p for kind in _SOUND_SUFFIXES if (p := motion.with_suffix(kind)).is_file()), None
+    )
     if sound_path is None:
         return None
     motion_digest = parse_json(_core.read_motion(motion).manifest).get("score_sha256")
@@ -103,7 +105,7 @@ def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
             )
         else:
             return folded_path
-    _by_sides(path, info, folded_path)
+    _odd_and_even_means(path, info, folded_path)
     return folded_path
 
 
@@ -115,11 +117,11 @@ def as_flac(path: Path, folder: Path) -> Path:
     from ergon.exchange import sound
 
     flac_path = folder / "sound.flac"
-    _by_sides(path, sound.read_info(path), flac_path)
+    _odd_and_even_means(path, sound.read_info(path), flac_path)
     return flac_path
 
 
-def _by_sides(path: Path, info: WaveInfo, folded_path: Path) -> None:
+def _odd_and_even_means(path: Path, info: WaveInfo, folded_path: Path) -> None:
     """The means of odd and of even channels; one channel alone stays one."""
     import numpy as np
 

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
     from .wave_header import WaveInfo
 
-_UID = struct.Struct("<H12s14s11sx")
-_FIRST_ID = 0x1001  # first ID of definitions in the file itself
-_TYPES = {"DirectSpeakers": "0001", "HOA": "0004"}
+_UID_FORMAT = struct.Struct("<H12s14s11sx")
+_FIRST_CHANNEL_ID = 0x1001  # first ID of definitions in the file itself
+_TYPE_ID_BY_NAME = {"DirectSpeakers": "0001", "HOA": "0004"}
 _CHANNELS_MAX = 1024  # channels
 _EFFECTS_HZ = 200.0  # highest frequency of a channel for effects (BS.2051: 120 Hz)
-_DISTANCE_MAX = 1e4  # [m]
+_DISTANCE_METRES_MAX = 1e4  # [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,37 +49,39 @@ class ChannelLayout:
 
 def chunks(layout: ChannelLayout, title: str) -> bytes:
     """The chunks `chna` and `axml`, which precede the samples of a file."""
-    return _chunk(b"chna", _chna(layout)) + _chunk(b"axml", _axml(layout, title).encode())
+    return _chunk(b"chna", _chna_content(layout)) + _chunk(
+        b"axml", _axml_content(layout, title).encode()
+    )
 
 
 def _chunk(name: bytes, content: bytes) -> bytes:
     return name + struct.pack("<I", len(content)) + content + bytes(len(content) & 1)
 
 
-def _kind(layout: ChannelLayout) -> str:
+def _definition_type(layout: ChannelLayout) -> str:
     return "DirectSpeakers" if layout.order is None else "HOA"
 
 
-def _ids(layout: ChannelLayout) -> list[str]:
+def _channel_ids(layout: ChannelLayout) -> list[str]:
     """`00011001` …, one for each channel."""
-    prefix = _TYPES[_kind(layout)]
-    return [f"{prefix}{_FIRST_ID + i:04x}" for i in range(layout.n_channels)]
+    prefix = _TYPE_ID_BY_NAME[_definition_type(layout)]
+    return [f"{prefix}{_FIRST_CHANNEL_ID + i:04x}" for i in range(layout.n_channels)]
 
 
-def _chna(layout: ChannelLayout) -> bytes:
-    pack = f"AP_{_TYPES[_kind(layout)]}{_FIRST_ID:04x}".encode()
-    ids = _ids(layout)
+def _chna_content(layout: ChannelLayout) -> bytes:
+    pack = f"AP_{_TYPE_ID_BY_NAME[_definition_type(layout)]}{_FIRST_CHANNEL_ID:04x}".encode()
+    ids = _channel_ids(layout)
     chna_rows = [
-        _UID.pack(i, f"ATU_{i:08x}".encode(), f"AT_{number}_01".encode(), pack)
+        _UID_FORMAT.pack(i, f"ATU_{i:08x}".encode(), f"AT_{number}_01".encode(), pack)
         for i, number in enumerate(ids, 1)
     ]
     return struct.pack("<HH", len(ids), len(ids)) + b"".join(chna_rows)
 
 
-def _axml(layout: ChannelLayout, piece_title: str) -> str:
-    layout_kind, ids = _kind(layout), _ids(layout)
-    type_label = _TYPES[layout_kind]
-    pack = f"AP_{type_label}{_FIRST_ID:04x}"
+def _axml_content(layout: ChannelLayout, piece_title: str) -> str:
+    layout_kind, ids = _definition_type(layout), _channel_ids(layout)
+    type_label = _TYPE_ID_BY_NAME[layout_kind]
+    pack = f"AP_{type_label}{_FIRST_CHANNEL_ID:04x}"
     quoted_title = quoteattr("".join(c for c in piece_title if c.isprintable()) or "ergon")
     typed = f'typeLabel="{type_label}" typeDefinition="{layout_kind}"'
     farthest = max((r for *_, r in layout.speakers), default=1.0) or 1.0
@@ -104,7 +106,7 @@ def _axml(layout: ChannelLayout, piece_title: str) -> str:
             f'<audioChannelFormat audioChannelFormatID="AC_{format_id}" '
             f'audioChannelFormatName="{channel_name}" {typed}>'
             f'<audioBlockFormat audioBlockFormatID="AB_{format_id}_00000001">',
-            *_block(layout, i, farthest),
+            *_block_format(layout, i, farthest),
             "</audioBlockFormat></audioChannelFormat>",
             f'<audioStreamFormat audioStreamFormatID="AS_{format_id}" '
             f'audioStreamFormatName="{channel_name}" '
@@ -128,7 +130,7 @@ def _axml(layout: ChannelLayout, piece_title: str) -> str:
     )
 
 
-def _block(layout: ChannelLayout, speaker_index: int, farthest: float) -> list[str]:
+def _block_format(layout: ChannelLayout, speaker_index: int, farthest: float) -> list[str]:
     if layout.order is not None:
         n = next(n for n in range(speaker_index + 1) if speaker_index < (n + 1) ** 2)
         degree = speaker_index - n * n - n
@@ -151,8 +153,8 @@ def read(info: WaveInfo) -> ChannelLayout | None:
     Raises XmlError for a description that cannot be read.
     """
     if not info.chna:
-        return _masked(info)
-    tracks = _tracks(info.chna, info.format.n_channels)
+        return _speakers_of_mask(info)
+    tracks = _track_formats(info.chna, info.format.n_channels)
     root = parse_xml(info.axml) if info.axml else ElementTree.Element("none")
     formats = {
         channel_format.get("audioChannelFormatID"): channel_format
@@ -166,25 +168,27 @@ def read(info: WaveInfo) -> ChannelLayout | None:
         return None
     if labels:
         described = iter(channel_formats)
-        return _speakers([labels.get(i) or next(described) for i in range(len(format_names))], root)
+        return _speakers_of_channels(
+            [labels.get(i) or next(described) for i in range(len(format_names))], root
+        )
     channel_kinds = {
         channel_format.get("typeDefinition") or channel_format.get("typeLabel")
         for channel_format in channel_formats
     }
     if channel_kinds <= {"HOA", "0004"}:
-        return _ambisonics(channel_formats)
+        return _ambisonics_of_channels(channel_formats)
     if channel_kinds <= {"DirectSpeakers", "0001"}:
-        return _speakers(channel_formats, root)
+        return _speakers_of_channels(channel_formats, root)
     return None
 
 
-def _tracks(file_bytes: bytes, n_channels: int) -> list[str]:
+def _track_formats(file_bytes: bytes, n_channels: int) -> list[str]:
     """The format that each channel plays (AT_… or AC_…), the first of several; empty if the rows do
     not name exactly the channels of the file.
     """
     names_by_channel: dict[int, str] = {}
-    for offset in range(4, len(file_bytes) - _UID.size + 1, _UID.size):
-        index, _, name, _ = _UID.unpack_from(file_bytes, offset)
+    for offset in range(4, len(file_bytes) - _UID_FORMAT.size + 1, _UID_FORMAT.size):
+        index, _, name, _ = _UID_FORMAT.unpack_from(file_bytes, offset)
         if index:
             names_by_channel.setdefault(index, name.rstrip(b"\0").decode("ascii", "replace"))
     track_numbers = range(1, min(n_channels, _CHANNELS_MAX) + 1)
@@ -195,7 +199,7 @@ def _tracks(file_bytes: bytes, n_channels: int) -> list[str]:
     )
 
 
-def _ambisonics(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None:
+def _ambisonics_of_channels(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None:
     acn_numbers = []
     for channel in channels:
         block_format = channel.find("audioBlockFormat")
@@ -204,7 +208,10 @@ def _ambisonics(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None
             or (block_format.findtext("normalization") or "SN3D").strip() != "SN3D"
         ):
             return None
-        n, m = _number(block_format.findtext("order")), _number(block_format.findtext("degree"))
+        n, m = (
+            _finite_number(block_format.findtext("order")),
+            _finite_number(block_format.findtext("degree")),
+        )
         acn_numbers.append(n * n + n + m)
     field_order = next((n for n in range(8) if (n + 1) ** 2 == len(acn_numbers)), None)
     return (
@@ -214,12 +221,12 @@ def _ambisonics(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None
     )
 
 
-def _speakers(
+def _speakers_of_channels(
     channels: Sequence[ElementTree.Element | str], root: ElementTree.Element
 ) -> ChannelLayout | None:
     """The loudspeakers of definitions in the file, or of labels of common ones."""
     distance_texts = (pack.get("absoluteDistance") for pack in root.iter("audioPackFormat"))
-    radius = next((_number(text) for text in distance_texts if text), 1.0)
+    radius = next((_finite_number(text) for text in distance_texts if text), 1.0)
     speakers: list[Angles] = []
     effects = []
     for channel, definition in enumerate(channels):
@@ -240,10 +247,15 @@ def _speakers(
         }
         if not {"azimuth", "elevation"} <= coordinates.keys():
             return None
-        distance = _number(coordinates.get("distance") or "1") * radius
-        azimuth, elevation = _number(coordinates["azimuth"]), _number(coordinates["elevation"])
+        distance = _finite_number(coordinates.get("distance") or "1") * radius
+        azimuth, elevation = (
+            _finite_number(coordinates["azimuth"]),
+            _finite_number(coordinates["elevation"]),
+        )
         if not (
-            abs(azimuth) <= 360.0 and abs(elevation) <= 90.0 and 0.0 <= distance <= _DISTANCE_MAX
+            abs(azimuth) <= 360.0
+            and abs(elevation) <= 90.0
+            and 0.0 <= distance <= _DISTANCE_METRES_MAX
         ):
             raise XmlError("a loudspeaker lies out of range")
         speakers.append((azimuth, elevation, distance))
@@ -259,20 +271,20 @@ def _is_effects(channel_element: ElementTree.Element) -> bool:
     labels = [
         label.text or "" for label in channel_element.findall("audioBlockFormat/speakerLabel")
     ]
-    return any(map(is_effects, labels)) or any(_number(hz) <= _EFFECTS_HZ for hz in bounds)
+    return any(map(is_effects, labels)) or any(_finite_number(hz) <= _EFFECTS_HZ for hz in bounds)
 
 
-def _masked(info: WaveInfo) -> ChannelLayout | None:
+def _speakers_of_mask(info: WaveInfo) -> ChannelLayout | None:
     """The channels that the mask of the format names. Two are not read so: nearly every program
     writes that mask, whatever the channels are.
     """
     labels = masked_labels(info.mask)
     if len(labels) != info.format.n_channels or len(labels) < 3:
         return None
-    return _speakers(labels, ElementTree.Element("none"))
+    return _speakers_of_channels(labels, ElementTree.Element("none"))
 
 
-def _number(number_text: str | None) -> float:
+def _finite_number(number_text: str | None) -> float:
     try:
         return float(number_text or "")
     except ValueError:

@@ -16,35 +16,35 @@ from typing import TYPE_CHECKING, BinaryIO
 from ergon.common.regular import open_regular
 
 from .wave import blocks_of_bytes, survey_of_bytes
-from .wave_header import BYTES, Bits, NotWaveError, WaveFormat, WaveInfo, read_exactly
+from .wave_header import BYTES_BY_FORM, Bits, NotWaveError, WaveFormat, WaveInfo, read_exactly
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_COMM = struct.Struct(">HIHH8s")  # channels, frames, bits, exponent and mantissa of the rate
-_BIG, _LITTLE = ">", "<"
-_INTEGERS: tuple[Bits, ...] = (8, 16, 24, 32)
+_COMM_FORMAT = struct.Struct(">HIHH8s")  # channels, frames, bits, exponent and mantissa of the rate
+_BIG_ENDIAN, _LITTLE_ENDIAN = ">", "<"
+_INTEGER_BITS: tuple[Bits, ...] = (8, 16, 24, 32)
 # Codings of AIFF-C by their names: order of bytes, and bits where the name says them.
 _CODINGS: dict[bytes, tuple[str, Bits | None]] = {
-    b"NONE": (_BIG, None),
-    b"twos": (_BIG, None),
-    b"sowt": (_LITTLE, None),
-    b"in24": (_BIG, 24),
-    b"in32": (_BIG, 32),
-    b"fl32": (_BIG, "float"),
-    b"FL32": (_BIG, "float"),
-    b"fl64": (_BIG, "double"),
-    b"FL64": (_BIG, "double"),
+    b"NONE": (_BIG_ENDIAN, None),
+    b"twos": (_BIG_ENDIAN, None),
+    b"sowt": (_LITTLE_ENDIAN, None),
+    b"in24": (_BIG_ENDIAN, 24),
+    b"in32": (_BIG_ENDIAN, 32),
+    b"fl32": (_BIG_ENDIAN, "float"),
+    b"FL32": (_BIG_ENDIAN, "float"),
+    b"fl64": (_BIG_ENDIAN, "double"),
+    b"FL64": (_BIG_ENDIAN, "double"),
     b"raw ": ("unsigned", 8),
 }
-_FILLING = (b"FVER", b"PEAK", b"FLLR")  # chunks without data of the piece
-_TEXT_MAX = 1 << 16  # bytes of a title, and of all marks
+_IGNORED_CHUNKS = (b"FVER", b"PEAK", b"FLLR")  # chunks without data of the piece
+_TEXT_BYTES_MAX = 1 << 16  # bytes of a title, and of all marks
 _MARKS_MAX = 1000
 _OTHERS_MAX = 100
 _BLOCK_BYTES = 1 << 20
-_CUT_HEADER = "this AIFF file ends within its header"
-_CUT_SAMPLES = "this file became shorter while it was read"
+_CUT_HEADER_MESSAGE = "this AIFF file ends within its header"
+_CUT_SAMPLES_MESSAGE = "this file became shorter while it was read"
 
 
 def read_info(path: Path) -> WaveInfo:
@@ -59,7 +59,7 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     Raises NotWaveError or OSError.
     """
     format = read_info(path).format
-    yield from blocks_of_bytes(_samples(path), format)
+    yield from blocks_of_bytes(_sample_blocks(path), format)
 
 
 def survey(path: Path) -> tuple[str, int | None]:
@@ -67,23 +67,23 @@ def survey(path: Path) -> tuple[str, int | None]:
 
     Raises NotWaveError or OSError.
     """
-    return survey_of_bytes(_samples(path), read_info(path).format)
+    return survey_of_bytes(_sample_blocks(path), read_info(path).format)
 
 
-def _samples(path: Path) -> Iterator[bytes]:
+def _sample_blocks(path: Path) -> Iterator[bytes]:
     """The samples in the order of bytes of WAVE, in blocks of complete frames."""
     import numpy as np
 
     with open_regular(path) as open_file:
         info, byte_order = _parse(open_file)
-        sample_bytes = BYTES[info.format.bits]
+        sample_bytes = BYTES_BY_FORM[info.format.bits]
         frame_size = info.format.frame_bytes
         open_file.seek(info.offset)
         bytes_left = info.size
         while bytes_left:
             n_bytes = min(bytes_left, max(1, _BLOCK_BYTES // frame_size) * frame_size)
-            octets = np.frombuffer(read_exactly(open_file, n_bytes, _CUT_SAMPLES), np.uint8)
-            if byte_order == _BIG:
+            octets = np.frombuffer(read_exactly(open_file, n_bytes, _CUT_SAMPLES_MESSAGE), np.uint8)
+            if byte_order == _BIG_ENDIAN:
                 octets = octets.reshape(-1, sample_bytes)[:, ::-1]
             if info.format.bits == 8 and byte_order != "unsigned":
                 octets = octets ^ np.uint8(0x80)  # WAVE counts 8 bits from 0
@@ -104,7 +104,7 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
     end_offset = open_file.seek(0, 2)
     open_file.seek(12)
     format: WaveFormat | None = None
-    byte_order, stated, stated_title = _BIG, 0, ""
+    byte_order, stated, stated_title = _BIG_ENDIAN, 0, ""
     sound_place, stop_offset = None, end_offset
     named_marks: list[tuple[str, int]] = []
     other_chunks: list[tuple[str, int]] = []
@@ -118,25 +118,25 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
         ):
             break  # the bytes after the samples are no chunk
         if chunk_name == b"COMM":
-            content = read_exactly(open_file, min(chunk_size, 1024), _CUT_HEADER)
-            format, byte_order, stated = _common(content, is_compressed=is_compressed)
+            content = read_exactly(open_file, min(chunk_size, 1024), _CUT_HEADER_MESSAGE)
+            format, byte_order, stated = _parse_comm(content, is_compressed=is_compressed)
         elif chunk_name == b"SSND" and sound_place is None:
-            offset, _ = struct.unpack(">II", read_exactly(open_file, 8, _CUT_HEADER))
+            offset, _ = struct.unpack(">II", read_exactly(open_file, 8, _CUT_HEADER_MESSAGE))
             sound_place = start_offset + 8 + offset
             stop_offset = (
                 start_offset + chunk_size
                 if 8 < chunk_size <= end_offset - start_offset
                 else end_offset
             )
-        elif chunk_name == b"NAME" and chunk_size <= _TEXT_MAX:
+        elif chunk_name == b"NAME" and chunk_size <= _TEXT_BYTES_MAX:
             stated_title = (
-                read_exactly(open_file, chunk_size, _CUT_HEADER)
+                read_exactly(open_file, chunk_size, _CUT_HEADER_MESSAGE)
                 .decode("utf-8", "replace")
                 .strip("\0 ")
             )
-        elif chunk_name == b"MARK" and chunk_size <= _TEXT_MAX:
-            named_marks = _marks(read_exactly(open_file, chunk_size, _CUT_HEADER))
-        elif chunk_name not in _FILLING and len(other_chunks) < _OTHERS_MAX:
+        elif chunk_name == b"MARK" and chunk_size <= _TEXT_BYTES_MAX:
+            named_marks = _parse_marks(read_exactly(open_file, chunk_size, _CUT_HEADER_MESSAGE))
+        elif chunk_name not in _IGNORED_CHUNKS and len(other_chunks) < _OTHERS_MAX:
             other_chunks.append((chunk_name.decode("latin-1"), chunk_size))
         open_file.seek(start_offset + chunk_size + chunk_size % 2)
     if format is None or (sound_place is None and stated):
@@ -158,12 +158,12 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
     return info, byte_order
 
 
-def _common(file_content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, str, int]:
+def _parse_comm(file_content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, str, int]:
     """Format, order of bytes and number of frames of a chunk COMM."""
-    if len(file_content) < _COMM.size + 4 * is_compressed:
-        raise NotWaveError(_CUT_HEADER)
-    n_channels, n_frames, n_bits, exponent, mantissa = _COMM.unpack_from(file_content)
-    coding = file_content[_COMM.size : _COMM.size + 4] if is_compressed else b"NONE"
+    if len(file_content) < _COMM_FORMAT.size + 4 * is_compressed:
+        raise NotWaveError(_CUT_HEADER_MESSAGE)
+    n_channels, n_frames, n_bits, exponent, mantissa = _COMM_FORMAT.unpack_from(file_content)
+    coding = file_content[_COMM_FORMAT.size : _COMM_FORMAT.size + 4] if is_compressed else b"NONE"
     if coding not in _CODINGS:
         name = coding.decode("latin-1").strip()
         raise NotWaveError(f"its samples are coded as {name}; save it as PCM, as WAV or FLAC")
@@ -171,10 +171,10 @@ def _common(file_content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, st
     if bits is None:
         # Samples of 12 or 20 bits are the upper bits of complete bytes.
         bits = next(
-            (sample_bits for sample_bits in _INTEGERS if n_bits and n_bits <= int(sample_bits)),
+            (sample_bits for sample_bits in _INTEGER_BITS if n_bits and n_bits <= int(sample_bits)),
             None,
         )
-    rate = _rate(exponent, mantissa)
+    rate = _rate_of_extended(exponent, mantissa)
     if bits is None or not n_channels or not rate:
         raise NotWaveError(
             f"samples of {n_bits} bits on {n_channels} channels at {rate} Hz are not supported"
@@ -182,7 +182,7 @@ def _common(file_content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, st
     return WaveFormat(rate, n_channels, bits), coding_order, n_frames
 
 
-def _rate(exponent: int, mantissa: bytes) -> int:
+def _rate_of_extended(exponent: int, mantissa: bytes) -> int:
     """The rate [Hz] of an 80-bit float (IEEE 754-1985); 0 if that is no valid rate."""
     if not 0 < exponent < 0x3FFF + 32:  # also those below 0
         return 0
@@ -190,7 +190,7 @@ def _rate(exponent: int, mantissa: bytes) -> int:
     return round(value)
 
 
-def _marks(chunk_content: bytes) -> list[tuple[str, int]]:
+def _parse_marks(chunk_content: bytes) -> list[tuple[str, int]]:
     """Name and frame of each mark."""
     named_marks: list[tuple[str, int]] = []
     mark_start = 2

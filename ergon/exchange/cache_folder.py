@@ -23,7 +23,7 @@ from ergon.common.user_folders import cache_folder
 
 from .safe import FileRefusedError, open_for_writing
 
-PLANS = "plans"  # a few megabytes at most, where rendered sound takes gigabytes
+PLANS_FOLDER = "plans"  # a few megabytes at most, where rendered sound takes gigabytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class CacheFolder:
             # What others may change, or have left there, is not ours.
             if not (is_own_alone(self.path.stat()) and is_own_alone(path.stat())):
                 return None
-            stored_bytes = _content(path, self.n_bytes_one)
+            stored_bytes = _regular_file_bytes(path, self.n_bytes_one)
         except OSError:
             return None
         if stored_bytes is None:
@@ -98,7 +98,7 @@ class CacheFolder:
         return self.path / f"{key}{self.suffix}"
 
 
-def _content(path: Path, n_bytes_max: int) -> memoryview | None:
+def _regular_file_bytes(path: Path, n_bytes_max: int) -> memoryview | None:
     """The bytes of a regular file; None if there are more than `n_bytes_max`."""
     import numpy as np
 
@@ -114,7 +114,7 @@ def _content(path: Path, n_bytes_max: int) -> memoryview | None:
 def user_folder(folder_name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
     """The path of `folder_name` in the user's own cache folder; None if nothing is to be kept."""
     setting = environment.get("ERGON_CACHE", "").lower()
-    if setting in ("off", "0", "no") or (setting == PLANS and folder_name != PLANS):
+    if setting in ("off", "0", "no") or (setting == PLANS_FOLDER and folder_name != PLANS_FOLDER):
         return None
     folder = cache_folder(environment)
     return None if folder is None else folder / folder_name
@@ -124,10 +124,10 @@ def versioned_key(cache_key: str) -> str:
     """A key that only this version of the engine finds, since another may compute something
     else.
     """
-    return hashlib.sha256(f"{_version()} {cache_key}".encode()).hexdigest()
+    return hashlib.sha256(f"{_engine_hash()} {cache_key}".encode()).hexdigest()
 
 
 @cache
-def _version() -> str:
+def _engine_hash() -> str:
     """Hash of the bytes of the compiled engine."""
     return hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()

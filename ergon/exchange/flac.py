@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 CHANNELS_MAX = 8  # RFC 9639, section 9.1.3
 RATE_MAX = 655_350  # [Hz]; RFC 9639, section 8.2, as libFLAC writes it
-_MARK = "made by ergon;"  # this mark identifies a file of ergon
-_SUBTYPES: dict[Bits, str] = {16: "PCM_16", 24: "PCM_24"}
-_BITS: dict[str, Bits] = {subtype: bits for bits, subtype in _SUBTYPES.items()}
-_BLOCK = 65_536  # frames read at once
+_COMMENT_MARK = "made by ergon;"  # this mark identifies a file of ergon
+_SUBTYPE_BY_BITS: dict[Bits, str] = {16: "PCM_16", 24: "PCM_24"}
+_BITS_BY_SUBTYPE: dict[str, Bits] = {subtype: bits for bits, subtype in _SUBTYPE_BY_BITS.items()}
+_BLOCK_FRAMES = 65_536  # frames read at once
 _FRAMES_PER_BYTE = 8192  # 65,535 equal samples take 11 bytes at least (RFC 9639, section 9)
 _UNKNOWN_LENGTH = (
     1 << 36
@@ -38,7 +38,7 @@ _UNKNOWN_LENGTH = (
 
 def refusal(format: WaveFormat) -> str | None:
     """Why FLAC cannot hold samples of this format; None when it can."""
-    if format.bits not in _SUBTYPES:
+    if format.bits not in _SUBTYPE_BY_BITS:
         return f"FLAC holds 16 or 24 bits, not {format.bits}; use --bits 24, or a .wav file"
     if format.n_channels > CHANNELS_MAX:
         return f"FLAC holds {CHANNELS_MAX} channels, not {format.n_channels}; use a .wav file"
@@ -64,12 +64,12 @@ class FlacWriter:
             "w",
             samplerate=format.rate,
             channels=format.n_channels,
-            subtype=_SUBTYPES[format.bits],
+            subtype=_SUBTYPE_BY_BITS[format.bits],
             format="FLAC",
         )
         if stamp.title:  # libsndfile refuses an empty one
             self._sound.title = stamp.title
-        self._sound.comment = f"{_MARK} {stamp.description().decode()}"
+        self._sound.comment = f"{_COMMENT_MARK} {stamp.description().decode()}"
 
     @property
     def sha256(self) -> str:
@@ -104,10 +104,10 @@ def read_info(path: Path) -> WaveInfo:
     """What the file says it holds. Raises NotWaveError or OSError."""
     import soundfile
 
-    with _open(path) as open_file:
+    with _open_flac(path) as open_file:
         try:
             with soundfile.SoundFile(open_file) as flac_file:
-                bits = _BITS.get(flac_file.subtype)
+                bits = _BITS_BY_SUBTYPE.get(flac_file.subtype)
                 if flac_file.format != "FLAC" or bits is None:
                     raise NotWaveError("the file is not FLAC of 16 or 24 bits")
                 if flac_file.frames >= _UNKNOWN_LENGTH:
@@ -119,7 +119,7 @@ def read_info(path: Path) -> WaveInfo:
                     )
                     raise NotWaveError(f"{message}{file_size:,} bytes cannot hold")
                 comment = flac_file.comment or ""
-                is_ours = comment.startswith(_MARK)
+                is_ours = comment.startswith(_COMMENT_MARK)
                 channel_description = read_description(open_file)
                 return WaveInfo(
                     "FLAC",
@@ -128,7 +128,7 @@ def read_info(path: Path) -> WaveInfo:
                     0,
                     file_size,
                     ORIGINATOR if is_ours else None,
-                    comment.removeprefix(_MARK).strip(),
+                    comment.removeprefix(_COMMENT_MARK).strip(),
                     channel_description.axml,
                     channel_description.chna,
                     channel_description.mask,
@@ -139,7 +139,7 @@ def read_info(path: Path) -> WaveInfo:
 
 
 @contextmanager
-def _open(path: Path) -> Iterator[BinaryIO]:
+def _open_flac(path: Path) -> Iterator[BinaryIO]:
     """A file that begins as FLAC does: no other decoder of libsndfile sees a stranger's bytes."""
     with open_regular(path) as flac_file:
         if flac_file.read(len(MAGIC)) != MAGIC:
@@ -150,7 +150,7 @@ def _open(path: Path) -> Iterator[BinaryIO]:
 
 def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     """The samples as (n_frames, n_channels) blocks, scaled so that full scale is 1."""
-    for block in _integers(path):
+    for block in _integer_blocks(path):
         yield block / 2.0**31
 
 
@@ -160,21 +160,21 @@ def survey(path: Path) -> tuple[str, None]:
     """
     format = read_info(path).format
     digest = hashlib.sha256()
-    for block in _integers(path):
+    for block in _integer_blocks(path):
         digest.update(encode(block, format))
     return digest.hexdigest(), None
 
 
-def _integers(path: Path) -> Iterator[NDArray[np.int32]]:
+def _integer_blocks(path: Path) -> Iterator[NDArray[np.int32]]:
     import soundfile
 
-    with _open(path) as file:
+    with _open_flac(path) as file:
         try:
             with soundfile.SoundFile(file) as flac_sound:
                 frames_left = flac_sound.frames
                 while frames_left:
                     sample_block = flac_sound.read(
-                        min(frames_left, _BLOCK), dtype="int32", always_2d=True
+                        min(frames_left, _BLOCK_FRAMES), dtype="int32", always_2d=True
                     )
                     if not len(sample_block):
                         raise NotWaveError(

@@ -20,13 +20,13 @@ MAGIC = b"fLaC"
 _HEAD_BYTES = 4  # bytes of the type and the size of a block
 HEAD_END = len(MAGIC) + _HEAD_BYTES + 34  # bytes up to the end of STREAMINFO, which comes first
 _APPLICATION, _COMMENT = 2, 4
-_IS_LAST = 0x80
-_RIFF = b"riff"
+_LAST_BLOCK_FLAG = 0x80
+_RIFF_APPLICATION_ID = b"riff"
 _FILE_HEADS = (b"RIFF", b"RF64", b"BW64")
-_DATA = b"data"
+_DATA_CHUNK_ID = b"data"
 _BLOCKS_MAX = 1000
 _BYTES_MAX = 32 << 20  # all blocks that are read, together
-_MASK = re.compile(rb"WAVEFORMATEXTENSIBLE_CHANNEL_MASK=0x([0-9a-f]{1,8})", re.IGNORECASE)
+_MASK_PATTERN = re.compile(rb"WAVEFORMATEXTENSIBLE_CHANNEL_MASK=0x([0-9a-f]{1,8})", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +44,10 @@ def blocks_of(header: bytes) -> bytes:
     pieces, block_start = [header[:12]], 12
     while block_start < len(header):
         size = int.from_bytes(header[block_start + 4 : block_start + 8], "little")
-        inside = 0 if header.startswith(_DATA, block_start) else size + size % 2
+        inside = 0 if header.startswith(_DATA_CHUNK_ID, block_start) else size + size % 2
         pieces.append(header[block_start : block_start + 8 + inside])
         block_start += 8 + inside
-    contents = [_RIFF + piece for piece in pieces]
+    contents = [_RIFF_APPLICATION_ID + piece for piece in pieces]
     kind = bytes([_APPLICATION])
     return b"".join(kind + len(content).to_bytes(3, "big") + content for content in contents)
 
@@ -55,14 +55,14 @@ def blocks_of(header: bytes) -> bytes:
 def read_description(open_file: BinaryIO) -> ChannelDescription:
     """What the blocks of a FLAC file say of its channels; what is damaged says nothing."""
     chunks, mask = [], 0
-    for block_kind, block_content in _blocks(open_file):
-        if block_kind == _COMMENT and (match := _MASK.search(block_content)):
+    for block_kind, block_content in _described_blocks(open_file):
+        if block_kind == _COMMENT and (match := _MASK_PATTERN.search(block_content)):
             mask = int(match[1], 16)
-        elif block_kind == _APPLICATION and block_content.startswith(_RIFF):
-            chunks.append(block_content.removeprefix(_RIFF))
-    left_out = (*_FILE_HEADS, _DATA, b"ds64")
+        elif block_kind == _APPLICATION and block_content.startswith(_RIFF_APPLICATION_ID):
+            chunks.append(block_content.removeprefix(_RIFF_APPLICATION_ID))
+    left_out = (*_FILE_HEADS, _DATA_CHUNK_ID, b"ds64")
     body = b"".join(chunk for chunk in chunks if not chunk.startswith(left_out))
-    body = b"WAVE" + body + _DATA + bytes(4)  # a file whose samples are elsewhere
+    body = b"WAVE" + body + _DATA_CHUNK_ID + bytes(4)  # a file whose samples are elsewhere
     try:
         info = parse(io.BytesIO(b"RIFF" + len(body).to_bytes(4, "little") + body))
     except NotWaveError:
@@ -70,7 +70,7 @@ def read_description(open_file: BinaryIO) -> ChannelDescription:
     return ChannelDescription(info.axml, info.chna, mask or info.mask, info.others)
 
 
-def _blocks(open_file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+def _described_blocks(open_file: BinaryIO) -> Iterator[tuple[int, bytes]]:
     """The type and the content of each block that may say something of the channels."""
     open_file.seek(len(MAGIC))
     n_bytes = 0
@@ -79,7 +79,7 @@ def _blocks(open_file: BinaryIO) -> Iterator[tuple[int, bytes]]:
         if len(header_bytes) < _HEAD_BYTES:
             return
         block_kind, chunk_size = (
-            header_bytes[0] & ~_IS_LAST,
+            header_bytes[0] & ~_LAST_BLOCK_FLAG,
             int.from_bytes(header_bytes[1:], "big"),
         )
         if block_kind in (_APPLICATION, _COMMENT):
@@ -89,7 +89,7 @@ def _blocks(open_file: BinaryIO) -> Iterator[tuple[int, bytes]]:
             yield block_kind, open_file.read(chunk_size)
         else:
             open_file.seek(chunk_size, io.SEEK_CUR)
-        if header_bytes[0] & _IS_LAST:
+        if header_bytes[0] & _LAST_BLOCK_FLAG:
             return
 
 

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-VERSION = 1
-MANIFEST = "frozen.json"
-_SIZE_MAX = 10_000_000  # bytes: no manifest is larger
+MANIFEST_VERSION = 1
+MANIFEST_NAME = "frozen.json"
+_MANIFEST_BYTES_MAX = 10_000_000  # bytes: no manifest is larger
 _PARTS_MAX = 10_000
 
 
@@ -110,7 +110,7 @@ def manifest_text(frozen: Frozen) -> str:
     frozen_source = frozen.source
     header = {
         "made": f"{MARK.decode()} {frozen_source.version}",
-        "ergon_frozen": VERSION,
+        "ergon_frozen": MANIFEST_VERSION,
         "title": frozen_source.title,
         "score": frozen_source.score,
         "seed": frozen_source.seed,
@@ -127,23 +127,23 @@ def manifest_text(frozen: Frozen) -> str:
 
 def read(folder: Path) -> Frozen:
     """Read the manifest of a folder. Raises NotFrozenError."""
-    path = folder / MANIFEST
+    path = folder / MANIFEST_NAME
     try:
-        manifest_data = read_bounded(path, _SIZE_MAX)
-        if len(manifest_data) > _SIZE_MAX:
+        manifest_data = read_bounded(path, _MANIFEST_BYTES_MAX)
+        if len(manifest_data) > _MANIFEST_BYTES_MAX:
             raise NotFrozenError(f"{path}: the file is too large for a manifest")
         manifest = parse_json(manifest_data)
-        if manifest["ergon_frozen"] != VERSION:
-            raise NotFrozenError(f"{path}: not a manifest of version {VERSION}")
+        if manifest["ergon_frozen"] != MANIFEST_VERSION:
+            raise NotFrozenError(f"{path}: not a manifest of version {MANIFEST_VERSION}")
         frozen_source = Source(
             str(manifest["title"]),
             str(manifest["score"]),
             int(manifest["seed"]),
-            _rate(manifest["rate"]),
+            _parse_rate(manifest["rate"]),
             str(manifest["made"]).removeprefix(f"{MARK.decode()} "),
             str(manifest["plan"]),
         )
-        stems = tuple(_stem(folder, stem) for stem in manifest["stems"][:_PARTS_MAX])
+        stems = tuple(_parse_stem(folder, stem) for stem in manifest["stems"][:_PARTS_MAX])
         return Frozen(frozen_source, int(manifest["frames"]), stems)
     except OSError as error:
         reason = error.strerror or "cannot be read"
@@ -154,18 +154,18 @@ def read(folder: Path) -> Frozen:
         raise NotFrozenError(f"{path}: not a manifest of frozen parts") from None
 
 
-def _rate(value: Any) -> float:
+def _parse_rate(value: Any) -> float:
     rate = float(value)
     if not math.isfinite(rate):  # JSON in Python has Infinity and NaN, and 1e999
         raise ValueError
     return rate
 
 
-def _stem(folder: Path, stem_entry: Any) -> Stem:
+def _parse_stem(folder: Path, stem_entry: Any) -> Stem:
     stem_name = str(stem_entry["file"])
     if Path(stem_name).name != stem_name or "\0" in stem_name:  # never outside of its folder
         raise NotFrozenError(
-            f"{folder / MANIFEST}: {stem_name!r} is not the name of a file beside the manifest"
+            f"{folder / MANIFEST_NAME}: {stem_name!r} is not the name of a file beside the manifest"
         )
     taps = tuple(int(tap) for tap in stem_entry["outputs"])
     return Stem(str(stem_entry["part"]), folder / stem_name, taps, str(stem_entry["sha256"]))
@@ -184,10 +184,10 @@ def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> l
     for part, part_taps in taps.items():
         if taps_by_part.get(part) != list(part_taps):
             raise NotFrozenError(f"'{part}' has other outputs in the score")
-    return [_verified(stem, frozen) for stem in frozen.stems]
+    return [_verified_stem(stem, frozen) for stem in frozen.stems]
 
 
-def _verified(stem: Stem, frozen: Frozen) -> VerifiedStem:
+def _verified_stem(stem: Stem, frozen: Frozen) -> VerifiedStem:
     try:
         info = read_info(stem.path)
         expected_format = WaveFormat(int(frozen.source.rate), len(stem.taps), "double")

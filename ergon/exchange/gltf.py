@@ -18,12 +18,14 @@ if TYPE_CHECKING:
     from ergon._core import Motion
 
 _NODES_MAX = 20_000
-_FLOAT, _LINEAR, _LINES = 5126, "LINEAR", 1
-_PEAKS = 15  # kind of the chunks of largest displacements
-_SIDE = 0.004  # [m], of the little octahedron that each point is
+_FLOAT_COMPONENT, _LINEAR_INTERPOLATION, _LINES_MODE = 5126, "LINEAR", 1
+_POINT_VERTICES = 15  # kind of the chunks of largest displacements
+_POINT_SIZE_METRES = 0.004  # [m], of the little octahedron that each point is
 
 
-def gltf(motion: Motion, frame_instants: NDArray[np.float64], exaggeration: float | None) -> str:
+def gltf_text(
+    motion: Motion, frame_instants: NDArray[np.float64], exaggeration: float | None
+) -> str:
     """A glTF 2.0 scene: a node for each point under a node for each part.
 
     Displacements are drawn along y (up), multiplied by `exaggeration`; with None, the largest is
@@ -92,7 +94,7 @@ def _automatic_exaggeration(
     Parts in space are drawn as they are.
     """
     kinds = [chunk.kind for chunk in motion.chunks()]
-    peaks = [i for i, kind in enumerate(kinds) if kind == _PEAKS]
+    peaks = [i for i, kind in enumerate(kinds) if kind == _POINT_VERTICES]
     if not peaks:
         return 1.0
     payload = motion.payload(peaks[-1])
@@ -137,7 +139,7 @@ class _Scene:
         """Add the mesh of points and the array of instants."""
         import numpy as np
 
-        self._meshes.append({"primitives": [{"attributes": {"POSITION": self._octahedron()}}]})
+        self._meshes.append({"primitives": [{"attributes": {"POSITION": self._octahedron_mesh()}}]})
         self._times = self._instants(self.instants.astype(np.float32))
 
     def node(self, node: dict[str, Any]) -> int:
@@ -198,7 +200,9 @@ class _Scene:
 
     def _sampler(self, times: int, values: NDArray[np.float32]) -> int:
         output = self._array(values, "VEC3")
-        self._samplers.append({"input": times, "output": output, "interpolation": _LINEAR})
+        self._samplers.append(
+            {"input": times, "output": output, "interpolation": _LINEAR_INTERPOLATION}
+        )
         return len(self._samplers) - 1
 
     def _move(self, node: int, path: str, sampler: int) -> None:
@@ -219,7 +223,7 @@ class _Scene:
         if len(self._meshes) == 1:
             end_positions = np.array([[0, 0, 0], [1, 1, 1]], dtype=np.float32)
             position = {"POSITION": self._array(end_positions, "VEC3", bounds=True)}
-            self._meshes.append({"primitives": [{"attributes": position, "mode": _LINES}]})
+            self._meshes.append({"primitives": [{"attributes": position, "mode": _LINES_MODE}]})
         return 1
 
     def text(self, title: str, generator: str) -> str:
@@ -240,10 +244,10 @@ class _Scene:
         document["buffers"] = [{"byteLength": len(self._data), "uri": uri}]
         return json.dumps(document)
 
-    def _octahedron(self) -> int:
+    def _octahedron_mesh(self) -> int:
         import numpy as np
 
-        axis_ends = _SIDE * np.eye(3, dtype=np.float32)
+        axis_ends = _POINT_SIZE_METRES * np.eye(3, dtype=np.float32)
         corners = np.stack([axis_ends, -axis_ends], axis=1).reshape(6, 3)
         faces = [(0, 2, 4), (4, 2, 1), (1, 2, 5), (5, 2, 0)]
         faces += [(4, 3, 0), (1, 3, 4), (5, 3, 1), (0, 3, 5)]
@@ -255,7 +259,7 @@ class _Scene:
         )
         accessor: dict[str, Any] = {
             "bufferView": len(self._views) - 1,
-            "componentType": _FLOAT,
+            "componentType": _FLOAT_COMPONENT,
             "count": len(values),
             "type": kind,
         }

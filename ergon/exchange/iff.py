@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ergon.common.errors import ErgonError
 
-_GROUPS = (b"FORM", b"LIST", b"CAT ", b"PROP")
+_GROUP_IDS = (b"FORM", b"LIST", b"CAT ", b"PROP")
 _HEAD_BYTES = 8  # bytes of an identifier and a size
 _DEPTH_MAX = 32
 _CHUNKS_MAX = 100_000
@@ -32,17 +32,19 @@ def chunks(file_bytes: bytes) -> list[Chunk]:
 
     Sizes are big-endian, and data of odd size are followed by a byte. Raises NotIffError.
     """
-    if file_bytes[:4] not in _GROUPS[:3]:
+    if file_bytes[:4] not in _GROUP_IDS[:3]:
         raise NotIffError("the file does not begin with FORM, LIST or CAT, as every IFF file does")
     walked: list[Chunk] = []
-    for chunk in _walked(file_bytes, 0, len(file_bytes), 0):
+    for chunk in _walked_chunks(file_bytes, 0, len(file_bytes), 0):
         walked.append(chunk)
         if len(walked) > _CHUNKS_MAX:
             raise NotIffError(f"the file has more than {_CHUNKS_MAX:,} chunks")
     return walked
 
 
-def _walked(file_bytes: bytes, start_offset: int, stop_offset: int, depth: int) -> Iterator[Chunk]:
+def _walked_chunks(
+    file_bytes: bytes, start_offset: int, stop_offset: int, depth: int
+) -> Iterator[Chunk]:
     if depth > _DEPTH_MAX:
         raise NotIffError(f"byte {start_offset:,}: groups lie in groups deeper than {_DEPTH_MAX}")
     while start_offset < stop_offset:
@@ -61,10 +63,10 @@ def _walked(file_bytes: bytes, start_offset: int, stop_offset: int, depth: int) 
                 f"byte {start_offset:,}: the chunk {chunk_name} has {chunk_size:,} bytes, and "
                 f"{stop_offset - inside:,} follow"
             )
-        if identifier in _GROUPS:
+        if identifier in _GROUP_IDS:
             group = file_bytes[inside : inside + 4].decode("ascii", "replace")
             yield Chunk(depth, chunk_name, group, chunk_size)
-            yield from _walked(file_bytes, inside + 4, inside + chunk_size, depth + 1)
+            yield from _walked_chunks(file_bytes, inside + 4, inside + chunk_size, depth + 1)
         else:
             yield Chunk(depth, chunk_name, "", chunk_size)
         start_offset = inside + chunk_size + chunk_size % 2

@@ -70,9 +70,9 @@ def _write_iem(speakers: Sequence[Angles], output_numbers: Sequence[int], piece_
 
     speaker_rows = [
         {
-            "Azimuth": _rounded(azimuth),
-            "Elevation": _rounded(elevation),
-            "Radius": _rounded(distance),
+            "Azimuth": _rounded_number(azimuth),
+            "Elevation": _rounded_number(elevation),
+            "Radius": _rounded_number(distance),
             "IsImaginary": False,
             "Channel": number,
             "Gain": 1.0,
@@ -116,18 +116,18 @@ def _read_iem(data: bytes) -> ReadLayout:
         speakers_are = "loudspeaker is" if n_imaginary == 1 else "loudspeakers are"
         left_out.append(f"{n_imaginary:,} imaginary {speakers_are} left out")
     for i, speaker_row in enumerate(real_rows, 1):
-        channel = _number(speaker_row.get("Channel", i), "Channel")
-        speaker_angles = _angles(
+        channel = _finite_number(speaker_row.get("Channel", i), "Channel")
+        speaker_angles = _checked_angles(
             speaker_row.get("Azimuth"), speaker_row.get("Elevation"), speaker_row.get("Radius", 1.0)
         )
         numbered.append((channel, speaker_angles))
-        if _number(speaker_row.get("Gain", 1.0), "Gain") != 1.0:
+        if _finite_number(speaker_row.get("Gain", 1.0), "Gain") != 1.0:
             left_out.append(_dropped_note("gain", channel))
-        left_out += _unread(speaker_row, _IEM, channel)
-    return _in_order(numbered, left_out)
+        left_out += _unread_notes(speaker_row, _IEM_FIELDS, channel)
+    return _ordered_speakers(numbered, left_out)
 
 
-_IEM = ("Azimuth", "Elevation", "Radius", "IsImaginary", "Channel", "Gain")
+_IEM_FIELDS = ("Azimuth", "Elevation", "Radius", "IsImaginary", "Channel", "Gain")
 
 
 def _is_true(value: Any) -> bool:
@@ -141,9 +141,8 @@ def _is_true(value: Any) -> bool:
 def _write_ear(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -> str:
     yaml_lines = [f"# made by ergon: {printable(title)}\n", "speakers:\n"]
     for number, (azimuth, elevation, distance) in zip(outputs, speakers, strict=True):
-        position = (
-            f"{{az: {_rounded(azimuth)}, el: {_rounded(elevation)}, r: {_rounded(distance)}}}"
-        )
+        az, el, r = map(_rounded_number, (azimuth, elevation, distance))
+        position = f"{{az: {az}, el: {el}, r: {r}}}"
         yaml_lines.append(
             f"  - {{channel: {number - 1}, names: L{number}, position: {position}}}\n"
         )
@@ -160,34 +159,33 @@ def _read_ear(data: bytes) -> ReadLayout:
         raise LayoutFileError("it has no list `speakers`")
     numbered, left_out = [], []
     for i, speaker_row in enumerate(speaker_rows):
-        channel_number = _number(speaker_row.get("channel", i), "channel")
-        names = _names(speaker_row)
+        channel_number = _finite_number(speaker_row.get("channel", i), "channel")
+        names = _speaker_names(speaker_row)
         if any(map(is_effects, names)):
             label = printable("/".join(names)[:40])
             left_out.append(
                 f"output {channel_number + 1:g} ({label}) is for low-frequency effects, no "
-                "loudspeaker of "
-                "the room: it is left out"
+                "loudspeaker of the room: it is left out"
             )
             continue
         speaker_place = speaker_row.get("position")
         if not isinstance(speaker_place, dict):
             raise LayoutFileError(f"loudspeaker {i + 1} has no position")
-        speaker_angles = _angles(
+        speaker_angles = _checked_angles(
             speaker_place.get("az"), speaker_place.get("el", 0.0), speaker_place.get("r", 1.0)
         )
         numbered.append((channel_number, speaker_angles))
-        if _number(speaker_row.get("gain_linear", 1.0), "gain") != 1.0:
+        if _finite_number(speaker_row.get("gain_linear", 1.0), "gain") != 1.0:
             left_out.append(_dropped_note("gain", channel_number + 1))
-        left_out += _unread(speaker_row, _EAR, channel_number + 1)
-        left_out += _unread(speaker_place, ("az", "el", "r"), channel_number + 1)
-    return _in_order(numbered, left_out, 0)
+        left_out += _unread_notes(speaker_row, _EAR_FIELDS, channel_number + 1)
+        left_out += _unread_notes(speaker_place, ("az", "el", "r"), channel_number + 1)
+    return _ordered_speakers(numbered, left_out, 0)
 
 
-_EAR = ("channel", "names", "position", "gain_linear")
+_EAR_FIELDS = ("channel", "names", "position", "gain_linear")
 
 
-def _names(row: dict[str, Any]) -> list[str]:
+def _speaker_names(row: dict[str, Any]) -> list[str]:
     """The names of a loudspeaker: one text, or several in a list."""
     names = row.get("names", ())
     return [str(name) for name in (names if isinstance(names, list) else [names])]
@@ -195,9 +193,16 @@ def _names(row: dict[str, Any]) -> list[str]:
 
 # --- SpatGRIS -----------------------------------------------------------------------------------
 
-_SPATGRIS, _PLACE = "SPEAKER_SETUP", "CARTESIAN_POSITION"
-_STATED = ("SPEAKER_PATCH_ID", "DIRECT_OUT_ONLY", "STATE", "IO_STATE", "GAIN", _PLACE)
-_ONLY_SHOWN = ("UUID", "SPEAKER_GROUP_NAME", "COLOUR", "COLOR")
+_SPATGRIS_ROOT, _SPATGRIS_PLACE = "SPEAKER_SETUP", "CARTESIAN_POSITION"
+_SPATGRIS_FIELDS = (
+    "SPEAKER_PATCH_ID",
+    "DIRECT_OUT_ONLY",
+    "STATE",
+    "IO_STATE",
+    "GAIN",
+    _SPATGRIS_PLACE,
+)
+_SPATGRIS_DISPLAY_FIELDS = ("UUID", "SPEAKER_GROUP_NAME", "COLOUR", "COLOR")
 
 
 def _write_spatgris(speakers: Sequence[Angles], output_numbers: Sequence[int], title: str) -> str:
@@ -205,16 +210,17 @@ def _write_spatgris(speakers: Sequence[Angles], output_numbers: Sequence[int], t
     farthest = max((distance for *_, distance in speakers), default=1.0) or 1.0
     text_lines = [
         '<?xml version="1.0" encoding="UTF-8"?>\n<!-- made by ergon -->\n',
-        f'<{_SPATGRIS} VERSION="3.1.0" SPAT_MODE="Dome" DIFFUSION="0" GENERAL_MUTE="0">\n',
+        f'<{_SPATGRIS_ROOT} VERSION="3.1.0" SPAT_MODE="Dome" DIFFUSION="0" GENERAL_MUTE="0">\n',
     ]
     for output_number, (azimuth, elevation, distance) in zip(output_numbers, speakers, strict=True):
         x, y, z = point(azimuth, elevation, distance / farthest)
         text_lines.append(
             f'  <SPEAKER_{output_number} STATE="normal" GAIN="0" DIRECT_OUT_ONLY="0">\n'
-            f'    <POSITION X="{_rounded(x)}" Y="{_rounded(y)}" Z="{_rounded(z)}"/>\n'
+            f'    <POSITION X="{_rounded_number(x)}" Y="{_rounded_number(y)}" '
+            f'Z="{_rounded_number(z)}"/>\n'
             f"  </SPEAKER_{output_number}>\n"
         )
-    return "".join([*text_lines, f"</{_SPATGRIS}>\n"])
+    return "".join([*text_lines, f"</{_SPATGRIS_ROOT}>\n"])
 
 
 def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
@@ -223,12 +229,14 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
         root_element = parse_xml(xml_bytes)
     except XmlError as error:
         raise LayoutFileError(str(error)) from None
-    if root_element.tag != _SPATGRIS:
-        raise LayoutFileError(f"its root is {printable(root_element.tag[:40])}, not {_SPATGRIS}")
+    if root_element.tag != _SPATGRIS_ROOT:
+        raise LayoutFileError(
+            f"its root is {printable(root_element.tag[:40])}, not {_SPATGRIS_ROOT}"
+        )
     for group in root_element.iter("SPEAKER_GROUP"):
         rotations = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
-        moved = [*rotations, *_axes(group.get(_PLACE, "0, 0, 0"))]
-        if any(_number(element, "place of a group") for element in moved):
+        moved = [*rotations, *_parse_axes(group.get(_SPATGRIS_PLACE, "0, 0, 0"))]
+        if any(_finite_number(element, "place of a group") for element in moved):
             raise LayoutFileError("a group of its loudspeakers is moved or turned; none may be")
     numbered, left_out = [], []
     for element in root_element.iter():
@@ -247,18 +255,24 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
             )
             continue
         place = element.find("POSITION")
-        axes = _axes(element.get(_PLACE, "")) if place is None else [place.get(a) for a in "XYZ"]
+        axes = (
+            _parse_axes(element.get(_SPATGRIS_PLACE, ""))
+            if place is None
+            else [place.get(a) for a in "XYZ"]
+        )
         if len(axes) != 3:
             raise LayoutFileError(f"loudspeaker {printable(number_element[:20])} has no position")
-        x, y, z = (_number(axis, "position") for axis in axes)
-        output_number = _number(number_element, "number of an output")
-        numbered.append((output_number, _angles(*angles((x, y, z)))))
-        if _number(element.get("GAIN", 0.0), "gain"):
+        x, y, z = (_finite_number(axis, "position") for axis in axes)
+        output_number = _finite_number(number_element, "number of an output")
+        numbered.append((output_number, _checked_angles(*angles((x, y, z)))))
+        if _finite_number(element.get("GAIN", 0.0), "gain"):
             left_out.append(_dropped_note("gain", output_number))
         if element.find("HIGHPASS") is not None:
             left_out.append(_dropped_note("high-pass filter", output_number))
-        left_out += _unread(element.keys(), (*_STATED, *_ONLY_SHOWN), output_number)
-        left_out += _unread(
+        left_out += _unread_notes(
+            element.keys(), (*_SPATGRIS_FIELDS, *_SPATGRIS_DISPLAY_FIELDS), output_number
+        )
+        left_out += _unread_notes(
             (child.tag for child in element), ("POSITION", "HIGHPASS"), output_number
         )
         state_text = element.get("IO_STATE", element.get("STATE", "normal"))
@@ -266,10 +280,10 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
             left_out.append(
                 f"output {output_number:g} is {printable(state_text[:20])} there; it sounds here"
             )
-    return _in_order(numbered, left_out)
+    return _ordered_speakers(numbered, left_out)
 
 
-def _axes(text: str) -> list[str]:
+def _parse_axes(text: str) -> list[str]:
     """The parts of a place: `x, y, z`, in parentheses since version 4.0 of setups."""
     return text.strip().removeprefix("(").removesuffix(")").split(",")
 
@@ -277,7 +291,7 @@ def _axes(text: str) -> list[str]:
 # --- what they have in common -------------------------------------------------------------------
 
 
-def _in_order(
+def _ordered_speakers(
     numbered: list[tuple[float, Angles]], left_out: Sequence[str] = (), first_channel: int = 1
 ) -> ReadLayout:
     """Loudspeakers with their outputs, which count from `first_channel`. Raises LayoutFileError."""
@@ -304,18 +318,18 @@ def _dropped_note(what: str, output: float) -> str:
     return f"the {what} of output {output:g} is not kept"
 
 
-def _unread(fields: Iterable[str], known: Container[str], output: float) -> list[str]:
+def _unread_notes(fields: Iterable[str], known: Container[str], output: float) -> list[str]:
     """A sentence for each field of a loudspeaker that is not read."""
     return [
         _dropped_note(printable(str(field)[:40]), output) for field in fields if field not in known
     ]
 
 
-def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:
+def _checked_angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:
     angles = (
-        _number(azimuth, "azimuth"),
-        _number(elevation, "elevation"),
-        _number(distance, "radius"),
+        _finite_number(azimuth, "azimuth"),
+        _finite_number(elevation, "elevation"),
+        _finite_number(distance, "radius"),
     )
     if not (abs(angles[0]) <= 360.0 and abs(angles[1]) <= 90.0):
         raise LayoutFileError(f"a loudspeaker lies at {angles[0]:g}°, {angles[1]:g}°")
@@ -324,7 +338,7 @@ def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:
     return angles
 
 
-def _number(json_value: Any, noun: str) -> float:
+def _finite_number(json_value: Any, noun: str) -> float:
     try:
         if isinstance(json_value, bool) or json_value is None or "_" in str(json_value):
             raise ValueError
@@ -338,7 +352,7 @@ def _number(json_value: Any, noun: str) -> float:
     return finite_number
 
 
-def _rounded(value: float) -> float:
+def _rounded_number(value: float) -> float:
     return round(value, 9) + 0.0
 
 
@@ -370,8 +384,8 @@ def as_yaml(
     yaml_lines += ["project: equidistant\n", "speakers:\n"]
     for azimuth, elevation, distance in speakers:
         speaker_place = (
-            f"az: {_rounded(azimuth)}deg, el: {_rounded(elevation)}deg, r: "
-            f"{_rounded(distance * scale)}m"
+            f"az: {_rounded_number(azimuth)}deg, el: {_rounded_number(elevation)}deg, r: "
+            f"{_rounded_number(distance * scale)}m"
         )
         yaml_lines.append(f"  - {{{speaker_place}}}\n")
     if [*output_numbers] != [*range(1, len(output_numbers) + 1)]:

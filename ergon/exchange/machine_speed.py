@@ -27,7 +27,7 @@ _CORRECTION_RANGE = (0.01, 100.0)  # beyond it nothing was measured
 
 def read_correction(environment: Mapping[str, str] = os.environ) -> float | None:
     """The correction stored on this processor; None if there is none."""
-    path = _path(environment)
+    path = _correction_path(environment)
     if path is None:
         return None
     try:
@@ -45,7 +45,7 @@ def read_correction(environment: Mapping[str, str] = os.environ) -> float | None
 
 def store_correction(correction: float, environment: Mapping[str, str] = os.environ) -> bool:
     """Store a correction for this processor; True if it was stored."""
-    path = _path(environment)
+    path = _correction_path(environment)
     if path is None:
         return False
     stored_content = {
@@ -72,5 +72,5 @@ def processor_name() -> str:
     return platform.processor() or platform.machine()
 
 
-def _path(environment: Mapping[str, str]) -> Path | None:
+def _correction_path(environment: Mapping[str, str]) -> Path | None:
     return user_folder("speed.json", environment)

@@ -12,10 +12,12 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-PPQ = 960  # ticks per quarter note: a sixteenth of a beat is whole for beats of 1/1 to 1/16
+TICKS_PER_QUARTER = (
+    960  # ticks per quarter note: a sixteenth of a beat is whole for beats of 1/1 to 1/16
+)
 STEPS_PER_BEAT = 16
-_DRIFT = 2.0  # [us] a tempo is kept while its time error is at most this
-_TEMPO_MAX = 2**24 - 1  # [us per quarter note] three bytes
+_DRIFT_MICROSECONDS_MAX = 2.0  # [us] a tempo is kept while its time error is at most this
+_TEMPO_MICROSECONDS_MAX = 2**24 - 1  # [us per quarter note] three bytes
 _NOTE_OFF, _NOTE_ON = 0x80, 0x90
 _TEXT, _TRACK_NAME, _MARKER, _END, _TEMPO, _METER = 0x01, 0x03, 0x06, 0x2F, 0x51, 0x58
 
@@ -76,7 +78,7 @@ def tempo_file(
     timed_events: list[tuple[int, int, bytes]] = []  # tick, order within the tick, event
 
     def add(beat: float, order: int, kind: int, content: bytes) -> None:
-        event = b"\xff" + bytes((kind,)) + _variable(len(content)) + content
+        event = b"\xff" + bytes((kind,)) + _variable_length(len(content)) + content
         timed_events.append((ruler.tick(beat), order, event))
 
     add(0, 0, _TRACK_NAME, piece_title.encode())
@@ -88,22 +90,26 @@ def tempo_file(
     for marker in markers:
         add(marker.beat, 4, _MARKER, marker.name.encode())
     add(max([length_beats, *(marker.beat for marker in markers)]), 5, _END, b"")
-    track_chunks = [_track(timed_events), *(_note_track(track, ruler) for track in tracks)]
-    return b"MThd" + struct.pack(">IHHH", 6, 1, len(track_chunks), PPQ) + b"".join(track_chunks)
+    track_chunks = [_track_chunk(timed_events), *(_note_track(track, ruler) for track in tracks)]
+    return (
+        b"MThd"
+        + struct.pack(">IHHH", 6, 1, len(track_chunks), TICKS_PER_QUARTER)
+        + b"".join(track_chunks)
+    )
 
 
-def _track(timed_events: list[tuple[int, int, bytes]]) -> bytes:
+def _track_chunk(timed_events: list[tuple[int, int, bytes]]) -> bytes:
     """A track of events: tick, order within the tick, bytes."""
     track, tick_before = bytearray(), 0
     for tick, _, event in sorted(timed_events, key=lambda event: event[:2]):
-        track += _variable(tick - tick_before) + event
+        track += _variable_length(tick - tick_before) + event
         tick_before = tick
     return b"MTrk" + struct.pack(">I", len(track)) + bytes(track)
 
 
 def _note_track(track: NoteTrack, ruler: Ruler) -> bytes:
     name = track.name.encode()
-    name_event = b"\xff" + bytes((_TRACK_NAME,)) + _variable(len(name)) + name
+    name_event = b"\xff" + bytes((_TRACK_NAME,)) + _variable_length(len(name)) + name
     timed_events: list[tuple[int, int, bytes]] = [(0, 0, name_event)]
     last_tick = 0
     for track_note in track.notes:
@@ -114,7 +120,7 @@ def _note_track(track: NoteTrack, ruler: Ruler) -> bytes:
         )
         timed_events.append((end_tick, 1, bytes((_NOTE_OFF | track.channel, track_note.key, 0))))
         last_tick = max(last_tick, end_tick)
-    return _track([*timed_events, (last_tick, 3, b"\xff" + bytes((_END, 0)))])
+    return _track_chunk([*timed_events, (last_tick, 3, b"\xff" + bytes((_END, 0)))])
 
 
 class Ruler:
@@ -143,29 +149,31 @@ class Ruler:
 
     def tick(self, beat: float) -> int:
         """The nearest tick."""
-        return round(self.quarters(beat) * PPQ)
+        return round(self.quarters(beat) * TICKS_PER_QUARTER)
 
 
 def tempo_steps(
     seconds_at: Callable[[float], float], length_beats: float, ruler: Ruler
 ) -> list[tuple[float, int]]:
-    """Tempo changes (beat, microseconds per quarter note) that stay within _DRIFT of the exact
-    time.
+    """Tempo changes (beat, microseconds per quarter note).
+
+    Times stay within `_DRIFT_MICROSECONDS_MAX` of the exact ones.
     """
     tempo_changes: list[tuple[float, int]] = []
     tempo, error = 0, 0.0  # error [us]: how late MIDI is
     for step in range(max(1, math.ceil(length_beats * STEPS_PER_BEAT))):
         step_beat, end = step / STEPS_PER_BEAT, (step + 1) / STEPS_PER_BEAT
-        n_quarters = (ruler.tick(end) - ruler.tick(step_beat)) / PPQ
+        n_quarters = (ruler.tick(end) - ruler.tick(step_beat)) / TICKS_PER_QUARTER
         micros = (seconds_at(end) - seconds_at(step_beat)) * 1e6
-        if abs(error + tempo * n_quarters - micros) > _DRIFT:
+        if abs(error + tempo * n_quarters - micros) > _DRIFT_MICROSECONDS_MAX:
             exact = micros / n_quarters
             closer_count = math.floor(exact) if error > 0 else math.ceil(exact)
-            if not 1 <= closer_count <= _TEMPO_MAX:
+            if not 1 <= closer_count <= _TEMPO_MICROSECONDS_MAX:
                 raise ValueError(
                     f"MIDI cannot represent the tempo at beat {step_beat:g}: a quarter note lasts "
                     f"{exact / 1e6:.6g} s there, and in a MIDI file from 1 µs to "
-                    f"{_TEMPO_MAX / 1e6:.5g} s ({60e6 / _TEMPO_MAX:.3g} quarters a minute)"
+                    f"{_TEMPO_MICROSECONDS_MAX / 1e6:.5g} s "
+                    f"({60e6 / _TEMPO_MICROSECONDS_MAX:.3g} quarters a minute)"
                 )
             if closer_count != tempo:
                 tempo = closer_count
@@ -174,7 +182,7 @@ def tempo_steps(
     return tempo_changes
 
 
-def _variable(variable_number: int) -> bytes:
+def _variable_length(variable_number: int) -> bytes:
     """A variable-length number: seven bits a byte, the highest first, bit 7 set on all but the last
     byte (RP-001, 4.3).
     """

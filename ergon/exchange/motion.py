@@ -17,17 +17,19 @@ if TYPE_CHECKING:
 
     from ergon._core import Motion
 
-_BLOCK = 1 << 24  # numbers that are computed at once
+_BLOCK_NUMBERS = 1 << 24  # numbers that are computed at once
 NUMBERS_MAX = 1 << 28  # displacements of one export: 2 GiB
-_FPS_MAX = 1_000_000
+_FRAMES_PER_SECOND_MAX = 1_000_000
 
 
 def read_manifest(motion: Motion) -> dict[str, Any]:
     """The manifest at the beginning of the file (docs/motion.md). Raises NotMotionError."""
     manifest: dict[str, Any] = parse_json(motion.manifest)
     fps = manifest.get("fps")
-    if not isinstance(fps, float | int) or not 0.0 < fps <= _FPS_MAX:
-        raise NotMotionError(f"its frames a second must be above 0 and at most {_FPS_MAX:,}")
+    if not isinstance(fps, float | int) or not 0.0 < fps <= _FRAMES_PER_SECOND_MAX:
+        raise NotMotionError(
+            f"its frames a second must be above 0 and at most {_FRAMES_PER_SECOND_MAX:,}"
+        )
     for manifest_part in manifest["parts"]:
         manifest_part["name"] = str(manifest_part.get("name") or "")
         manifest_part["why"] = manifest_part.get("why")
@@ -90,7 +92,7 @@ def csv_rows(motion: Motion, frame_instants: NDArray[np.float64]) -> Iterator[st
     """The text of a CSV in pieces: t and the displacement of each point, one row per instant."""
     names = ",".join('"' + name.replace('"', '""') + ' [m]"' for name in motion.names)
     yield f"# {MARK.decode()}\nt [s],{names}\n"
-    count = max(1, _BLOCK // max(1, len(motion.names)))
+    count = max(1, _BLOCK_NUMBERS // max(1, len(motion.names)))
     for first_index in range(0, len(frame_instants), count):
         block_instants = frame_instants[first_index : first_index + count].tolist()
         for t, row in zip(block_instants, motion.displacements(block_instants), strict=True):

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
     from ergon._core import Motion
 
-_LINKS, _BROKEN = 12, 16  # kinds of chunks
-_NUMBER = 4  # bytes of the number of links before them
+_LINKS_CHUNK, _BROKEN_CHUNK = 12, 16  # kinds of chunks
+_NUMBER_BYTES = 4  # bytes of the number of links before them
 # For spaces of 2 and 3 dimensions, the axis of the room that each of their axes runs along: the
 # last is up.
-_ALONG = {2: (0, 2), 3: (0, 1, 2)}
+_ROOM_AXES_BY_COUNT = {2: (0, 2), 3: (0, 1, 2)}
 
 
 class NotMotionError(ErgonError, ValueError):
@@ -61,7 +61,7 @@ class SpacePoint:
 
     def _coordinates(self) -> Iterator[tuple[int, int]]:
         """Pairs of an axis of the room and the point of the file that moves along it."""
-        yield from zip(_ALONG[len(self.axes)], self.axes, strict=True)
+        yield from zip(_ROOM_AXES_BY_COUNT[len(self.axes)], self.axes, strict=True)
 
 
 def points_in_space(space_table: object, point_names: Sequence[str]) -> list[SpacePoint]:
@@ -73,7 +73,7 @@ def points_in_space(space_table: object, point_names: Sequence[str]) -> list[Spa
         raise NotMotionError("its table of points in space is not a list")
     taken_tracks: set[int] = set()
     for axis_points in space_table:
-        is_point = isinstance(axis_points, list) and len(axis_points) in _ALONG
+        is_point = isinstance(axis_points, list) and len(axis_points) in _ROOM_AXES_BY_COUNT
         if not is_point or not all(_is_point(p, len(point_names)) for p in axis_points):
             raise NotMotionError(
                 f"its table of points in space names no such points: {axis_points!r:.60}"
@@ -123,20 +123,20 @@ def links_in_space(motion: Motion, space: Sequence[SpacePoint]) -> list[SpaceLin
     import numpy as np
 
     chunks = list(enumerate(motion.chunks()))
-    tables = [offset for offset, chunk in chunks if chunk.kind == _LINKS]
+    tables = [offset for offset, chunk in chunks if chunk.kind == _LINKS_CHUNK]
     if not (tables and space):
         return []
     link_table = motion.payload(tables[0])
-    if len(link_table) < _NUMBER or len(link_table) != _NUMBER + 8 * int.from_bytes(
+    if len(link_table) < _NUMBER_BYTES or len(link_table) != _NUMBER_BYTES + 8 * int.from_bytes(
         link_table[:4], "little"
     ):
         raise NotMotionError("its table of links is damaged")
-    link_pairs = np.frombuffer(link_table, "<u4", offset=_NUMBER).reshape(-1, 2)
+    link_pairs = np.frombuffer(link_table, "<u4", offset=_NUMBER_BYTES).reshape(-1, 2)
     if link_pairs.size and int(link_pairs.max()) >= len(motion.names):
         raise NotMotionError("its table of links names no such points")
     broken = np.full(len(link_pairs), np.inf)
     for offset, chunk in chunks:
-        if chunk.kind == _BROKEN:
+        if chunk.kind == _BROKEN_CHUNK:
             change_rows = np.frombuffer(motion.payload(offset), [("dt", "<f4"), ("link", "<u4")])
             if change_rows.size and int(change_rows["link"].max()) >= len(link_pairs):
                 raise NotMotionError("a link that broke is not in its table")

@@ -37,15 +37,15 @@ _NAME_MAX = 200  # bytes of a name with its folders
 _MANIFEST = "ergonpack.json"
 _FILES = "files/"
 _MANIFEST_BYTES_MAX = 1 << 20
-_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest that ZIP has
-_END = struct.Struct("<4s4H2LH")  # end of central directory record (APPNOTE 6.3.10, 4.3.16)
-_END_MARK, _LARGE_MARK, _LARGE_BYTES = b"PK\5\6", b"PK\6\7", 20
+_ENTRY_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest that ZIP has
+_END_RECORD = struct.Struct("<4s4H2LH")  # end of central directory record (APPNOTE 6.3.10, 4.3.16)
+_END_SIGNATURE, _ZIP64_SIGNATURE, _ZIP64_BYTES = b"PK\5\6", b"PK\6\7", 20
 _RECORD_BYTES_MAX = 46 + len(_FILES) + _NAME_MAX + 64  # of a file in the central directory
 # Windows refuses these characters, or takes them for parts of a path; it keeps the names of devices
 # for itself, with any ending.
-_ODD = re.compile(r'[\\:*?"<>|]')
-_DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
-_HASH = re.compile(r"[0-9a-f]{64}")
+_FORBIDDEN_PATTERN = re.compile(r'[\\:*?"<>|]')
+_DEVICE_NAME_PATTERN = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+_HASH_PATTERN = re.compile(r"[0-9a-f]{64}")
 
 
 class PackError(ErgonError):
@@ -87,7 +87,7 @@ def pack_bytes(pack: Pack) -> bytes:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
         for name, entry_data in archive_entries:
-            zip_entry = zipfile.ZipInfo(name, _TIME)
+            zip_entry = zipfile.ZipInfo(name, _ENTRY_TIME)
             zip_entry.create_system = 3  # Unix, on every machine
             zip_entry.external_attr = (stat.S_IFREG | 0o644) << 16
             archive.writestr(zip_entry, entry_data)
@@ -98,7 +98,7 @@ def read_pack(path: Path) -> Pack:
     """A pack, with every name and hash checked. Raises PackError and OSError."""
     data = read_bounded(path, BYTES_MAX)
     try:
-        return _parsed(data)
+        return _parsed_pack(data)
     except PackError as error:
         raise PackError(f"{path}: {error}") from None
     except (MalformedTextError, zipfile.BadZipFile) as error:
@@ -118,7 +118,7 @@ def write_files(pack: Pack, folder: Path) -> Path:
     return folder / pack.score
 
 
-def _parsed(pack_bytes_read: bytes) -> Pack:
+def _parsed_pack(pack_bytes_read: bytes) -> Pack:
     _check_end(pack_bytes_read)
     with zipfile.ZipFile(io.BytesIO(pack_bytes_read)) as archive:
         archive_entries = archive.infolist()
@@ -129,7 +129,7 @@ def _parsed(pack_bytes_read: bytes) -> Pack:
         content_by_name = {}
         for archive_entry in archive_entries:
             if archive_entry.filename in content_by_name:
-                raise PackError(f"the pack has two files {_quoted(archive_entry.filename)}")
+                raise PackError(f"the pack has two files {_quoted_name(archive_entry.filename)}")
             content_by_name[archive_entry.filename] = archive.read(archive_entry)
     manifest = content_by_name.pop(_MANIFEST, None)
     if manifest is None:
@@ -139,7 +139,9 @@ def _parsed(pack_bytes_read: bytes) -> Pack:
     files_by_name = {}
     for entry_name, octets in content_by_name.items():
         if not entry_name.startswith(_FILES):
-            raise PackError(f"{_quoted(entry_name)} is no file of a pack, which are in {_FILES}")
+            raise PackError(
+                f"{_quoted_name(entry_name)} is no file of a pack, which are in {_FILES}"
+            )
         files_by_name[entry_name.removeprefix(_FILES)] = octets
     _check_names(files_by_name)
     return _with_manifest(parse_json(manifest), files_by_name)
@@ -152,21 +154,24 @@ def _check_end(pack_bytes_read: bytes) -> None:
     if pack_bytes_read[:4] != b"PK\3\4":
         raise PackError("the file is not a pack; `ergon pack SCORE` makes one")
     mark, *_, entry_count, directory_size, _, comment = (
-        _END.unpack(pack_bytes_read[-_END.size :])
-        if len(pack_bytes_read) >= _END.size
+        _END_RECORD.unpack(pack_bytes_read[-_END_RECORD.size :])
+        if len(pack_bytes_read) >= _END_RECORD.size
         else (b"", 0, 0, 0, 0)
     )
-    n_bytes_before = len(pack_bytes_read) - _END.size - _LARGE_BYTES
-    if mark != _END_MARK or comment:
+    n_bytes_before = len(pack_bytes_read) - _END_RECORD.size - _ZIP64_BYTES
+    if mark != _END_SIGNATURE or comment:
         raise PackError("the pack is cut short, or something was added to its end")
-    if pack_bytes_read[max(n_bytes_before, 0) :][:4] == _LARGE_MARK or entry_count > FILES_MAX + 1:
+    if (
+        pack_bytes_read[max(n_bytes_before, 0) :][:4] == _ZIP64_SIGNATURE
+        or entry_count > FILES_MAX + 1
+    ):
         raise PackError(f"a pack has {FILES_MAX:,} files at most, and this has more")
     if directory_size > entry_count * _RECORD_BYTES_MAX:
         raise PackError("the pack is damaged: its list of files is too long for their number")
 
 
 def _check_entry(zip_entry: zipfile.ZipInfo) -> None:
-    entry_name = _quoted(zip_entry.orig_filename)
+    entry_name = _quoted_name(zip_entry.orig_filename)
     kind = stat.S_IFMT(zip_entry.external_attr >> 16)
     if zip_entry.is_dir() or kind not in (0, stat.S_IFREG):
         raise PackError(f"{entry_name} is a link or a folder; a pack has only files")
@@ -191,24 +196,24 @@ def _check_names(file_names: Iterable[str]) -> None:
     name_by_key: dict[str, str] = {}
     for file_name in file_names:
         _check_name(file_name)
-        name_key = _key(file_name)
+        name_key = _portable_key(file_name)
         if name_key in name_by_key:
-            both_names = f"{_quoted(name_by_key[name_key])} and {_quoted(file_name)}"
+            both_names = f"{_quoted_name(name_by_key[name_key])} and {_quoted_name(file_name)}"
             raise PackError(f"{both_names} are one file on some systems; rename one")
         name_by_key[name_key] = file_name
     for file_name in file_names:
-        for folder in map(_key, map(str, PurePosixPath(file_name).parents)):
+        for folder in map(_portable_key, map(str, PurePosixPath(file_name).parents)):
             if folder in name_by_key:
-                raise PackError(f"{_quoted(name_by_key[folder])} is a file and a folder")
+                raise PackError(f"{_quoted_name(name_by_key[folder])} is a file and a folder")
 
 
-def _key(name: str) -> str:
+def _portable_key(name: str) -> str:
     """What names have in common that are the same file on some system."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
 def _check_name(file_name: str) -> None:
-    quoted_name = _quoted(file_name)
+    quoted_name = _quoted_name(file_name)
     path_parts = file_name.split("/")
     if file_name.startswith("/") or ".." in path_parts or re.match(r"[A-Za-z]:", file_name):
         raise PackError(f"{quoted_name} leads out of the pack; all files lie in one folder")
@@ -218,7 +223,7 @@ def _check_name(file_name: str) -> None:
         raise PackError(f"{quoted_name} is not a name in UTF-8; rename the file") from None
     if is_long:
         raise PackError(f"{quoted_name}: a name in a pack has {_NAME_MAX} bytes at most")
-    if not file_name.isprintable() or _ODD.search(file_name):
+    if not file_name.isprintable() or _FORBIDDEN_PATTERN.search(file_name):
         raise PackError(f"{quoted_name} has a character that not every system allows in a name")
     for path_part in path_parts:
         if not path_part or path_part.startswith((".", " ")) or path_part.endswith((".", " ")):
@@ -226,7 +231,7 @@ def _check_name(file_name: str) -> None:
                 f"{quoted_name}: files and folders in a pack begin and end with neither a dot nor "
                 "a space"
             )
-        if _DEVICE.fullmatch(path_part):
+        if _DEVICE_NAME_PATTERN.fullmatch(path_part):
             raise PackError(f"{quoted_name}: some systems have a device of this name; rename it")
 
 
@@ -244,23 +249,23 @@ def _with_manifest(manifest: Any, packed_files: Mapping[str, bytes]) -> Pack:
         raise PackError(f"{_MANIFEST} lacks the version of ergon or the list of files")
     if mismatched := sorted(listed.keys() ^ packed_files.keys()):
         kind = "is missing" if mismatched[0] in listed else f"is not in {_MANIFEST}"
-        raise PackError(f"the pack is damaged: the file {_quoted(mismatched[0])} {kind}")
+        raise PackError(f"the pack is damaged: the file {_quoted_name(mismatched[0])} {kind}")
     if not isinstance(score, str) or score not in packed_files:
         raise PackError(f"{_MANIFEST} does not say which of its files is the score")
     for file_name, file_data in packed_files.items():
         listed_entry = listed[file_name] if isinstance(listed[file_name], dict) else {}
         digest = listed_entry.get("sha256")
-        if not isinstance(digest, str) or not _HASH.fullmatch(digest):
-            raise PackError(f"{_MANIFEST} has no SHA-256 of {_quoted(file_name)}")
+        if not isinstance(digest, str) or not _HASH_PATTERN.fullmatch(digest):
+            raise PackError(f"{_MANIFEST} has no SHA-256 of {_quoted_name(file_name)}")
         if digest != hashlib.sha256(file_data).hexdigest() or listed_entry.get("bytes") != len(
             file_data
         ):
             raise PackError(
-                f"the pack is damaged: {_quoted(file_name)} is not the file that was packed "
+                f"the pack is damaged: {_quoted_name(file_name)} is not the file that was packed "
                 "(its SHA-256 differs)"
             )
     return Pack(score, version, packed_files)
 
 
-def _quoted(name: str) -> str:
+def _quoted_name(name: str) -> str:
     return f"'{printable(name[:_NAME_MAX])}'"

@@ -23,8 +23,8 @@ from ergon.common.structured import MalformedTextError, parse_json
 
 from .safe import open_for_writing
 
-VERSION = 2  # 1: numbers of a body without its kind
-_SIZE_MAX = 50_000_000  # bytes: the numbers of ten million modes
+PLAN_VERSION = 2  # 1: numbers of a body without its kind
+_PLAN_BYTES_MAX = 50_000_000  # bytes: the numbers of ten million modes
 _NUMBER_MAX = 2**32 - 1
 _FOURTH_ORDER = 4
 
@@ -45,12 +45,13 @@ class NotPlanError(ErgonError, ValueError):
     """The file is not a plan that this program can read."""
 
 
-def text(choices: Sequence[IslandChoice], digest: str, **further_fields: object) -> str:
+def plan_text(choices: Sequence[IslandChoice], digest: str, **further_fields: object) -> str:
     """A plan as the text of a file; `further_fields` are further fields at its beginning."""
     # One choice per line, so that two plans can be compared by eye and by diff.
     lines = ",\n  ".join(json.dumps(choice, separators=(",", ":")) for choice in choices)
     header = "".join(f', "{name}": {json.dumps(value)}' for name, value in further_fields.items())
-    return f'{{"ergon_plan": {VERSION}, "hash": "{digest}"{header}, "choices": [\n  {lines}\n]}}\n'
+    head = f'{{"ergon_plan": {PLAN_VERSION}, "hash": "{digest}"{header}, "choices": ['
+    return f"{head}\n  {lines}\n]}}\n"
 
 
 def write(
@@ -64,16 +65,16 @@ def write(
 ) -> None:
     """Write a plan; all of it or nothing."""
     with open_for_writing(path, binary=True, force=force, inputs=inputs) as file:
-        file.write(text(choices, digest, budget=dict(budget)).encode())
+        file.write(plan_text(choices, digest, budget=dict(budget)).encode())
 
 
 def read(path: Path) -> PlanFile:
     """The plan in a file. Raises NotPlanError with a sentence."""
     try:
-        plan_data = read_bounded(path, _SIZE_MAX)
-        if len(plan_data) > _SIZE_MAX:
+        plan_data = read_bounded(path, _PLAN_BYTES_MAX)
+        if len(plan_data) > _PLAN_BYTES_MAX:
             raise NotPlanError(
-                f"the file is larger than {_SIZE_MAX // 1_000_000} MB, the maximum for a plan"
+                f"the file is larger than {_PLAN_BYTES_MAX // 1_000_000} MB, the maximum for a plan"
             )
         plan_content = parse_json(plan_data)
     except NotPlanError:
@@ -82,20 +83,20 @@ def read(path: Path) -> PlanFile:
         raise NotPlanError(error.strerror or "cannot be read") from None
     except MalformedTextError:
         raise NotPlanError("not a plan; `ergon plan SCORE -o FILE` writes one") from None
-    return PlanFile(parse_choices(plan_content), _budget(plan_content.get("budget")))
+    return PlanFile(parse_choices(plan_content), _parse_budget(plan_content.get("budget")))
 
 
-def _budget(json_value: object) -> Budget | None:
+def _parse_budget(json_value: object) -> Budget | None:
     if json_value is None:
         return None
-    if isinstance(json_value, dict) and all(map(_is_wish, json_value, json_value.values())):
+    if isinstance(json_value, dict) and all(map(_is_budget_entry, json_value, json_value.values())):
         is_one = sum(name in json_value for name in _BUDGET_KEYS) <= 1
         if is_one and ("cents" in json_value or "upto" not in json_value):
             return json_value
     raise NotPlanError('its budget is not valid; it must be one such as {"error": -60}')
 
 
-def _is_wish(wish_name: object, wish_value: object) -> bool:
+def _is_budget_entry(wish_name: object, wish_value: object) -> bool:
     if wish_name == "method":
         return isinstance(wish_value, str)
     if not isinstance(wish_value, int | float) or isinstance(wish_value, bool):
@@ -105,15 +106,15 @@ def _is_wish(wish_name: object, wish_value: object) -> bool:
 
 def parse_choices(choices_content: object) -> list[IslandChoice]:
     """The choices in the parsed JSON of a file. Raises NotPlanError."""
-    if not isinstance(choices_content, dict) or choices_content.get("ergon_plan") != VERSION:
-        raise NotPlanError(f"not a plan of version {VERSION}")
+    if not isinstance(choices_content, dict) or choices_content.get("ergon_plan") != PLAN_VERSION:
+        raise NotPlanError(f"not a plan of version {PLAN_VERSION}")
     choices = choices_content.get("choices")
     if not isinstance(choices, list):
         raise NotPlanError("the plan has no list of choices")
-    return [_choice(choice) for choice in choices]
+    return [_parse_choice(choice) for choice in choices]
 
 
-def _choice(choice_value: object) -> IslandChoice:
+def _parse_choice(choice_value: object) -> IslandChoice:
     if isinstance(choice_value, list) and len(choice_value) in (5, 6):
         module_names, step_times, contact_steps, body_methods, cost = choice_value[:5]
         # Plans that say no order were made when there was one.

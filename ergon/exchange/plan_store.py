@@ -26,7 +26,7 @@ _FILES_MAX = 4096
 _BYTES_MAX = 32_000_000  # all files together
 _BYTES_MAX_ONE = 8_000_000
 _COUNT_MAX = 2**32 - 1
-_WORDS_MAX = 200  # longest stored reason
+_REASON_CHARACTERS_MAX = 200  # longest stored reason
 
 
 class PlanStore:
@@ -50,7 +50,7 @@ class PlanStore:
     def put(self, key: str, record: TrialRecord) -> None:
         """Store a record, if possible."""
         key = versioned_key(key)
-        header = {"ergon_trial": _VERSION, "key": key, "hash": _hash(record)}
+        header = {"ergon_trial": _VERSION, "key": key, "hash": _record_hash(record)}
         content = {**header, **record._asdict()}
         self._folder.write(key, json.dumps(content, separators=(",", ":")).encode())
 
@@ -73,23 +73,23 @@ def _record_of(record_content: object, record_key: str) -> TrialRecord | None:
     record_reason = trial_record.reason
     is_good = (
         record_content.get("key") == record_key
-        and record_content.get("hash") == _hash(trial_record)
-        and _are(trial_record.numbers, _is_number)
-        and _are(trial_record.counts, _is_row)
+        and record_content.get("hash") == _record_hash(trial_record)
+        and _all_are(trial_record.numbers, _is_number)
+        and _all_are(trial_record.counts, _is_row)
         and (
             record_reason is None
-            or (isinstance(record_reason, str) and len(record_reason) <= _WORDS_MAX)
+            or (isinstance(record_reason, str) and len(record_reason) <= _REASON_CHARACTERS_MAX)
         )
     )
     return trial_record if is_good else None
 
 
-def _hash(record: TrialRecord) -> str:
+def _record_hash(record: TrialRecord) -> str:
     """Hash of a record, to detect numbers that the disk has changed."""
     return hashlib.sha256(json.dumps(list(record)).encode()).hexdigest()
 
 
-def _are(values: object, is_good: Callable[[object], bool]) -> bool:
+def _all_are(values: object, is_good: Callable[[object], bool]) -> bool:
     return isinstance(values, list) and all(map(is_good, values))
 
 
@@ -98,7 +98,7 @@ def _is_number(value: object) -> bool:
 
 
 def _is_row(value: object) -> bool:
-    return _are(value, _is_count)
+    return _all_are(value, _is_count)
 
 
 def _is_count(value: object) -> bool:

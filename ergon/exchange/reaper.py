@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from .midi import Marker, Meter, Ruler, tempo_steps
 
-_SQUARE = 1  # a tempo that stays up to the next one
-_SETS_METER = 1  # flag of a point that sets both tempo and meter
+_SQUARE_SHAPE = 1  # a tempo that stays up to the next one
+_SETS_METER_FLAG = 1  # flag of a point that sets both tempo and meter
 _QUOTES = "\"'`"
 
 
@@ -35,7 +35,7 @@ class SoundFormat:
     n_channels: int
 
 
-def project(
+def project_text(
     seconds_at: Callable[[float], float],
     length_beats: float,
     meters: Sequence[Meter],
@@ -49,14 +49,14 @@ def project(
     `seconds_at(beat)` [s] is the piece's tempo map, written up to beat `length_beats` in the steps
     of a MIDI file. Raises ValueError if a tempo or a meter cannot be written so.
     """
-    tempo_points = _points(seconds_at, length_beats, Ruler(meters))
+    tempo_points = _tempo_points(seconds_at, length_beats, Ruler(meters))
     _, bpm, (n_beats, beat_unit) = tempo_points[0]
     n_channels = max(2, sounds.n_channels + sounds.n_channels % 2)  # REAPER has them in pairs
     project_lines = [
         '<REAPER_PROJECT 0.1 "6.0" 0',
         "  <NOTES 0 0",
         "    |made by ergon",
-        f"    |{_printable(piece_title)}",
+        f"    |{_printable_text(piece_title)}",
         "  >",
         f"  SAMPLERATE {sounds.rate} 1 0",
         f"  TEMPO {bpm:.10f} {n_beats} {beat_unit}",
@@ -65,26 +65,26 @@ def project(
         "    ACT 1 -1",
         "    VIS 1 0 1",
         "    ARM 0",
-        f"    DEFSHAPE {_SQUARE} -1 -1",
+        f"    DEFSHAPE {_SQUARE_SHAPE} -1 -1",
     ]
     meter_before = None
     for seconds, bpm, meter in tempo_points:
-        tempo_line = f"    PT {seconds:.12f} {bpm:.10f} {_SQUARE}"
+        tempo_line = f"    PT {seconds:.12f} {bpm:.10f} {_SQUARE_SHAPE}"
         if meter != meter_before:
-            tempo_line += f" {meter[1] << 16 | meter[0]} 0 {_SETS_METER}"
+            tempo_line += f" {meter[1] << 16 | meter[0]} 0 {_SETS_METER_FLAG}"
         project_lines.append(tempo_line)
         meter_before = meter
     project_lines.append("  >")
     for number, mark in enumerate(marks, 1):
         project_lines.append(
-            f"  MARKER {number} {seconds_at(mark.beat):.12f} {_quoted(mark.name)} 0"
+            f"  MARKER {number} {seconds_at(mark.beat):.12f} {_quoted_value(mark.name)} 0"
         )
     for track in tracks:
-        project_lines += _track(track, sounds, n_channels)
+        project_lines += _track_block(track, sounds, n_channels)
     return "\n".join([*project_lines, ">", ""])
 
 
-def _points(
+def _tempo_points(
     seconds_at: Callable[[float], float], length_beats: float, ruler: Ruler
 ) -> list[tuple[float, float, tuple[int, int]]]:
     """Seconds, quarter notes a minute, and the meter at each change of one of them."""
@@ -98,12 +98,12 @@ def _points(
     return tempo_points
 
 
-def _track(track: SoundTrack, sounds: SoundFormat, n_channels: int) -> list[str]:
+def _track_block(track: SoundTrack, sounds: SoundFormat, n_channels: int) -> list[str]:
     """The block of a track, whose only item is the whole file."""
     source_kind = "FLAC" if track.file.lower().endswith(".flac") else "WAVE"
     return [
         "  <TRACK",
-        f"    NAME {_quoted(track.name)}",
+        f"    NAME {_quoted_value(track.name)}",
         "    VOLPAN 1 0 -1 -1 1",
         f"    MUTESOLO {int(track.is_muted)} 0 0",
         f"    NCHAN {n_channels}",
@@ -112,24 +112,24 @@ def _track(track: SoundTrack, sounds: SoundFormat, n_channels: int) -> list[str]
         "      POSITION 0",
         f"      LENGTH {sounds.length:.12f}",
         "      LOOP 0",
-        f"      NAME {_quoted(track.name)}",
+        f"      NAME {_quoted_value(track.name)}",
         "      SOFFS 0",
         f"      <SOURCE {source_kind}",
-        f"        FILE {_quoted(track.file)}",
+        f"        FILE {_quoted_value(track.file)}",
         "      >",
         "    >",
         "  >",
     ]
 
 
-def _quoted(quoted_text: str) -> str:
+def _quoted_value(quoted_text: str) -> str:
     """A text as a value: within the first kind of quote that it does not hold."""
-    quoted_text = _printable(quoted_text)
+    quoted_text = _printable_text(quoted_text)
     quote = next((candidate for candidate in _QUOTES if candidate not in quoted_text), None)
     if quote is None:
         quote, quoted_text = "`", quoted_text.replace("`", "'")
     return f"{quote}{quoted_text}{quote}"
 
 
-def _printable(text: str) -> str:
+def _printable_text(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     Column = tuple[str, NDArray[Any]]
 
-_BLOCK = 8192  # rows of a CSV, frames of a WAV, that are made at once
-_MAX_TICKS = 20_000_000  # times axes: what a recording holds
+_BLOCK_TICKS = 8192  # rows of a CSV, frames of a WAV, that are made at once
+_TICKS_MAX = 20_000_000  # times axes: what a recording holds
 _HEADER_SUBSTITUTES = str.maketrans(
     dict.fromkeys('[],;"#', "_")
 )  # characters that a CSV header cannot hold
@@ -65,7 +65,7 @@ def from_start(recording: Recording) -> NDArray[np.float64]:
     if not len(tick_positions):
         raise NotRecordingError("the recording is empty")
     first_tick = int(recording.ticks()[0])
-    if (first_tick + len(tick_positions)) * tick_positions.shape[1] > _MAX_TICKS:
+    if (first_tick + len(tick_positions)) * tick_positions.shape[1] > _TICKS_MAX:
         raise NotRecordingError("the recording begins too late in the piece")
     return np.concatenate([np.repeat(tick_positions[:1], first_tick, axis=0), tick_positions])
 
@@ -102,9 +102,9 @@ def csv_rows(recording: Recording) -> Iterator[str]:
     rows = csv.writer(row_buffer, lineterminator="\n")
     rows.writerow([name for name, _ in all_columns])
     yield row_buffer.getvalue()
-    for first_row in range(0, len(all_columns[0][1]), _BLOCK):
+    for first_row in range(0, len(all_columns[0][1]), _BLOCK_TICKS):
         row_buffer = io.StringIO()
-        lists = [values[first_row : first_row + _BLOCK].tolist() for _, values in all_columns]
+        lists = [values[first_row : first_row + _BLOCK_TICKS].tolist() for _, values in all_columns]
         csv.writer(row_buffer, lineterminator="\n").writerows(zip(*lists, strict=True))
         yield row_buffer.getvalue()
 
@@ -143,9 +143,9 @@ def write_wav(wav_file: BinaryIO, recording: Recording) -> None:
     n_frames = int(ticks[-1] - ticks[0]) * recording.frames + 1
     form = WaveFormat(rate, len(takes), "float")
     writer = WaveWriter(wav_file, form, n_frames, Stamp(", ".join(recording.names)))
-    for first_frame in range(0, n_frames, _BLOCK):
+    for first_frame in range(0, n_frames, _BLOCK_TICKS):
         block_instants = (
-            np.arange(first_frame, min(first_frame + _BLOCK, n_frames)) / recording.rate
+            np.arange(first_frame, min(first_frame + _BLOCK_TICKS, n_frames)) / recording.rate
         )
         block = np.stack([take.positions(block_instants) for take in takes], axis=1)
         writer.write(single(block, 1.0))
@@ -171,7 +171,7 @@ def recorded(
     end_seconds = max(t[-1] for t, _ in movements_by_name.values())
     # The last tick counts even if rounding puts the last sample slightly before it.
     n_ticks = np.floor((end_seconds - begin_seconds) * rate / frames + 1e-6) + 1
-    if not n_ticks * len(movements_by_name) <= _MAX_TICKS:
+    if not n_ticks * len(movements_by_name) <= _TICKS_MAX:
         raise NotRecordingError(
             f"{end_seconds - begin_seconds:g} s is longer than a recording can be at this rate"
         )

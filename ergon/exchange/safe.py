@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 MARK = b"made by ergon"  # stands within the first bytes of texts and MIDI files of ours
-_MARK_WITHIN = 1024
+_MARK_BYTES_MAX = 1024
 # Errors of writing that name no file: the disk, a quota or the largest size of a file is reached.
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+_FULL_DISK_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 class FileRefusedError(ErgonError):
@@ -51,7 +51,7 @@ def _has_mark(path: Path) -> bool:
     """Whether a file says that ergon made it: a render by its originator, others by their mark."""
     try:
         with path.open("rb") as file:
-            first_bytes = file.read(_MARK_WITHIN)
+            first_bytes = file.read(_MARK_BYTES_MAX)
     except OSError:
         return False
     return MARK in first_bytes or is_render(path)
@@ -94,10 +94,10 @@ def check_target(
     if not replaceable:
         raise FileRefusedError(f"{path} exists; -f overwrites it")
     if not is_ours(path):
-        raise FileRefusedError(f"{path} {_reason(path)}; -f overwrites it")
+        raise FileRefusedError(f"{path} {_errno_reason(path)}; -f overwrites it")
 
 
-def _reason(path: Path) -> str:
+def _errno_reason(path: Path) -> str:
     if _has_mark(path):
         return (
             "was edited since ergon wrote it, or was written on another machine or by an earlier "
@@ -127,7 +127,7 @@ def _standard_output(*, binary: bool) -> Iterator[BinaryIO]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Pending:
+class _PendingFile:
     """A file that has no name yet: `path` as it was asked for, `target` with its links resolved."""
 
     path: Path
@@ -155,7 +155,7 @@ class FileGroup:
     sync: bool = True
     stack: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     new_folders: set[Path] = field(default_factory=set)
-    pending: list[_Pending] = field(default_factory=list)
+    pending: list[_PendingFile] = field(default_factory=list)
     samples: dict[BinaryIO, str] = field(default_factory=dict)  # their hashes, where known
 
     def open(self, target: str | Path, *, binary: bool) -> BinaryIO:
@@ -179,13 +179,13 @@ class FileGroup:
         self.new_folders.update(folder for folder in path.parents if not folder.exists())
         make_folder(path.parent)
         paths: list[Path] = []
-        self.stack.callback(_unlink, paths)
+        self.stack.callback(_unlink_all, paths)
         try:
             temporary_file = temporary.open_temporary(path, paths)
         except OSError as error:
             raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
         self.stack.enter_context(temporary_file)
-        self.pending.append(_Pending(asked_path, path, paths[-1], temporary_file))
+        self.pending.append(_PendingFile(asked_path, path, paths[-1], temporary_file))
         return temporary_file
 
     def write(self, target: str | Path, data: bytes) -> None:
@@ -217,7 +217,7 @@ class FileGroup:
         for pending in self.pending:
             self.check(pending.path)  # somebody else may have written there meanwhile
         moved: list[
-            tuple[_Pending, Path | None]
+            tuple[_PendingFile, Path | None]
         ] = []  # files that were moved, with their predecessors
         try:
             for pending in self.pending:
@@ -233,7 +233,7 @@ class FileGroup:
                     os.replace(path_before, pending.target)
             raise
         if self.sync and not self.is_recorded:  # content that cannot be computed again
-            _sync(pending.target.parent for pending in self.pending)
+            _sync_folders(pending.target.parent for pending in self.pending)
 
     def _keep_old(self, target_path: Path) -> Path | None:
         """A second name or a copy of a file that is about to be replaced; None if there is none, or
@@ -242,7 +242,7 @@ class FileGroup:
         if len(self.pending) == 1 or not target_path.exists():
             return None
         paths: list[Path] = []
-        self.stack.callback(_unlink, paths)
+        self.stack.callback(_unlink_all, paths)
         try:
             self.stack.callback(os.close, temporary.link_temporary(target_path, paths))
         except OSError:  # a file system without links
@@ -253,7 +253,7 @@ class FileGroup:
             keep_mode(target_path, paths[-1])
         return paths[-1]
 
-    def _move(self, pending: _Pending) -> None:
+    def _move(self, pending: _PendingFile) -> None:
         try:
             _move_to_target(pending.part, pending.target, is_new=not pending.target.exists())
         except FileExistsError:  # somebody was faster
@@ -262,7 +262,7 @@ class FileGroup:
 
 
 @contextlib.contextmanager
-def _grouped(open_group: FileGroup) -> Iterator[FileGroup]:
+def _committed_group(open_group: FileGroup) -> Iterator[FileGroup]:
     """A group for the time of a block. Whatever ends the block early (an exception, Ctrl-C, SIGTERM
     under `signals_as_exceptions`) removes what was written.
     """
@@ -272,7 +272,7 @@ def _grouped(open_group: FileGroup) -> Iterator[FileGroup]:
             open_group.commit()
     except BaseException as error:
         remove_folders(sorted(open_group.new_folders, key=lambda folder: -len(folder.parts)))
-        if isinstance(error, OSError) and error.errno in _FULL and open_group.pending:
+        if isinstance(error, OSError) and error.errno in _FULL_DISK_ERRNOS and open_group.pending:
             names = [str(pending_file.target) for pending_file in open_group.pending]
             if error.filename is None or error.filename in names:
                 name = error.filename or names[0]
@@ -293,7 +293,7 @@ def file_group(
     power supply may lose what was written.
     """
     check = partial(check_target, force=force, inputs=tuple(inputs), replaceable=replaceable)
-    return _grouped(FileGroup(check, replaceable, sync))
+    return _committed_group(FileGroup(check, replaceable, sync))
 
 
 @contextlib.contextmanager
@@ -335,7 +335,7 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
     """
     path = Path()
     try:
-        with _grouped(FileGroup(check, is_recorded=False)) as group:
+        with _committed_group(FileGroup(check, is_recorded=False)) as group:
             for path, data in files.items():
                 group.write(path, data)
     except OSError as error:
@@ -368,7 +368,7 @@ def remove_folders(folders: Iterable[Path]) -> None:
             folder.rmdir()
 
 
-def _unlink(parts: list[Path]) -> None:
+def _unlink_all(parts: list[Path]) -> None:
     for part in parts:
         part.unlink(missing_ok=True)
 
@@ -395,7 +395,7 @@ def _move_to_target(part_path: Path, target_path: Path, *, is_new: bool) -> None
     os.replace(part_path, target_path)
 
 
-def _sync(folders: Iterable[Path]) -> None:
+def _sync_folders(folders: Iterable[Path]) -> None:
     """Sync folders, so that new names are on the disk."""
     for folder in dict.fromkeys(folders):
         with contextlib.suppress(OSError):

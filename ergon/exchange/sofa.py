@@ -38,12 +38,21 @@ if TYPE_CHECKING:
 
 _BYTES_MAX = 512 << 20  # bytes of a file
 _VALUES_MAX = 1 << 26  # largest array, as in `sofa_reader.py`
-_HEAD_MAX = 4096  # bytes of the first line of an answer
-_SECONDS = 600.0  # clock time, where the system sets no limit on the reader
-_DELAY_MAX = 0.1  # [s] between two responses; sound goes around a head in 1 ms
+_HEADER_BYTES_MAX = 4096  # bytes of the first line of an answer
+_READER_SECONDS_MAX = 600.0  # clock time, where the system sets no limit on the reader
+_DELAY_SECONDS_MAX = 0.1  # [s] between two responses; sound goes around a head in 1 ms
 _CONVENTION = "SimpleFreeFieldHRIR"
-_NAMES = ("SourcePosition", "Data.IR", "Data.SamplingRate", "Data.Delay", LISTENER, VIEW, UP, EARS)
-_READER = Path(__file__).with_name("sofa_reader.py")
+_ARRAY_NAMES = (
+    "SourcePosition",
+    "Data.IR",
+    "Data.SamplingRate",
+    "Data.Delay",
+    LISTENER,
+    VIEW,
+    UP,
+    EARS,
+)
+_READER_PATH = Path(__file__).with_name("sofa_reader.py")
 
 
 class SofaError(ErgonError, ValueError):
@@ -70,20 +79,20 @@ def read(path: Path) -> HeadResponses:
     with open_regular(path) as sofa_file:
         if os.fstat(sofa_file.fileno()).st_size > _BYTES_MAX:
             raise SofaError(f"{path} is larger than {_BYTES_MAX >> 20} MB")
-        return _read(sofa_file, path)
+        return _reader_answer(sofa_file, path)
 
 
-def _read(sofa_file: IO[bytes], path: Path) -> HeadResponses:
+def _reader_answer(sofa_file: IO[bytes], path: Path) -> HeadResponses:
     """The answer of a reader with the open file as its stdin."""
     process = subprocess.Popen(
-        [sys.executable, "-P", str(_READER)],
+        [sys.executable, "-P", str(_READER_PATH)],
         stdin=sofa_file,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         # No plug-in for a filter is looked for (H5PLpublic.h), and one thread needs less memory.
         env={**os.environ, "HDF5_PLUGIN_PRELOAD": "::", "OPENBLAS_NUM_THREADS": "1"},
     )
-    timer = Timer(_SECONDS, process.kill)
+    timer = Timer(_READER_SECONDS_MAX, process.kill)
     timer.start()
     try:
         assert process.stdout is not None
@@ -98,7 +107,7 @@ def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
     """The responses in the answer of a reader. Raises SofaError."""
     import numpy as np
 
-    line = reader_answer.readline(_HEAD_MAX)
+    line = reader_answer.readline(_HEADER_BYTES_MAX)
     try:
         header = parse_json(line)
     except MalformedTextError:
@@ -108,12 +117,12 @@ def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
         raise SofaError(f"{path}: {refusal_reason}") from None
     if "error" in header:
         raise SofaError(f"{path}: {printable(header['error'])}")
-    _check(header, path)
+    _check_arrays(header, path)
     arrays = {
-        name: _array(reader_answer, shape, path)
-        for name, shape in zip(_NAMES, header["shapes"], strict=False)
+        name: _answered_array(reader_answer, shape, path)
+        for name, shape in zip(_ARRAY_NAMES, header["shapes"], strict=False)
     }
-    measured_places, responses, rates, delays = (arrays[name] for name in _NAMES[:4])
+    measured_places, responses, rates, delays = (arrays[name] for name in _ARRAY_NAMES[:4])
     if not delays.size:
         delays = np.zeros((1, 2))
     rate = float(rates.flat[0])
@@ -126,27 +135,29 @@ def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
         or not responses.any()
     ):
         raise SofaError(f"{path}: responses are finite numbers, and not all 0")
-    if not (np.isfinite(delays).all() and np.ptp(delays) <= _DELAY_MAX * rate):
-        refusal_reason = f"its delays (Data.Delay, in samples) differ by more than {_DELAY_MAX:g} s"
+    if not (np.isfinite(delays).all() and np.ptp(delays) <= _DELAY_SECONDS_MAX * rate):
+        refusal_reason = (
+            f"its delays (Data.Delay, in samples) differ by more than {_DELAY_SECONDS_MAX:g} s"
+        )
         raise SofaError(f"{path}: {refusal_reason}; the ears of a head are nearer")
     delay_seconds = np.broadcast_to(delays, (len(responses), 2)) / rate
-    kinds = dict(zip(_NAMES, header["types"], strict=False))
+    kinds = dict(zip(_ARRAY_NAMES, header["types"], strict=False))
     head = {
         name: Places(arrays[name], kinds[name] or "cartesian")
-        for name in _NAMES[4:]
+        for name in _ARRAY_NAMES[4:]
         if name in arrays and arrays[name].size
     }
-    source = Places(measured_places, _kind(header))
+    source = Places(measured_places, _place_kind(header))
     try:
         angles = directions(source, head)
         if is_right_first(head.get(EARS)):
             responses, delay_seconds = responses[:, ::-1], delay_seconds[:, ::-1]
     except SofaSpaceError as error:
         raise SofaError(f"{path}: {error}") from None
-    return HeadResponses(angles, responses, rate, delay_seconds, _passed_over(source))
+    return HeadResponses(angles, responses, rate, delay_seconds, _unread_contents(source))
 
 
-def _kind(header: dict[str, Any]) -> str:
+def _place_kind(header: dict[str, Any]) -> str:
     """What places are; a writer that leaves it out tells it by their units."""
     kind, units = header["types"][0], header["units"]
     if kind or not units:
@@ -154,7 +165,7 @@ def _kind(header: dict[str, Any]) -> str:
     return "spherical" if "deg" in units or "rad" in units else "cartesian"
 
 
-def _passed_over(source: Places) -> tuple[str, ...]:
+def _unread_contents(source: Places) -> tuple[str, ...]:
     import numpy as np
 
     distances = source.rows[:, 2]
@@ -166,7 +177,7 @@ def _passed_over(source: Places) -> tuple[str, ...]:
     return (f"distances, {low:.3g} to {high:.3g} m: a direction is heard as from all of them",)
 
 
-def _check(header: dict[str, Any], path: Path) -> None:
+def _check_arrays(header: dict[str, Any], path: Path) -> None:
     """Raise SofaError unless the arrays are those of responses at two ears."""
     convention, (place_shape, array_shape, rates, delays) = (
         header["convention"],
@@ -183,7 +194,7 @@ def _check(header: dict[str, Any], path: Path) -> None:
     if place_shape != [array_shape[0], 3]:
         sizes_text = " by ".join(map(str, place_shape))
         raise SofaError(f"{path}: {sizes_text} directions for {array_shape[0]} responses")
-    _check_kind(_kind(header), header["units"], path)
+    _check_kind(_place_kind(header), header["units"], path)
     if delays not in ([0], [1, 2], [array_shape[0], 2]):
         sizes_text = " by ".join(map(str, delays))
         raise SofaError(
@@ -208,7 +219,9 @@ def _check_kind(kind: str, units: str, path: Path) -> None:
         )
 
 
-def _array(reader_answer: IO[bytes], array_shape: list[int], path: Path) -> NDArray[np.float64]:
+def _answered_array(
+    reader_answer: IO[bytes], array_shape: list[int], path: Path
+) -> NDArray[np.float64]:
     import numpy as np
 
     size = 8 * math.prod(array_shape)

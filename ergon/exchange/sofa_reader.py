@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 
 ARRAYS = ("SourcePosition", "Data.IR", "Data.SamplingRate", "Data.Delay", "ListenerPosition",
           "ListenerView", "ListenerUp", "ReceiverPosition")  # fmt: skip
-_NEEDED = ARRAYS[:3]  # files of before AES69 leave delays out, some writers the rest
+_REQUIRED_ARRAYS = ARRAYS[:3]  # files of before AES69 leave delays out, some writers the rest
 VALUES_MAX = 1 << 26  # largest array: 12,000 directions, 2,800 samples, both ears
 _PLACES_MAX = 1 << 20  # largest array of another kind
-_MEMORY = 2 << 30  # bytes of addresses: an array as it is read and as doubles is 1 GB
-_SECONDS = 60  # processor time
-_TEXT_MAX = 200  # characters of a text of the file
+_MEMORY_BYTES_MAX = 2 << 30  # bytes of addresses: an array as it is read and as doubles is 1 GB
+_CPU_SECONDS_MAX = 60  # processor time
+_TEXT_CHARACTERS_MAX = 200  # characters of a text of the file
 
 # Filters of the library itself (H5Zpublic.h); others would be loaded as code.
-_FILTERS = {1: "deflate", 2: "shuffle", 3: "fletcher32", 5: "nbit", 6: "scaleoffset"}
+_FILTER_NAMES = {1: "deflate", 2: "shuffle", 3: "fletcher32", 5: "nbit", 6: "scaleoffset"}
 
 
 class _RefusedError(Exception):
@@ -53,14 +53,14 @@ def rehearse() -> None:
     _read(buffer)
 
 
-def limit() -> None:
+def limit_process() -> None:
     """Bound the memory and the time of this process; it opens no file any more."""
     with contextlib.suppress(ImportError):  # Windows has no such limits
         import resource
 
         limits = {
-            resource.RLIMIT_AS: _MEMORY,
-            resource.RLIMIT_CPU: _SECONDS,
+            resource.RLIMIT_AS: _MEMORY_BYTES_MAX,
+            resource.RLIMIT_CPU: _CPU_SECONDS_MAX,
             resource.RLIMIT_CORE: 0,
             resource.RLIMIT_FSIZE: 0,
             resource.RLIMIT_NOFILE: 0,
@@ -81,7 +81,7 @@ def answer(sofa_source: BinaryIO, answer_target: BinaryIO) -> None:
     except MemoryError:
         arrays, header = [], {"error": "reading it takes more memory than is allowed"}
     except Exception as error:  # h5py turns errors of libhdf5 into exceptions of many types
-        reason = " ".join(str(error).split())[:_TEXT_MAX]
+        reason = " ".join(str(error).split())[:_TEXT_CHARACTERS_MAX]
         arrays, header = [], {"error": f"this is not a SOFA file that can be read: {reason}"}
     answer_target.write(json.dumps(header).encode() + b"\n")
     for array in arrays:
@@ -94,13 +94,15 @@ def _read(sofa_source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, 
 
     with h5py.File(sofa_source, "r") as sofa_file, np.errstate(all="ignore"):
         datasets = [
-            _checked(sofa_file, name) if name in _NEEDED or name in sofa_file else None
+            _checked_dataset(sofa_file, name)
+            if name in _REQUIRED_ARRAYS or name in sofa_file
+            else None
             for name in ARRAYS
         ]
         header = {
-            "convention": _attribute(sofa_file, "SOFAConventions"),
-            "types": [_attribute(dataset, "Type").lower() for dataset in datasets],
-            "units": _attribute(datasets[0], "Units").lower(),
+            "convention": _text_attribute(sofa_file, "SOFAConventions"),
+            "types": [_text_attribute(dataset, "Type").lower() for dataset in datasets],
+            "units": _text_attribute(datasets[0], "Units").lower(),
         }
         arrays = [
             np.zeros(0, "<f8") if dataset is None else np.ascontiguousarray(dataset[...], "<f8")
@@ -109,7 +111,7 @@ def _read(sofa_source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, 
         return arrays, {**header, "shapes": [array.shape for array in arrays]}
 
 
-def _checked(sofa_file: h5py.File, data_name: str) -> h5py.Dataset:
+def _checked_dataset(sofa_file: h5py.File, data_name: str) -> h5py.Dataset:
     """A data set whose numbers lie in this file, and are packed by nothing but the library."""
     import h5py
 
@@ -132,7 +134,7 @@ def _checked(sofa_file: h5py.File, data_name: str) -> h5py.Dataset:
         )
     for filter_index in range(creation_properties.get_nfilters()):
         filter_id = creation_properties.get_filter(filter_index)[0]
-        if filter_id not in _FILTERS:
+        if filter_id not in _FILTER_NAMES:
             message = (
                 f"its {data_name} is compressed by filter {filter_id}, which is not built into "
                 "HDF5; "
@@ -147,16 +149,16 @@ def _checked(sofa_file: h5py.File, data_name: str) -> h5py.Dataset:
     return dataset
 
 
-def _attribute(holder: Any, name: str) -> str:
+def _text_attribute(holder: Any, name: str) -> str:
     """A text of the file, without what fills its room; netCDF keeps texts in arrays of one."""
     value = None if holder is None else holder.attrs.get(name)
     if isinstance(value, np.ndarray):
         value = value.flat[0] if value.size == 1 else None
     text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")
-    return text.partition("\0")[0].strip()[:_TEXT_MAX]
+    return text.partition("\0")[0].strip()[:_TEXT_CHARACTERS_MAX]
 
 
 if __name__ == "__main__":
     rehearse()
-    limit()
+    limit_process()
     answer(os.fdopen(0, "rb"), sys.stdout.buffer)

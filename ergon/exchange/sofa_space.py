@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LISTENER, VIEW, UP, EARS = "ListenerPosition", "ListenerView", "ListenerUp", "ReceiverPosition"
-_SEEN = {LISTENER: (0.0, 0.0, 0.0), VIEW: (1.0, 0.0, 0.0), UP: (0.0, 0.0, 1.0)}  # AES69
+_DEFAULT_PLACES = {LISTENER: (0.0, 0.0, 0.0), VIEW: (1.0, 0.0, 0.0), UP: (0.0, 0.0, 1.0)}  # AES69
 _AZIMUTH_MAX, _ELEVATION_MAX = 360.0, 90.0 + 1e-6  # degrees
 
 
@@ -54,7 +54,7 @@ def directions(source: Places, head: Mapping[str, Places]) -> NDArray[np.float64
             raise SofaSpaceError("an azimuth is beyond 360°")
         if not (np.abs(rows[:, 1]) <= _ELEVATION_MAX).all():
             raise SofaSpaceError("an elevation is beyond 90°")
-    place, view, up = (_seen(name, head, len(rows)) for name in _SEEN)
+    place, view, up = (_head_places(name, head, len(rows)) for name in _DEFAULT_PLACES)
     is_usual = not place.any() and not view[:, 1:].any() and (view[:, 0] > 0.0).all()
     if is_usual and not up[:, 1].any() and (up[:, 2] > 0.0).all() and source.kind == "spherical":
         return rows[:, :2]
@@ -73,11 +73,11 @@ def directions(source: Places, head: Mapping[str, Places]) -> NDArray[np.float64
     return radians * (180.0 / np.pi)
 
 
-def _seen(name: str, head: Mapping[str, Places], n: int) -> NDArray[np.float64]:
+def _head_places(name: str, head: Mapping[str, Places], n: int) -> NDArray[np.float64]:
     """A row of the head, or one for each of `n` sources; the usual one where it is not said."""
     import numpy as np
 
-    usual = np.array([_SEEN[name]])
+    usual = np.array([_DEFAULT_PLACES[name]])
     if name not in head:
         return usual
     if head[name].rows.shape not in ((1, 3), (n, 3)):

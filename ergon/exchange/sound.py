@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_RATES = (1_000, 1_000_000)  # [Hz] of scores; the work of filters grows with the rate
+_RATE_RANGE_HZ = (1_000, 1_000_000)  # [Hz] of scores; the work of filters grows with the rate
 
 
-class _Reader(Protocol):
+class _SoundReader(Protocol):
     def read_info(self, path: Path) -> WaveInfo: ...
     def read_blocks(self, path: Path) -> Iterator[NDArray[np.float64]]: ...
     def survey(self, path: Path) -> tuple[str, int | None]: ...
 
 
-_READERS: Mapping[str, _Reader] = {"wave": wave, "flac": flac, "aiff": aiff}
+_READERS: Mapping[str, _SoundReader] = {"wave": wave, "flac": flac, "aiff": aiff}
 
 
 def check_ending(target: str) -> None:
@@ -64,7 +64,7 @@ def writer(
 def read_info(path: Path) -> WaveInfo:
     """What the file says it holds. Raises NotWaveError or OSError."""
     info = _reader(path).read_info(path)
-    low, high = _RATES
+    low, high = _RATE_RANGE_HZ
     if not low <= info.format.rate <= high:
         message = f"it has {info.format.rate:,} frames a second; from {low:,} to {high:,} are read"
         raise NotWaveError(message)
@@ -83,7 +83,7 @@ def survey(path: Path) -> tuple[str, int | None]:
     return _reader(path).survey(path)
 
 
-def _reader(path: Path) -> _Reader:
+def _reader(path: Path) -> _SoundReader:
     """The module that reads a file, or that says why none does."""
     return _READERS[kind_of(first_bytes(path)) or ("flac" if _is_flac(path) else "wave")]
 

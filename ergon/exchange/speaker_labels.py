@@ -10,13 +10,13 @@ import re
 
 from ergon.space.directions import Angles
 
-_LABEL = re.compile(r"(UH|[MUBT])([+-])(SC|\d{3})(?:_Diff)?")
-_ELEVATIONS = {"M": 0.0, "U": 30.0, "UH": 45.0, "B": -30.0, "T": 90.0}
-_AZIMUTHS = {"022": 22.5, "SC": 25.0}  # the others are in degrees
-_EFFECTS = re.compile(r"(RC_)?(LFE|SUB)", re.IGNORECASE)
+_LABEL_PATTERN = re.compile(r"(UH|[MUBT])([+-])(SC|\d{3})(?:_Diff)?")
+_ELEVATION_BY_LAYER = {"M": 0.0, "U": 30.0, "UH": 45.0, "B": -30.0, "T": 90.0}
+_AZIMUTH_BY_CODE = {"022": 22.5, "SC": 25.0}  # the others are in degrees
+_EFFECTS_PATTERN = re.compile(r"(RC_)?(LFE|SUB)", re.IGNORECASE)
 
 # AC_00010001, AC_00010002, …
-_COMMON = [
+_COMMON_LABELS = [
     "M+030",
     "M-030",
     "M+000",
@@ -59,14 +59,14 @@ _COMMON = [
     "UH+180",
 ]
 # Bits of a mask, from the lowest on: the same, with the back ones further back.
-_MASKED = [label.replace("110", "135") for label in _COMMON[:18]]
-_SIDES, _BACKS = 0x600, 0x30  # without sides, the back ones are those of 5.1
+_MASK_LABELS = [label.replace("110", "135") for label in _COMMON_LABELS[:18]]
+_SIDES_MASK, _BACKS_MASK = 0x600, 0x30  # without sides, the back ones are those of 5.1
 _SURROUND_110 = {"M+135": "M+110", "M-135": "M-110"}
 
 
 def is_effects(label: str) -> bool:
     """Whether a label, or a URN that ends in one, is that of low-frequency effects."""
-    return bool(_EFFECTS.match(label.strip().rpartition(":")[2]))
+    return bool(_EFFECTS_PATTERN.match(label.strip().rpartition(":")[2]))
 
 
 def common_label(channel_format: str) -> str | None:
@@ -75,16 +75,16 @@ def common_label(channel_format: str) -> str | None:
         label_number = int(channel_format.removeprefix("AC_0001"), 16)
     except ValueError:
         return None
-    is_known = channel_format.startswith("AC_0001") and 1 <= label_number <= len(_COMMON)
-    return _COMMON[label_number - 1] if is_known else None
+    is_known = channel_format.startswith("AC_0001") and 1 <= label_number <= len(_COMMON_LABELS)
+    return _COMMON_LABELS[label_number - 1] if is_known else None
 
 
 def masked_labels(mask: int) -> list[str]:
     """The labels of the channels of a mask; empty if it has bits that are not known."""
-    if mask >> len(_MASKED):
+    if mask >> len(_MASK_LABELS):
         return []
-    labels = [label for bit, label in enumerate(_MASKED) if mask >> bit & 1]
-    if mask & _BACKS and not mask & _SIDES:
+    labels = [label for bit, label in enumerate(_MASK_LABELS) if mask >> bit & 1]
+    if mask & _BACKS_MASK and not mask & _SIDES_MASK:
         labels = [_SURROUND_110.get(label, label) for label in labels]
     return labels
 
@@ -93,9 +93,9 @@ def place_of(speaker_label: str) -> Angles | None:
     """Where a loudspeaker is, at the distance 1; None for low-frequency effects."""
     if is_effects(speaker_label):
         return None
-    label_match = _LABEL.fullmatch(speaker_label)
+    label_match = _LABEL_PATTERN.fullmatch(speaker_label)
     if label_match is None:
         raise ValueError(speaker_label)
     layer, sign, turn = label_match.groups()
-    azimuth = _AZIMUTHS.get(turn) or float(turn)
-    return (-azimuth if sign == "-" else azimuth), _ELEVATIONS[layer], 1.0
+    azimuth = _AZIMUTH_BY_CODE.get(turn) or float(turn)
+    return (-azimuth if sign == "-" else azimuth), _ELEVATION_BY_LAYER[layer], 1.0

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     Ergons = Mapping[str, NDArray[np.float64]]  # columns of _core.Simulation.ergons()
 
-VERSION = 1
+STREAM_VERSION = 1
 Form = Literal["csv", "json"]
-COLUMNS = (
+COLUMN_NAMES = (
     "time [s]",
     "struck",
     "sign",
@@ -27,11 +27,11 @@ COLUMNS = (
     "impulse [N·s]",
     "source",
 )
-_KEYS = ("time_s", "struck", "sign", "mass_kg", "speed_m_s", "impulse_n_s", "source")
+_JSON_KEYS = ("time_s", "struck", "sign", "mass_kg", "speed_m_s", "impulse_n_s", "source")
 
 
 @dataclass(frozen=True, slots=True)
-class Names:
+class ErgonNames:
     """Names for the numbers of the engine: a MAT index or a source number to text.
 
     `reach` gives the lever ratio of a struck key by name: the engine computes a key behind a
@@ -43,11 +43,11 @@ class Names:
     reach: Callable[[str], float] = lambda _: 1.0
 
 
-def header(form: Form, *, title: str, rate: float, score: str) -> str:
+def stream_header(form: Form, *, title: str, rate: float, score: str) -> str:
     """The first lines of a stream."""
     if form == "json":
         about = {
-            "v": VERSION,
+            "v": STREAM_VERSION,
             "event": "stream",
             "by": "made by ergon",
             "title": title,
@@ -57,22 +57,22 @@ def header(form: Form, *, title: str, rate: float, score: str) -> str:
         return json_text(about) + "\n"
     facts = ["made by ergon", f"{rate:g} Hz", f"score {score}", " ".join(title.split())]
     rows = io.StringIO()
-    csv.writer(rows, lineterminator="\n").writerow(COLUMNS)
-    return f"# ergon stream {VERSION}, {', '.join(filter(None, facts))}\n" + rows.getvalue()
+    csv.writer(rows, lineterminator="\n").writerow(COLUMN_NAMES)
+    return f"# ergon stream {STREAM_VERSION}, {', '.join(filter(None, facts))}\n" + rows.getvalue()
 
 
-def rows(row_form: Form, ergons: Ergons, ergon_names: Names) -> str:
+def stream_rows(row_form: Form, ergons: Ergons, ergon_names: ErgonNames) -> str:
     """Rows of one block; numbers are the shortest decimals that read back to the same bits."""
     row_buffer = io.StringIO()
     if row_form == "json":
-        for row in _rows(ergons, ergon_names):
-            row_buffer.write(json_text(dict(zip(_KEYS, row, strict=True))) + "\n")
+        for row in _ergon_rows(ergons, ergon_names):
+            row_buffer.write(json_text(dict(zip(_JSON_KEYS, row, strict=True))) + "\n")
     else:
-        csv.writer(row_buffer, lineterminator="\n").writerows(_rows(ergons, ergon_names))
+        csv.writer(row_buffer, lineterminator="\n").writerows(_ergon_rows(ergons, ergon_names))
     return row_buffer.getvalue()
 
 
-def _rows(ergons: Ergons, ergon_names: Names) -> Iterator[Sequence[object]]:
+def _ergon_rows(ergons: Ergons, ergon_names: ErgonNames) -> Iterator[Sequence[object]]:
     struck_by_mat: dict[int, tuple[str, float]] = {}
     source_by_mat: dict[int, str] = {}
     columns = ("time", "mat", "mass", "speed", "impulse", "source")

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_HEAD = struct.Struct("<8sQ")
-_LENGTH = struct.Struct("<Q")
+_FILE_HEADER = struct.Struct("<8sQ")
+_LENGTH_FORMAT = struct.Struct("<Q")
 _MAGIC = b"ERGONST1"
 _FILES_MAX = 20_000
 _BYTES_MAX = 4_000_000_000  # all files: eleven minutes of 100 outputs at 44.1 kHz
@@ -48,17 +48,17 @@ class StretchStore:
         import numpy as np
 
         stored_data = self._folder.read(versioned_key(key))
-        if stored_data is None or len(stored_data) < _HEAD.size + _LENGTH.size:
+        if stored_data is None or len(stored_data) < _FILE_HEADER.size + _LENGTH_FORMAT.size:
             return None
-        magic, checksum = _HEAD.unpack_from(stored_data)
-        checked_bytes = stored_data[_HEAD.size :]
+        magic, checksum = _FILE_HEADER.unpack_from(stored_data)
+        checked_bytes = stored_data[_FILE_HEADER.size :]
         if magic != _MAGIC or checksum != _core.crc32(np.frombuffer(checked_bytes, np.uint8)):
             return None
-        (n_samples,) = _LENGTH.unpack_from(checked_bytes)
-        sound_stop = _LENGTH.size + 8 * n_samples
+        (n_samples,) = _LENGTH_FORMAT.unpack_from(checked_bytes)
+        sound_stop = _LENGTH_FORMAT.size + 8 * n_samples
         if sound_stop > len(checked_bytes):
             return None
-        sound = np.frombuffer(checked_bytes[_LENGTH.size : sound_stop], dtype="<f8")
+        sound = np.frombuffer(checked_bytes[_LENGTH_FORMAT.size : sound_stop], dtype="<f8")
         return Stretch(sound.astype(np.float64, copy=False), bytes(checked_bytes[sound_stop:]))
 
     def has(self, key: str) -> bool:
@@ -76,11 +76,13 @@ class StretchStore:
         pieces = [sound] if isinstance(sound, np.ndarray) else sound
         samples = [np.ascontiguousarray(piece, dtype="<f8").data for piece in pieces]
         n_samples = sum(piece.size for piece in pieces)
-        stored_parts: list[bytes | memoryview] = [_LENGTH.pack(n_samples), *samples, state]
+        stored_parts: list[bytes | memoryview] = [_LENGTH_FORMAT.pack(n_samples), *samples, state]
         checksum = 0
         for part in stored_parts:
             checksum = _core.crc32(np.frombuffer(part, np.uint8), checksum)
-        return self._folder.write(versioned_key(key), _HEAD.pack(_MAGIC, checksum), *stored_parts)
+        return self._folder.write(
+            versioned_key(key), _FILE_HEADER.pack(_MAGIC, checksum), *stored_parts
+        )
 
     def forget(self) -> None:
         """Remove the stretches that were used least recently, until the rest is within bounds."""

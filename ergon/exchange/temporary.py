@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
 IS_LOCKED = fcntl is not None
 _NAME_MAX = 200  # bytes of NAME; a whole name has at most 255
-_DIGITS = 16
-_OURS = re.compile(r"\.(.+)\.([0-9a-f]{16})([0-9a-f]{16})\.part", re.DOTALL)
-_FLAGS = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+_HEX_DIGITS = 16
+_TEMPORARY_NAME_PATTERN = re.compile(r"\.(.+)\.([0-9a-f]{16})([0-9a-f]{16})\.part", re.DOTALL)
+_CREATE_FLAGS = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 _OPEN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-_swept: set[Path] = set()  # folders: each is swept once in a process
+_swept_folders: set[Path] = set()  # folders: each is swept once in a process
 
 
 class _TargetFile(io.FileIO):
@@ -64,8 +64,8 @@ def open_temporary(path: Path, paths: list[Path]) -> BinaryIO:
     """
     for temporary in _new_names(path.parent, path.name):
         paths.append(temporary)
-        handle = os.open(temporary, _FLAGS, 0o600)
-        if _holds(handle, temporary):
+        handle = os.open(temporary, _CREATE_FLAGS, 0o600)
+        if _lock_new_file(handle, temporary):
             return io.BufferedRandom(_TargetFile(handle, path))
         os.close(handle)  # somebody else swept it before it was locked
         paths.pop()
@@ -91,7 +91,7 @@ def temporary_folder(parent: Path, name: str) -> Iterator[Path]:
             folder.mkdir()
             handle = os.open(folder, os.O_RDONLY | _OPEN_FLAGS) if IS_LOCKED else -1
             try:
-                if not IS_LOCKED or _holds(handle, folder):
+                if not IS_LOCKED or _lock_new_file(handle, folder):
                     yield folder
                     return
             finally:
@@ -106,7 +106,9 @@ def remove_abandoned(folder: Path) -> list[Path]:
     if not IS_LOCKED:
         return []
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
-        left_over_files = [folder / entry.name for entry in entries if _is_ours(entry.name)]
+        left_over_files = [
+            folder / entry.name for entry in entries if _is_temporary_name(entry.name)
+        ]
         return [path for path in left_over_files if _remove_if_abandoned(path)]
     return []
 
@@ -136,26 +138,26 @@ def is_at(handle: int, path: Path) -> bool:
 
 def _new_names(folder: Path, file_name: str) -> Iterator[Path]:
     """Temporary names in a folder, whose litter is removed before."""
-    if folder not in _swept:
-        _swept.add(folder)
+    if folder not in _swept_folders:
+        _swept_folders.add(folder)
         remove_abandoned(folder)
     file_name = os.fsencode(file_name)[:_NAME_MAX].decode(errors="ignore") or "_"
     while True:
-        drawn = os.urandom(_DIGITS // 2).hex()
+        drawn = os.urandom(_HEX_DIGITS // 2).hex()
         yield folder / f".{file_name}.{drawn}{_check_digits(file_name, drawn)}.part"
 
 
 def _check_digits(name: str, drawn: str) -> str:
     identity = f"temporary file of ergon\0{platform.node()}\0{drawn}\0{name}"
-    return hashlib.sha256(identity.encode(errors="surrogateescape")).hexdigest()[:_DIGITS]
+    return hashlib.sha256(identity.encode(errors="surrogateescape")).hexdigest()[:_HEX_DIGITS]
 
 
-def _is_ours(name: str) -> bool:
-    parts = _OURS.fullmatch(name)
+def _is_temporary_name(name: str) -> bool:
+    parts = _TEMPORARY_NAME_PATTERN.fullmatch(name)
     return parts is not None and parts[3] == _check_digits(parts[1], parts[2])
 
 
-def _holds(handle: int, path: Path) -> bool:
+def _lock_new_file(handle: int, path: Path) -> bool:
     """Lock a new temporary file; False if another process swept it, or is about to."""
     is_locked = try_lock(handle)
     return is_locked is None or (is_locked and is_at(handle, path))

@@ -9,16 +9,16 @@ from collections.abc import Sequence
 from html import escape
 
 
-def ixml(channel_names: Sequence[str], piece_title: str) -> bytes:
+def ixml_content(channel_names: Sequence[str], piece_title: str) -> bytes:
     """The content of an `iXML` chunk: the title of the piece, and a name for each channel."""
     tracks = "".join(
         f"<TRACK><CHANNEL_INDEX>{number}</CHANNEL_INDEX>"
-        f"<INTERLEAVE_INDEX>{number}</INTERLEAVE_INDEX><NAME>{_escaped(name)}</NAME></TRACK>"
+        f"<INTERLEAVE_INDEX>{number}</INTERLEAVE_INDEX><NAME>{_escaped_text(name)}</NAME></TRACK>"
         for number, name in enumerate(channel_names, 1)
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<BWFXML><IXML_VERSION>3.01</IXML_VERSION>'
-        f"<PROJECT>{_escaped(piece_title)}</PROJECT><TRACK_LIST>"
+        f"<PROJECT>{_escaped_text(piece_title)}</PROJECT><TRACK_LIST>"
         f"<TRACK_COUNT>{len(channel_names)}</TRACK_COUNT>{tracks}</TRACK_LIST></BWFXML>\n"
     ).encode()
 
@@ -42,5 +42,5 @@ def track_names(ixml_content: bytes, n_channels: int) -> tuple[str, ...]:
     return tuple(channel_names) if any(channel_names) else ()
 
 
-def _escaped(text: str) -> str:
+def _escaped_text(text: str) -> str:
     return escape("".join(c for c in text if c.isprintable()), quote=False)

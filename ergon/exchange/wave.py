@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from ergon.common.regular import open_regular
 
 from .wave_header import (
-    BYTES,
+    BYTES_BY_FORM,
     ORIGINATOR,
     RIFF_LIMIT,
     NotWaveError,
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_BLOCK = 65_536  # frames read at once
+_BLOCK_FRAMES = 65_536  # frames read at once
 _BLOCK_BYTES = 1 << 24  # a file may have 65,535 channels
-_CUT_SAMPLES = "this file became shorter while it was read"
+_CUT_SAMPLES_MESSAGE = "this file became shorter while it was read"
 
 
 class WaveWriter:
@@ -94,7 +94,9 @@ def encode(sample_block: NDArray[Any], format: WaveFormat) -> bytes:
         return sample_block.astype(sample_type, copy=False).tobytes()
     from ergon import _core
 
-    return _core.packed(np.ascontiguousarray(sample_block, dtype=np.int32), BYTES[format.bits])
+    return _core.packed(
+        np.ascontiguousarray(sample_block, dtype=np.int32), BYTES_BY_FORM[format.bits]
+    )
 
 
 def read_info(path: Path) -> WaveInfo:
@@ -110,8 +112,8 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     """
     info = read_info(path)
     frame_bytes = info.format.frame_bytes
-    block_bytes = min(_BLOCK, max(1, _BLOCK_BYTES // frame_bytes)) * frame_bytes
-    yield from blocks_of_bytes(_samples(path, info, block_bytes), info.format)
+    block_bytes = min(_BLOCK_FRAMES, max(1, _BLOCK_BYTES // frame_bytes)) * frame_bytes
+    yield from blocks_of_bytes(_sample_bytes_blocks(path, info, block_bytes), info.format)
 
 
 def blocks_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> Iterator[NDArray[np.float64]]:
@@ -127,7 +129,7 @@ def blocks_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> Iterator[NDA
         elif bits == 8:  # unsigned, around 128
             flat_samples = np.frombuffer(frame_bytes, np.uint8) / 128.0 - 1.0
         else:
-            width = BYTES[bits]
+            width = BYTES_BY_FORM[bits]
             octets = np.zeros((len(frame_bytes) // width, 4), np.uint8)
             octets[:, 4 - width :] = np.frombuffer(frame_bytes, np.uint8).reshape(-1, width)
             flat_samples = octets.view("<i4")[:, 0] / 2.0**31
@@ -140,7 +142,7 @@ def hash_samples(path: Path) -> str:
     Raises NotWaveError or OSError.
     """
     digest = hashlib.sha256()
-    for data in _samples(path, read_info(path), 1 << 20):
+    for data in _sample_bytes_blocks(path, read_info(path), 1 << 20):
         digest.update(data)
     return digest.hexdigest()
 
@@ -150,7 +152,7 @@ def survey(path: Path) -> tuple[str, int | None]:
     OSError.
     """
     info = read_info(path)
-    return survey_of_bytes(_samples(path, info, 1 << 20), info.format)
+    return survey_of_bytes(_sample_bytes_blocks(path, info, 1 << 20), info.format)
 
 
 def survey_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> tuple[str, int | None]:
@@ -172,21 +174,21 @@ def survey_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> tuple[str, i
     return digest.hexdigest(), first
 
 
-def _samples(path: Path, info: WaveInfo, n_bytes: int) -> Iterator[bytes]:
+def _sample_bytes_blocks(path: Path, info: WaveInfo, n_bytes: int) -> Iterator[bytes]:
     """The bytes of the samples, at most `n_bytes` at a time."""
     with open_regular(path) as open_file:
         open_file.seek(info.offset)
-        sample_bytes = BYTES[info.format.bits]
+        sample_bytes = BYTES_BY_FORM[info.format.bits]
         n_bytes -= n_bytes % info.format.frame_bytes
         n_bytes = max(n_bytes, info.format.frame_bytes)
         n_bytes_left = info.n_frames * info.format.frame_bytes
         while n_bytes_left:
-            data = read_exactly(open_file, min(n_bytes_left, n_bytes), _CUT_SAMPLES)
-            yield _reversed(data, sample_bytes) if info.container == "RIFX" else data
+            data = read_exactly(open_file, min(n_bytes_left, n_bytes), _CUT_SAMPLES_MESSAGE)
+            yield _byte_swapped(data, sample_bytes) if info.container == "RIFX" else data
             n_bytes_left -= len(data)
 
 
-def _reversed(sample_data: bytes, sample_bytes: int) -> bytes:
+def _byte_swapped(sample_data: bytes, sample_bytes: int) -> bytes:
     """Samples with their bytes in the other order."""
     import numpy as np
 

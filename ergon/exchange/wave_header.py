@@ -20,7 +20,7 @@ from typing import BinaryIO, Literal
 from ergon.common.errors import ErgonError
 from ergon.common.foreign_files import foreign_form
 
-from .track_names import ixml, track_names
+from .track_names import ixml_content, track_names
 
 Bits = Literal[8, 16, 24, 32, "float", "double"]  # 8, 32 and double are read, not written
 
@@ -28,7 +28,7 @@ ORIGINATOR = "ergon"
 CHANNELS_MAX = 64
 # A RIFF size field has 32 bits; above this the file says its sizes in ds64 (EBU Tech 3306, 3).
 RIFF_LIMIT = 2**32 - 1
-BYTES: dict[Bits, int] = {8: 1, 16: 2, 24: 3, 32: 4, "float": 4, "double": 8}
+BYTES_BY_FORM: dict[Bits, int] = {8: 1, 16: 2, 24: 3, 32: 4, "float": 4, "double": 8}
 _Container = Literal["RIFF", "RIFX", "RF64", "BW64", "FLAC", "AIFF", "AIFC"]
 _CONTAINERS: dict[bytes, _Container] = {
     b"RIFF": "RIFF",
@@ -38,30 +38,30 @@ _CONTAINERS: dict[bytes, _Container] = {
 }
 _Order = Literal["little", "big"]
 _ORDER_SIGNS: dict[_Order, str] = {"little": "<", "big": ">"}
-_UNKNOWN_SIZES = (0, 0xFFFFFFFF)  # sizes left by programs that cannot seek back to write them
-_SOX_UNKNOWN = 0x7FFFF000  # SoX's value, rounded down to whole frames (its wav.c)
+_STREAMED_SIZES = (0, 0xFFFFFFFF)  # sizes left by programs that cannot seek back to write them
+_SOX_STREAMED_SIZE = 0x7FFFF000  # SoX's value, rounded down to whole frames (its wav.c)
 
 _TAG_PCM, _TAG_FLOAT, _TAG_EXTENSIBLE = 1, 3, 0xFFFE
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")  # KSDATAFORMAT_SUBTYPE_*
-_SPEAKERS = {1: 0x4, 2: 0x3}  # centre; left and right; more channels go out direct, unnamed
-_DS64 = struct.Struct("<QQQI")
-_FMT = struct.Struct("<HHIIHHHHI")
+_SPEAKER_MASKS = {1: 0x4, 2: 0x3}  # centre; left and right; more channels go out direct, unnamed
+_DS64_FORMAT = struct.Struct("<QQQI")
+_FMT_FORMAT = struct.Struct("<HHIIHHHHI")
 # Version 1: the last field is 64 bytes of UMID and 190 reserved, all zero.
-_BEXT = struct.Struct("<256s32s32s10s8sQH254s")
+_BEXT_FORMAT = struct.Struct("<256s32s32s10s8sQH254s")
 # Number, position, chunk, start of the chunk, start of the block, frame in the block.
-_CUE = struct.Struct("<II4sIII")
-_DATE, _TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same bytes
+_CUE_FORMAT = struct.Struct("<II4sIII")
+_BEXT_DATE, _BEXT_TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same bytes
 _DESCRIPTION_MAX = 4 << 20  # bytes of a description of channels; longer ones are ignored
 _CUES_MAX = 1 << 20  # bytes of cue points, and of their names; more are ignored
 _OTHERS_MAX = 100  # most chunks that are listed as not read
 # Chunks that may follow one of odd size whose filling byte is missing.
 _COMMON_CHUNKS = (b"fmt ", b"data", b"LIST", b"fact", b"bext", b"iXML", b"axml", b"chna", b"cue ")
 # Codings of samples, by their tags (RFC 2361).
-_CODINGS = {2: "ADPCM", 6: "A-law", 7: "µ-law", 17: "IMA ADPCM", 49: "GSM", 85: "MP3"}
+_CODING_NAMES = {2: "ADPCM", 6: "A-law", 7: "µ-law", 17: "IMA ADPCM", 49: "GSM", 85: "MP3"}
 _IGNORED_CHUNKS = (b"JUNK", b"junk", b"PAD ", b"FLLR", b"fact")  # chunks without information
-_CUT_HEADER = "this WAVE file ends within its header"
-_SCORE = re.compile(r"\bscore ([0-9a-f]{64})\b")
-_PLAN = re.compile(r"\bplan ([0-9a-f]{64})\b")
+_CUT_HEADER_MESSAGE = "this WAVE file ends within its header"
+_SCORE_HASH_PATTERN = re.compile(r"\bscore ([0-9a-f]{64})\b")
+_PLAN_HASH_PATTERN = re.compile(r"\bplan ([0-9a-f]{64})\b")
 
 
 class NotWaveError(ErgonError, ValueError):
@@ -98,7 +98,7 @@ class WaveFormat:
     @property
     def frame_bytes(self) -> int:
         """Bytes of one frame."""
-        return self.n_channels * BYTES[self.bits]
+        return self.n_channels * BYTES_BY_FORM[self.bits]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,19 +132,19 @@ class WaveInfo:
     @property
     def score(self) -> str | None:
         """Hash of the score that this was rendered from; None if it is not a render of ergon."""
-        match = _SCORE.search(self.description)
+        match = _SCORE_HASH_PATTERN.search(self.description)
         return match[1] if match and self.originator == ORIGINATOR else None
 
     @property
     def plan(self) -> str | None:
         """Hash of the plan that computed it."""
-        match = _PLAN.search(self.description)
+        match = _PLAN_HASH_PATTERN.search(self.description)
         return match[1] if match and self.originator == ORIGINATOR else None
 
     @property
     def title(self) -> str:
         """Title of the piece."""
-        return _PLAN.sub("", _SCORE.sub("", self.description)).strip()
+        return _PLAN_HASH_PATTERN.sub("", _SCORE_HASH_PATTERN.sub("", self.description)).strip()
 
 
 def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = RIFF_LIMIT) -> bytes:
@@ -159,19 +159,31 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
     origin = ORIGINATOR.encode()
     chunks_bytes = b"".join(
         (
-            _chunk(b"fmt ", _pack_format(format)),
-            _chunk(b"fact", struct.pack("<I", min(n_frames, 0xFFFFFFFF))),
-            _chunk(b"bext", _BEXT.pack(stamp.description(), origin, b"", _DATE, _TIME, 0, 1, b"")),
+            _padded_chunk(b"fmt ", _pack_format(format)),
+            _padded_chunk(b"fact", struct.pack("<I", min(n_frames, 0xFFFFFFFF))),
+            _padded_chunk(
+                b"bext",
+                _BEXT_FORMAT.pack(
+                    stamp.description(), origin, b"", _BEXT_DATE, _BEXT_TIME, 0, 1, b""
+                ),
+            ),
             stamp.chunks,
-            _chunk(b"iXML", ixml(stamp.tracks, stamp.title)) if stamp.tracks else b"",
+            _padded_chunk(b"iXML", ixml_content(stamp.tracks, stamp.title))
+            if stamp.tracks
+            else b"",
             _cue_chunks([mark for mark in stamp.marks if 0 <= mark[1] < n_frames]),
         )
     )
-    riff = 4 + (8 + _DS64.size) + len(chunks_bytes) + 8 + data_size + (data_size & 1)
+    riff = 4 + (8 + _DS64_FORMAT.size) + len(chunks_bytes) + 8 + data_size + (data_size & 1)
     if riff <= riff_limit:
-        header = b"RIFF" + struct.pack("<I", riff) + b"WAVE" + _chunk(b"JUNK", bytes(_DS64.size))
+        header = (
+            b"RIFF"
+            + struct.pack("<I", riff)
+            + b"WAVE"
+            + _padded_chunk(b"JUNK", bytes(_DS64_FORMAT.size))
+        )
         return header + chunks_bytes + b"data" + struct.pack("<I", data_size)
-    ds64 = _chunk(b"ds64", _DS64.pack(riff, data_size, n_frames, 0))
+    ds64 = _padded_chunk(b"ds64", _DS64_FORMAT.pack(riff, data_size, n_frames, 0))
     return b"RF64\xff\xff\xff\xffWAVE" + ds64 + chunks_bytes + b"data\xff\xff\xff\xff"
 
 
@@ -185,25 +197,25 @@ def _cue_chunks(marks: Sequence[tuple[str, int]]) -> bytes:
     if not placed:
         return b""
     cue_points = (
-        _CUE.pack(number, frame, b"data", 0, 0, frame)
+        _CUE_FORMAT.pack(number, frame, b"data", 0, 0, frame)
         for number, (_, frame) in enumerate(placed, 1)
     )
     labels = (
-        _chunk(b"labl", struct.pack("<I", number) + name.encode() + b"\0")
+        _padded_chunk(b"labl", struct.pack("<I", number) + name.encode() + b"\0")
         for number, (name, _) in enumerate(placed, 1)
     )
     cue = struct.pack("<I", len(placed)) + b"".join(cue_points)
-    return _chunk(b"cue ", cue) + _chunk(b"LIST", b"adtl" + b"".join(labels))
+    return _padded_chunk(b"cue ", cue) + _padded_chunk(b"LIST", b"adtl" + b"".join(labels))
 
 
-def _chunk(name: bytes, content: bytes) -> bytes:
+def _padded_chunk(name: bytes, content: bytes) -> bytes:
     return name + struct.pack("<I", len(content)) + content + bytes(len(content) & 1)
 
 
 def _pack_format(format: WaveFormat) -> bytes:
-    n_bits = 8 * BYTES[format.bits]
+    n_bits = 8 * BYTES_BY_FORM[format.bits]
     return (
-        _FMT.pack(
+        _FMT_FORMAT.pack(
             _TAG_EXTENSIBLE,
             format.n_channels,
             format.rate,
@@ -212,7 +224,7 @@ def _pack_format(format: WaveFormat) -> bytes:
             n_bits,
             22,  # bytes that follow
             n_bits,
-            _SPEAKERS.get(format.n_channels, 0),
+            _SPEAKER_MASKS.get(format.n_channels, 0),
         )
         + struct.pack("<H", _TAG_FLOAT if format.bits in ("float", "double") else _TAG_PCM)
         + _GUID_TAIL
@@ -252,28 +264,30 @@ def parse(open_file: BinaryIO) -> WaveInfo:
                 raise NotWaveError("the samples come before their format")
             if chunk_size == 0xFFFFFFFF and container in ("RF64", "BW64"):
                 chunk_size, riff_size = long_size, long_riff_size
-            bytes_present, missing_bytes = _sizes(
+            bytes_present, missing_bytes = _sample_bytes_and_missing(
                 chunk_size, file_end - start_offset, format, is_whole=riff_size + 8 == file_end
             )
             sample_span, chunk_size = (start_offset, bytes_present, missing_bytes), bytes_present
         elif chunk_name == b"ds64":
-            long_riff_size, long_size, *_ = _DS64.unpack(read_exactly(open_file, _DS64.size))
+            long_riff_size, long_size, *_ = _DS64_FORMAT.unpack(
+                read_exactly(open_file, _DS64_FORMAT.size)
+            )
         elif chunk_name == b"fmt ":
             chunk_content = read_exactly(open_file, min(chunk_size, 40))
             format = _parse_format(chunk_content, byte_order)
             if int.from_bytes(chunk_content[:2], byte_order) == _TAG_EXTENSIBLE:
                 mask = int.from_bytes(chunk_content[20:24], byte_order)
-        elif chunk_name == b"bext" and chunk_size >= _BEXT.size:
-            text, origin, *_ = _BEXT.unpack(read_exactly(open_file, _BEXT.size))
-            description, originator = _text(text), _text(origin)
+        elif chunk_name == b"bext" and chunk_size >= _BEXT_FORMAT.size:
+            text, origin, *_ = _BEXT_FORMAT.unpack(read_exactly(open_file, _BEXT_FORMAT.size))
+            description, originator = _text_field(text), _text_field(origin)
         elif chunk_name in descriptions and chunk_size <= _DESCRIPTION_MAX:
             descriptions[chunk_name] = read_exactly(open_file, chunk_size)
         elif chunk_name == b"cue " and chunk_size <= _CUES_MAX:
-            cues = _cues(read_exactly(open_file, chunk_size), byte_order)
+            cues = _cue_frames(read_exactly(open_file, chunk_size), byte_order)
         elif (
             chunk_name == b"LIST" and 4 <= chunk_size <= _CUES_MAX and open_file.read(4) == b"adtl"
         ):
-            cue_labels = _labels(read_exactly(open_file, chunk_size - 4), byte_order)
+            cue_labels = _cue_names(read_exactly(open_file, chunk_size - 4), byte_order)
         elif chunk_name not in _IGNORED_CHUNKS and len(other_chunks) < _OTHERS_MAX:
             other_chunks.append((chunk_name.decode("latin-1"), chunk_size))
         open_file.seek(_next_chunk(open_file, start_offset + chunk_size))
@@ -313,37 +327,37 @@ def _next_chunk(open_file: BinaryIO, end_offset: int) -> int:
     return end_offset if is_bare else end_offset + 1
 
 
-def _cues(cue_content: bytes, order: _Order) -> dict[int, int]:
+def _cue_frames(cue_content: bytes, order: _Order) -> dict[int, int]:
     """The frames of cue points, by their numbers."""
-    cue = struct.Struct(_CUE.format.replace("<", _ORDER_SIGNS[order]))
+    cue = struct.Struct(_CUE_FORMAT.format.replace("<", _ORDER_SIGNS[order]))
     starts = range(4, len(cue_content) - cue.size + 1, cue.size)
     points = (cue.unpack_from(cue_content, start) for start in starts)
     return {number: frame for number, *_, frame in points}
 
 
-def _labels(chunk_content: bytes, byte_order: _Order) -> dict[int, str]:
+def _cue_names(chunk_content: bytes, byte_order: _Order) -> dict[int, str]:
     """The names of cue points, by their numbers."""
     names_by_number: dict[int, str] = {}
     label_start, form = 0, f"{_ORDER_SIGNS[byte_order]}4sII"
     while label_start + 12 <= len(chunk_content):
         kind, label_size, number = struct.unpack_from(form, chunk_content, label_start)
         if kind == b"labl" and label_size >= 4:
-            names_by_number[number] = _text(
+            names_by_number[number] = _text_field(
                 chunk_content[label_start + 12 : label_start + 8 + label_size]
             )
         label_start += 8 + label_size + (label_size & 1)
     return names_by_number
 
 
-def _sizes(
+def _sample_bytes_and_missing(
     stated: int, bytes_present: int, format: WaveFormat, *, is_whole: bool
 ) -> tuple[int, int]:
     """Bytes of the samples, and how many the header states that are not there.
 
     `is_whole`: the size of the whole file is true, so that a size of 0 is one, too.
     """
-    is_sox = _SOX_UNKNOWN - format.frame_bytes < stated <= _SOX_UNKNOWN
-    if (stated in _UNKNOWN_SIZES and not (is_whole and not stated)) or (
+    is_sox = _SOX_STREAMED_SIZE - format.frame_bytes < stated <= _SOX_STREAMED_SIZE
+    if (stated in _STREAMED_SIZES and not (is_whole and not stated)) or (
         is_sox and stated > bytes_present
     ):
         return bytes_present, 0
@@ -352,7 +366,7 @@ def _sizes(
     return min(stated, bytes_present), max(0, stated - bytes_present)
 
 
-def read_exactly(file: BinaryIO, n_bytes: int, refusal: str = _CUT_HEADER) -> bytes:
+def read_exactly(file: BinaryIO, n_bytes: int, refusal: str = _CUT_HEADER_MESSAGE) -> bytes:
     """So many bytes of a file. Raises NotWaveError, saying `refusal`, if there are fewer."""
     read_data = file.read(n_bytes)
     if len(read_data) < n_bytes:
@@ -360,7 +374,7 @@ def read_exactly(file: BinaryIO, n_bytes: int, refusal: str = _CUT_HEADER) -> by
     return read_data
 
 
-def _text(field: bytes) -> str:
+def _text_field(field: bytes) -> str:
     return field.split(b"\0", 1)[0].decode("utf-8", "replace").strip()
 
 
@@ -371,8 +385,10 @@ def _parse_format(chunk_content: bytes, byte_order: _Order) -> WaveFormat:
     tag, n_channels, rate, _, frame_bytes, n_bits = struct.unpack(form, chunk_content[:16])
     if tag == _TAG_EXTENSIBLE and len(chunk_content) >= 40:
         tag = int.from_bytes(chunk_content[24:26], byte_order)
-    if tag in _CODINGS:
-        raise NotWaveError(f"samples coded as {_CODINGS[tag]} are not supported; save it as PCM")
+    if tag in _CODING_NAMES:
+        raise NotWaveError(
+            f"samples coded as {_CODING_NAMES[tag]} are not supported; save it as PCM"
+        )
     forms: dict[tuple[int, int], Bits] = {
         (_TAG_PCM, 8): 8,
         (_TAG_PCM, 16): 16,

@@ -30,13 +30,14 @@ from ergon.common.user_folders import state_folder
 from .temporary import is_at, try_lock
 from .wave_header import NotWaveError, parse
 
-_BLOCK = 1 << 20  # bytes that are read at once
-_FULL = 65 << 17  # bytes: 131,072 files, some hours of a sweep that writes its table every second
-_NAME, _OLD_NAME = "written", "written.old"
-_COARSE = 2_000_000_000  # [ns]: two changes may have one time, on FAT for 2 s
-_APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
+_BLOCK_BYTES = 1 << 20  # bytes that are read at once
+# Largest register [bytes]: 131,072 files, some hours of a sweep that writes its table every second.
+_REGISTER_BYTES_MAX = 65 << 17
+_REGISTER_NAME, _OLD_REGISTER_NAME = "written", "written.old"
+_CLOCK_STEP_NANOSECONDS = 2_000_000_000  # [ns]: two changes may have one time, on FAT for 2 s
+_APPEND_FLAGS = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
 # What this process wrote is known to it even where no register can be kept.
-_written_here: set[str] = set()
+_hashes_written_here: set[str] = set()
 
 
 def digest(hashed_file: BinaryIO, samples_hash: str | None = None) -> str:
@@ -51,14 +52,14 @@ def digest(hashed_file: BinaryIO, samples_hash: str | None = None) -> str:
     n_bytes = info.n_frames * info.format.frame_bytes
     hashed = hashlib.sha256()
     hashed_file.seek(0)
-    _hash(hashed, hashed_file, info.offset)
+    _hash_next_bytes(hashed, hashed_file, info.offset)
     if samples_hash is None:
         hashed_samples = hashlib.sha256()
-        _hash(hashed_samples, hashed_file, n_bytes)
+        _hash_next_bytes(hashed_samples, hashed_file, n_bytes)
         samples_hash = hashed_samples.hexdigest()
     hashed.update(samples_hash.encode())
     hashed_file.seek(info.offset + n_bytes)
-    _hash(hashed, hashed_file)
+    _hash_next_bytes(hashed, hashed_file)
     return hashed.hexdigest()
 
 
@@ -66,13 +67,13 @@ def _plain_digest(hashed_file: BinaryIO) -> str:
     """The hash of all bytes of a file."""
     hashed_file.seek(0)
     hashed = hashlib.sha256()
-    _hash(hashed, hashed_file)
+    _hash_next_bytes(hashed, hashed_file)
     return hashed.hexdigest()
 
 
-def _hash(hashed: hashlib._Hash, file: BinaryIO, n_bytes: float = math.inf) -> None:
+def _hash_next_bytes(hashed: hashlib._Hash, file: BinaryIO, n_bytes: float = math.inf) -> None:
     """Hash the next bytes of a file, at most `n_bytes` or all."""
-    while block := file.read(int(min(n_bytes, _BLOCK))):
+    while block := file.read(int(min(n_bytes, _BLOCK_BYTES))):
         hashed.update(block)
         n_bytes -= len(block)
 
@@ -81,14 +82,14 @@ def remember(hashed: str) -> None:
     """Note the hash of a file that is about to get its name. Where no register can be kept, only
     this process knows it.
     """
-    _written_here.add(hashed)
+    _hashes_written_here.add(hashed)
     folder = state_folder()
     if folder is None:
         return
     with contextlib.suppress(OSError):
         make_private_folder(folder)
         _make_room(folder)
-        handle = os.open(folder / _NAME, _APPEND, 0o600)
+        handle = os.open(folder / _REGISTER_NAME, _APPEND_FLAGS, 0o600)
         try:
             os.write(handle, f"{hashed}\n".encode())
         finally:
@@ -100,17 +101,17 @@ def is_known(path: Path) -> bool:
     try:
         with open_regular(path) as written_file:
             stat = os.fstat(written_file.fileno())
-            if abs(time.time_ns() - stat.st_mtime_ns) < _COARSE:
+            if abs(time.time_ns() - stat.st_mtime_ns) < _CLOCK_STEP_NANOSECONDS:
                 hashed = digest(written_file)
             else:
                 hashed = _digest_of(path, stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
     except OSError:
         return False
-    if hashed in _written_here:
+    if hashed in _hashes_written_here:
         return True
     folder = state_folder()
-    names = () if folder is None else (folder / _NAME, folder / _OLD_NAME)
-    registers = [_content(name) for name in names]
+    names = () if folder is None else (folder / _REGISTER_NAME, folder / _OLD_REGISTER_NAME)
+    registers = [_register_content(name) for name in names]
     if any(hashed.encode() in register for register in registers):
         return True
     # An earlier version hashed WAVE files as all others.
@@ -126,18 +127,18 @@ def _digest_of(path: Path, *_: int) -> str:
         return digest(file)
 
 
-def _content(path: Path) -> bytes:
+def _register_content(path: Path) -> bytes:
     try:
-        return read_bounded(path, 2 * _FULL)
+        return read_bounded(path, 2 * _REGISTER_BYTES_MAX)
     except OSError:
         return b""
 
 
 def _make_room(folder: Path) -> None:
     """Begin another register when this one is full; one process does it, the others go on."""
-    path = folder / _NAME
-    if not path.exists() or path.stat().st_size < _FULL:
+    path = folder / _REGISTER_NAME
+    if not path.exists() or path.stat().st_size < _REGISTER_BYTES_MAX:
         return
     with path.open("rb+") as file:
         if try_lock(file.fileno()) and is_at(file.fileno(), path):
-            os.replace(path, folder / _OLD_NAME)
+            os.replace(path, folder / _OLD_REGISTER_NAME)

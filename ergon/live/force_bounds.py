@@ -21,7 +21,7 @@ from ergon.live.automated import (
     tangible_paths,
     value_sets,
 )
-from ergon.scores.staging.built_network import COUPLING_ENDED, acting
+from ergon.scores.staging.built_network import COUPLING_ENDED_SECONDS, coupling_spans
 from ergon.scores.staging.version_glides import Glide
 
 if TYPE_CHECKING:
@@ -284,7 +284,7 @@ def _moments(
     """The stretches of a piece: (first frame, values at the beginning, values at the end)."""
     couplings = [
         (link, _coupling_end(stage, until))
-        for link, (_, until) in zip(stage.built.couplings, acting(stage.piece), strict=True)
+        for link, (_, until) in zip(stage.built.couplings, coupling_spans(stage.piece), strict=True)
     ]
     moving = [glide for glide in glides if _on_grid(stage, glide.stop) > start_frame]
     moment_frames = {start_frame, *(_on_grid(stage, glide.stop) for glide in moving)}
@@ -308,8 +308,8 @@ def _coupling_end(stage: Stage, until_beat: float | None) -> float:
     """The frame from which a coupling no longer acts; infinite if it has no end."""
     if until_beat is None:
         return math.inf
-    if until_beat == COUPLING_ENDED:
-        return COUPLING_ENDED
+    if until_beat == COUPLING_ENDED_SECONDS:
+        return COUPLING_ENDED_SECONDS
     return _on_grid(stage, until_beat) + -(-int(_core.FADE * stage.rate) // _core.GRID) * _core.GRID
 
 
@@ -366,7 +366,9 @@ def _glide_values(
                 body_factor + (1.0 - body_factor) * glide_share
                 for body_factor in glide.body_factors
             )
-            link_factors += [(link, stiffest) for link in stage.built.assembly.bodies[module_key]]
+            link_factors += [
+                (link, stiffest) for link in stage.built.assembly.generator_links[module_key]
+            ]
         else:
             first_ratio, last_ratio = glide.factors
             factor = first_ratio + (last_ratio - first_ratio) * glide_share

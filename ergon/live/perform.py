@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.rendering.job import BLOCK
+from ergon.rendering.job import BLOCK_FRAMES
 from ergon.rendering.render import frames_of
 
 from .boards import Board
@@ -208,7 +208,7 @@ def _compute_unheard(
     import numpy as np
 
     frame_count = 0
-    for mixed_frames in frames_of(simulation, n_frames, BLOCK):
+    for mixed_frames in frames_of(simulation, n_frames, BLOCK_FRAMES):
         for stem in config.frozen:
             stem.join(mixed_frames, frame_count)
         mixer.process(mixed_frames, np.zeros((len(mixed_frames), n_channels)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.rendering.job import BLOCK
+from ergon.rendering.job import BLOCK_FRAMES
 from ergon.rendering.measured_level import MeasuredLevel
 from ergon.rendering.render import frames_of
 
@@ -60,7 +60,7 @@ def find_gain(
     simulation = stage.simulation
     start_snapshot = simulation.snapshot()
     frame_count = 0
-    for mixed_frames in frames_of(simulation, n_frames, BLOCK):
+    for mixed_frames in frames_of(simulation, n_frames, BLOCK_FRAMES):
         for stem in frozen:
             stem.join(mixed_frames, frame_count)
         mixed = np.zeros((len(mixed_frames), stage.n_channels))

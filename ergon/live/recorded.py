@@ -43,7 +43,7 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
     import numpy as np
 
     from ergon.exchange.recording import NotRecordingError, from_start, read_description
-    from ergon.scores.staging.live import TICK
+    from ergon.scores.staging.live import TICK_HZ
 
     try:
         recording = _core.read_recording(path)
@@ -66,7 +66,7 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
             raise RecordingMismatchError(
                 f"{path}: it records {player} on {key_name}, which this score does not have"
             )
-        ticks = round(piece.rate / (piece.players[player].tick or TICK))
+        ticks = round(piece.rate / (piece.players[player].tick or TICK_HZ))
         if ticks != recording.frames:
             raise RecordingMismatchError(
                 f"{path}: its ticks last {recording.frames} frames, the score's {ticks}"

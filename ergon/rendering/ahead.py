@@ -11,10 +11,10 @@ from ergon._core import Work
 
 T = TypeVar("T")
 _QUEUE_BLOCKS = 4  # blocks that may wait: enough to even out the two, little memory
-_PATIENCE = 0.1  # [s] between checks whether the consumer is gone
+_POLL_SECONDS = 0.1  # [s] between checks whether the consumer is gone
 
 
-def ahead(item_source: Iterator[T]) -> Generator[T, None, None]:
+def computed_ahead(item_source: Iterator[T]) -> Generator[T, None, None]:
     """The items of `item_source`, computed in a thread of their own up to four items ahead.
 
     An exception in the source is raised here. When the consumer stops early, so does the thread.
@@ -28,7 +28,7 @@ def ahead(item_source: Iterator[T]) -> Generator[T, None, None]:
     def put(entry: list[T] | BaseException) -> bool:
         while not has_ended.is_set():
             try:
-                waiting.put(entry, timeout=_PATIENCE)
+                waiting.put(entry, timeout=_POLL_SECONDS)
                 return True
             except queue.Full:
                 continue

@@ -20,8 +20,8 @@ DOMINANCE_LU = 20.0  # [LU] by which one instrument hides all others
 MEASURED_OUTPUTS_MAX = (
     256  # instruments times channels: beyond that measuring costs more than mixing
 )
-_PEAKS = 10  # true peaks in a step of 100 ms
-_LENGTH = struct.Struct("<Q")
+_PEAKS_PER_MEASURE = 10  # true peaks in a step of 100 ms
+_LENGTH_FORMAT = struct.Struct("<Q")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,20 +78,24 @@ class Balance:
     def state(self) -> bytes | None:
         """What later measures depend on, besides the frames; None if the mixer has none."""
         state = self._mixer.state()
-        return None if state is None else _LENGTH.pack(len(state)) + state + self._levels.state()
+        return (
+            None
+            if state is None
+            else _LENGTH_FORMAT.pack(len(state)) + state + self._levels.state()
+        )
 
     def resume(self, measured: NDArray[np.float64], state: bytes) -> None:
         """Go on after frames of which another balance has `measured` all, in this `state` after
         them. Raises EngineError.
         """
-        (n_bytes,) = _LENGTH.unpack_from(state)
-        self._mixer.set_state(state[_LENGTH.size : _LENGTH.size + n_bytes])
-        self._levels.set_state(state[_LENGTH.size + n_bytes :], measured.reshape(-1))
+        (n_bytes,) = _LENGTH_FORMAT.unpack_from(state)
+        self._mixer.set_state(state[_LENGTH_FORMAT.size : _LENGTH_FORMAT.size + n_bytes])
+        self._levels.set_state(state[_LENGTH_FORMAT.size + n_bytes :], measured.reshape(-1))
 
     @property
     def n_measures(self) -> int:
         """How many numbers are measured of each 100 ms."""
-        return 1 + _PEAKS
+        return 1 + _PEAKS_PER_MEASURE
 
     @property
     def measured(self) -> NDArray[np.float64]:
@@ -100,7 +104,7 @@ class Balance:
         """
         if self._recalled is not None:
             return self._recalled
-        return self._levels.measured.reshape(-1, 1 + _PEAKS)
+        return self._levels.measured.reshape(-1, 1 + _PEAKS_PER_MEASURE)
 
     def recall(self, measured: NDArray[np.float64], stop: int) -> bool:
         """Take what an earlier render measured, in place of frames up to `stop`; False if it is too
@@ -122,9 +126,12 @@ class Balance:
         loudness = self._loudness.loudness(
             gain, -(-self._start // loudness_step), stop // loudness_step
         )
-        cells = np.arange(len(measured) * _PEAKS)
-        begins = cells // _PEAKS * loudness_step + cells % _PEAKS * loudness_step // _PEAKS
-        inside = (begins >= self._start) & (begins + loudness_step // _PEAKS < stop)
+        cells = np.arange(len(measured) * _PEAKS_PER_MEASURE)
+        begins = (
+            cells // _PEAKS_PER_MEASURE * loudness_step
+            + cells % _PEAKS_PER_MEASURE * loudness_step // _PEAKS_PER_MEASURE
+        )
+        inside = (begins >= self._start) & (begins + loudness_step // _PEAKS_PER_MEASURE < stop)
         peaks = measured[:, 1:].reshape(-1)[inside]
         return InstrumentLevel(self._name, float(np.max(peaks, initial=0.0)) * gain, loudness)
 

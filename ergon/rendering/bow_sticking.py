@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
     from ergon.scores.staging.probes import ProbedLink
 
-_STICK_TIME_MIN = 5e-4  # [s] that ends must stay together to count as sticking
-_SPEED_MAX = 10.0  # [m/s] up to which friction is examined
-_N_SPEEDS = 20_001
-_FALLING_RATIO = 0.95  # a bow's friction falls below this share of its maximum
+_STICK_SECONDS_MIN = 5e-4  # [s] that ends must stay together to count as sticking
+_SEARCH_SPEED_MAX = 10.0  # [m/s] up to which friction is examined
+_SEARCHED_SPEEDS = 20_001
+_FALLING_FRICTION_RATIO = 0.95  # a bow's friction falls below this share of its maximum
 
 
 @dataclass(slots=True)
@@ -39,7 +39,7 @@ class Sliding:
         start_distance = elongations[0] if self._apart is None else self._apart
         speeds = np.diff(elongations, prepend=start_distance) * rate
         self._apart = float(elongations[-1])
-        least = max(1, int(_STICK_TIME_MIN * rate))
+        least = max(1, int(_STICK_SECONDS_MIN * rate))
         for is_sticking in ((speeds > self.low) & (speeds < self.high)).tolist():
             if not is_sticking:
                 self.has_slipped, self._held = True, 0
@@ -68,15 +68,15 @@ def friction_extremes(law_fields: Any) -> tuple[float, float] | None:
         law = _core.Law(None, law_fields["damping"], law_fields.get("constants") or {})
     except (ValueError, _core.LawError):
         return None
-    speeds = np.linspace(-_SPEED_MAX, _SPEED_MAX, _N_SPEEDS)
-    friction_forces = np.zeros(_N_SPEEDS)
-    law.forces(np.zeros(_N_SPEEDS), speeds, friction_forces)
+    speeds = np.linspace(-_SEARCH_SPEED_MAX, _SEARCH_SPEED_MAX, _SEARCHED_SPEEDS)
+    friction_forces = np.zeros(_SEARCHED_SPEEDS)
+    law.forces(np.zeros(_SEARCHED_SPEEDS), speeds, friction_forces)
     if not np.isfinite(friction_forces).all():
         return None
     lowest_index, highest_index = int(np.argmin(friction_forces)), int(np.argmax(friction_forces))
     falls = (
-        friction_forces[-1] < _FALLING_RATIO * friction_forces[highest_index]
-        and friction_forces[0] > _FALLING_RATIO * friction_forces[lowest_index]
+        friction_forces[-1] < _FALLING_FRICTION_RATIO * friction_forces[highest_index]
+        and friction_forces[0] > _FALLING_FRICTION_RATIO * friction_forces[lowest_index]
     )
     if not (
         lowest_index < highest_index

@@ -43,4 +43,4 @@ class Edges:
         return gains[:, None] * frames
 
 
-UNFADED = Edges()
+NO_EDGES_FADED = Edges()

@@ -10,18 +10,18 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from ergon.common.sound_files import WAVE
-from ergon.exchange.frozen import MANIFEST, Frozen, Source, Stem, manifest_text
+from ergon.exchange.frozen import MANIFEST_NAME, Frozen, Source, Stem, manifest_text
 from ergon.exchange.safe import check_target, file_group
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import CHANNELS_MAX, Stamp, WaveFormat
 
-from .ahead import ahead
-from .job import BLOCK
+from .ahead import computed_ahead
+from .job import BLOCK_FRAMES
 from .render import frames_of, stem_paths
 from .staged import Staged
 
 
-def write(
+def write_frozen_parts(
     stage: Staged,
     taps: Mapping[str, Sequence[int]],
     source_facts: Source,
@@ -46,7 +46,7 @@ def write(
         for first_column in range(0, len(tap_columns), CHANNELS_MAX)
     ]
     paths = stem_paths(folder, [part for part, _ in stem_columns], WAVE)
-    for path in (*paths, folder / MANIFEST):
+    for path in (*paths, folder / MANIFEST_NAME):
         check_target(path, force=force, inputs=inputs)
     stamp = Stamp(source_facts.title, source_facts.score, source_facts.plan)
     with file_group(force=force, inputs=inputs) as output_files:
@@ -56,8 +56,8 @@ def write(
             format = WaveFormat(int(source_facts.rate), len(tap_columns), "double")
             writers.append(WaveWriter(file, format, n_frames, stamp))
         frames_done = 0
-        blocks = frames_of(stage.simulation, n_frames, BLOCK)
-        with contextlib.closing(ahead(blocks) if threads > 1 else blocks) as frame_blocks:
+        blocks = frames_of(stage.simulation, n_frames, BLOCK_FRAMES)
+        with contextlib.closing(computed_ahead(blocks) if threads > 1 else blocks) as frame_blocks:
             for tap_frames in frame_blocks:
                 for writer, (_, tap_columns) in zip(writers, stem_columns, strict=True):
                     writer.write(np.ascontiguousarray(tap_frames[:, list(tap_columns)]))
@@ -70,5 +70,6 @@ def write(
             for (part, tap_columns), path, writer in zip(stem_columns, paths, writers, strict=True)
         )
         frozen = Frozen(source_facts, n_frames, stems)
-        output_files.write(folder / MANIFEST, manifest_text(frozen).encode())  # gets its name last
+        # The manifest gets its name last.
+        output_files.write(folder / MANIFEST_NAME, manifest_text(frozen).encode())
     return frozen

@@ -11,17 +11,17 @@ from ergon.exchange import sound
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .balance import InstrumentLevel
-from .edges import UNFADED, Edges
+from .edges import NO_EDGES_FADED, Edges
 from .filmed import Film
 from .level import Level
 from .mixed_stretches import Ending, Outcome
 from .remote import Workers
-from .silence import Silence
+from .silence import FadedSilence
 
 if TYPE_CHECKING:
     from ergon.exchange.stretch_store import StretchStore
 
-BLOCK = 4096  # frames: long enough that Python costs nothing, short enough for the cache
+BLOCK_FRAMES = 4096  # frames: long enough that Python costs nothing, short enough for the cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +36,12 @@ class RenderJob:
     stamp: Stamp
     stems: Path | None = None
     splits_stems: bool = False  # a dry stem for each instrument, and the answer of the rooms
-    block: int = BLOCK
+    block: int = BLOCK_FRAMES
     threads: int = 1
     force: bool = False
     inputs: Sequence[Path] = ()  # files that are read, and so never overwritten
-    silences: Sequence[Silence] = ()  # silences of panics, in frames of the piece
-    edges: Edges = UNFADED
+    silences: Sequence[FadedSilence] = ()  # silences of panics, in frames of the piece
+    edges: Edges = NO_EDGES_FADED
     # The piece ends where its sound has faded after this frame, if it does.
     fades_from: int | None = None
     is_part: bool = False  # the file ends at `stop`, whether the sound has faded or not

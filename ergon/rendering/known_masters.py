@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from .mixed_stretches import KnownMaster, Outcome, key_of
+from .mixed_stretches import KnownMaster, Outcome, stretch_key
 
 if TYPE_CHECKING:
     from ergon.exchange.stretch_store import StretchStore
@@ -24,7 +24,7 @@ class KnownMasters:
 
     def get(self, job: RenderJob) -> KnownMaster | None:
         """What is known of a job; None if it is not, or if the frames of the job are enough."""
-        if not _follows_all(job):
+        if not _needs_piece_end(job):
             return None
         stored = self._store.get(self._key(job))
         if stored is None:
@@ -35,26 +35,26 @@ class KnownMasters:
             master = None if outcome is None else KnownMaster(int(piece_end), float(gain), outcome)
         except (ValueError, TypeError, LookupError):
             return None
-        return master if master is not None and _is_enough(master, job) else None
+        return master if master is not None and _suffices(master, job) else None
 
     def put(self, job: RenderJob, master: KnownMaster) -> None:
         """Store what a job has found."""
         import numpy as np
 
-        if _follows_all(job) and _is_enough(master, job):
+        if _needs_piece_end(job) and _suffices(master, job):
             state = [master.piece_end, master.gain, *master.outcome.fields(self._score)]
             self._store.put(self._key(job), np.empty(0), json.dumps(state).encode())
 
     def _key(self, job: RenderJob) -> str:
         depends = f"{self._mix} {job.level!r} {job.format.n_channels} {job.ending}"
-        return key_of("master", self._n_frames, depends)
+        return stretch_key("master", self._n_frames, depends)
 
 
-def _follows_all(job: RenderJob) -> bool:
+def _needs_piece_end(job: RenderJob) -> bool:
     """Whether the file depends on the end of the piece, or on how loud all of it is."""
     return job.level.is_levelled or job.ending is not None
 
 
-def _is_enough(master: KnownMaster, job: RenderJob) -> bool:
+def _suffices(master: KnownMaster, job: RenderJob) -> bool:
     """Whether a job needs nothing after the end of the piece: a part of it may sound on."""
     return master.piece_end > job.start and not (job.is_part and job.stop > master.piece_end)

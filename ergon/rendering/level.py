@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from ergon.exchange.wave_header import WaveFormat
 
-from .edges import UNFADED, Edges
-from .limiting import Limiting
-from .silence import Silence, apply_silences
+from .edges import NO_EDGES_FADED, Edges
+from .limiting import FrameLimiter
+from .silence import FadedSilence, apply_silences
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # Below what loudspeakers can play: the constant offset of a leaning hand would only displace their
 # cones.
-HIGHPASS = 8.0  # [Hz]
+HIGHPASS_HZ = 8.0  # [Hz]
 _SPOOL_BYTES = 1 << 28  # frames in memory: 95 s of 8 channels at 44.1 kHz
 
 
@@ -154,10 +154,10 @@ class MasterChain:
         rate: float,
         start: int,
         stop: int,
-        limiter: Limiting | None,
-        silences: Sequence[Silence] = (),
+        limiter: FrameLimiter | None,
+        silences: Sequence[FadedSilence] = (),
         first_frame: int = 0,
-        edges: Edges = UNFADED,
+        edges: Edges = NO_EDGES_FADED,
     ) -> None:
         """Write frames `start` to `stop` of the piece; `take` begins at `first_frame`."""
         import numpy as np

@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 
 # The limiter multiplies this constant, in a channel of its own, by its gain. It is too small to be
 # limited, and a power of two, so that no bit is lost.
-_PROBE = 2.0**-100
+_PROBE_AMPLITUDE = 2.0**-100
 
 
-class Limiting(Protocol):
+class FrameLimiter(Protocol):
     """Changes the level of frames, which come out `latency` frames late."""
 
     latency: int
@@ -39,9 +39,9 @@ class MixLimiter:
         """The next frames (n_frames, n_channels), limited."""
         import numpy as np
 
-        probed = np.concatenate([frames, np.full((len(frames), 1), _PROBE)], axis=1)
+        probed = np.concatenate([frames, np.full((len(frames), 1), _PROBE_AMPLITUDE)], axis=1)
         self._limiter.process(probed)
-        self.gains = probed[:, -1] / _PROBE
+        self.gains = probed[:, -1] / _PROBE_AMPLITUDE
         return np.ascontiguousarray(probed[:, :-1])
 
 

@@ -9,14 +9,14 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-TRUE_PEAK_MAX = -1.0  # [dBTP] of what is brought to a loudness (EBU R 128)
+TRUE_PEAK_DB_MAX = -1.0  # [dBTP] of what is brought to a loudness (EBU R 128)
 # Gains found by measurement are multiples of this [dB]: the filters of the meter differ in their
 # last bits from machine to machine, and samples must not.
-GAIN_STEP = 0.01
+GAIN_STEP_DB = 0.01
 _STEPS_PER_BLOCK = 4  # steps of 100 ms in a block
-_GATE = -70.0  # [LUFS] absolute gate: quieter blocks do not count
-_RELATIVE = -10.0  # [LU] relative gate, from the mean of the other blocks
-_ROUNDS_MAX = 50  # rounds of the search for a gain; a few are usually enough
+_ABSOLUTE_GATE_LUFS = -70.0  # [LUFS] absolute gate: quieter blocks do not count
+_RELATIVE_GATE_LU = -10.0  # [LU] relative gate, from the mean of the other blocks
+_GAIN_ROUNDS_MAX = 50  # rounds of the search for a gain; a few are usually enough
 
 
 class GatedLoudness:
@@ -50,7 +50,7 @@ class GatedLoudness:
         """Integrated loudness [LUFS] of the steps `first` to `last` at a gain (a ratio); -inf where
         nothing passes the gates.
         """
-        return _gated(self._inside(first, last), 20.0 * math.log10(max(gain, 1e-30)))
+        return _gated_level(self._inside(first, last), 20.0 * math.log10(max(gain, 1e-30)))
 
     def gain_to(self, target_lufs: float) -> float | None:
         """The gain [dB] at which the loudness is `target_lufs` [LUFS]; None for silence."""
@@ -61,10 +61,10 @@ class GatedLoudness:
         if loudest == -math.inf:
             return None
         gain_db = target_lufs - loudest  # at least one block passes the gates
-        for _ in range(_ROUNDS_MAX):
-            change = target_lufs - _gated(gated_blocks, gain_db)
+        for _ in range(_GAIN_ROUNDS_MAX):
+            change = target_lufs - _gated_level(gated_blocks, gain_db)
             gain_db += change
-            if abs(change) < GAIN_STEP / 100:
+            if abs(change) < GAIN_STEP_DB / 100:
                 break
         return gain_db
 
@@ -76,23 +76,23 @@ class GatedLoudness:
 
 
 def gain_to_peak(true_peak: float) -> float:
-    """The gain (a ratio) that brings a true peak above 0 to `TRUE_PEAK_MAX`, or just below."""
+    """The gain (a ratio) that brings a true peak above 0 to `TRUE_PEAK_DB_MAX`, or just below."""
     from ergon import _core
 
-    highest = TRUE_PEAK_MAX - 20.0 * math.log10(true_peak)
-    return _core.decibels(math.floor(highest / GAIN_STEP) * GAIN_STEP)
+    highest = TRUE_PEAK_DB_MAX - 20.0 * math.log10(true_peak)
+    return _core.decibels(math.floor(highest / GAIN_STEP_DB) * GAIN_STEP_DB)
 
 
-def _gated(blocks: NDArray[np.float64], decibels: float) -> float:
+def _gated_level(blocks: NDArray[np.float64], decibels: float) -> float:
     """The level [LUFS] of those `blocks` that pass both gates after a gain."""
     louder = blocks + decibels
-    louder = louder[louder > _GATE]
+    louder = louder[louder > _ABSOLUTE_GATE_LUFS]
     if len(louder):
-        louder = louder[louder > _mean(louder) + _RELATIVE]
-    return _mean(louder) if len(louder) else -math.inf
+        louder = louder[louder > _mean_level(louder) + _RELATIVE_GATE_LU]
+    return _mean_level(louder) if len(louder) else -math.inf
 
 
-def _mean(blocks: NDArray[np.float64]) -> float:
+def _mean_level(blocks: NDArray[np.float64]) -> float:
     """The level of the mean power of blocks."""
     import numpy as np
 

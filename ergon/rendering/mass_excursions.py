@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.probes import Point, ProbedLink, ProbedPiece
 
 # Frames of a block: few enough that 256 points fit into the processor's cache.
-_BLOCK = 1024
+_BLOCK_FRAMES = 1024
 
 
 @dataclass(slots=True)
@@ -78,7 +78,7 @@ def measure_excursions(
     closed = [ContactClosings(contact) for contact in probed.contacts]
     bows = [bow for bow in map(sticking_detector, probed.rubbings) if bow is not None]
     first_frame = 0
-    for block_frames in frames_of(stage.simulation, stage.n_analysed_frames, _BLOCK):
+    for block_frames in frames_of(stage.simulation, stage.n_analysed_frames, _BLOCK_FRAMES):
         for swing, low_excursion, high_excursion in zip(
             moved, block_frames.min(axis=0), block_frames.max(axis=0), strict=True
         ):

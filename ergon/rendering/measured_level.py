@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .loudness import GAIN_STEP, GatedLoudness, gain_to_peak
+from .loudness import GAIN_STEP_DB, GatedLoudness, gain_to_peak
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,5 +53,5 @@ class MeasuredLevel:
         decibels = self._loudness.gain_to(wanted_level.loudness)
         if decibels is None:
             return to_peak
-        gain = _core.decibels(round(decibels / GAIN_STEP) * GAIN_STEP)
+        gain = _core.decibels(round(decibels / GAIN_STEP_DB) * GAIN_STEP_DB)
         return gain if wanted_level.limit is not None else min(gain, to_peak)

@@ -10,13 +10,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_SIZE = 8192  # frames of one spectrum: 0.2 s, 5 Hz apart at 44.1 kHz
-_LOWEST, _HIGHEST = 20.0, 5000.0  # range of a pitch [Hz]
-_PITCH_SPAN = 0.2  # [s] that a pitch is found in
-_APERIODIC = 0.2  # more of the power than this does not repeat: no pitch
-_LEVEL_SPAN = 0.02  # [s] of one level
-_LAST_BLOW = 100.0  # a blow counts up to 20 dB below the highest level
-_DECAY = (-5.0, -25.0)  # [dB] between which a decay is measured (T20 of ISO 3382-1)
+_WINDOW_SAMPLES = 8192  # frames of one spectrum: 0.2 s, 5 Hz apart at 44.1 kHz
+_PITCH_HZ_MIN, _PITCH_HZ_MAX = 20.0, 5000.0  # range of a pitch [Hz]
+_PITCH_SECONDS = 0.2  # [s] that a pitch is found in
+_APERIODICITY_MAX = 0.2  # more of the power than this does not repeat: no pitch
+_LEVEL_SECONDS = 0.02  # [s] of one level
+_LAST_BLOW_RATIO = 100.0  # a blow counts up to 20 dB below the highest level
+_DECAY_RANGE_DB = (-5.0, -25.0)  # [dB] between which a decay is measured (T20 of ISO 3382-1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +46,14 @@ def measures(sound_frames: NDArray[np.float64], rate: float) -> Measures:
     power_values = (sound_frames * sound_frames).sum(axis=1)
     loudest = sound_frames[:, int((sound_frames * sound_frames).sum(axis=0).argmax())]
     f, spectrum = _spectrum(sound_frames, rate)
-    audible = f >= _LOWEST
+    audible = f >= _PITCH_HZ_MIN
     total = float(spectrum[audible].sum())
     centroid = float((f * spectrum)[audible].sum() / total) if total > 0.0 else None
     return Measures(
         centroid,
         _pitch(loudest, power_values, rate),
-        _partial(loudest, rate),
-        _t60(np.asarray(power_values), rate),
+        _strongest_partial(loudest, rate),
+        _decay_time(np.asarray(power_values), rate),
     )
 
 
@@ -63,14 +63,16 @@ def _spectrum(
     """Frequencies, and power summed over Hann windows that overlap by half (Welch 1967)."""
     import numpy as np
 
-    window = np.hanning(_SIZE + 1)[:-1, None]
-    power_values: NDArray[np.float64] = np.zeros(_SIZE // 2 + 1)
-    for first_frame in range(0, max(1, len(sound_frames) - _SIZE // 2), _SIZE // 2):
-        block = sound_frames[first_frame : first_frame + _SIZE]
-        padded = np.zeros((_SIZE, sound_frames.shape[1]))
+    window = np.hanning(_WINDOW_SAMPLES + 1)[:-1, None]
+    power_values: NDArray[np.float64] = np.zeros(_WINDOW_SAMPLES // 2 + 1)
+    for first_frame in range(
+        0, max(1, len(sound_frames) - _WINDOW_SAMPLES // 2), _WINDOW_SAMPLES // 2
+    ):
+        block = sound_frames[first_frame : first_frame + _WINDOW_SAMPLES]
+        padded = np.zeros((_WINDOW_SAMPLES, sound_frames.shape[1]))
         padded[: len(block)] = block
         power_values += (np.abs(np.fft.rfft(window * padded, axis=0)) ** 2).sum(axis=1)
-    f = np.arange(len(power_values), dtype=np.float64) * (rate / _SIZE)
+    f = np.arange(len(power_values), dtype=np.float64) * (rate / _WINDOW_SAMPLES)
     return f, power_values
 
 
@@ -78,7 +80,7 @@ def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> f
     """The pitch by the normalised difference function of YIN (de Cheveigné & Kawahara 2002)."""
     import numpy as np
 
-    span_frames, longest = int(_PITCH_SPAN * rate), int(rate / _LOWEST) + 2
+    span_frames, longest = int(_PITCH_SECONDS * rate), int(rate / _PITCH_HZ_MIN) + 2
     if len(x) < span_frames + longest:
         return None
     sums = np.concatenate([[0.0], np.cumsum(power)])
@@ -97,8 +99,8 @@ def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> f
     total = np.cumsum(difference[1:])
     normal = np.ones(longest)
     np.divide(difference[1:] * np.arange(1, longest), total, out=normal[1:], where=total > 0.0)
-    first_lag = max(2, int(rate / _HIGHEST))
-    periodic_lags = np.flatnonzero(normal[first_lag:-1] < _APERIODIC)
+    first_lag = max(2, int(rate / _PITCH_HZ_MAX))
+    periodic_lags = np.flatnonzero(normal[first_lag:-1] < _APERIODICITY_MAX)
     if not len(periodic_lags):
         return None
     lag = first_lag + int(periodic_lags[0])
@@ -107,13 +109,13 @@ def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> f
     return rate / _parabola_peak(-difference[lag - 1 : lag + 2], lag)
 
 
-def _partial(x: NDArray[np.float64], rate: float) -> float | None:
+def _strongest_partial(x: NDArray[np.float64], rate: float) -> float | None:
     """The highest peak of one Hann window over the whole sound, interpolated by a parabola."""
     import numpy as np
 
     transform_size = 2 * len(x)
     magnitude = np.abs(np.fft.rfft(x * np.hanning(len(x) + 1)[:-1], transform_size))
-    lowest_bin = max(1, math.ceil(_LOWEST * transform_size / rate))
+    lowest_bin = max(1, math.ceil(_PITCH_HZ_MIN * transform_size / rate))
     if len(magnitude) < lowest_bin + 2 or not magnitude[lowest_bin:-1].any():
         return None
     peak_bin = lowest_bin + int(magnitude[lowest_bin:-1].argmax())
@@ -132,29 +134,32 @@ def _parabola_peak(three: NDArray[np.float64], peak_bin: int) -> float:
     return peak_bin + 0.5 * (a - c) / curve if curve < 0.0 else float(peak_bin)
 
 
-def _t60(power: NDArray[np.float64], rate: float) -> float | None:
+def _decay_time(power: NDArray[np.float64], rate: float) -> float | None:
     """T60 by backward integration of the energy (Schroeder 1965), after the last loud blow."""
     import numpy as np
 
-    span_frames = max(1, int(_LEVEL_SPAN * rate))
+    span_frames = max(1, int(_LEVEL_SECONDS * rate))
     level_values = (
         power[: len(power) // span_frames * span_frames].reshape(-1, span_frames).sum(axis=1)
     )
     if len(level_values) < 3:
         return None
     # A blow is a rise by 3 dB to a level that is loud.
-    rises = level_values[1:] > np.maximum(2.0 * level_values[:-1], level_values.max() / _LAST_BLOW)
+    rises = level_values[1:] > np.maximum(
+        2.0 * level_values[:-1], level_values.max() / _LAST_BLOW_RATIO
+    )
     blow = 1 + int(np.flatnonzero(rises)[-1]) if rises.any() else int(level_values.argmax())
     level_values = level_values[blow + int(level_values[blow : blow + 5].argmax()) :]
     energy_left = np.cumsum(level_values[::-1])[::-1]
     if energy_left[0] <= 0.0:
         return None
     fall = 10.0 * np.log10(np.maximum(energy_left / energy_left[0], 1e-30))
-    fitted_frames = np.flatnonzero((fall <= _DECAY[0]) & (fall >= _DECAY[1]))
+    fitted_frames = np.flatnonzero((fall <= _DECAY_RANGE_DB[0]) & (fall >= _DECAY_RANGE_DB[1]))
     # The sum misses what the file cuts off, so the end of the file has to lie well below the range.
     if (
         len(fitted_frames) < 2
-        or 10.0 * math.log10(max(level_values[-1] / level_values.max(), 1e-30)) > _DECAY[1] - 10.0
+        or 10.0 * math.log10(max(level_values[-1] / level_values.max(), 1e-30))
+        > _DECAY_RANGE_DB[1] - 10.0
     ):
         return None
     slope = float(np.polyfit(fitted_frames * span_frames / rate, fall[fitted_frames], 1)[0])

@@ -23,7 +23,7 @@ from .mixed_stretches import (
     MixRecorder,
     Outcome,
     blocks_of,
-    key_of,
+    stretch_key,
 )
 from .resumed import ResumedSimulation
 from .staged import KeyedStage, Mixer, Staged
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from .balance import Balance
     from .job import RenderJob
 
-_WORK_MIN = 0.25  # s on one core: a shorter render is not worth any files
-_LOOK_AHEAD = 0.01  # [s] at least what a limiter sees ahead of the last frame
+_WORK_SECONDS_MIN = 0.25  # s on one core: a shorter render is not worth any files
+_LIMITER_LOOK_AHEAD_SECONDS = 0.01  # [s] at least what a limiter sees ahead of the last frame
 
 
 @dataclass(slots=True)
@@ -102,20 +102,20 @@ class RenderMemory:
         for stop_frame, taps in zip(stops, all_taps, strict=True):
             mix = stage.mix_key(taps, highpass=highpass, reference=reference)
             stems = stage.stem_keys(taps, highpass=highpass, reference=reference)
-            mixes.append(key_of("mix", stop_frame, mix))
-            stretch_levels.append([key_of("levels", stop_frame, stem) for stem in stems])
+            mixes.append(stretch_key("mix", stop_frame, mix))
+            stretch_levels.append([stretch_key("levels", stop_frame, stem) for stem in stems])
 
         def mixer_key(stretch_index: int) -> str:
             mix = stage.mix_key(
                 all_taps[stretch_index], highpass=highpass, reference=reference, with_silent=True
             )
-            return key_of("mixer", stops[stretch_index], mix)
+            return stretch_key("mixer", stops[stretch_index], mix)
 
         def balance_keys(stretch_index: int) -> list[str]:
             stems = stage.stem_keys(
                 all_taps[stretch_index], highpass=highpass, reference=reference, with_silent=True
             )
-            return [key_of("balance", stops[stretch_index], stem) for stem in stems]
+            return [stretch_key("balance", stops[stretch_index], stem) for stem in stems]
 
         self._mixed = MixedStretches(
             store,
@@ -147,7 +147,7 @@ class RenderMemory:
             # What a limiter does depends on all that came before.
             start_frame, stop_frame = (
                 0,
-                min(self._n_frames, stop_frame + ceil(_LOOK_AHEAD * self._rate)),
+                min(self._n_frames, stop_frame + ceil(_LIMITER_LOOK_AHEAD_SECONDS * self._rate)),
             )
         return self._mixed.known_with(master, start_frame, stop_frame)
 
@@ -158,7 +158,7 @@ class RenderMemory:
             # What limiter, level and search do depends on all that came before.
             start_frame, stop_frame = (
                 0,
-                min(self._n_frames, stop_frame + ceil(_LOOK_AHEAD * self._rate)),
+                min(self._n_frames, stop_frame + ceil(_LIMITER_LOOK_AHEAD_SECONDS * self._rate)),
             )
         last_frame = max(stop_frame, job.simulated_frames(self._n_frames))
         # A part may sound on after the piece has faded out.
@@ -231,7 +231,7 @@ class RenderMemory:
         self.levels.put_states(balances, numbers, n_stretches)
 
 
-def memory_of(stage: Staged, job: RenderJob) -> RenderMemory | None:
+def memory_of_job(stage: Staged, job: RenderJob) -> RenderMemory | None:
     """The memory of a job; None if there is no store, or too little to compute."""
     simulation = stage.simulation
     # With frozen parts, the simulation reads frames from files, and there is nothing to store.
@@ -240,6 +240,6 @@ def memory_of(stage: Staged, job: RenderJob) -> RenderMemory | None:
     if not isinstance(simulation, _core.Simulation) or not isinstance(stage, KeyedStage):
         return None
     frame_cost = sum(island.cost for island in simulation.storable()) + 2.0 * stage.mix_cost
-    if 1e-9 * stage.n_frames * frame_cost < _WORK_MIN:
+    if 1e-9 * stage.n_frames * frame_cost < _WORK_SECONDS_MIN:
         return None
     return RenderMemory(stage, job, job.stretches, simulation)

@@ -90,7 +90,7 @@ class KnownMaster:
 
 
 @dataclass(frozen=True, slots=True)
-class _Stretch:
+class _MixedStretch:
     """Mixed frames, and the outcome after them; `ending` if the render ended within the stretch."""
 
     frames: NDArray[np.float64]
@@ -141,7 +141,7 @@ class MixedStretches:
         self._store, self._keys, self._score = store, keys, score
         self._n_frames, self._n_channels = n_frames, n_channels
         self._state_key = state_key
-        self._known: dict[int, _Stretch] = {}  # stretches that `known` has read
+        self._known: dict[int, _MixedStretch] = {}  # stretches that `known` has read
 
     def known(self, start: int, stop: int, ending: Ending | None, needed: int) -> KnownMix | None:
         """The mix from the stretch of frame `start` on up to frame `stop` or later; None if any of
@@ -153,7 +153,7 @@ class MixedStretches:
         stretch_frames = stretches.STRETCH_FRAMES
         first_index = start // stretch_frames
         has_ended = False
-        known_stretches: list[_Stretch] = []
+        known_stretches: list[_MixedStretch] = []
         outcome_before = Outcome() if first_index == 0 else None
         for stretch_index in range(first_index, (stop - 1) // stretch_frames + 1):
             stretch = self._read(stretch_index)
@@ -256,7 +256,7 @@ class MixedStretches:
     def _stop(self, index: int) -> int:
         return min((index + 1) * stretches.STRETCH_FRAMES, self._n_frames)
 
-    def _read(self, index: int) -> _Stretch | None:
+    def _read(self, index: int) -> _MixedStretch | None:
         stored = self._store.get(self._keys[index])
         if stored is None or len(stored.sound) % self._n_channels:
             return None
@@ -268,7 +268,7 @@ class MixedStretches:
             return None
         if outcome is None:
             return None
-        return _Stretch(stored.sound.reshape(-1, self._n_channels), outcome, ending)
+        return _MixedStretch(stored.sound.reshape(-1, self._n_channels), outcome, ending)
 
 
 class MixRecorder:
@@ -326,7 +326,7 @@ def blocks_of(
             yield stretch[first_frame : first_frame + n_frames]
 
 
-def key_of(noun: str, stop_frame: int, depends: str) -> str:
+def stretch_key(noun: str, stop_frame: int, depends: str) -> str:
     """The key of what is stored of a stretch that ends at frame `stop_frame`, from the hash of all
     else that it depends on.
     """

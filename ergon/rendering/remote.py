@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from ergon.exchange.stretch_store import StretchStore
 
 # Stretches that are requested before they are mixed. A sound that waits takes 1 MB of memory.
-_LEAD = 3
-_GROUPS_EACH = 2  # chains for each worker: one computes while the sound of the other travels
+_LEAD_STRETCHES = 3
+_CHAINS_PER_WORKER = 2  # chains for each worker: one computes while the sound of the other travels
 
 
 class IslandRequest(TypedDict):
@@ -92,7 +92,7 @@ class ClusterError(ErgonError):
 
 
 @dataclass(slots=True)
-class _Part:
+class _ChainIsland:
     """An island, its number, and the key and the state at the end of its last known stretch."""
 
     island: StorableIsland
@@ -102,13 +102,13 @@ class _Part:
 
 
 @dataclass(slots=True)
-class _Chain:
+class _IslandChain:
     """Islands that are computed together, and the frame up to which they are known.
 
     `sounds` are those of each stretch that arrived, by its first frame.
     """
 
-    parts: list[_Part]
+    parts: list[_ChainIsland]
     frame: int = 0
     keys: list[str] = field(default_factory=list)
     asked: Future[Answer] | None = None
@@ -139,7 +139,7 @@ def chain_count(process_count: int, simulation: Simulation | None = None) -> int
 
     If no island is expensive enough, this process does the work.
     """
-    count_max = _GROUPS_EACH * process_count
+    count_max = _CHAINS_PER_WORKER * process_count
     if simulation is None:
         return count_max
     return max(1, min(count_max, sum(map(is_expensive, simulation.storable()))))
@@ -166,15 +166,17 @@ class RemoteSimulation(StretchedSimulation):
             for number, island in enumerate(simulation.storable())
             if is_expensive(island)
         ]
-        groups = group_by_cost([island.cost for _, island in costly], _GROUPS_EACH * workers.count)
+        groups = group_by_cost(
+            [island.cost for _, island in costly], _CHAINS_PER_WORKER * workers.count
+        )
         self._chains = []
         for group in groups:
             chain_parts = []
             for number in group:
                 index, island = costly[number]
                 simulation.record(island)
-                chain_parts.append(_Part(island, index, simulation.recorded(island).state))
-            self._chains.append(_Chain(chain_parts))
+                chain_parts.append(_ChainIsland(island, index, simulation.recorded(island).state))
+            self._chains.append(_IslandChain(chain_parts))
 
     def _begin(self) -> None:
         """Get the sounds of the stretch that begins; wait for those that are missing."""
@@ -198,7 +200,7 @@ class RemoteSimulation(StretchedSimulation):
         if self._frame == self._n_frames and self._store is not None:
             self._store.forget()
 
-    def _go_on(self, chain: _Chain) -> None:
+    def _go_on(self, chain: _IslandChain) -> None:
         """Take what arrived, and request the next stretch, unless it is too far ahead."""
         if chain.asked is not None and chain.asked.done():
             answer, chain.asked = self._workers.answer(chain.asked), None
@@ -212,17 +214,19 @@ class RemoteSimulation(StretchedSimulation):
             if not self._recall(chain, stop_frame):
                 chain.asked = self._workers.submit(self._request(chain, stop_frame))
 
-    def _is_wanted(self, chain: _Chain) -> bool:
-        return chain.frame < min(self._n_frames, self._frame + _LEAD * stretches.STRETCH_FRAMES)
+    def _is_wanted(self, chain: _IslandChain) -> bool:
+        return chain.frame < min(
+            self._n_frames, self._frame + _LEAD_STRETCHES * stretches.STRETCH_FRAMES
+        )
 
-    def _request(self, chain: _Chain, stop_frame: int) -> Request:
+    def _request(self, chain: _IslandChain, stop_frame: int) -> Request:
         islands = [
             IslandRequest(number=part.number, before=part.key, key=key, state=part.state)
             for part, key in zip(chain.parts, chain.keys, strict=True)
         ]
         return Request(at=chain.frame, stop=stop_frame, islands=islands)
 
-    def _recall(self, chain: _Chain, stop_frame: int) -> bool:
+    def _recall(self, chain: _IslandChain, stop_frame: int) -> bool:
         """Take the stretch from the store, if all of it is there."""
         if self._store is None or stop_frame - chain.frame < stretches.STRETCH_FRAMES:
             return False
@@ -241,7 +245,7 @@ class RemoteSimulation(StretchedSimulation):
         self.n_recalled += stretches.STRETCH_FRAMES * len(known_islands)
         return True
 
-    def _take(self, chain: _Chain, answer: Answer) -> None:
+    def _take(self, chain: _IslandChain, answer: Answer) -> None:
         import numpy as np
 
         if refused := answer.get("refused"):
@@ -269,7 +273,7 @@ class RemoteSimulation(StretchedSimulation):
 
     def _keep(
         self,
-        chain: _Chain,
+        chain: _IslandChain,
         stop: int,
         sounds: list[NDArray[np.float64]],
         states: list[bytes],

@@ -20,18 +20,25 @@ from ergon.exchange import sound
 from ergon.exchange.safe import FileGroup, check_target, file_group
 
 from . import stretches
-from .ahead import ahead
+from .ahead import computed_ahead
 from .balance import MEASURED_OUTPUTS_MAX, Balance
 from .filmed import FilmedSimulation
 from .job import RenderedFile, RenderedFiles, RenderJob
 from .level import ArrayWriter, MasterChain
-from .limiting import Limiting, StemLimiter
-from .memory import ComputedRender, RenderMemory, memory_of
+from .limiting import FrameLimiter, StemLimiter
+from .memory import ComputedRender, RenderMemory, memory_of_job
 from .mixed_stretches import KnownMaster, KnownMix, Outcome
 from .remote import RemoteSimulation
 from .resumed import ResumedSimulation
 from .staged import Mixer, Simulation, Staged
-from .tracks import Track, chain_of, close, limiter_of, release, track_of
+from .tracks import (
+    OutputTrack,
+    close_track,
+    master_chain,
+    mix_limiter,
+    open_track,
+    write_spooled_tracks,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,7 +46,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class _Filled:
+class _FilledFiles:
     """Rendered files, and their job after the end of the piece was found.
 
     Beside them: the share that was recalled, and the outcome if nothing has to be computed.
@@ -59,7 +66,7 @@ def stem_paths(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
     return [folder / f"{index:02}_{name}{suffix}" for index, name in enumerate(safe, 1)]
 
 
-def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> RenderedFiles:
+def render_files(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> RenderedFiles:
     """Write the files of `job`; `progress` is called with the number of simulated frames.
 
     Raises FileRefusedError before any work when a file may not be written, DivergedError from
@@ -76,8 +83,8 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         check_target(path, force=job.force, inputs=job.inputs)
     with contextlib.ExitStack() as stack:
         output_files = stack.enter_context(file_group(force=job.force, inputs=job.inputs))
-        limiter = limiter_of(stage, job)
-        mixers: list[tuple[str, Mixer, Limiting | None, tuple[str, ...]]] = [
+        limiter = mix_limiter(stage, job)
+        mixers: list[tuple[str, Mixer, FrameLimiter | None, tuple[str, ...]]] = [
             (job.target, stage.mixer(highpass=highpass, reference=reference), limiter, ())
         ]
         for path, (stem, mixer) in zip(paths, stems, strict=True):
@@ -93,18 +100,18 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
                 first_frame: int,
                 output_name: str = output_name,
                 output_file: BinaryIO = open_file,
-                limits: Limiting | None = limits,
+                limits: FrameLimiter | None = limits,
                 channel_names: tuple[str, ...] = channel_names,
             ) -> MasterChain:
                 stamp = replace(job.stamp, tracks=channel_names)
                 writer = sound.writer(output_name, output_file, job.format, job.n_frames, stamp)
-                return chain_of(writer, stage, job, limits, first_frame)
+                return master_chain(writer, stage, job, limits, first_frame)
 
-            tracks.append(track_of(stack, job, output_name, mixer, written_to))
-        balances = _balances(stage, job)
-        filmed = _filmed(output_files, stage, job, reference)
+            tracks.append(open_track(stack, job, output_name, mixer, written_to))
+        balances = _instrument_balances(stage, job)
+        filmed = _filmed_simulation(output_files, stage, job, reference)
         if filmed is not None:
-            filled = _fill(stage, job, tracks, progress, balances, filmed)
+            filled = _compute_files(stage, job, tracks, progress, balances, filmed)
             filmed.finish()
         else:
             filled = _recalled_or_computed(stage, job, tracks, progress, balances)
@@ -135,38 +142,42 @@ def _channel_names(stem: str, n_channels: int) -> tuple[str, ...]:
 def _recalled_or_computed(
     stage: Staged,
     job: RenderJob,
-    tracks: Sequence[Track],
+    tracks: Sequence[OutputTrack],
     progress: Callable[[int], None],
     balances: Sequence[Balance],
-) -> _Filled:
+) -> _FilledFiles:
     """Fill the files with what is known, or compute it."""
-    memory = memory_of(stage, job)
+    memory = memory_of_job(stage, job)
     if memory is None:
-        resumed = _resumed(stage, job)
-        filled = _fill(stage, job, tracks, progress, balances, resumed)
+        resumed = _resumed_simulation(stage, job)
+        filled = _compute_files(stage, job, tracks, progress, balances, resumed)
         return replace(filled, recalled=0.0 if resumed is None else resumed.recalled)
     is_alone = len(tracks) == 1
     known_mix = memory.known_mix(job, balances) if is_alone else None
     if known_mix is not None:
-        filled = _fill_known(stage, job, tracks[0], known_mix, progress)
+        filled = _fill_with_known_mix(stage, job, tracks[0], known_mix, progress)
         if known_mix.master is None:
-            _store_master(memory, job, filled, known_mix.outcome)
+            _store_found_master(memory, job, filled, known_mix.outcome)
         return filled
     computing = memory.computing(job, balances, tracks[0].mixer if is_alone else None)
-    filled = _fill(
+    filled = _compute_files(
         stage, job, tracks, progress, computing.balances, computing.simulation, computing
     )
-    _store_master(memory, job, filled, Outcome.from_simulation(memory.simulation))
+    _store_found_master(memory, job, filled, Outcome.from_simulation(memory.simulation))
     computing.finish(job, filled.n_simulated)
     return replace(filled, recalled=computing.simulation.recalled)
 
 
-def _store_master(memory: RenderMemory, job: RenderJob, filled: _Filled, outcome: Outcome) -> None:
+def _store_found_master(
+    memory: RenderMemory, job: RenderJob, filled: _FilledFiles, outcome: Outcome
+) -> None:
     """Store the end and the gain of a piece that `job` has followed."""
     memory.masters.put(job, KnownMaster(filled.piece_end, filled.files[0].gain, outcome))
 
 
-def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | RemoteSimulation | None:
+def _resumed_simulation(
+    stage: Staged, job: RenderJob
+) -> ResumedSimulation | RemoteSimulation | None:
     """The simulation with stretches from earlier renders or other processes; None if neither is
     used.
     """
@@ -183,7 +194,7 @@ def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | RemoteSimulat
     )
 
 
-def _filmed(
+def _filmed_simulation(
     files: FileGroup, stage: Staged, job: RenderJob, reference: float | None
 ) -> FilmedSimulation | None:
     """The simulation with its motion recorded, if `job` asks for it. It recalls nothing, because a
@@ -196,7 +207,7 @@ def _filmed(
     return FilmedSimulation(simulation, job.film, stage.mixer(reference=reference), file)
 
 
-def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
+def _instrument_balances(stage: Staged, job: RenderJob) -> list[Balance]:
     """A balance for each instrument, if there are several and not too many."""
     if not job.measures_instruments:
         return []
@@ -223,30 +234,30 @@ def render_array(
 
     def written_to(written_job: RenderJob, first_frame: int) -> MasterChain:
         mixed_blocks.append(np.zeros((written_job.n_frames, written_job.format.n_channels)))
-        return chain_of(
+        return master_chain(
             ArrayWriter(written_job.format, mixed_blocks[0]),
             stage,
             written_job,
-            limiter_of(stage, written_job),
+            mix_limiter(stage, written_job),
             first_frame,
         )
 
     mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
     with contextlib.ExitStack() as stack:
-        track = track_of(stack, job, "-", mixer, written_to)
+        track = open_track(stack, job, "-", mixer, written_to)
         filled = _recalled_or_computed(stage, job, [track], progress, ())
     return mixed_blocks[0], filled.files[0], filled.outcome
 
 
-def _fill(
+def _compute_files(
     stage: Staged,
     job: RenderJob,
-    tracks: Sequence[Track],
+    tracks: Sequence[OutputTrack],
     progress: Callable[[int], None],
     balances: Sequence[Balance],
     simulation: Simulation | None,
     computing: ComputedRender | None = None,
-) -> _Filled:
+) -> _FilledFiles:
     """Compute the files."""
     if not job.has_open_end:
         for track in tracks:
@@ -254,16 +265,16 @@ def _fill(
     piece_end, n_simulated = _simulate(
         stage, simulation or stage.simulation, job, tracks, progress, balances, computing
     )
-    return _finished(stage, job, tracks, 0, piece_end, n_simulated)
+    return _finished_files(stage, job, tracks, 0, piece_end, n_simulated)
 
 
-def _fill_known(
+def _fill_with_known_mix(
     stage: Staged,
     job: RenderJob,
-    track: Track,
+    track: OutputTrack,
     known_mix: KnownMix,
     progress: Callable[[int], None],
-) -> _Filled:
+) -> _FilledFiles:
     """Fill a file with mixed frames that are known, and compute nothing."""
     if known_mix.master is not None:
         return _fill_with_master(stage, job, track, known_mix, known_mix.master, progress)
@@ -273,7 +284,7 @@ def _fill_known(
     n_frames = job.simulated_frames(stage.n_frames)
     fade = _silence_detector(stage, job)
     for mixed in known_mix.blocks(job.block):
-        folded = _fold(mixed, job.format.n_channels)
+        folded = _folded_mix(mixed, job.format.n_channels)
         if fade is not None and end is None:
             end = fade.take(folded)
         track.take(folded)
@@ -282,7 +293,7 @@ def _fill_known(
         if end is not None and job.has_open_end:
             break
     piece_end = frame_count if end is None else end
-    filled = _finished(
+    filled = _finished_files(
         stage, job, [track], known_mix.first, piece_end, frame_count - known_mix.first
     )
     return replace(filled, recalled=1.0, outcome=known_mix.outcome)
@@ -291,47 +302,47 @@ def _fill_known(
 def _fill_with_master(
     stage: Staged,
     job: RenderJob,
-    track: Track,
+    track: OutputTrack,
     known_mix: KnownMix,
     master: KnownMaster,
     progress: Callable[[int], None],
-) -> _Filled:
+) -> _FilledFiles:
     """Fill a file in one pass, for the end of the piece and its gain are known."""
     track.held = None
-    ended_job = _ended(job, master.piece_end)
+    ended_job = _job_with_end(job, master.piece_end)
     track.finish = track.begin(ended_job, known_mix.first)
     track.finish.gain = master.gain
     mixed_frame = known_mix.first
     for mixed in known_mix.blocks(job.block):
-        track.take(_fold(mixed, job.format.n_channels))
+        track.take(_folded_mix(mixed, job.format.n_channels))
         mixed_frame += len(mixed)
         progress(mixed_frame)
     n_frames = mixed_frame - known_mix.first
-    filled = _finished(stage, ended_job, [track], known_mix.first, master.piece_end, n_frames)
+    filled = _finished_files(stage, ended_job, [track], known_mix.first, master.piece_end, n_frames)
     return replace(filled, recalled=1.0, outcome=known_mix.outcome)
 
 
-def _ended(job: RenderJob, piece_end: int) -> RenderJob:
+def _job_with_end(job: RenderJob, piece_end: int) -> RenderJob:
     """The job of a piece that ends at frame `piece_end`."""
     if not job.has_open_end:
         return job
     return replace(job, stop=min(max(piece_end, job.start), job.stop))
 
 
-def _finished(
+def _finished_files(
     stage: Staged,
     job: RenderJob,
-    tracks: Sequence[Track],
+    tracks: Sequence[OutputTrack],
     first_frame: int,
     piece_end: int,
     n_simulated: int,
-) -> _Filled:
+) -> _FilledFiles:
     """The files, once all of `n_simulated` frames from frame `first_frame` on are mixed."""
-    job = _ended(job, piece_end)
+    job = _job_with_end(job, piece_end)
     for track in tracks:
         track.finish = track.finish or track.begin(job, first_frame)
-    release(stage, job, tracks, piece_end)
-    return _Filled(job, [close(track) for track in tracks], n_simulated, piece_end)
+    write_spooled_tracks(stage, job, tracks, piece_end)
+    return _FilledFiles(job, [close_track(track) for track in tracks], n_simulated, piece_end)
 
 
 def _silence_detector(stage: Staged, job: RenderJob) -> _core.SilenceDetector | None:
@@ -345,7 +356,7 @@ def _simulate(
     stage: Staged,
     simulation: Simulation,
     job: RenderJob,
-    tracks: Sequence[Track],
+    tracks: Sequence[OutputTrack],
     progress: Callable[[int], None],
     balances: Sequence[Balance],
     computing: ComputedRender | None,
@@ -366,9 +377,9 @@ def _simulate(
     # A filmed simulation goes on after the sound has faded, so no block may be abandoned midway.
     # Other processes are not waited for in a thread that Ctrl-C does not reach.
     is_ahead = job.threads > 1 and job.film is None and job.workers is None
-    with contextlib.closing(ahead(blocks) if is_ahead else blocks) as coming:
+    with contextlib.closing(computed_ahead(blocks) if is_ahead else blocks) as coming:
         for mixed in known_blocks:
-            folded = _fold(mixed, job.format.n_channels)
+            folded = _folded_mix(mixed, job.format.n_channels)
             if fade is not None and piece_end is None:
                 piece_end = fade.take(folded)
             tracks[0].take(folded)
@@ -380,7 +391,7 @@ def _simulate(
                 track.mixer.process(coming_frames, mixed)
                 if computing is not None and track is tracks[0]:
                     computing.take(mixed)
-                folded = _fold(mixed, job.format.n_channels)
+                folded = _folded_mix(mixed, job.format.n_channels)
                 if fade is not None and piece_end is None and track is tracks[0]:
                     piece_end = fade.take(folded)
                 track.take(folded)
@@ -428,7 +439,7 @@ class _NewBlocks:
         return block
 
 
-def _fold(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
+def _folded_mix(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
     """Add channel c to channel c mod n_channels, so that fewer loudspeakers lose nothing."""
     import numpy as np
 

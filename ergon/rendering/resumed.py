@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 # Reading and writing a sample takes some 20 ns, and computing it several times what the table of
 # costs says, where contacts open and close: 122 s of 23 struck islands of 20 to 60 ns took 30 s.
-_SHARE = 0.15
+_COST_SHARE_MIN = 0.15
 _UNHEARD_FRAMES = 4096  # frames that are computed at once; divides a stretch
-_WORK_MIN = 1.0  # s on one core: a shorter render is not worth any files
+_WORK_SECONDS_MIN = 1.0  # s on one core: a shorter render is not worth any files
 
 
 @dataclass(slots=True)
-class _Part:
+class _RecalledIsland:
     """An island, the key of the current stretch, and the state after the last one if it was
     recalled.
     """
@@ -63,9 +63,11 @@ class ResumedSimulation(StretchedSimulation):
         super().__init__(simulation, n_frames)
         self._store, self._last, self.outcomes = store, last_frame, outcomes
         self._parts = [
-            _Part(island) for island in simulation.storable() if is_expensive(island, _SHARE)
+            _RecalledIsland(island)
+            for island in simulation.storable()
+            if is_expensive(island, _COST_SHARE_MIN)
         ]
-        if 1e-9 * n_frames * sum(part.island.cost for part in self._parts) < _WORK_MIN:
+        if 1e-9 * n_frames * sum(part.island.cost for part in self._parts) < _WORK_SECONDS_MIN:
             self._parts = []
         self._store_accepts = True
         # The stretches before the first one that is asked for.

@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_FALL, _RISE = 0.005, 0.002  # [s], as `audio/output_fades` of the live core
+_FADE_OUT_SECONDS, _FADE_IN_SECONDS = 0.005, 0.002  # [s], as `audio/output_fades` of the live core
 
 
 @dataclass(frozen=True, slots=True)
-class Silence:
+class FadedSilence:
     """From frame `start`, where the sound fades out, to frame `stop`, where it fades in; None: no
     end.
     """
@@ -24,7 +24,10 @@ class Silence:
 
 
 def apply_silences(
-    silenced_frames: NDArray[np.float64], first_frame: int, silences: Sequence[Silence], rate: float
+    silenced_frames: NDArray[np.float64],
+    first_frame: int,
+    silences: Sequence[FadedSilence],
+    rate: float,
 ) -> NDArray[np.float64]:
     """Frames (n_frames, n_channels), of which the first is number `first_frame`, with the silences
     applied.
@@ -33,7 +36,9 @@ def apply_silences(
     """
     import numpy as np
 
-    fall, rise = (max(1, int(rate * seconds + 0.5)) for seconds in (_FALL, _RISE))
+    fall, rise = (
+        max(1, int(rate * seconds + 0.5)) for seconds in (_FADE_OUT_SECONDS, _FADE_IN_SECONDS)
+    )
     end_frame = first_frame + len(silenced_frames)
     for silence in silences:
         stop_frame = end_frame if silence.stop is None else silence.stop

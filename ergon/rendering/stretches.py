@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 STRETCH_FRAMES = 1 << 17  # frames, 3 s at 44.1 kHz: an edit costs half as much again on the average
 # What takes less to compute is computed, not sent by another process.
 _NS_PER_SAMPLE = 100.0
-_OUTPUTS_MAX = 64  # outputs of one island: 64 MiB of sound
+_STORED_OUTPUTS_MAX = 64  # outputs of one island: 64 MiB of sound
 
 
 class StretchedSimulation(ABC):
@@ -69,4 +69,4 @@ def is_expensive(island: StorableIsland, cost_share: float = 1.0) -> bool:
     send its sound.
     """
     least = cost_share * _NS_PER_SAMPLE * max(1, island.n_out)
-    return island.n_out <= _OUTPUTS_MAX and island.cost >= least
+    return island.n_out <= _STORED_OUTPUTS_MAX and island.cost >= least

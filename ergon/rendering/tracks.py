@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from .job import RenderedFile, RenderJob
 from .level import FrameSpool, MasterChain, Writer, ceiling_gain
-from .limiting import Limiting, MixLimiter
+from .limiting import FrameLimiter, MixLimiter
 from .measured_level import MeasuredLevel
 from .staged import Mixer, Staged
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class Track:
+class OutputTrack:
     """One output file in the making: its mixer, the spool of its frames, and its master chain."""
 
     path: str
@@ -37,14 +37,14 @@ class Track:
         receive.take(block)
 
 
-def limiter_of(stage: Staged, job: RenderJob) -> MixLimiter | None:
+def mix_limiter(stage: Staged, job: RenderJob) -> MixLimiter | None:
     """The limiter of the mix, if the score has one."""
     limit = job.level.limit
     return None if limit is None else MixLimiter(stage.rate, job.format.n_channels, limit)
 
 
-def chain_of(
-    writer: Writer, stage: Staged, job: RenderJob, limiter: Limiting | None, first_frame: int
+def master_chain(
+    writer: Writer, stage: Staged, job: RenderJob, limiter: FrameLimiter | None, first_frame: int
 ) -> MasterChain:
     """What is done before a writer to frames of the piece from `first_frame` on."""
     chain = MasterChain(
@@ -54,13 +54,13 @@ def chain_of(
     return chain
 
 
-def track_of(
+def open_track(
     stack: contextlib.ExitStack,
     job: RenderJob,
     path: str,
     mixer: Mixer,
     begin_chain: Callable[[RenderJob, int], MasterChain],
-) -> Track:
+) -> OutputTrack:
     """A file at `path`, whose frames are held until `stack` closes, if it has to wait for its gain
     or its length.
     """
@@ -68,10 +68,12 @@ def track_of(
     if job.level.is_levelled or job.has_open_end:
         folder = None if path == "-" else Path(path).resolve().parent
         spool = stack.enter_context(FrameSpool(folder, job.format.n_channels))
-    return Track(path, mixer, begin_chain, spool)
+    return OutputTrack(path, mixer, begin_chain, spool)
 
 
-def release(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end: int) -> None:
+def write_spooled_tracks(
+    stage: Staged, job: RenderJob, tracks: Sequence[OutputTrack], piece_end: int
+) -> None:
     """The second pass, over spooled frames, once the frame at which the piece ends is known.
 
     The tracks go side by side, for stems follow the limiter of the mix.
@@ -79,7 +81,7 @@ def release(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end: i
     if any(track.held is None for track in tracks):
         return
     if job.level.is_levelled:
-        _set_gains(stage, job, tracks, piece_end)
+        _set_track_gains(stage, job, tracks, piece_end)
     spools = (track.held.blocks(job.block) for track in tracks if track.held is not None)
     for blocks in zip(*spools, strict=True):
         for track, block in zip(tracks, blocks, strict=True):
@@ -87,7 +89,9 @@ def release(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end: i
                 track.finish.take(block)
 
 
-def _set_gains(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end: int) -> None:
+def _set_track_gains(
+    stage: Staged, job: RenderJob, tracks: Sequence[OutputTrack], piece_end: int
+) -> None:
     """The gain of the mix for all tracks; all stems share a smaller one if one of them would clip,
     so that they still add up. What a limiter does to the mix is done to them too.
     """
@@ -115,7 +119,7 @@ def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: in
     return measured.gain()
 
 
-def close(track: Track) -> RenderedFile:
+def close_track(track: OutputTrack) -> RenderedFile:
     """End a file."""
     finish = track.finish
     assert finish is not None

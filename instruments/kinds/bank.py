@@ -6,8 +6,8 @@ from typing import TypedDict
 
 from ergon import _core
 from ergon.instruments.kinds import bodies
-from ergon.instruments.kinds.kind import Quantities, kind, picked
-from ergon.instruments.modal import BANK_DECAYS, BANK_GAINS, BANK_PITCHES, Each
+from ergon.instruments.kinds.kind import Quantities, module_kind, present_fields
+from ergon.instruments.modal import BANK_DECAYS_SHAPE, BANK_GAINS_SHAPE, BANK_PITCHES_SHAPE, Each
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import choice
@@ -17,9 +17,13 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
     return (
         Field("count", k.integer(1, bodies.MAX_MODULES, "10000"), "how many CEL", required=True),
         Field("M", k.MASS_OR_NUMBER if quantities.is_ca else k.MASS, "mass of each", required=True),
-        Field("f", BANK_PITCHES, "frequencies, spread by logarithm, or of each", required=True),
-        Field("t60", BANK_DECAYS, "decays: low for high f where even, or of each", required=True),
-        Field("gain", BANK_GAINS, "of a list: how much faster than the mass M each moves"),
+        Field(
+            "f", BANK_PITCHES_SHAPE, "frequencies, spread by logarithm, or of each", required=True
+        ),
+        Field(
+            "t60", BANK_DECAYS_SHAPE, "decays: low for high f where even, or of each", required=True
+        ),
+        Field("gain", BANK_GAINS_SHAPE, "of a list: how much faster than the mass M each moves"),
         Field("modes", k.PATH, "a CSV file of f, t60 and gain, instead of lists"),
         Field("spread", choice("random", "even"), "how f and t60 are spread", "even"),
         Field(
@@ -32,7 +36,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
             "hole", k.HOLE, "radius of the highest pitch of a galaxy over that of the lowest", 0.3
         ),
         Field("angles", choice("random", "even"), "how a galaxy lies around its middle", "even"),
-        *bodies.STARTS,
+        *bodies.START_FIELDS,
     )
 
 
@@ -54,23 +58,23 @@ def _add(network: _core.Network, bank_name: str, bank_fields: BankFields, seed: 
     if isinstance(bank_fields["f"], Each):
         masses = (bank_fields["M"] / gain for gain in bank_fields["gain"] or ())
         cells = list(zip(bank_fields["f"], bank_fields["t60"], masses, strict=True))
-        placing = picked(bank_fields, "place", "hole", "angles")
+        placing = present_fields(bank_fields, "place", "hole", "angles")
         return network.cells(bank_name, cells=cells, **placing, seed=seed)
     options = ("count", "M", "f", "t60", "spread", "place", "hole", "angles")
-    return network.bank(bank_name, **picked(bank_fields, *options), seed=seed)
+    return network.bank(bank_name, **present_fields(bank_fields, *options), seed=seed)
 
 
 def _count(fields: BankFields) -> int:
     return fields["count"]
 
 
-BANK = kind(
+BANK = module_kind(
     "BANK",
     "generator",
     "many CEL",
     _fields,
     gliding=("f", "t60"),
-    unbuilt=("modes",),
+    source_fields=("modes",),
     add=_add,
     count=_count,
 )

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from ergon.instruments.bodies import DECAY
+from ergon.instruments.bodies import DECAY_SHAPE
 from ergon.instruments.kinds.kind import Quantities
-from ergon.instruments.materials import MATERIAL
-from ergon.instruments.starts import start
+from ergon.instruments.materials import MATERIAL_SHAPE
+from ergon.instruments.starts import start_shape
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
 
 MAX_MODULES = 2_000_000  # modules of one generator: some 200 MB
 
-STARTS = (
-    Field("X0", start("X0", k.POSITION, "x"), "positions at the beginning", 0.0),
-    Field("V0", start("V0", k.SPEED, "v"), "velocities at the beginning", 0.0),
+START_FIELDS = (
+    Field("X0", start_shape("X0", k.POSITION, "x"), "positions at the beginning", 0.0),
+    Field("V0", start_shape("V0", k.SPEED, "v"), "velocities at the beginning", 0.0),
 )
-HARDENING = Field("hardening", k.HARDENING, "q of k·d + q·d³ on every link", 0.0)
+HARDENING_FIELD = Field("hardening", k.HARDENING, "q of k·d + q·d³ on every link", 0.0)
 MATERIAL_FIELD = Field(
-    "material", MATERIAL, "what it is made of: sets M, f, t60 and stiffness from its size"
+    "material", MATERIAL_SHAPE, "what it is made of: sets M, f, t60 and stiffness from its size"
 )
 
 
-def pitched(quantities: Quantities) -> tuple[Field, ...]:
+def pitch_fields(quantities: Quantities) -> tuple[Field, ...]:
     """M, f and t60 of a body; one of a discrete network is given by K and Z of its links too."""
     link_shapes = (
         Field("K", k.NUMBER, "K of each of its links, instead of f"),
@@ -36,7 +36,10 @@ def pitched(quantities: Quantities) -> tuple[Field, ...]:
         ),
         Field("f", k.PITCH, "lowest mode that is not rigid", required=not quantities.is_ca),
         Field(
-            "t60", DECAY, "decay of that mode, or of modes at these frequencies", shown="no decay"
+            "t60",
+            DECAY_SHAPE,
+            "decay of that mode, or of modes at these frequencies",
+            shown="no decay",
         ),
         *(link_shapes if quantities.is_ca else ()),
     )
@@ -46,14 +49,14 @@ def check_pitched(body_values: Values, body_name: str) -> None:
     """Report a body without a pitch, or with K and Z of its links beside it."""
     if "K" not in body_values.record.by_name:
         return
-    tuned, plain = (
+    pitch_names, link_names = (
         body_values.written("f", "t60", "inharmonicity", "bending"),
         body_values.written("K", "Z"),
     )
-    if tuned and plain:
-        message = f"{body_values.context.label(tuned[0])}: {plain[0]} is written too; "
+    if pitch_names and link_names:
+        message = f"{body_values.context.label(pitch_names[0])}: {link_names[0]} is written too; "
         message += f"a {body_name} has K and Z of its links, or f and t60"
-        body_values.error("E111", message, tuned[0])
+        body_values.error("E111", message, pitch_names[0])
     elif not body_values.written("f", "K"):
         body_values.error(
             "E103",
@@ -61,7 +64,7 @@ def check_pitched(body_values: Values, body_name: str) -> None:
         )
 
 
-def with_pitch_or_links(values: Values, module_fields: dict[str, object]) -> None:
+def drop_unused_link_fields(values: Values, module_fields: dict[str, object]) -> None:
     """Drop K and Z of a body that has a pitch instead."""
     if module_fields.get("K") is None:
         for name in ("K", "Z"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ergon import _core
-from ergon.instruments.kinds.kind import BETWEEN, Fields, Quantities, kind, picked
+from ergon.instruments.kinds.kind import BETWEEN, Fields, Quantities, module_kind, present_fields
 from ergon.notation.tables.fields import Field, Values
 
 
@@ -11,7 +11,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
     damping, force_shape = quantities.damping, quantities.force
     return (
         BETWEEN,
-        Field("sigma0", quantities.bristle, "stiffness of the bristles", required=True),
+        Field("sigma0", quantities.bristle_stiffness, "stiffness of the bristles", required=True),
         Field("sigma1", damping, "damping of the bristles", 0.0),
         Field("sigma2", damping, "viscosity between the two MATs", 0.0),
         Field("Fc", force_shape, "friction of a fast slide", required=True),
@@ -26,8 +26,12 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
 
 
 def _check(module_values: Values) -> None:
-    level, static = module_values["Fc"], module_values["Fs"]
-    if isinstance(level, float) and isinstance(static, float) and static < level:
+    sliding_friction, static_friction = module_values["Fc"], module_values["Fs"]
+    if (
+        isinstance(sliding_friction, float)
+        and isinstance(static_friction, float)
+        and static_friction < sliding_friction
+    ):
         message = (
             f"{module_values.context.label('Fs')}: Fs is below Fc; friction falls from Fs to Fc"
         )
@@ -36,10 +40,10 @@ def _check(module_values: Values) -> None:
 
 def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
     options = ("sigma0", "sigma1", "sigma2", "Fc", "Fs", "vs")
-    return network.bristle(name, a, b, **picked(fields, *options))
+    return network.bristle(name, a, b, **present_fields(fields, *options))
 
 
-BRISTLE = kind(
+BRISTLE = module_kind(
     "BRISTLE",
     "link",
     "friction with memory: bristles that bend, then slip",

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from ergon import _core
-from ergon.instruments.kinds.kind import BETWEEN, Fields, Quantities, kind, needs, picked
+from ergon.instruments.kinds.kind import (
+    BETWEEN,
+    Fields,
+    Quantities,
+    module_kind,
+    present_fields,
+    require_any,
+)
 from ergon.instruments.spread import GAP
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
@@ -33,22 +40,22 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
 def _check(contact_values: Values) -> None:
     if "contact" not in contact_values.record.by_name:
         return  # contacts in space have one rule
-    magic = contact_values["contact"] == "magic"
-    if magic and (extra_fields := contact_values.written("K", "Z")):
+    is_magic = contact_values["contact"] == "magic"
+    if is_magic and (extra_fields := contact_values.written("K", "Z")):
         message = (
             f"{contact_values.context.label(extra_fields[0])}: a magic contact has no K and Z; "
             "remove it"
         )
         contact_values.error("E111", message, extra_fields[0])
-    if not magic:
-        needs(contact_values, "BUT", "K")
+    if not is_magic:
+        require_any(contact_values, "BUT", "K")
         if extra_fields := contact_values.written("restitution", "steps"):
             message = (
                 f"{contact_values.context.label(extra_fields[0])}: only a magic contact has this "
                 "field"
             )
             contact_values.error("E111", message, extra_fields[0])
-    if magic and contact_values["clamp"] and contact_values["restitution"] < 1:
+    if is_magic and contact_values["clamp"] and contact_values["restitution"] < 1:
         message = (
             f"{contact_values.context.label('clamp')}: a magic contact with "
             "restitution < 1 must pull, so clamp must be false"
@@ -58,10 +65,10 @@ def _check(contact_values: Values) -> None:
 
 def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
     options = ("K", "Z", "gap", "side", "contact", "restitution", "exponent", "clamp", "steps")
-    return network.but(name, a, b, **picked(fields, *options))
+    return network.but(name, a, b, **present_fields(fields, *options))
 
 
-BUT = kind(
+BUT = module_kind(
     "BUT",
     "link",
     "a one-sided contact: the first of `between` strikes the second",

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TypedDict
 
 from ergon import _core
-from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Quantities, kind
+from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Quantities, module_kind
 from ergon.notation.tables.fields import Field, Values
 
 
@@ -15,7 +15,12 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
         Field("to", ENDPOINT, "the MAT that rubs on the ground, instead of `between`"),
         replace(BETWEEN, doc="the two MATs that rub on each other: [a, b]", required=False),
         Field("F", quantities.force, "level of the friction while they slide", required=True),
-        Field("K", quantities.bristle, "stiffness before they slide (presliding)", shown="rigid"),
+        Field(
+            "K",
+            quantities.bristle_stiffness,
+            "stiffness before they slide (presliding)",
+            shown="rigid",
+        ),
         Field("static", quantities.force, "level near rest", shown="F"),
         Field(
             "speed",
@@ -37,8 +42,12 @@ def _check(friction_values: Values) -> None:
         friction_values.error(
             "E103", f"{friction_values.context.label('')}: a DRY needs to or between"
         )
-    level, static = friction_values["F"], friction_values["static"]
-    is_below = isinstance(level, float) and isinstance(static, float) and static < level
+    sliding_friction, static_friction = friction_values["F"], friction_values["static"]
+    is_below = (
+        isinstance(sliding_friction, float)
+        and isinstance(static_friction, float)
+        and static_friction < sliding_friction
+    )
     if is_below and friction_values["K"] is not None:
         message = (
             f"{friction_values.context.label('static')}: static is below F; with K the level falls "
@@ -68,14 +77,19 @@ def _add(
     friction_fields: DryFields,
     reach: float,
 ) -> int:
-    friction_level, static, speed = (
+    friction_level, static_level, speed = (
         friction_fields["F"],
         friction_fields["static"] or friction_fields["F"],
         friction_fields["speed"],
     )
     if friction_fields["K"] is None:
         return network.dry(
-            friction_name, first_mat, second_mat, F=friction_level, static_level=static, speed=speed
+            friction_name,
+            first_mat,
+            second_mat,
+            F=friction_level,
+            static_level=static_level,
+            speed=speed,
         )
     # Dry friction with a stiffness K is a bristle without damping.
     return network.bristle(
@@ -84,12 +98,12 @@ def _add(
         second_mat,
         sigma0=friction_fields["K"],
         Fc=friction_level,
-        Fs=static,
+        Fs=static_level,
         vs=speed,
     )
 
 
-DRY = kind(
+DRY = module_kind(
     "DRY",
     "link",
     "dry friction: it sticks up to a level, then slides",

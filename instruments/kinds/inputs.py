@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from ergon.instruments.kinds.kind import ENDPOINT, Kind, Quantities, kind
+from ergon.instruments.kinds.kind import ENDPOINT, Kind, Quantities, module_kind
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import MISSING, Context, Reference, Shape, Text, wrong_shape
@@ -15,7 +15,7 @@ from ergon.notation.text.document import Node, Scalar
 
 
 @dataclass(frozen=True)
-class Source(Shape):
+class DriveSource(Shape):
     """What drives an ENX or ENF: a take's name, or a constant."""
 
     constant: Text
@@ -47,7 +47,7 @@ class Source(Shape):
 def _fields(value_shape: Text, quantity: str, quantities: Quantities) -> tuple[Field, ...]:
     return (
         Field("to", ENDPOINT, "the MAT that it drives", required=True),
-        Field("from", Source(value_shape), f"where its {quantity} comes from", required=True),
+        Field("from", DriveSource(value_shape), f"where its {quantity} comes from", required=True),
         Field("at", k.WHEN, "when a take begins", shown="the beginning"),
         Field("scale", k.NUMBER, "factor of a take", 1.0),
     )
@@ -55,7 +55,7 @@ def _fields(value_shape: Text, quantity: str, quantities: Quantities) -> tuple[F
 
 def _kind(name: str, value_shape: Text, quantity: str) -> Kind:
     fields = partial(_fields, value_shape, quantity)
-    return kind(name, "input", f"an imposed {quantity}", fields, space=fields)
+    return module_kind(name, "input", f"an imposed {quantity}", fields, space=fields)
 
 
 ENX = _kind("ENX", k.POSITION, "position")

@@ -39,10 +39,10 @@ class Quantities(NamedTuple):
     mass: Shape
     stiffness: Shape
     damping: Shape
-    bristle: Shape  # a stiffness that is above 0
+    bristle_stiffness: Shape  # a stiffness that is above 0
     force: Shape  # above 0
     speed: Shape
-    constant: Shape
+    law_constant: Shape
     is_ca: bool
 
 
@@ -54,11 +54,11 @@ CA = Quantities(
 )
 
 
-def no_check(values: Values) -> None:
+def accept_all(values: Values) -> None:
     """Accept any fields: none of them contradict each other."""
 
 
-def as_written(values: Values, fields: object) -> None:
+def keep_written(values: Values, fields: object) -> None:
     """Leave the fields as they are written."""
 
 
@@ -77,28 +77,28 @@ class Kind:
     """A kind of module: its family, and its table for each form of instrument that may have it.
 
     `gliding`: the parameters that may change while a piece plays; a generator changes as a
-    whole. `unbuilt`: fields from which others are made. `scaled`: for a link, the fields that the
-    engine's factors of K and of Z multiply.
+    whole. `source_fields`: fields from which others are made. `scaled`: for a link, the fields
+    that the engine's factors of K and of Z multiply.
     `lever`: the power of a lever's ratio that multiplies a field that no other kind has.
     `check` reports fields that contradict each other. `complete` turns fields into those that
     are built. `add` builds: (network, name, fields, seed) of a MAT or a generator, (network,
     name, a, b, fields, reach) of a link; both return an index. `count` is the number of MATs.
-    A module becomes one of the kind `becomes`, if that is another.
+    A module is built as one of `built_kind`, if that is not empty.
     """
 
     name: str
     family: Family
     tables: Mapping[Form, Record]
     gliding: tuple[str, ...] = ()
-    unbuilt: tuple[str, ...] = ()
+    source_fields: tuple[str, ...] = ()
     scaled: tuple[str, str] = ("K", "Z")
     role: Role = "linear"
     lever: Mapping[str, int] = field(default_factory=dict)
-    check: Callable[[Values], None] = no_check
-    complete: Callable[..., None] = as_written
+    check: Callable[[Values], None] = accept_all
+    complete: Callable[..., None] = keep_written
     add: Callable[..., int] = only_in_space
     count: Callable[..., int] = single_mat
-    becomes: str = ""
+    built_kind: str = ""
 
     @property
     def table(self) -> Record:
@@ -106,7 +106,7 @@ class Kind:
         return self.tables.get("si") or self.tables["space"]
 
 
-def kind(
+def module_kind(
     name: str,
     family: Family,
     doc: str,
@@ -131,12 +131,12 @@ def kind(
     return Kind(name, family, tables, **more)
 
 
-def picked(fields: Fields, *names: str) -> dict[str, Any]:
+def present_fields(fields: Fields, *names: str) -> dict[str, Any]:
     """The fields with these names, without those that are None."""
     return {name: fields[name] for name in names if fields.get(name) is not None}
 
 
-def needs(module_values: Values, kind_name: str, *alternatives: str) -> None:
+def require_any(module_values: Values, kind_name: str, *alternatives: str) -> None:
     """Report a module that has none of some fields."""
     if not module_values.written(*alternatives):
         message = (

@@ -7,7 +7,7 @@ from typing import TypedDict
 
 from ergon import _core
 from ergon.instruments import following
-from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Quantities, kind
+from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Quantities, module_kind
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import ListOf, Pair
 from ergon.notation.tables.fields import Field, Values
@@ -18,17 +18,17 @@ MAX_LAW = 2_000  # characters of a law
 MAX_POINTS = 10_000  # points of a law
 
 
-def _law(law_text: str) -> str:
+def _law_text(law_text: str) -> str:
     if not law_text.strip() or len(law_text) > MAX_LAW:
         message = f"a law has from 1 to {MAX_LAW} characters, such as k*d + q*d**3"
         raise TextError(message, length=max(1, min(len(law_text), 80)), code="E207")
     return law_text
 
 
-LAW = Text(_law, "a law, such as k*d + q*d**3, or the name of one", types=("string",))
+LAW_SHAPE = Text(_law_text, "a law, such as k*d + q*d**3, or the name of one", types=("string",))
 LAW_FIELDS = (
-    Field("law", LAW, "force over elongation d [m]"),
-    Field("damping", LAW, "force over elongation d and its rate v [m/s]"),
+    Field("law", LAW_SHAPE, "force over elongation d [m]"),
+    Field("damping", LAW_SHAPE, "force over elongation d and its rate v [m/s]"),
     Field(
         "points",
         ListOf(Pair(k.POSITION, k.PUSH), 2, MAX_POINTS),
@@ -43,7 +43,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
         BETWEEN,
         *LAW_FIELDS,
         Field("rest", k.POSITION, "elongation that counts as d = 0", 0.0),
-        following.field(quantities.constant, ENDPOINT, doc),
+        following.follows_field(quantities.law_constant, ENDPOINT, doc),
     )
 
 
@@ -72,22 +72,22 @@ class LawFields(TypedDict):
     rest: float
 
 
-def law(fields: LawFields, reach: float = 1.0) -> _core.Law:
+def compiled_law(fields: LawFields, reach: float = 1.0) -> _core.Law:
     """The compiled law of a module, behind a lever if `reach` is not 1."""
     return _core.Law(fields["law"], fields["damping"], fields["constants"], fields["points"], reach)
 
 
 def _add(network: _core.Network, name: str, a: int, b: int, fields: LawFields, reach: float) -> int:
-    return network.lnl(name, a, b, law(fields, reach), rest=fields["rest"])
+    return network.lnl(name, a, b, compiled_law(fields, reach), rest=fields["rest"])
 
 
-LNL = kind(
+LNL = module_kind(
     "LNL",
     "link",
     "a non-linear link",
     _fields,
     # Free names in an LNL are its law's constants.
-    free=lambda quantities: quantities.constant,
+    free=lambda quantities: quantities.law_constant,
     role="law",
     check=_check,
     complete=_complete,

@@ -8,7 +8,7 @@ from ergon.notation.tables import value_kinds as k
 # The force of two poles falls with the square of their distance d + g (Coulomb 1785). It would be
 # infinite where they meet, so within a tenth of g it is that at a tenth: a hundred times that of
 # d = 0.
-_LAW = "k/max(d + g, 0.1*g)**2"
+_POLE_LAW = "k/max(d + g, 0.1*g)**2"
 
 MAGNET = law_kind(
     "MAGNET",
@@ -23,5 +23,5 @@ MAGNET = law_kind(
             "how far apart the poles are where the two MATs are at one place",
         ),
     },
-    law=_LAW,
+    law=_POLE_LAW,
 )

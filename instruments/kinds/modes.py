@@ -5,8 +5,13 @@ from __future__ import annotations
 from typing import TypedDict
 
 from ergon import _core
-from ergon.instruments.kinds.kind import Quantities, kind
-from ergon.instruments.modal import BAND, MODES_DECAYS, MODES_PITCHES, PLACES
+from ergon.instruments.kinds.kind import Quantities, module_kind
+from ergon.instruments.modal import (
+    BAND_RECORD,
+    MODES_DECAYS_SHAPE,
+    MODES_PITCHES_SHAPE,
+    PLACES_SHAPE,
+)
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field
 
@@ -19,10 +24,12 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
             "mass of a mode where its level is 1",
             required=True,
         ),
-        Field("f", MODES_PITCHES, "frequency of each mode", required=True),
-        Field("t60", MODES_DECAYS, "decay of each mode, or of all", required=True),
-        Field("places", PLACES, "points of it: how far each mode moves there", shown="point: 1"),
-        Field("band", BAND, "more modes, which are drawn between two frequencies"),
+        Field("f", MODES_PITCHES_SHAPE, "frequency of each mode", required=True),
+        Field("t60", MODES_DECAYS_SHAPE, "decay of each mode, or of all", required=True),
+        Field(
+            "places", PLACES_SHAPE, "points of it: how far each mode moves there", shown="point: 1"
+        ),
+        Field("band", BAND_RECORD, "more modes, which are drawn between two frequencies"),
         Field("modes", k.PATH, "a CSV file of f, t60 and levels, instead of lists"),
     )
 
@@ -46,12 +53,12 @@ def _count(fields: ModesFields) -> int:
     return len(fields["places"])
 
 
-MODES = kind(
+MODES = module_kind(
     "MODES",
     "generator",
     "a body of which modes and their levels are known",
     _fields,
-    unbuilt=("modes", "band"),
+    source_fields=("modes", "band"),
     add=_add,
     count=_count,
 )

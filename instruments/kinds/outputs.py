@@ -22,7 +22,7 @@ class OutputKind:
     name: str
     quantity: str
     unit: str
-    reference: float
+    reference_amount: float
     sources: Literal["mats", "links"] = "mats"
     order: int = 0
     radiates: bool = False
@@ -35,13 +35,13 @@ class OutputKind:
 
 
 # SOX, SOV and SOA are at the reference level by one movement at 1.6 kHz (10,000 rad/s).
-_ALL = (
+_ALL_OUTPUTS = (
     OutputKind("SOX", "position", "m", 1e-4),
     OutputKind("SOV", "speed", "m/s", 1.0, order=1),
     OutputKind("SOA", "acceleration", "m/s²", 1e4, order=2, radiates=True),
     OutputKind("SOE", "energy", "J", 1e-3, order=1, is_energy=True),
     OutputKind("SOF", "force", "N", 1e-2, sources="links"),
 )
-OUTPUTS = {kind.name: kind for kind in _ALL}
-_moving = [kind.name for kind in _ALL if kind.is_movement]
-MOVEMENTS = f"{', '.join(_moving[:-1])} or {_moving[-1]}"  # for messages
+OUTPUTS = {kind.name: kind for kind in _ALL_OUTPUTS}
+_movement_names = [kind.name for kind in _ALL_OUTPUTS if kind.is_movement]
+MOVEMENT_NAMES = f"{', '.join(_movement_names[:-1])} or {_movement_names[-1]}"  # for messages

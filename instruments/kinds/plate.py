@@ -7,8 +7,8 @@ from typing import TypedDict
 from ergon import _core
 from ergon.instruments.bodies import Bending
 from ergon.instruments.kinds import bodies
-from ergon.instruments.kinds.kind import Quantities, kind, picked
-from ergon.instruments.matter import MATTER
+from ergon.instruments.kinds.kind import Quantities, module_kind, present_fields
+from ergon.instruments.matter import MATTER_FIELDS
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import Pair
 from ergon.notation.tables.fields import Field, Values
@@ -39,20 +39,22 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
         Field("thickness", k.SIZE, "thickness of a sheet of that material"),
         Field("tension", k.SURFACE_TENSION, "pull on each metre of it: it is a membrane"),
         Field("masses", masses, "about how many, with a material"),
-        *bodies.pitched(quantities),
+        *bodies.pitch_fields(quantities),
         Field("rim", choice("free", "fixed"), "whether the rim is held", "free"),
         Field("bending", Bending(), "whether it resists curvature, as metal does", shown="false"),
-        bodies.HARDENING,
-        *bodies.STARTS,
+        bodies.HARDENING_FIELD,
+        *bodies.START_FIELDS,
     )
 
 
 def _check(plate_values: Values) -> None:
     bodies.check_pitched(plate_values, "PLATE")
     plate_shape = plate_values["shape"]
-    needed, other_field = ("sides", "radius") if plate_shape == "rectangle" else ("radius", "sides")
-    if not plate_values.written(needed):
-        example = {"sides": "sides: [40, 25]", "radius": "radius: 12"}[needed]
+    required_field, other_field = (
+        ("sides", "radius") if plate_shape == "rectangle" else ("radius", "sides")
+    )
+    if not plate_values.written(required_field):
+        example = {"sides": "sides: [40, 25]", "radius": "radius: 12"}[required_field]
         message = (
             f"{plate_values.context.label('')}: a PLATE of shape {plate_shape} needs {example}"
         )
@@ -75,9 +77,9 @@ class PlateFields(TypedDict):
 
 
 def _add(network: _core.Network, name: str, fields: PlateFields, seed: int) -> int:
-    form = ("sides",) if fields["shape"] == "rectangle" else ("shape", "radius")
-    options = (*form, "M", "f", "t60", "K", "Z", "rim", "bending", "hardening")
-    return network.plate(name, **picked(fields, *options))
+    size_fields = ("sides",) if fields["shape"] == "rectangle" else ("shape", "radius")
+    options = (*size_fields, "M", "f", "t60", "K", "Z", "rim", "bending", "hardening")
+    return network.plate(name, **present_fields(fields, *options))
 
 
 def _count(module_fields: PlateFields) -> int:
@@ -96,15 +98,15 @@ def _count(module_fields: PlateFields) -> int:
     return 3 * rings * (rings + 1) + 1
 
 
-PLATE = kind(
+PLATE = module_kind(
     "PLATE",
     "generator",
     "a mesh of masses",
     _fields,
     gliding=("f", "t60"),
     check=_check,
-    unbuilt=(*MATTER, "masses"),
-    complete=bodies.with_pitch_or_links,
+    source_fields=(*MATTER_FIELDS, "masses"),
+    complete=bodies.drop_unused_link_fields,
     add=_add,
     count=_count,
 )

@@ -6,7 +6,7 @@ from typing import TypedDict
 
 from ergon import _core
 from ergon.instruments import following
-from ergon.instruments.kinds.kind import ENDPOINT, Fields, Quantities, kind, picked
+from ergon.instruments.kinds.kind import ENDPOINT, Fields, Quantities, module_kind, present_fields
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
 
@@ -14,18 +14,23 @@ _X0 = Field("X0", k.POSITION, "position at the beginning", 0.0)
 _V0 = Field("V0", k.SPEED, "velocity at the beginning", 0.0)
 
 
-def _mass(quantities: Quantities) -> Field:
+def _mass_field(quantities: Quantities) -> Field:
     return Field("M", quantities.mass, "mass", required=True)
 
 
-def _mas(quantities: Quantities) -> tuple[Field, ...]:
+def _mas_fields(quantities: Quantities) -> tuple[Field, ...]:
     doc = "that M depends on the position of another MAT"
-    return (_mass(quantities), _X0, _V0, following.field(quantities.mass, ENDPOINT, doc))
-
-
-def _cel(quantities: Quantities) -> tuple[Field, ...]:
     return (
-        _mass(quantities),
+        _mass_field(quantities),
+        _X0,
+        _V0,
+        following.follows_field(quantities.mass, ENDPOINT, doc),
+    )
+
+
+def _cel_fields(quantities: Quantities) -> tuple[Field, ...]:
+    return (
+        _mass_field(quantities),
         Field("K", quantities.stiffness, "stiffness"),
         Field("Z", quantities.damping, "viscosity"),
         Field("f", k.PITCH, "damped frequency, instead of K"),
@@ -37,11 +42,11 @@ def _cel(quantities: Quantities) -> tuple[Field, ...]:
 
 
 def _check_cel(cel_values: Values) -> None:
-    tuned, plain = cel_values.written("f", "t60"), cel_values.written("K", "Z")
-    if tuned and plain:
-        message = f"{cel_values.context.label(tuned[0])}: {plain[0]} is written too; "
+    pitch_names, spring_names = cel_values.written("f", "t60"), cel_values.written("K", "Z")
+    if pitch_names and spring_names:
+        message = f"{cel_values.context.label(pitch_names[0])}: {spring_names[0]} is written too; "
         message += "a CEL has K and Z, or f and t60"
-        cel_values.error("E111", message, tuned[0])
+        cel_values.error("E111", message, pitch_names[0])
     elif not cel_values.written("f", "K") and cel_values.misspelt.isdisjoint({"f", "K"}):
         cel_values.error(
             "E103", f"{cel_values.context.label('')}: a CEL needs K (and Z), or f (and t60)"
@@ -49,11 +54,11 @@ def _check_cel(cel_values: Values) -> None:
 
 
 def _add_mas(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
-    return network.mas(name, **picked(fields, "M", "X0", "V0"))
+    return network.mas(name, **present_fields(fields, "M", "X0", "V0"))
 
 
 def _add_sol(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
-    return network.sol(name, **picked(fields, "X0"))
+    return network.sol(name, **present_fields(fields, "X0"))
 
 
 class CelFields(TypedDict):
@@ -71,17 +76,19 @@ class CelFields(TypedDict):
 
 def _add_cel(network: _core.Network, name: str, fields: CelFields, seed: int) -> int:
     # K and Z have defaults; if f is written, f and t60 replace both.
-    tie = ("K", "Z") if fields["f"] is None else ("f", "t60")
-    return network.cel(name, **picked(fields, "M", *tie, "X0", "V0", "rest"))
+    tie_fields = ("K", "Z") if fields["f"] is None else ("f", "t60")
+    return network.cel(name, **present_fields(fields, "M", *tie_fields, "X0", "V0", "rest"))
 
 
-MAS = kind("MAS", "mat", "a point mass", _mas, check=following.check_mass, add=_add_mas)
-SOL = kind("SOL", "mat", "a fixed point", lambda quantities: (_X0,), add=_add_sol)
-CEL = kind(
+MAS = module_kind(
+    "MAS", "mat", "a point mass", _mas_fields, check=following.check_mass, add=_add_mas
+)
+SOL = module_kind("SOL", "mat", "a fixed point", lambda quantities: (_X0,), add=_add_sol)
+CEL = module_kind(
     "CEL",
     "mat",
     "a mass on a spring to the ground, with viscosity",
-    _cel,
+    _cel_fields,
     gliding=("f", "t60", "K", "Z", "M"),
     check=_check_cel,
     add=_add_cel,

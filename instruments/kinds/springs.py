@@ -5,7 +5,15 @@ from __future__ import annotations
 from functools import partial
 
 from ergon import _core
-from ergon.instruments.kinds.kind import BETWEEN, Fields, Kind, Quantities, kind, needs, picked
+from ergon.instruments.kinds.kind import (
+    BETWEEN,
+    Fields,
+    Kind,
+    Quantities,
+    module_kind,
+    present_fields,
+    require_any,
+)
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
 
@@ -20,14 +28,14 @@ def _fields(parameter_names: tuple[str, ...], quantities: Quantities) -> tuple[F
 
 
 def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
-    return network.ref(name, a, b, **picked(fields, "K", "Z", "rest"))
+    return network.ref(name, a, b, **present_fields(fields, "K", "Z", "rest"))
 
 
 def _kind(kind_name: str, doc: str, field_letters: str, *parameter_names: str) -> Kind:
     def check(values: Values) -> None:
-        needs(values, kind_name, *parameter_names)
+        require_any(values, kind_name, *parameter_names)
 
-    return kind(
+    return module_kind(
         kind_name,
         "link",
         doc,

@@ -6,9 +6,9 @@ from typing import TypedDict
 
 from ergon import _core
 from ergon.instruments.kinds import bodies
-from ergon.instruments.kinds.kind import Fields, Quantities, kind, picked
-from ergon.instruments.matter import MATTER
-from ergon.instruments.stiff import INHARMONICITY, STRETCHING, Stretched
+from ergon.instruments.kinds.kind import Fields, Quantities, module_kind, present_fields
+from ergon.instruments.matter import MATTER_FIELDS
+from ergon.instruments.stiff import INHARMONICITY_SHAPE, STRETCHING_SHAPE, Stretched
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import choice
@@ -23,7 +23,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
         Field("length", k.SIZE, "length of a wire of that material"),
         Field("diameter", k.SIZE, "diameter of that wire"),
         Field("tension", k.FORCE, "tension of that wire"),
-        *bodies.pitched(quantities),
+        *bodies.pitch_fields(quantities),
         Field("ends", choice("fixed", "free", "left"), "which ends are held", "fixed"),
         Field(
             "stiffness",
@@ -33,18 +33,18 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
         ),
         Field(
             "inharmonicity",
-            INHARMONICITY,
+            INHARMONICITY_SHAPE,
             "B of partials f·n·√((1 + B·n²)/(1 + B)), or the wire that has it",
             shown="that of a row of springs",
         ),
-        bodies.HARDENING,
+        bodies.HARDENING_FIELD,
         Field(
             "stretching",
-            STRETCHING,
+            STRETCHING_SHAPE,
             "q of q·S·d on every link, S the sum of the squares of all elongations; or the wire",
             0.0,
         ),
-        *bodies.STARTS,
+        *bodies.START_FIELDS,
     )
 
 
@@ -59,7 +59,7 @@ def _check(string_values: Values) -> None:
 
 
 def _complete(values: Values, fields: dict[str, object]) -> None:
-    bodies.with_pitch_or_links(values, fields)
+    bodies.drop_unused_link_fields(values, fields)
     if isinstance(wire := values["stretching"], Stretched):
         fields["stretching"] = wire.stretching(values["masses"], values["ends"])
 
@@ -72,14 +72,14 @@ class StringFields(TypedDict):
 
 def _add(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
     options = ("masses", "M", "f", "t60", "K", "Z", "ends", "stiffness", "inharmonicity")
-    return network.string(name, **picked(fields, *options, "hardening", "stretching"))
+    return network.string(name, **present_fields(fields, *options, "hardening", "stretching"))
 
 
 def _count(fields: StringFields) -> int:
     return fields["masses"]
 
 
-STRING = kind(
+STRING = module_kind(
     "STRING",
     "generator",
     "masses in a row",
@@ -87,7 +87,7 @@ STRING = kind(
     meant={"held": "ends"},
     gliding=("f", "t60"),
     check=_check,
-    unbuilt=MATTER,
+    source_fields=MATTER_FIELDS,
     complete=_complete,
     add=_add,
     count=_count,

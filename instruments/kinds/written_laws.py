@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from ergon.instruments import following
-from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Kind, Quantities, kind, needs
+from ergon.instruments.kinds.kind import (
+    BETWEEN,
+    ENDPOINT,
+    Kind,
+    Quantities,
+    module_kind,
+    require_any,
+)
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import Shape
 
@@ -32,29 +39,32 @@ def law_kind(
 
     def fields(quantities: Quantities) -> tuple[Field, ...]:
         text = "constants that depend on the position of a MAT"
-        return (*in_space(quantities), following.field(quantities.constant, ENDPOINT, text))
+        return (
+            *in_space(quantities),
+            following.follows_field(quantities.law_constant, ENDPOINT, text),
+        )
 
     def check(law_values: Values) -> None:
         following.check_constants(law_values)
         follows = following.written_followings(law_values)
         for constant in constants:
             if constant not in follows:
-                needs(law_values, kind_name, constant)
+                require_any(law_values, kind_name, constant)
 
-    def complete(law_values: Values, built: dict[str, object]) -> None:
-        written = {constant: built.pop(constant) for constant in constants}
+    def complete(law_values: Values, built_fields: dict[str, object]) -> None:
+        written_constants = {constant: built_fields.pop(constant) for constant in constants}
         # A constant that is missing was reported; the law needs one nevertheless.
         follows = following.written_followings(law_values)
-        built["constants"] = {
+        built_fields["constants"] = {
             constant: 1.0 if value is None else value
-            for constant, value in written.items()
+            for constant, value in written_constants.items()
             if constant not in follows
         }
-        built |= {"law": law, "damping": damping, "points": None, "rest": 0.0}
+        built_fields |= {"law": law, "damping": damping, "points": None, "rest": 0.0}
         if "interval" in law_values.by_name:
-            built["interval"] = law_values.by_name["interval"]
+            built_fields["interval"] = law_values.by_name["interval"]
 
-    return kind(
+    return module_kind(
         kind_name,
         "link",
         doc,
@@ -63,5 +73,5 @@ def law_kind(
         role="law",
         check=check,
         complete=complete,
-        becomes="LNL",
+        built_kind="LNL",
     )

@@ -20,7 +20,7 @@ from ergon.instruments.space.fields import (
     VELOCITY,
     WIDTHS,
 )
-from ergon.instruments.space.mesh import Mesh, Surface, placed
+from ergon.instruments.space.mesh import Mesh, Surface, placed_points
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Shape
 from ergon.notation.tables.value_kinds import AXES
@@ -29,7 +29,7 @@ _Fields = dict[str, Any]
 
 
 # Substitutes for the items of refused lists; 0 for other shapes.
-_FILLED: dict[Shape, float] = {BLOCK_COUNTS: 1, WIDTHS: math.inf}
+_SUBSTITUTE_ITEMS: dict[Shape, float] = {BLOCK_COUNTS: 1, WIDTHS: math.inf}
 
 
 def check(kind_name: str, module_fields: _Fields, module_values: Values, axis_count: int) -> None:
@@ -51,16 +51,18 @@ def check(kind_name: str, module_fields: _Fields, module_values: Values, axis_co
             module_values.error(
                 "E106", f"{message}must be {item_count}: {axis_names}", list_field.name
             )
-            module_fields[list_field.name] = (_FILLED.get(list_field.shape, 0.0),) * item_count
-    if kind_name in _CHECKS:
-        _CHECKS[kind_name](module_fields, module_values)
+            module_fields[list_field.name] = (
+                _SUBSTITUTE_ITEMS.get(list_field.shape, 0.0),
+            ) * item_count
+    if kind_name in _CHECKS_BY_KIND:
+        _CHECKS_BY_KIND[kind_name](module_fields, module_values)
     if kind_name == "BUT" and module_fields["mesh"] is not None:
-        module_fields["mesh"] = _surface(module_fields, module_values, axis_count)
+        module_fields["mesh"] = _surface_of_file(module_fields, module_values, axis_count)
     if "sides" in module_fields or "span" in module_fields:
-        _size(kind_name, module_fields, module_values)
+        _check_size(kind_name, module_fields, module_values)
 
 
-def _size(kind_name: str, net_fields: _Fields, net_values: Values) -> None:
+def _check_size(kind_name: str, net_fields: _Fields, net_values: Values) -> None:
     """Report a net with too many points or springs."""
     n, axis_count = count(kind_name, net_fields), net_fields["axes"]
     springs_per_point = ((2 * net_fields.get("span", 1) + 1) ** axis_count - 1) // 2
@@ -71,15 +73,14 @@ def _size(kind_name: str, net_fields: _Fields, net_values: Values) -> None:
         if net_size > size_limit:
             message = (
                 f"{net_values.context.label('')}: a {kind_name} has at most {size_limit:,} "
-                f"{what_noun}, "
-                "not "
+                f"{what_noun}, not "
             )
             net_values.error("E105", f"{message}{net_size:,}")
             net_fields.update(sides=(1,) * axis_count, points=2)
             return
 
 
-def _wall(wall_fields: _Fields, wall_values: Values) -> None:
+def _check_wall(wall_fields: _Fields, wall_values: Values) -> None:
     """Check the fields of a wall: its direction, a gap that is negative only for a plane, and
     `cohesion` with `reach`.
     """
@@ -95,7 +96,7 @@ def _wall(wall_fields: _Fields, wall_values: Values) -> None:
         )
         wall_values.error("E111", message, "side")
     if wall_fields["box"] is not None:
-        _box(wall_fields, wall_values)
+        _check_box(wall_fields, wall_values)
     missing_names = [name for name in ("cohesion", "reach") if wall_fields[name] is None]
     if len(missing_names) == 1:
         written_name = "reach" if missing_names == ["cohesion"] else "cohesion"
@@ -107,31 +108,35 @@ def _wall(wall_fields: _Fields, wall_values: Values) -> None:
         wall_fields.update(cohesion=None, reach=None)
 
 
-def _box(box_fields: _Fields, box_values: Values) -> None:
+def _check_box(box_fields: _Fields, box_values: Values) -> None:
     """Check that a box is the only wall of its contact, and wider than the points that touch it."""
-    if extra := box_values.written("normal", "side"):
-        message = f"{box_values.context.label(extra[0])}: `box` is written too; keep one of the two"
-        box_values.error("E111", message, extra[0])
+    if surplus_fields := box_values.written("normal", "side"):
+        message = (
+            f"{box_values.context.label(surplus_fields[0])}: `box` is written too; keep one "
+            "of the two"
+        )
+        box_values.error("E111", message, surplus_fields[0])
     if any(width <= 2 * (box_fields["gap"] or 0.0) for width in box_fields["box"]):
         message = f"{box_values.context.label('box')}: it must be wider than twice the gap"
         box_values.error("E105", message, "box")
 
 
-def _surface(surface_fields: _Fields, surface_values: Values, axes: int) -> Surface | None:
+def _surface_of_file(surface_fields: _Fields, surface_values: Values, axes: int) -> Surface | None:
     """The triangles of a file, which must be the only wall of their contact, in three axes; None if
     an error was reported.
     """
-    wall: Values = surface_fields["mesh"]
+    file_fields: Values = surface_fields["mesh"]
     mesh_label = surface_values.context.label("mesh")
-    if extra := surface_values.written("normal", "side", "box"):
+    if surplus_fields := surface_values.written("normal", "side", "box"):
         message = (
-            f"{surface_values.context.label(extra[0])}: `mesh` is written too; keep one of the two"
+            f"{surface_values.context.label(surplus_fields[0])}: `mesh` is written too; keep "
+            "one of the two"
         )
-        surface_values.error("E111", message, extra[0])
+        surface_values.error("E111", message, surplus_fields[0])
     elif axes != 3:
         message = f"{mesh_label}: a file has three axes; write space: 3 in the instrument"
         surface_values.error("E111", message, "mesh")
-    elif not isinstance(model := wall["file"], Mesh):
+    elif not isinstance(model := file_fields["file"], Mesh):
         return None  # reported
     elif not model.faces:
         surface_values.error(
@@ -143,12 +148,12 @@ def _surface(surface_fields: _Fields, surface_values: Values, axes: int) -> Surf
         )
         surface_values.error("E105", message, "gap")
     else:
-        corners = placed(model, wall["scale"], wall["up"], (0.0, 0.0, 0.0))
+        corners = placed_points(model, file_fields["scale"], file_fields["up"], (0.0, 0.0, 0.0))
         return Surface(tuple(corners), model.faces)
     return None
 
 
-def _grains(fields: _Fields, grain_values: Values) -> None:
+def _check_grains(fields: _Fields, grain_values: Values) -> None:
     """Report `scatter` beside `apart`: places are on a lattice, or random."""
     if fields["apart"] is not None and grain_values.written("scatter"):
         message = (
@@ -158,7 +163,7 @@ def _grains(fields: _Fields, grain_values: Values) -> None:
         grain_values.error("E111", f"{message}lattice beside which they lie", "scatter")
 
 
-def _disc(disc_fields: _Fields, disc_values: Values) -> None:
+def _check_disc(disc_fields: _Fields, disc_values: Values) -> None:
     """Report a normal of a disc that has length 0, or that has no use in two axes."""
     if (
         disc_fields["normal"] is None
@@ -183,7 +188,7 @@ def _has_direction(wall_fields: _Fields, wall_values: Values) -> bool:
     return False
 
 
-def _mesh(fields: _Fields, module_values: Values) -> None:
+def _check_mesh(fields: _Fields, module_values: Values) -> None:
     """Report a MESH in an instrument without three axes."""
     if fields["axes"] != 3:
         message = (
@@ -193,9 +198,9 @@ def _mesh(fields: _Fields, module_values: Values) -> None:
         module_values.error("E111", f"{message}space: 3 in the instrument")
 
 
-_CHECKS: dict[str, Callable[[_Fields, Values], None]] = {
-    "BUT": _wall,
-    "GRAINS": _grains,
-    "DISC": _disc,
-    "MESH": _mesh,
+_CHECKS_BY_KIND: dict[str, Callable[[_Fields, Values], None]] = {
+    "BUT": _check_wall,
+    "GRAINS": _check_grains,
+    "DISC": _check_disc,
+    "MESH": _check_mesh,
 }

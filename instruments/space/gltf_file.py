@@ -23,26 +23,34 @@ from ergon.instruments.space.mesh import (
     MAX_POINTS,
     Mesh,
     MeshFileError,
-    merged,
+    with_merged_corners,
 )
 
-_Point = tuple[float, float, float]
+_Position = tuple[float, float, float]
 # Rows of a matrix: the coefficients of a point's coordinates, and an offset.
 _Matrix = tuple[tuple[float, float, float, float], ...]
 
 MAX_NODES = 10_000
-_READ_MAX = 8 * MAX_EDGES  # positions and indices
+_READ_ITEMS_MAX = 8 * MAX_EDGES  # positions and indices
 _IDENTITY: _Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
-_EMBEDDED = "data:"
-_FLOAT = 5126
+_DATA_URI_PREFIX = "data:"
+_FLOAT_COMPONENT = 5126
 MAGIC = b"glTF"
-_HEAD = struct.Struct("<4sII")  # magic, version, length of the file
-_CHUNK = struct.Struct("<I4s")  # length, kind
+_FILE_HEADER = struct.Struct("<4sII")  # magic, version, length of the file
+_CHUNK_HEADER = struct.Struct("<I4s")  # length, kind
 _JSON, _BIN = b"JSON", b"BIN\0"
 # What a file that lacks something, or has something of another kind, is refused by.
-_BROKEN = (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError, struct.error)
-_OTHERS = ("materials", "textures", "images", "animations", "skins", "cameras")
-_INDICES = {5121: ("B", 1), 5123: ("H", 2), 5125: ("I", 4)}
+_MALFORMED_ERRORS = (
+    KeyError,
+    IndexError,
+    TypeError,
+    AttributeError,
+    ValueError,
+    OverflowError,
+    struct.error,
+)
+_IGNORED_SECTIONS = ("materials", "textures", "images", "animations", "skins", "cameras")
+_INDEX_FORMATS = {5121: ("B", 1), 5123: ("H", 2), 5125: ("I", 4)}
 
 
 def read(gltf_text: str | bytes, binary: bytes | None = None) -> Mesh:
@@ -56,29 +64,29 @@ def read(gltf_text: str | bytes, binary: bytes | None = None) -> Mesh:
         raise MeshFileError("it is not the JSON of a glTF file") from error
     try:
         return _Reader(root, binary).mesh()
-    except _BROKEN as error:
+    except _MALFORMED_ERRORS as error:
         raise MeshFileError("it is incomplete: something that it refers to is missing") from error
 
 
 def read_binary(file_bytes: bytes) -> Mesh:
     """The mesh of a binary file, as from `read`. Raises MeshFileError."""
-    if len(file_bytes) < _HEAD.size or not file_bytes.startswith(MAGIC):
+    if len(file_bytes) < _FILE_HEADER.size or not file_bytes.startswith(MAGIC):
         raise MeshFileError("it is not a binary glTF file")
-    _, version, file_length = _HEAD.unpack_from(file_bytes)
+    _, version, file_length = _FILE_HEADER.unpack_from(file_bytes)
     if version != 2:
         raise MeshFileError(f"glTF 2 is read, not version {version}")
     if file_length != len(file_bytes):
-        state = "incomplete" if file_length > len(file_bytes) else "longer than it says"
+        length_problem = "incomplete" if file_length > len(file_bytes) else "longer than it says"
         raise MeshFileError(
-            f"it is {state}: {file_length:,} bytes are promised, {len(file_bytes):,} there"
+            f"it is {length_problem}: {file_length:,} bytes are promised, {len(file_bytes):,} there"
         )
     chunks: list[tuple[bytes, bytes]] = []
-    chunk_offset = _HEAD.size
+    chunk_offset = _FILE_HEADER.size
     while chunk_offset < file_length and len(chunks) < 2:  # further chunks belong to extensions
-        if file_length - chunk_offset < _CHUNK.size:
+        if file_length - chunk_offset < _CHUNK_HEADER.size:
             raise MeshFileError("it is incomplete: a chunk has no head")
-        chunk_size, chunk_kind = _CHUNK.unpack_from(file_bytes, chunk_offset)
-        chunk_offset += _CHUNK.size
+        chunk_size, chunk_kind = _CHUNK_HEADER.unpack_from(file_bytes, chunk_offset)
+        chunk_offset += _CHUNK_HEADER.size
         if chunk_size > file_length - chunk_offset:
             raise MeshFileError("it is incomplete: a chunk is longer than the file")
         chunks.append((chunk_kind, file_bytes[chunk_offset : chunk_offset + chunk_size]))
@@ -89,28 +97,28 @@ def read_binary(file_bytes: bytes) -> Mesh:
     return read(chunks[0][1], binary)
 
 
-def passed_over(root: Mapping[str, Any]) -> list[str]:
+def ignored_contents(root: Mapping[str, Any]) -> list[str]:
     """What the file of a mesh that was read holds beside it."""
-    listed: list[str] = []
+    contents: list[str] = []
 
-    def count(n: int, noun: str) -> None:
+    def add_count(n: int, noun: str) -> None:
         first, _, others = noun.partition(" ")
         if n:
-            listed.append(f"{n:,} {first}{'' if n == 1 else 's'} {others}".rstrip())
+            contents.append(f"{n:,} {first}{'' if n == 1 else 's'} {others}".rstrip())
 
-    for name in _OTHERS:
+    for name in _IGNORED_SECTIONS:
         others = root.get(name)
-        count(len(others) if isinstance(others, (list, dict)) else bool(others), name[:-1])
-    parts = [*_parts(root)]
-    count(sum("POSITION" not in part["attributes"] for part in parts), "part without places")
-    count(sum(bool(part.get("targets")) for part in parts), "part that bends by morph targets")
+        add_count(len(others) if isinstance(others, (list, dict)) else bool(others), name[:-1])
+    parts = [*_primitives(root)]
+    add_count(sum("POSITION" not in part["attributes"] for part in parts), "part without places")
+    add_count(sum(bool(part.get("targets")) for part in parts), "part that bends by morph targets")
     scenes, extensions = root.get("scenes"), root.get("extensionsUsed")
-    count(max(0, len(scenes) - 1) if isinstance(scenes, list) else 0, "scene beside the first")
+    add_count(max(0, len(scenes) - 1) if isinstance(scenes, list) else 0, "scene beside the first")
     names = extensions if isinstance(extensions, list) else []
-    return listed + [f"extension {str(name)[:60]}" for name in names]
+    return contents + [f"extension {str(name)[:60]}" for name in names]
 
 
-def _parts(root: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+def _primitives(root: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """All parts of meshes; those that no node shows may be broken, and are not read."""
     for mesh in root["meshes"]:
         parts = mesh.get("primitives") if isinstance(mesh, dict) else None
@@ -129,7 +137,7 @@ class _Reader:
         for needed in gltf_root.get("extensionsRequired", ()):
             raise MeshFileError(f"it needs the extension {str(needed)[:60]}, which is not read")
         self._buffers: dict[int, memoryview] = {}
-        self._numbers: dict[_Point, int] = {}
+        self._number_of_point: dict[_Position, int] = {}
         self._edges: dict[tuple[int, int], None] = {}
         self._faces: list[tuple[int, int, int]] = []
         self._n_read = 0
@@ -138,34 +146,39 @@ class _Reader:
         """All meshes of the scene as a single one."""
         scene_nodes = self._root.get("nodes", [])
         scenes = self._root.get("scenes")
-        tops = scenes[_index(self._root.get("scene", 0))].get("nodes", []) if scenes else None
-        waiting = [
-            (_index(top), _IDENTITY) for top in (range(len(scene_nodes)) if tops is None else tops)
+        root_nodes = scenes[_index(self._root.get("scene", 0))].get("nodes", []) if scenes else None
+        pending_nodes = [
+            (_index(top), _IDENTITY)
+            for top in (range(len(scene_nodes)) if root_nodes is None else root_nodes)
         ]
-        n_seen = 0
-        while waiting:
-            node_number, outer = waiting.pop()
-            n_seen += 1
-            if n_seen > MAX_NODES:
+        n_visited = 0
+        while pending_nodes:
+            node_number, parent_matrix = pending_nodes.pop()
+            n_visited += 1
+            if n_visited > MAX_NODES:
                 raise MeshFileError(
                     f"the scene has more than {MAX_NODES:,} nodes, or contains itself"
                 )
             scene_node = scene_nodes[node_number]
-            matrix = _product(outer, _placed(scene_node))
+            matrix = _matrix_product(parent_matrix, _node_matrix(scene_node))
             if "mesh" in scene_node:
                 for part in self._root["meshes"][_index(scene_node["mesh"])]["primitives"]:
-                    self._count(4)
+                    self._count_read(4)
                     if "POSITION" in part["attributes"]:
-                        self._part(part, matrix)
+                        self._add_primitive(part, matrix)
             if scenes is not None:
-                waiting += [(_index(child), matrix) for child in scene_node.get("children", ())]
+                pending_nodes += [
+                    (_index(child), matrix) for child in scene_node.get("children", ())
+                ]
         if not self._edges:
             raise MeshFileError("the scene has no edges; a mesh has triangles or lines")
-        return merged(Mesh(tuple(self._numbers), tuple(self._edges), tuple(self._faces)))
+        return with_merged_corners(
+            Mesh(tuple(self._number_of_point), tuple(self._edges), tuple(self._faces))
+        )
 
-    def _part(self, part: Mapping[str, Any], matrix: _Matrix) -> None:
-        points = [_moved(matrix, point) for point in self._positions(part)]
-        point_indices = [self._number(point) for point in points]
+    def _add_primitive(self, part: Mapping[str, Any], matrix: _Matrix) -> None:
+        points = [_transformed(matrix, point) for point in self._positions(part)]
+        point_indices = [self._point_number(point) for point in points]
         corners = (
             self._indices(part["indices"]) if "indices" in part else list(range(len(point_indices)))
         )
@@ -182,26 +195,26 @@ class _Reader:
         if len(self._faces) > MAX_FACES:
             raise MeshFileError(f"the file has more than {MAX_FACES:,} triangles", "E105")
 
-    def _number(self, point: _Point) -> int:
+    def _point_number(self, point: _Position) -> int:
         if not max(map(abs, point)) <= COORDINATE_MAX:
             raise MeshFileError(f"a coordinate is at most {COORDINATE_MAX:,.0f}", "E105")
-        point_number = self._numbers.setdefault(point, len(self._numbers))
+        point_number = self._number_of_point.setdefault(point, len(self._number_of_point))
         if point_number >= MAX_POINTS:
             raise MeshFileError(f"the file has more than {MAX_POINTS:,} vertices", "E105")
         return point_number
 
-    def _positions(self, part: Mapping[str, Any]) -> Iterator[_Point]:
+    def _positions(self, part: Mapping[str, Any]) -> Iterator[_Position]:
         accessor = self._root["accessors"][_index(part["attributes"]["POSITION"])]
-        if (accessor["type"], accessor["componentType"]) != ("VEC3", _FLOAT):
+        if (accessor["type"], accessor["componentType"]) != ("VEC3", _FLOAT_COMPONENT):
             raise MeshFileError("positions are three floats each")
-        yield from self._items(accessor, "<3f", 12)
+        yield from self._accessor_items(accessor, "<3f", 12)
 
     def _indices(self, number: Any) -> list[int]:
         accessor = self._root["accessors"][_index(number)]
-        letter, size = _INDICES[accessor["componentType"]]
-        return [index for (index,) in self._items(accessor, f"<{letter}", size)]
+        letter, size = _INDEX_FORMATS[accessor["componentType"]]
+        return [index for (index,) in self._accessor_items(accessor, f"<{letter}", size)]
 
-    def _items(self, accessor: Mapping[str, Any], form: str, size: int) -> Iterator[Any]:
+    def _accessor_items(self, accessor: Mapping[str, Any], form: str, size: int) -> Iterator[Any]:
         if "sparse" in accessor or "bufferView" not in accessor:
             raise MeshFileError("it has sparse values, which are not read")
         view = self._root["bufferViews"][_index(accessor["bufferView"])]
@@ -212,7 +225,7 @@ class _Reader:
         item_count, byte_step = _index(accessor["count"]), _index(view.get("byteStride", size))
         if byte_step < size:
             raise MeshFileError(f"its values of {size} bytes lie {byte_step} bytes apart")
-        self._count(item_count)
+        self._count_read(item_count)
         if item_count > 3 * MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
         byte_offset = _index(accessor.get("byteOffset", 0))
@@ -221,11 +234,11 @@ class _Reader:
             for i in range(item_count)
         )
 
-    def _count(self, n: int) -> None:
+    def _count_read(self, n: int) -> None:
         """Count what was read: also again, because many nodes may show one mesh."""
         self._n_read += n
-        if self._n_read > _READ_MAX:
-            raise MeshFileError(f"its nodes show more than {_READ_MAX:,} vertices", "E105")
+        if self._n_read > _READ_ITEMS_MAX:
+            raise MeshFileError(f"its nodes show more than {_READ_ITEMS_MAX:,} vertices", "E105")
 
     def _buffer(self, number: int) -> memoryview:
         """The bytes of a buffer; a slice of them is no copy."""
@@ -236,7 +249,7 @@ class _Reader:
                 return self._buffers[number]
             address = str(buffer.get("uri", ""))
             head, comma, buffer_bytes = address.partition(",")
-            if not head.startswith(_EMBEDDED) or not comma or not head.endswith(";base64"):
+            if not head.startswith(_DATA_URI_PREFIX) or not comma or not head.endswith(";base64"):
                 raise MeshFileError(
                     "its data is in another file; write it as one file: glTF Binary (.glb) or "
                     "Embedded (.gltf)"
@@ -296,7 +309,7 @@ def _triangles(primitive_mode: Any, corners: Sequence[int]) -> Iterator[tuple[in
         yield from ((corners[0], a, b) for a, b in pairwise(corners[1:]))
 
 
-def _placed(scene_node: Mapping[str, Any]) -> _Matrix:
+def _node_matrix(scene_node: Mapping[str, Any]) -> _Matrix:
     """The matrix that places the points of a node."""
     if "matrix" in scene_node:  # by columns
         m = _floats(scene_node["matrix"], 16)
@@ -305,15 +318,15 @@ def _placed(scene_node: Mapping[str, Any]) -> _Matrix:
     if not 0.99 < x * x + y * y + z * z + w * w < 1.01:
         raise MeshFileError("a rotation of it is no unit quaternion")
     scale = _floats(scene_node.get("scale", (1, 1, 1)), 3)
-    to = _floats(scene_node.get("translation", (0, 0, 0)), 3)
-    turn = (
+    translation = _floats(scene_node.get("translation", (0, 0, 0)), 3)
+    rotation = (
         (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
         (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
         (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
     )
     return tuple(
         (row[0] * scale[0], row[1] * scale[1], row[2] * scale[2], offset)
-        for row, offset in zip(turn, to, strict=True)
+        for row, offset in zip(rotation, translation, strict=True)
     )
 
 
@@ -326,7 +339,7 @@ def _floats(values: Any, n: int) -> list[float]:
     return number_list
 
 
-def _product(a: _Matrix, b: _Matrix) -> _Matrix:
+def _matrix_product(a: _Matrix, b: _Matrix) -> _Matrix:
     matrix_rows = []
     for index in a:
         row = [sum(index[k] * b[k][column] for k in range(3)) for column in range(4)]
@@ -334,6 +347,6 @@ def _product(a: _Matrix, b: _Matrix) -> _Matrix:
     return tuple(matrix_rows)
 
 
-def _moved(matrix: _Matrix, point: Sequence[float]) -> _Point:
+def _transformed(matrix: _Matrix, point: Sequence[float]) -> _Position:
     x, y, z = (row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3] for row in matrix)
     return x, 0.0 - z, y

@@ -13,11 +13,10 @@ MAX_POINTS = 100_000
 MAX_EDGES = 300_000
 MAX_FACES = 200_000  # triangles
 # The source axes in new order, by the axis that points up: cyclic, so that orientation is kept.
-TURNS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
+AXIS_ORDER_BY_UP = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 COORDINATE_MAX = 1e6  # largest coordinate, in units of the file
-_SAME_PLACE_SHARE = (
-    1e-6  # of the size of a mesh: the places of single precision, moved by their nodes
-)
+# Share of the size of a mesh: the places of single precision, moved by their nodes.
+_MERGE_DISTANCE_SHARE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +36,7 @@ class Surface:
     faces: tuple[tuple[int, int, int], ...]
 
 
-def placed(
+def placed_points(
     mesh: Mesh, scale: float, up: str, mesh_position: Sequence[float]
 ) -> Iterator[tuple[float, ...]]:
     """Positions of the points of a file [m]: its origin at `mesh_position`, its unit `scale` [m]
@@ -45,13 +44,13 @@ def placed(
 
     The axis `up` of the file becomes the last one.
     """
-    turn = TURNS[up]
+    turn = AXIS_ORDER_BY_UP[up]
     for point in mesh.points:
         yield tuple(a + scale * point[axis] for a, axis in zip(mesh_position, turn, strict=True))
 
 
-def merged(mesh: Mesh) -> Mesh:
-    """The mesh with corners of faces made one that are nearer than _SAME_PLACE_SHARE of its size.
+def with_merged_corners(mesh: Mesh) -> Mesh:
+    """The mesh with corners of faces made one that are nearer than a share of its size.
 
     Writers round the places of nodes, and a seam would leave two bodies. Points of lines alone
     stay: who joins points by lines means each of them.
@@ -60,9 +59,9 @@ def merged(mesh: Mesh) -> Mesh:
     if not corners_of_faces:
         return mesh
     axes = [*zip(*mesh.points, strict=True)]
-    lows = [min(axis) for axis in axes]  # a small mesh may lie far away
-    size = max(max(axis) - low for axis, low in zip(axes, lows, strict=True))
-    near_distance = _SAME_PLACE_SHARE * size
+    axis_minima = [min(axis) for axis in axes]  # a small mesh may lie far away
+    size = max(max(axis) - low for axis, low in zip(axes, axis_minima, strict=True))
+    near_distance = _MERGE_DISTANCE_SHARE * size
     if not near_distance:
         return mesh
     points_by_cell: dict[tuple[int, ...], list[int]] = {}
@@ -74,7 +73,8 @@ def merged(mesh: Mesh) -> Mesh:
             merged_points.append(mesh_point)
             continue
         point_cell = tuple(
-            math.floor((x - low) / near_distance) for x, low in zip(mesh_point, lows, strict=True)
+            math.floor((x - low) / near_distance)
+            for x, low in zip(mesh_point, axis_minima, strict=True)
         )
         corner_faces = (
             number

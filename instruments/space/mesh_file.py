@@ -19,7 +19,7 @@ _BINARY = ".glb"
 _GLTF = ".gltf"
 
 
-class Read(Protocol):
+class ReadFile(Protocol):
     """Reads a file that a score names; None if an error was reported."""
 
     def __call__(self, name: str, place: Place, decoder: Decoder = ..., /) -> Document | None:
@@ -28,7 +28,7 @@ class Read(Protocol):
         """
 
 
-def from_file(values: Values, read: Read, collector: Collector) -> Values:
+def with_mesh_of_file(values: Values, read: ReadFile, collector: Collector) -> Values:
     """The fields of a MESH, or of a wall, with the mesh of the file that they name; reports
     errors.
     """
@@ -44,32 +44,32 @@ def from_file(values: Values, read: Read, collector: Collector) -> Values:
     document = read(name, place, _DECODERS.get(kind, obj_file.decoded))
     mesh = None
     if document is not None and kind == _GLTF:
-        mesh = _gltf(document, file_label, collector)
+        mesh = _mesh_of_gltf(document, file_label, collector)
     elif document is not None:
         mesh = obj_file.Reader(document, file_label, collector).mesh(place)
     fields = {field: value for field, value in values.by_name.items() if field != "file"}
     return replace(values, by_name=fields if mesh is None else {**fields, "file": mesh})
 
 
-def _gltf(document: Document, who: str, collector: Collector) -> Mesh | None:
+def _mesh_of_gltf(document: Document, label: str, collector: Collector) -> Mesh | None:
     try:
         return gltf_file.read(document.text)
     except MeshFileError as error:
-        collector.error(error.code, f"{who}: {error}", Place(document.file, 1, 1))
+        collector.error(error.code, f"{label}: {error}", Place(document.file, 1, 1))
         return None
 
 
-def _as_text(data: bytes, name: str, collector: Collector) -> str | None:
+def _glb_as_obj_text(data: bytes, name: str, collector: Collector) -> str | None:
     """The mesh of a binary glTF as the text of a Wavefront OBJ, the form in which the file is
     kept.
     """
     if data.startswith(b"v "):  # the kept text, written to a file again
         return decode(data, name, collector)
     try:
-        return obj_file.written(gltf_file.read_binary(data))
+        return obj_file.as_obj_text(gltf_file.read_binary(data))
     except MeshFileError as error:
         collector.error(error.code, str(error), Place(name, 1, 1))
         return None
 
 
-_DECODERS: dict[str, Decoder] = {_BINARY: _as_text, _GLTF: decode}
+_DECODERS: dict[str, Decoder] = {_BINARY: _glb_as_obj_text, _GLTF: decode}

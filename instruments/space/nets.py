@@ -13,8 +13,14 @@ from dataclasses import dataclass
 from typing import NotRequired
 
 from ergon import _core
-from ergon.instruments.space.mesh import TURNS, Mesh, placed
-from ergon.instruments.space.points import PointsFields, Vector, add_points, along, between
+from ergon.instruments.space.mesh import AXIS_ORDER_BY_UP, Mesh, placed_points
+from ergon.instruments.space.points import (
+    PointsFields,
+    Vector,
+    add_points,
+    interpolated,
+    mats_by_axis,
+)
 
 Cell = tuple[int, ...]  # the number of a point along each axis of a lattice
 Spring = tuple[int, int, float]  # first point, second point, rest length [m]
@@ -115,8 +121,8 @@ def add(network: _core.Network, net_name: str, net: Net, net_fields: NetFields) 
             continue
         network.space_ref(
             f"{net_name}.link" if net_name else "link",
-            along(first_mat + run.first, n, axis_count),
-            along(first_mat + run.second, n, axis_count),
+            mats_by_axis(first_mat + run.first, n, axis_count),
+            mats_by_axis(first_mat + run.second, n, axis_count),
             count=run.count,
             rest=run.rest / (1.0 + net_fields.get("stretch", 0.0)),
             K=run.K,
@@ -134,16 +140,18 @@ def chain(chain_fields: ChainFields) -> Net:
         chain_fields["from"],
         chain_fields["to"],
     )
-    places = [between(start_position, stop_position, i / (n - 1)) for i in range(n)]
-    held = [False] * n
-    held[0] = chain_fields["ends"] in ("fixed", "left")
-    held[-1] = chain_fields["ends"] == "fixed"
+    places = [interpolated(start_position, stop_position, i / (n - 1)) for i in range(n)]
+    is_held = [False] * n
+    is_held[0] = chain_fields["ends"] in ("fixed", "left")
+    is_held[-1] = chain_fields["ends"] == "fixed"
     rest_length = (
         math.dist(start_position, stop_position) / (n - 1)
         if chain_fields["rest"] is None
         else chain_fields["rest"]
     )
-    return Net(places, held, [Run(0, 1, n - 1, rest_length, chain_fields["K"], chain_fields["Z"])])
+    return Net(
+        places, is_held, [Run(0, 1, n - 1, rest_length, chain_fields["K"], chain_fields["Z"])]
+    )
 
 
 def cloth(cloth_fields: ClothFields) -> Net:
@@ -197,7 +205,7 @@ def disc(disc_fields: DiscFields) -> Net:
     """Points of a triangular lattice, in rings around a middle."""
     ring_count, disc_position, axes = disc_fields["rings"], disc_fields["at"], disc_fields["axes"]
     spacing = 0.5 * disc_fields["across"] / ring_count
-    right_step, upwards = _plane(disc_fields["normal"])
+    right_step, upwards = _plane_axes(disc_fields["normal"])
     row_height = math.sqrt(0.75)
     # The axes of the cells are 60 degrees apart.
     numbers = range(-ring_count, ring_count + 1)
@@ -212,11 +220,13 @@ def disc(disc_fields: DiscFields) -> Net:
     ]
     ring = {"rim": ring_count, "middle": 0}.get(disc_fields["held"])
     held = [max(abs(q), abs(r), abs(q + r)) == ring for q, r in lattice_cells]
-    springs = _springs(lattice_cells, [((1, 0), spacing), ((0, 1), spacing), ((-1, 1), spacing)])
-    return Net(places, held, _equal(springs, disc_fields))
+    springs = _lattice_springs(
+        lattice_cells, [((1, 0), spacing), ((0, 1), spacing), ((-1, 1), spacing)]
+    )
+    return Net(places, held, _runs_of_equal_springs(springs, disc_fields))
 
 
-def _plane(normal: Vector | None) -> tuple[Vector, Vector]:
+def _plane_axes(normal: Vector | None) -> tuple[Vector, Vector]:
     """Two unit vectors perpendicular to each other and to a normal; without a normal the first two
     axes.
 
@@ -242,7 +252,7 @@ def block(block_fields: BlockFields) -> Net:
         (b - a) / max(1, n - 1)
         for a, b, n in zip(start_corner, stop_corner_index, stop_corner, strict=True)
     ]
-    axis_counts = _cells(stop_corner)
+    axis_counts = _lattice_cells_of_box(stop_corner)
     places = [
         tuple(a + i * step for a, i, step in zip(start_corner, cell, spacing, strict=True))
         for cell in axis_counts
@@ -253,23 +263,29 @@ def block(block_fields: BlockFields) -> Net:
         "top": lambda cell: cell[-1] == top,
         "rim": lambda cell: any(i in (0, n - 1) for i, n in zip(cell, stop_corner, strict=True)),
     }.get(block_fields["held"], lambda cell: False)
-    springs = _springs(axis_counts, _neighbours(block_fields["span"], spacing))
-    return Net(places, [is_held(cell) for cell in axis_counts], _equal(springs, block_fields))
+    springs = _lattice_springs(axis_counts, _neighbours(block_fields["span"], spacing))
+    return Net(
+        places,
+        [is_held(cell) for cell in axis_counts],
+        _runs_of_equal_springs(springs, block_fields),
+    )
 
 
 def ball(ball_fields: BallFields) -> Net:
     """The points of a lattice that lie in a sphere or a circle, each joined to its neighbours."""
     ball_centre, n = ball_fields["at"], ball_fields["points"]
     spacing, middle = ball_fields["across"] / (n - 1), 0.5 * (n - 1)
-    lattice_cells = [cell for cell in _cells((n,) * len(ball_centre)) if _is_in_ball(cell, n)]
+    lattice_cells = [
+        cell for cell in _lattice_cells_of_box((n,) * len(ball_centre)) if _is_in_ball(cell, n)
+    ]
     places = [
         tuple(a + (i - middle) * spacing for a, i in zip(ball_centre, cell, strict=True))
         for cell in lattice_cells
     ]
-    springs = _springs(
+    springs = _lattice_springs(
         lattice_cells, _neighbours(ball_fields["span"], [spacing] * len(ball_centre))
     )
-    return Net(places, [False] * len(lattice_cells), _equal(springs, ball_fields))
+    return Net(places, [False] * len(lattice_cells), _runs_of_equal_springs(springs, ball_fields))
 
 
 def _is_in_ball(cell: Cell, n: int) -> bool:
@@ -282,11 +298,15 @@ def _is_in_ball(cell: Cell, n: int) -> bool:
 def mesh(mesh_fields: MeshFields) -> Net:
     """The points of a file, joined along its edges."""
     model, up = mesh_fields["file"], mesh_fields["up"]
-    point_positions = list(placed(model, mesh_fields["scale"], up, mesh_fields["at"]))
-    heights = [point[TURNS[up][-1]] for point in model.points]
+    point_positions = list(placed_points(model, mesh_fields["scale"], up, mesh_fields["at"]))
+    heights = [point[AXIS_ORDER_BY_UP[up][-1]] for point in model.points]
     end = {"bottom": min(heights), "top": max(heights)}.get(mesh_fields["held"])
     springs = ((a, b, math.dist(point_positions[a], point_positions[b])) for a, b in model.edges)
-    return Net(point_positions, [height == end for height in heights], _equal(springs, mesh_fields))
+    return Net(
+        point_positions,
+        [height == end for height in heights],
+        _runs_of_equal_springs(springs, mesh_fields),
+    )
 
 
 # The number of points of a net.
@@ -294,29 +314,29 @@ COUNTS: dict[str, Callable[..., int]] = {
     "CLOTH": lambda fields: math.prod(fields["sides"]),
     "BLOCK": lambda fields: math.prod(fields["sides"]),
     "DISC": lambda fields: 3 * fields["rings"] * (fields["rings"] + 1) + 1,
-    "BALL": lambda fields: _in_ball(fields["points"], fields["axes"]),
+    "BALL": lambda fields: _count_cells_in_ball(fields["points"], fields["axes"]),
     "MESH": lambda fields: len(fields["file"].points) if fields["file"] else 1,
 }
 
 
-def _in_ball(n: int, axes: int) -> int:
+def _count_cells_in_ball(n: int, axes: int) -> int:
     """The number of cells of a lattice in a ball that is n cells wide."""
     squares = [(2 * i - n + 1) ** 2 for i in range(n)]
     sums = {0: 1}
     for _ in range(axes):
-        wider: dict[int, int] = {}
+        next_sums: dict[int, int] = {}
         for cell_sum, cell_count in sums.items():
             for square in squares:
                 if cell_sum + square <= (n - 1) ** 2:
-                    wider[cell_sum + square] = wider.get(cell_sum + square, 0) + cell_count
-        sums = wider
+                    next_sums[cell_sum + square] = next_sums.get(cell_sum + square, 0) + cell_count
+        sums = next_sums
     return sum(sums.values())
 
 
 # --- lattices -----------------------------------------------------------------------------------
 
 
-def _cells(counts: Sequence[int]) -> list[Cell]:
+def _lattice_cells_of_box(counts: Sequence[int]) -> list[Cell]:
     """All cells of a box, the first axis fastest."""
     return [cell[::-1] for cell in itertools.product(*(range(n) for n in reversed(counts)))]
 
@@ -330,7 +350,7 @@ def _neighbours(step_span: int, spacing: Sequence[float]) -> Iterator[tuple[Cell
             yield step, math.hypot(*(i * size for i, size in zip(step, spacing, strict=True)))
 
 
-def _springs(
+def _lattice_springs(
     lattice_cells: Sequence[Cell], steps: Iterable[tuple[Cell, float]]
 ) -> Iterator[Spring]:
     """Springs from each cell to the cells one step away, for each step in turn."""
@@ -342,7 +362,7 @@ def _springs(
                 yield cell_number, neighbour, rest_length
 
 
-def _equal(springs: Iterable[Spring], net_fields: NetFields) -> Iterator[Run]:
+def _runs_of_equal_springs(springs: Iterable[Spring], net_fields: NetFields) -> Iterator[Run]:
     """Springs with K and Z as runs of consecutive ones."""
     run_begin, run_length = (0, 0, 0.0), 0
     for first_index, second_index, rest_length in springs:

@@ -16,7 +16,7 @@ from ergon.instruments.space.mesh import (
     MAX_POINTS,
     Mesh,
     MeshFileError,
-    merged,
+    with_merged_corners,
 )
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, quote
@@ -45,7 +45,7 @@ def decoded(file_bytes: bytes, file_name: str, collector: Collector) -> str | No
     return decode(file_bytes, file_name, collector)
 
 
-def written(mesh: Mesh) -> str:
+def as_obj_text(mesh: Mesh) -> str:
     """A mesh as text from which `Reader` makes the same mesh."""
     obj_lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.points]
     obj_lines += [f"l {a + 1} {b + 1}" for a, b in mesh.edges]
@@ -56,31 +56,33 @@ def written(mesh: Mesh) -> str:
 class Reader:
     """Reads a file line by line."""
 
-    def __init__(self, document: Document, who: str, collector: Collector) -> None:
+    def __init__(self, document: Document, label: str, collector: Collector) -> None:
         """Take a document; `who` begins error messages."""
-        self._document, self._who, self._collector = document, who, collector
+        self._document, self._label, self._collector = document, label, collector
         self._points: list[tuple[float, float, float]] = []
         self._edges: dict[tuple[int, int], None] = {}
         self._faces: list[tuple[int, int, int]] = []
 
-    def mesh(self, asked: Place) -> Mesh | None:
+    def mesh(self, file_place: Place) -> Mesh | None:
         """The mesh of the file; None if an error was reported."""
-        for line_number, line in self._lines():
+        for line_number, line in self._logical_lines():
             try:
-                self._line(line.split())
+                self._read_line(line.split())
             except MeshFileError as error:
                 place = Place(self._document.file, line_number, 1)
-                self._collector.error(error.code, f"{self._who}: {error}", place)
+                self._collector.error(error.code, f"{self._label}: {error}", place)
                 return None
         if self._edges:
-            return merged(Mesh(tuple(self._points), tuple(self._edges), tuple(self._faces)))
+            return with_merged_corners(
+                Mesh(tuple(self._points), tuple(self._edges), tuple(self._faces))
+            )
         message = (
-            f"{self._who}: the file has no edges; a mesh has lines such as v 0 0 1 and f 1 2 3"
+            f"{self._label}: the file has no edges; a mesh has lines such as v 0 0 1 and f 1 2 3"
         )
-        self._collector.error("E106", message, asked)
+        self._collector.error("E106", message, file_place)
         return None
 
-    def _lines(self) -> Iterator[tuple[int, str]]:
+    def _logical_lines(self) -> Iterator[tuple[int, str]]:
         """Lines with their numbers, without comments; a backslash at the end continues a line."""
         continued_text, first_number = "", 0
         for number, line in enumerate(_LINE_END.split(self._document.text), 1):
@@ -94,18 +96,18 @@ class Reader:
         if continued_text:
             yield first_number, continued_text
 
-    def _line(self, words: list[str]) -> None:
+    def _read_line(self, words: list[str]) -> None:
         line_kind = words[0] if words else ""
         if line_kind == "v":
-            self._vertex(words[1:])
+            self._add_vertex(words[1:])
         elif line_kind in ("f", "l"):
-            self._edges_of(line_kind, words[1:])
+            self._add_edges(line_kind, words[1:])
         elif line_kind in _GEOMETRY_KEYWORDS:
             raise MeshFileError(
                 f"{quote(line_kind)} is not read; a mesh has vertices (v), faces (f) and lines (l)"
             )
 
-    def _vertex(self, line_words: list[str]) -> None:
+    def _add_vertex(self, line_words: list[str]) -> None:
         if len(line_words) < 3 or not all(map(_NUMBER.fullmatch, line_words[:3])):
             raise MeshFileError("a vertex has three numbers, such as v 0 0.5 1")
         x, y, z = map(float, line_words[:3])
@@ -115,8 +117,8 @@ class Reader:
             raise MeshFileError(f"the file has more than {MAX_POINTS:,} vertices", "E105")
         self._points.append((x, y, z))
 
-    def _edges_of(self, line_kind: str, words: list[str]) -> None:
-        corners = [self._corner(word) for word in words]
+    def _add_edges(self, line_kind: str, words: list[str]) -> None:
+        corners = [self._corner_index(word) for word in words]
         if len(corners) < (3 if line_kind == "f" else 2):
             raise MeshFileError("a face has three corners or more, a line two")
         ends = [*corners, corners[0]] if line_kind == "f" else corners
@@ -132,7 +134,7 @@ class Reader:
         if len(self._faces) > MAX_FACES:
             raise MeshFileError(f"the file has more than {MAX_FACES:,} triangles", "E105")
 
-    def _corner(self, corner_word: str) -> int:
+    def _corner_index(self, corner_word: str) -> int:
         """The index of a vertex, from 0; the word counts from 1, or backward from the last one if
         negative.
         """

@@ -14,7 +14,7 @@ Chance = Callable[[int], _core.Chance]
 
 # Random places that are tried for one grain before a box counts as full: the densest packings found
 # in this way fill 0.38 of space, and take some hundred tries a grain at 0.9 of that (Widom 1966).
-TRIES = 2_000
+PLACEMENT_TRIES = 2_000
 
 
 class PointFields(TypedDict):
@@ -54,17 +54,17 @@ class SurfaceFields(_Where):
     across: float
 
 
-def along(first: int, count: int, axes: int) -> list[int]:
+def mats_by_axis(first: int, count: int, axes: int) -> list[int]:
     """The MATs of a point, axis by axis, if `count` points were added at once."""
     return [first + axis * count for axis in range(axes)]
 
 
-def between(start: Vector, stop: Vector, share: float) -> Vector:
+def interpolated(start: Vector, stop: Vector, share: float) -> Vector:
     """The position at a share of the way from `start` to `stop`."""
     return tuple(a + (b - a) * share for a, b in zip(start, stop, strict=True))
 
 
-def unit(direction: Vector | None) -> Vector | None:
+def unit_vector(direction: Vector | None) -> Vector | None:
     """A direction as a unit vector with three components; None for None."""
     if direction is None:
         return None
@@ -138,9 +138,13 @@ def add_grains(
     """Add free points in a box; returns the index of the first MAT. Raises EngineError."""
     start_corner, stop_corner, n = grain_fields["from"], grain_fields["to"], grain_fields["count"]
     if grain_fields["apart"] is None:
-        grain_positions = _lattice(start_corner, stop_corner, n, grain_fields["scatter"], chance)
+        grain_positions = _lattice_positions(
+            start_corner, stop_corner, n, grain_fields["scatter"], chance
+        )
     else:
-        grain_positions = _packing(start_corner, stop_corner, n, grain_fields["apart"], chance)
+        grain_positions = _packed_positions(
+            start_corner, stop_corner, n, grain_fields["apart"], chance
+        )
         if len(grain_positions) < n:
             message = (
                 f"{module_label}: {len(grain_positions):,} of {n:,} points found a random place at "
@@ -156,28 +160,32 @@ def add_grains(
     return add_points(network, points_name, grain_fields, grain_positions, [False] * n)
 
 
-def _lattice(
+def _lattice_positions(
     start_corner: Vector, stop_corner: Vector, n: int, scatter: float, chance: Chance
 ) -> list[Vector]:
     """Positions on a lattice with equal spacing along all axes, as wide as the box allows, filled
     axis by axis.
     """
-    spacing, counts = _widest(
+    spacing, counts = _widest_lattice(
         [abs(b - a) for a, b in zip(start_corner, stop_corner, strict=True)], n
     )
-    spread = 0.5 * spacing * scatter
+    offset_max = 0.5 * spacing * scatter
     lattice_positions = []
     for i in range(n):
-        grain_position, rest, generator = [], i, chance(i) if spread else None
+        grain_position, rest_index, chance_of_grain = [], i, chance(i) if offset_max else None
         for a, b, count in zip(start_corner, stop_corner, counts, strict=True):
-            rest, index = divmod(rest, count)
-            offset = generator.uniform(-spread, spread) if generator is not None else 0.0
+            rest_index, index = divmod(rest_index, count)
+            offset = (
+                chance_of_grain.uniform(-offset_max, offset_max)
+                if chance_of_grain is not None
+                else 0.0
+            )
             grain_position.append(a + math.copysign(index * spacing, b - a) + offset)
         lattice_positions.append(tuple(grain_position))
     return lattice_positions
 
 
-def _widest(box_sides: Sequence[float], n: int) -> tuple[float, list[int]]:
+def _widest_lattice(box_sides: Sequence[float], n: int) -> tuple[float, list[int]]:
     """The widest spacing [m] at which a lattice in a box has n places, and the number along each
     axis.
     """
@@ -197,8 +205,8 @@ def _widest(box_sides: Sequence[float], n: int) -> tuple[float, list[int]]:
     return low_spacing, counts(low_spacing)
 
 
-def _packing(
-    box_start: Vector, box_stop: Vector, n: int, apart: float, chance: Chance
+def _packed_positions(
+    box_start: Vector, box_stop: Vector, n: int, distance_min: float, chance: Chance
 ) -> list[Vector]:
     """Random places, each at least `apart` [m] from those before; fewer than n if no more fit.
 
@@ -208,15 +216,18 @@ def _packing(
     points_by_cell: dict[tuple[int, ...], list[Vector]] = {}
 
     def is_free(place: Vector, cell: tuple[int, ...]) -> bool:
-        return all(math.dist(place, other) >= apart for other in _near(points_by_cell, cell))
+        return all(
+            math.dist(place, other) >= distance_min
+            for other in _neighbouring_points(points_by_cell, cell)
+        )
 
     grain_positions: list[Vector] = []
     for i in range(n):
-        generator = chance(i)
-        for _ in range(TRIES):
-            drawn_position = tuple(generator.uniform(low, high) for low, high in sides)
+        chance_of_grain = chance(i)
+        for _ in range(PLACEMENT_TRIES):
+            drawn_position = tuple(chance_of_grain.uniform(low, high) for low, high in sides)
             # Cells are as wide as the distance, so that nearer points are in neighbouring cells.
-            position_cell = tuple(math.floor(x / apart) for x in drawn_position)
+            position_cell = tuple(math.floor(x / distance_min) for x in drawn_position)
             if is_free(drawn_position, position_cell):
                 break
         else:
@@ -226,7 +237,9 @@ def _packing(
     return grain_positions
 
 
-def _near(cells: Mapping[tuple[int, ...], list[Vector]], cell: tuple[int, ...]) -> Iterator[Vector]:
+def _neighbouring_points(
+    cells: Mapping[tuple[int, ...], list[Vector]], cell: tuple[int, ...]
+) -> Iterator[Vector]:
     """The places in a cell and in its neighbours."""
     for step in itertools.product((-1, 0, 1), repeat=len(cell)):
         yield from cells.get(tuple(i + j for i, j in zip(cell, step, strict=True)), ())

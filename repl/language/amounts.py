@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
-from ergon.instruments.transpose import TRANSPOSITION
+from ergon.instruments.transpose import CENTS_SHAPE
 from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
@@ -65,7 +65,7 @@ DIMENSIONS = {
     k.FORCE: q.FORCE,
     k.PAUSE: q.INSTANT,
     k.CONSTANT: q.CONSTANT,
-    TRANSPOSITION: q.Dimension("interval", {"cents": 0, "st": 2}, "2st"),
+    CENTS_SHAPE: q.Dimension("interval", {"cents": 0, "st": 2}, "2st"),
 }
 
 
@@ -112,14 +112,18 @@ def _read_signed_length(slot_text: str, *_: Any) -> Length:
         raise
 
 
-_GRIDS: dict[str, Now | Length] = {"now": NOW, "beat": Length(beats=1.0), "bar": Length(bars=1.0)}
+_GRID_BY_WORD: dict[str, Now | Length] = {
+    "now": NOW,
+    "beat": Length(beats=1.0),
+    "bar": Length(bars=1.0),
+}
 
 
 def _read_grid(grid_text: str, *_: Any) -> Now | Length:
-    if grid_text in _GRIDS:
-        return _GRIDS[grid_text]
+    if grid_text in _GRID_BY_WORD:
+        return _GRID_BY_WORD[grid_text]
     if grid_text[:1].isalpha():
-        raise unknown_name(grid_text, "a boundary", (*_GRIDS, "2bar"))
+        raise unknown_name(grid_text, "a boundary", (*_GRID_BY_WORD, "2bar"))
     grid = _read_length(grid_text)
     if grid.seconds:
         message = "a boundary lies on beats or bars, not on seconds: write one such as 2bar"
@@ -145,42 +149,46 @@ def position_completions(context: CompletionContext) -> Iterator[Completion]:
     yield Completion("9|1", "bar 9, beat 1")
 
 
-LENGTH = Value(
+LENGTH_VALUE = Value(
     "a length, such as 2bar, 1/2 (beats) or 250ms",
     _read_length,
     unit_completions("2bar", _LENGTH_UNITS, "a length"),
 )
-SHIFT = Value(
+SHIFT_VALUE = Value(
     "a time, such as 10ms or -10ms",
     _read_signed_length,
     unit_completions("10ms", _LENGTH_UNITS, "time"),
 )
-POSITION = Value("a position, such as 9|1, a mark or 12.5s", read_position, position_completions)
-_VOICE = name_value("the name of strikes, or a player", "strikes", "players")
+POSITION_VALUE = Value(
+    "a position, such as 9|1, a mark or 12.5s", read_position, position_completions
+)
+_VOICE_VALUE = name_value("the name of strikes, or a player", "strikes", "players")
 # That the voice exists is checked when the line is typed, not when it is replayed: the voice may be
 # gone then, and the beat is known.
-SYNC = Value(_VOICE.what, lambda text, *_: Sync(check_new_name(text)), _VOICE.completions)
-GRID = Value(
+SYNC_VALUE = Value(
+    _VOICE_VALUE.what, lambda text, *_: Sync(check_new_name(text)), _VOICE_VALUE.completions
+)
+GRID_VALUE = Value(
     "a boundary: now, beat, bar or a length such as 2bar",
     _read_grid,
-    lambda context: name_completions(dict.fromkeys((*_GRIDS, "2bar"), "a boundary")),
+    lambda context: name_completions(dict.fromkeys((*_GRID_BY_WORD, "2bar"), "a boundary")),
 )
 _BPM_OFFERS = {0: (Completion("72", "bpm"),), 1: (Completion("->", "to another tempo"),)}
-BPM = Value(
+BPM_VALUE = Value(
     "a tempo, such as 72 or 60 -> 84",
     lambda text, *_: k.BPM.parse(text),
     lambda context: _BPM_OFFERS.get(len(context.before), ()),
 )
-STIFFNESS = dimension_value(k.STIFFNESS)
-DAMPING = dimension_value(k.DAMPING)
-DURATION = quantity_value(k.DURATION, "3s", q.DURATION.units)
+STIFFNESS_VALUE = dimension_value(k.STIFFNESS)
+DAMPING_VALUE = dimension_value(k.DAMPING)
+DURATION_VALUE = quantity_value(k.DURATION, "3s", q.DURATION.units)
 _LEVEL_OFFERS = unit_completions("-6dB", ("dB",), "a level")
-LEVEL = Value("a level, such as -6dB or x0.5", _read_level, _LEVEL_OFFERS)
-GAIN = Value("a level, such as -6dB or x0.5", _read_gain, _LEVEL_OFFERS)
-METER = quantity_value(k.METER, "3/4", ())
-TIMES = quantity_value(k.TIMES, "8", ())
-COUNT = quantity_value(k.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
-SEED = quantity_value(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
+LEVEL_VALUE = Value("a level, such as -6dB or x0.5", _read_level, _LEVEL_OFFERS)
+GAIN_VALUE = Value("a level, such as -6dB or x0.5", _read_gain, _LEVEL_OFFERS)
+METER_VALUE = quantity_value(k.METER, "3/4", ())
+TIMES_VALUE = quantity_value(k.TIMES, "8", ())
+COUNT_VALUE = quantity_value(k.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
+SEED_VALUE = quantity_value(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
 
 
 # --- parameters --------------------------------------------------------------------------------
@@ -210,7 +218,7 @@ def _read_change(
 ) -> tuple[float | None, float | None]:
     target_path = slots_read["target"]
     shape = scope.targets[target_path]
-    if shape is TRANSPOSITION:
+    if shape is CENTS_SHAPE:
         return shape.parse(change_text), None
     amount = amount_reader(shape.parse, target_path.rpartition(".")[2])(change_text)
     return (None, amount.value) if amount.is_factor else (amount.value, None)
@@ -236,7 +244,7 @@ def _target_completions(context: CompletionContext) -> Iterator[Completion]:
                 yield Completion(target_path[: dot + 1], "its parameters")
 
 
-TARGET = Value("a parameter, such as bell.m.K", _read_target, _target_completions)
+TARGET_VALUE = Value("a parameter, such as bell.m.K", _read_target, _target_completions)
 TUNING = "tuning"  # what `show` may be followed by, as by a name of the score
 
 
@@ -254,4 +262,6 @@ def _shown_completions(context: CompletionContext) -> Iterator[Completion]:
 
 
 NAME_OR_PARAMETER = Value("a name of this score", _read_shown, _shown_completions)
-CHANGE = Value("a value with its unit, or a factor such as x1.5", _read_change, _change_completions)
+CHANGE_VALUE = Value(
+    "a value with its unit, or a factor such as x1.5", _read_change, _change_completions
+)

@@ -18,10 +18,10 @@ from ergon.repl.language.forms import OFF_SLOT, Slot, form
 from ergon.repl.language.midi import source_words
 from ergon.repl.language.scope import MIDI_SUFFIXES, Scope, files_in
 from ergon.scores.gesture.midi_source import SOURCES, parse_source
-from ergon.scores.pattern.order import WAYS
+from ergon.scores.pattern.order import CHOICE_WORDS
 from ergon.scores.pattern.values import ReadAmount, parse_values
 from ergon.scores.pattern.words import parse_strikes
-from ergon.scores.reading.automatable import ALL, amount_reader
+from ergon.scores.reading.automatable import ALL_PARAMETERS, amount_reader
 from ergon.scores.reading.automation import AUTOMATION, parse_range
 from ergon.scores.reading.curves import is_curve, parse_curve
 
@@ -57,16 +57,16 @@ _SET_OPTIONS = {
 _LFO_OPTIONS = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"}
 
 
-def _target(path_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
-    target_path = str(amounts.TARGET.read(path_text, scope, slots_read))
-    if target_path.rpartition(".")[2] not in ALL:
-        known = ", ".join(ALL)
+def _read_target(path_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
+    target_path = str(amounts.TARGET_VALUE.read(path_text, scope, slots_read))
+    if target_path.rpartition(".")[2] not in ALL_PARAMETERS:
+        known = ", ".join(ALL_PARAMETERS)
         message = f"only these parameters change by themselves: {known}"
         raise TextError(message, length=len(path_text))
     return target_path
 
 
-def _options(
+def _split_options(
     line_text: str, scope: Scope, option_examples: Mapping[str, str]
 ) -> tuple[str, int, dict[str, str]]:
     """The text before the options, where it ends, and the options, each of them checked."""
@@ -81,7 +81,7 @@ def _options(
         field_shape = AUTOMATION.by_name[option_name].shape
         try:
             if option_name == "until":
-                amounts.POSITION.read(option_word.text, scope, {})
+                amounts.POSITION_VALUE.read(option_word.text, scope, {})
             elif isinstance(field_shape, Text):
                 field_shape.parse(option_word.text)
         except TextError as error:
@@ -91,20 +91,20 @@ def _options(
     return line_text[:end], end, {name: word.text for name, word in placed_options.items()}
 
 
-def _reader(scope: Scope, fields: Mapping[str, Any]) -> ReadAmount:
+def _amount_reader(scope: Scope, fields: Mapping[str, Any]) -> ReadAmount:
     target = fields["target"]
     return amount_reader(scope.targets[target].parse, target.rpartition(".")[2])
 
 
 def _read_set(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `set` as texts."""
-    values_text, values_end, placed_options = _options(slot_text, scope, _SET_OPTIONS)
-    read_field = _reader(scope, slots_read)
+    values_text, values_end, placed_options = _split_options(slot_text, scope, _SET_OPTIONS)
+    read_field = _amount_reader(scope, slots_read)
     for word_match in re.finditer(r"[a-z]{2,}(?=\s|$)", values_text):
         if word_match.group() == "over":  # the words before `over` are no values
             read_field(values_text[: word_match.start()].strip())
-        suggestion = nearest(word_match.group(), (*_SET_OPTIONS, "over", *WAYS))
-        if suggestion is not None and word_match.group() not in WAYS:
+        suggestion = nearest(word_match.group(), (*_SET_OPTIONS, "over", *CHOICE_WORDS))
+        if suggestion is not None and word_match.group() not in CHOICE_WORDS:
             message = f"unknown word '{word_match.group()}'"
             length = len(word_match.group())
             raise TextError(
@@ -125,15 +125,15 @@ def _read_set(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Ma
 
 def _read_lfo(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `lfo` as texts."""
-    ends, ends_index, placed_options = _options(slot_text, scope, _LFO_OPTIONS)
-    parse_range(ends, _reader(scope, slots_read))
+    ends, ends_index, placed_options = _split_options(slot_text, scope, _LFO_OPTIONS)
+    parse_range(ends, _amount_reader(scope, slots_read))
     if "period" not in placed_options:
         message = "the length of one swing is missing: period 4bar"
         raise TextError(message, offset=ends_index, length=max(1, len(slot_text) - ends_index))
     return {"range": ends, **placed_options}
 
 
-def _offers(option_examples: Mapping[str, str], first_example: str = "") -> Any:
+def _completions(option_examples: Mapping[str, str], first_example: str = "") -> Any:
     def offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         if not context.before:
             shape = context.scope.targets[context.fields["target"]]
@@ -169,7 +169,7 @@ def _source_offers(context: v.CompletionContext) -> Iterator[v.Completion]:
 
 
 def _read_ends(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
-    parse_range(text, _reader(scope, given))
+    parse_range(text, _amount_reader(scope, given))
     return text
 
 
@@ -197,7 +197,7 @@ def follow_file(
     return Automate(target, "set", fields, when=when, words=words)
 
 
-MIDI_FILE = v.Value("the name of a MIDI file, such as tune.mid", v.FILE.read, _midi_files)
+MIDI_FILE = v.Value("the name of a MIDI file, such as tune.mid", v.FILE_VALUE.read, _midi_files)
 FILE_SOURCE = v.Value(
     "what moves in the file, such as cc 1",
     _read_source,
@@ -208,13 +208,17 @@ FILE_SOURCE = v.Value(
 FILE_RANGE = v.Value(
     "two values or factors, such as 1..5", _read_ends, lambda _: [v.Completion("0.8..1.2", "ends")]
 )
-CHANNEL = amounts.quantity_value(k.integer(1, 16, "1"), "1", (), "a channel from 1 to 16")
+CHANNEL_VALUE = amounts.quantity_value(k.integer(1, 16, "1"), "1", (), "a channel from 1 to 16")
 FILE_START = amounts.quantity_value(
     k.RATIO, "32", (), "quarter notes of the file that are left out"
 )
-AUTOMATED_TARGET = v.Value("a parameter, such as bell.m.f", _target, amounts.TARGET.completions)
-AUTOMATION_VALUES = v.Value("values and the length of a step", _read_set, _offers(_SET_OPTIONS))
-LFO = v.Value("a range and a period", _read_lfo, _offers(_LFO_OPTIONS, "0.8..1.2"))
+AUTOMATED_TARGET = v.Value(
+    "a parameter, such as bell.m.f", _read_target, amounts.TARGET_VALUE.completions
+)
+AUTOMATION_VALUES = v.Value(
+    "values and the length of a step", _read_set, _completions(_SET_OPTIONS)
+)
+LFO_VALUE = v.Value("a range and a period", _read_lfo, _completions(_LFO_OPTIONS, "0.8..1.2"))
 
 
 def automate(
@@ -247,13 +251,13 @@ SET_FILE_FORM = form("set", "set", "a parameter follows a MIDI file",
     Slot("file", "FILE", MIDI_FILE, "from"),
     Slot("source", "cc N|bend|pressure [NOTE]", FILE_SOURCE, "by"),
     Slot("ends", "LOW..HIGH", FILE_RANGE, "range"),
-    Slot("channel", "N", CHANNEL, "channel", optional=True),
+    Slot("channel", "N", CHANNEL_VALUE, "channel", optional=True),
     Slot("start", "QUARTERS", FILE_START, "start", optional=True),
-    Slot("until", "WHERE", amounts.POSITION, "until", optional=True))
+    Slot("until", "WHERE", amounts.POSITION_VALUE, "until", optional=True))
 LFO_FORM = form("lfo", "lf", "a parameter swings between two values",
     "lfo bell.m.K 0.8..1.2 period 4bar", automate_lfo,
     Slot("target", "PATH", AUTOMATED_TARGET),
-    Slot("fields", "LOW..HIGH period LENGTH [shape SHAPE] …", LFO,
+    Slot("fields", "LOW..HIGH period LENGTH [shape SHAPE] …", LFO_VALUE,
     many=True))
 LFO_OFF_FORM = form("lfo", "lf", "a parameter has its own value again",
     "lfo bell.m.K off", stop_lfo,

@@ -7,36 +7,36 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from ergon.notation.text.errors import TextError, quote
 
-TICK = "tick"  # how often the block has run by its rule before
+TICK_NAME = "tick"  # how often the block has run by its rule before
 MAX_VALUES = 16  # values of a block
 _MAX_TICKS = 64  # numbers of a run with which lines are tried when they are defined
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
-_VALUE = re.compile(r"[^\s\[\]$#\"\\]{1,100}")
-_SETTING = re.compile(r"\s*\$([^\s=]*)\s*=\s*(.*?)\s*")
-_USE = re.compile(r"\$([A-Za-z][A-Za-z0-9_]{0,31})(?:\[([^\[\]$]*)\])?")
+_NAME_PATTERN = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
+_VALUE_PATTERN = re.compile(r"[^\s\[\]$#\"\\]{1,100}")
+_SETTING_PATTERN = re.compile(r"\s*\$([^\s=]*)\s*=\s*(.*?)\s*")
+_USE_PATTERN = re.compile(r"\$([A-Za-z][A-Za-z0-9_]{0,31})(?:\[([^\[\]$]*)\])?")
 
 
-def setting(line: str) -> tuple[str, str] | None:
+def parse_setting(line: str) -> tuple[str, str] | None:
     """The name and the value of a line `$n = 8`; None if it is another line. Raises TextError."""
-    match = _SETTING.fullmatch(line)
-    return None if match is None else checked(match[1], match[2])
+    match = _SETTING_PATTERN.fullmatch(line)
+    return None if match is None else checked_name_and_value(match[1], match[2])
 
 
-def checked(value_name: str, value_text: str) -> tuple[str, str]:
+def checked_name_and_value(value_name: str, value_text: str) -> tuple[str, str]:
     """A name and its value, if they may be that. Raises TextError."""
-    if not _NAME.fullmatch(value_name):
+    if not _NAME_PATTERN.fullmatch(value_name):
         message = (
             f"{quote(value_name)} is not the name of a value: a letter, then letters, digits and _"
         )
         raise TextError(message, length=max(1, len(value_name)))
-    if value_name == TICK:
+    if value_name == TICK_NAME:
         raise TextError("$tick counts the runs of a block: call the value something else")
-    if not _VALUE.fullmatch(value_text):
+    if not _VALUE_PATTERN.fullmatch(value_text):
         raise TextError(f"{quote(value_text)} is not a value: write one word, such as 8 or bell")
     return value_name, value_text
 
 
-def filled(block_lines: Iterable[str], value_words: Sequence[str]) -> list[str]:
+def with_values(block_lines: Iterable[str], value_words: Sequence[str]) -> list[str]:
     """The lines of a block with their values, without the lines that set them.
 
     `value_words` are values as they are written where the block is run: `16` for the first that the
@@ -50,28 +50,31 @@ def filled(block_lines: Iterable[str], value_words: Sequence[str]) -> list[str]:
         if not equals:
             if word_index >= len(value_names):
                 message = (
-                    f"the block takes {_count(len(value_names))}, and {quote(value_word)} is one "
+                    f"the block takes {_value_count(len(value_names))}, and "
+                    f"{quote(value_word)} is one "
                     "more"
                 )
                 raise TextError(message, length=len(value_word))
             value_name, value_text = value_names[word_index], value_word
-        elif value_name not in (*value_names, TICK):
+        elif value_name not in (*value_names, TICK_NAME):
             known_text = f"; it has {', '.join(value_names)}" if value_names else ", nor any other"
             raise TextError(
                 f"the block has no value {quote(value_name)}{known_text}", length=len(value_word)
             )
-        if not _VALUE.fullmatch(value_text):
+        if not _VALUE_PATTERN.fullmatch(value_text):
             raise TextError(
                 f"{quote(value_text)} is not a value: write one word", length=len(value_word)
             )
         values_by_name[value_name] = value_text
-    values_by_name.setdefault(TICK, "0")
-    return [_filled_line(line, values_by_name) for line in block_lines if setting(line) is None]
+    values_by_name.setdefault(TICK_NAME, "0")
+    return [
+        _filled_line(line, values_by_name) for line in block_lines if parse_setting(line) is None
+    ]
 
 
 def defaults(block_lines: Iterable[str]) -> dict[str, str]:
     """The values that the lines of a block set, in their order. Raises TextError."""
-    values_by_name = dict(pair for line in block_lines if (pair := setting(line)) is not None)
+    values_by_name = dict(pair for line in block_lines if (pair := parse_setting(line)) is not None)
     if len(values_by_name) > MAX_VALUES:
         raise TextError(f"this block has {len(values_by_name)} values; {MAX_VALUES} are the most")
     return values_by_name
@@ -79,16 +82,18 @@ def defaults(block_lines: Iterable[str]) -> dict[str, str]:
 
 def counts_runs(block_lines: Iterable[str]) -> bool:
     """Whether any line has `$tick`."""
-    return any(match[1] == TICK for line in block_lines for match in _USE.finditer(line))
+    return any(
+        match[1] == TICK_NAME for line in block_lines for match in _USE_PATTERN.finditer(line)
+    )
 
 
 def variants(block_line: str, values_by_name: Mapping[str, str]) -> Iterator[str]:
     """A line as it is in successive runs, with all of the words in its brackets. Raises
     TextError.
     """
-    rings = [len((match[2] or "").split()) for match in _USE.finditer(block_line)]
+    rings = [len((match[2] or "").split()) for match in _USE_PATTERN.finditer(block_line)]
     for tick in range(min(max(rings, default=1) or 1, _MAX_TICKS)):
-        yield _filled_line(block_line, {**values_by_name, TICK: str(tick)})
+        yield _filled_line(block_line, {**values_by_name, TICK_NAME: str(tick)})
 
 
 def _filled_line(line_text: str, values_by_name: Mapping[str, str]) -> str:
@@ -114,8 +119,8 @@ def _filled_line(line_text: str, values_by_name: Mapping[str, str]) -> str:
             raise TextError(message, offset=bracket_match.start(), length=len(bracket_match[0]))
         return choices[int(value_text) % len(choices)]
 
-    return _USE.sub(value_of, line_text)
+    return _USE_PATTERN.sub(value_of, line_text)
 
 
-def _count(count: int) -> str:
+def _value_count(count: int) -> str:
     return "no value" if not count else f"{count} value{'s' if count > 1 else ''}"

@@ -10,10 +10,10 @@ from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import amounts
 from ergon.repl.language import values as v
-from ergon.repl.language.block_values import checked
+from ergon.repl.language.block_values import checked_name_and_value
 from ergon.repl.language.commands import Command, When
 from ergon.repl.language.forms import Slot, Words, form
-from ergon.repl.language.lines import lines
+from ergon.repl.language.lines import submitted_lines
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.triggers import Condition, Every, Trigger, parse_condition, parse_every
 from ergon.repl.language.values import Completion, CompletionContext, Value
@@ -54,7 +54,7 @@ class StopBlock(Command):
 _CONDITION_WORDS = ("bar", "beat", "and")
 
 
-def _name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
+def _block_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     """A block's name and the lines that set its values, with the colon after them."""
     if not slot_text.endswith(":"):
         message = f"a ':' is missing: def {slot_text}: and then its lines"
@@ -70,17 +70,17 @@ def _name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, tupl
                 f"{quote(block_name)} is the name of a {name_kind}: give the block another name"
             )
             raise TextError(message, length=len(block_name))
-    return block_name, tuple(_setting(value) for value in setting_words)
+    return block_name, tuple(_setting_line(value) for value in setting_words)
 
 
-def _setting(slot_text: str) -> str:
+def _setting_line(slot_text: str) -> str:
     """The line of a block that sets a value, from `n=8`."""
     value_name, equals, value_text = slot_text.partition("=")
     if not equals:
         raise TextError(
             f"{quote(slot_text)} has no value: write {slot_text}=8", length=len(slot_text)
         )
-    return "${} = {}".format(*checked(value_name, value_text))
+    return "${} = {}".format(*checked_name_and_value(value_name, value_text))
 
 
 def _name_words(words: Sequence[str]) -> int:
@@ -88,22 +88,22 @@ def _name_words(words: Sequence[str]) -> int:
     return next((number for number, word in enumerate(words, 1) if word.endswith(":")), 1)
 
 
-def _lines(slot_text: str, *_: Any) -> tuple[str, ...]:
-    block_lines = tuple(line.text.strip() for line in lines(slot_text))
+def _block_lines(slot_text: str, *_: Any) -> tuple[str, ...]:
+    block_lines = tuple(line.text.strip() for line in submitted_lines(slot_text))
     if len(block_lines) > MAX_BLOCK:
         message = f"this block has {len(block_lines)} lines; {MAX_BLOCK} are the most"
         raise TextError(message, length=len(slot_text))
     return block_lines
 
 
-def _rule(rule_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Condition, str]:
+def _parse_rule(rule_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Condition, str]:
     """The condition of a rule, and the name of the block after it."""
     rule_words = rule_text.split()
     if rule_words[-1] in _CONDITION_WORDS or not NAME.fullmatch(rule_words[-1]):
         raise TextError(f"a block is missing: when {rule_text} NAME", offset=len(rule_text))
     name_start = rule_text.rindex(rule_words[-1])
     try:
-        known_name = BLOCK.read(rule_words[-1], scope, {})
+        known_name = BLOCK_VALUE.read(rule_words[-1], scope, {})
     except TextError as error:
         error.offset += name_start
         raise
@@ -124,19 +124,23 @@ def _rule_completions(context: CompletionContext) -> Iterator[Completion]:
         yield from (Completion(text, "as in when bar % 4 == 3 fill") for text in follows)
 
 
-BLOCK = v.name_value("a block", "blocks")
+BLOCK_VALUE = v.name_value("a block", "blocks")
 NEW_BLOCK = Value(
     "a name and ':'",
-    _name,
+    _block_name,
     lambda context: v.name_completions(context.scope.blocks),
     count=_name_words,
 )
-VALUES = Value("values, such as 16 or n=16", lambda text, *_: tuple(text.split()), lambda _: ())
-LINES = Value("a line, or several below it", _lines, lambda _: ())
-EVERY = Value(
-    "a length in bars or beats", lambda text, *_: parse_every(text), amounts.LENGTH.completions
+VALUES_VALUE = Value(
+    "values, such as 16 or n=16", lambda text, *_: tuple(text.split()), lambda _: ()
 )
-RULE = Value("a condition and a block", _rule, _rule_completions)
+LINES_VALUE = Value("a line, or several below it", _block_lines, lambda _: ())
+EVERY_VALUE = Value(
+    "a length in bars or beats",
+    lambda text, *_: parse_every(text),
+    amounts.LENGTH_VALUE.completions,
+)
+RULE_VALUE = Value("a condition and a block", _parse_rule, _rule_completions)
 
 
 def define(
@@ -169,16 +173,16 @@ def run_when(rule: tuple[Condition, str], *, when: When, words: Words) -> RunByR
 DEF_FORM = form("def", "de", "gives one line a name, or those below it up to `end`",
     "def fill: ada plays lean times 2", define,
     Slot("name", "NAME [NAME=VALUE …]:", NEW_BLOCK),
-    Slot("lines", "LINE …", LINES, many=True), timed=False)
+    Slot("lines", "LINE …", LINES_VALUE, many=True), timed=False)
 RUN_FORM = form("run", "ru", "does all lines of a block; its name alone does the same",
-    "run fill", run, Slot("name", "NAME", BLOCK),
-    Slot("values", "VALUE|NAME=VALUE …", VALUES, optional=True, many=True))
+    "run fill", run, Slot("name", "NAME", BLOCK_VALUE),
+    Slot("values", "VALUE|NAME=VALUE …", VALUES_VALUE, optional=True, many=True))
 EVERY_FORM = form("every", "ev", "runs a block again and again, the first time from here on",
-    "fill every 4bar", run_every, Slot("name", "NAME", BLOCK),
-    Slot("trigger", "LENGTH", EVERY), subject=True)
+    "fill every 4bar", run_every, Slot("name", "NAME", BLOCK_VALUE),
+    Slot("trigger", "LENGTH", EVERY_VALUE), subject=True)
 WHEN_FORM = form("when", "w", "runs a block where a condition on bar or beat is true",
     "when bar % 4 == 3 fill", run_when,
-    Slot("rule", "CONDITION NAME", RULE, many=True))
+    Slot("rule", "CONDITION NAME", RULE_VALUE, many=True))
 STOP_BLOCK_FORM = form("stop", "st", "stops a block that runs by itself", "stop fill", StopBlock,
-    Slot("name", "NAME", BLOCK))
+    Slot("name", "NAME", BLOCK_VALUE))
 # fmt: on

@@ -8,8 +8,8 @@ from ergon.repl.language import values as v
 from ergon.repl.language.automating import MIDI_FILE
 from ergon.repl.language.blocks import NEW_BLOCK
 from ergon.repl.language.forms import Form, Slot
-from ergon.repl.language.library import FAMILY
-from ergon.repl.language.playing import PLAYING
+from ergon.repl.language.library import FAMILY_VALUE
+from ergon.repl.language.playing import PLAYING_VALUE
 from ergon.repl.language.verbs import FORMS, forms_of
 
 # Method names for verbs that are not valid Python names.
@@ -42,7 +42,7 @@ def build_line(verb: str, slot_values: Sequence[object], named: Mapping[str, obj
         rest = {name: value for name, value in option_values.items() if name not in time_words}
         words = _words_in_order(verb_form, slot_values, rest)
         if words is not None and len(time_words) <= 1:
-            return " ".join([*words, *_options(time_words)])
+            return " ".join([*words, *_play_options(time_words)])
     raise TypeError("write it as " + ", or: ".join(form.written for form in forms_of(verb)))
 
 
@@ -58,7 +58,7 @@ def _words_in_order(
                 bound[slot_index] = values_left.pop(slot_name)
         for slot_name in slot.value.heads if slot.value is not None else ():
             if slot_name in values_left and slot_index not in bound:
-                bound[slot_index] = _options({slot_name: values_left.pop(slot_name)})[0]
+                bound[slot_index] = _play_options({slot_name: values_left.pop(slot_name)})[0]
     open_ = [number for number in range(len(verb_form.slots)) if number not in bound]
     # If there are more values than required places, they fill optional places from the left.
     spare = len(slot_values) - sum(not verb_form.slots[number].optional for number in open_)
@@ -72,7 +72,9 @@ def _words_in_order(
             return None
         bound[slot_index] = next(value_iterator)
     option_words = (
-        _options(values_left) if any(slot.value is PLAYING for slot in verb_form.slots) else []
+        _play_options(values_left)
+        if any(slot.value is PLAYING_VALUE for slot in verb_form.slots)
+        else []
     )
     if spare > 0 or (values_left and not option_words):
         return None
@@ -85,12 +87,12 @@ def _words_in_order(
 
 
 def _slot_text(form_slot: Slot, slot_value: object) -> str | None:
-    slot_text = _text(slot_value)
+    slot_text = _option_text(slot_value)
     if form_slot.value is None:  # a word that stands alone
         return form_slot.lead if slot_value is True or slot_text == form_slot.lead else None
     if form_slot.value is NEW_BLOCK:
         return f"{slot_text}:"
-    if form_slot.value in (v.FILE, MIDI_FILE, FAMILY) and " " in slot_text:
+    if form_slot.value in (v.FILE_VALUE, MIDI_FILE, FAMILY_VALUE) and " " in slot_text:
         slot_text = f'"{slot_text}"'
     return (
         form_slot.lead + slot_text
@@ -99,13 +101,15 @@ def _slot_text(form_slot: Slot, slot_value: object) -> str | None:
     )
 
 
-def _options(named: Mapping[str, object]) -> list[str]:
+def _play_options(named: Mapping[str, object]) -> list[str]:
     """Options of `plays`; `do` is last, because it takes the rest of a line."""
     order = sorted(named, key=lambda name: name == "do")
-    return [name if named[name] is True else f"{name} {_text(named[name])}" for name in order]
+    return [
+        name if named[name] is True else f"{name} {_option_text(named[name])}" for name in order
+    ]
 
 
-def _text(value: object) -> str:
+def _option_text(value: object) -> str:
     words_text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
     if "\n" in words_text:
         raise ValueError("a value must be on one line")

@@ -6,13 +6,13 @@ import re
 
 from ergon.notation.text.errors import TextError
 from ergon.repl.language.grammar import Hints, read_command
-from ergon.repl.language.lines import MAX_LINE, Line, comment_start, is_continued, lines
+from ergon.repl.language.lines import MAX_LINE, Line, comment_start, is_continued, submitted_lines
 from ergon.repl.language.scope import Scope
 from ergon.repl.session_protocol import Suggestion
 
 MAX_SUGGESTIONS = 200  # entries of a menu
 
-_SEPARATOR = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark separate words
+_SEPARATOR_PATTERN = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark separate words
 
 
 def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
@@ -22,12 +22,12 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
     if len(text_before) - statement_start > MAX_LINE or _in_comment(text_before):
         return []
     word_start = max(
-        (m.end() for m in _SEPARATOR.finditer(text_before, statement_start)),
+        (m.end() for m in _SEPARATOR_PATTERN.finditer(text_before, statement_start)),
         default=statement_start,
     )
     hints = Hints(text_before[word_start:])
     try:
-        line = next(lines(text_before[statement_start:word_start]), Line("", 0))
+        line = next(submitted_lines(text_before[statement_start:word_start]), Line("", 0))
         read_command(line, scope, hints)
     except TextError:
         pass  # offer what was found before the mistake

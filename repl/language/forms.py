@@ -80,11 +80,11 @@ def form(
 
 
 # Places that several verbs have.
-PLAYER_SLOT = Slot("player", "PLAYER", v.PLAYER)
-OVER_SLOT = Slot("over", "LENGTH", amounts.LENGTH, "over", optional=True)
+PLAYER_SLOT = Slot("player", "PLAYER", v.PLAYER_VALUE)
+OVER_SLOT = Slot("over", "LENGTH", amounts.LENGTH_VALUE, "over", optional=True)
 OFF_SLOT = Slot("", "", None, "off")
 LINK_SLOTS = (
-    Slot("stiffness", "STIFFNESS", amounts.STIFFNESS, "K=", optional=True),
-    Slot("viscosity", "VISCOSITY", amounts.DAMPING, "Z=", optional=True),
+    Slot("stiffness", "STIFFNESS", amounts.STIFFNESS_VALUE, "K=", optional=True),
+    Slot("viscosity", "VISCOSITY", amounts.DAMPING_VALUE, "Z=", optional=True),
 )
 SHOWN_SLOT = Slot("name", "NAME", amounts.NAME_OR_PARAMETER, optional=True)

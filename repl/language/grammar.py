@@ -23,22 +23,22 @@ from ergon.repl.language.lines import Line, split_words
 from ergon.repl.language.scope import Scope
 
 _TIME_LEADS = {
-    "at": amounts.POSITION,
-    "in": amounts.LENGTH,
-    "sync": amounts.SYNC,
+    "at": amounts.POSITION_VALUE,
+    "in": amounts.LENGTH_VALUE,
+    "sync": amounts.SYNC_VALUE,
 }  # words before the time at which a line acts
 # A verb, the word that it does not take, and the line that does it.
 _OTHER_VERBS = (
     ("undo", re.compile(r"\d+"), "back {}"),
     ("stop", NAME, "mute {0}, or remove {0}"),
 )
-_UNITS = {
+_UNIT_BY_WORD = {
     **{name: "bar" for name in ("bar", "bars")},
     **{name: "" for name in ("beat", "beats")},
     **{name: "s" for name in ("s", "sec", "second", "seconds")},
     **{name: name for name in ("ms", "dB", "st", "Hz", "kHz", "mNs", "cents")},
 }
-_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?(/\d+)?")
+_NUMBER_PATTERN = re.compile(r"[+-]?\d+(\.\d+)?(/\d+)?")
 _TIME_COMPLETIONS = (
     v.Completion("now", "at the next tick"),
     v.Completion("at", "at a position or a mark"),
@@ -69,7 +69,7 @@ def read_command(typed_line: Line, scope: Scope, hints: Hints | None = None) -> 
     verb, verb_words = find_verb_of(line_words, scope)
     line_end = line_words[-1].end
     refusals = []
-    for form in _forms(verb, verb_words):
+    for form in _possible_forms(verb, verb_words):
         reading = _FormReader(form, typed_line, list(verb_words), line_end, scope, hints)
         try:
             command_read = reading.command()
@@ -84,7 +84,7 @@ def read_command(typed_line: Line, scope: Scope, hints: Hints | None = None) -> 
     raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
 
 
-def _forms(verb: str, verb_words: list[Word]) -> Iterator[Form]:
+def _possible_forms(verb: str, verb_words: list[Word]) -> Iterator[Form]:
     """The forms that a line may have: what is in quotes belongs to one alone."""
     is_quoted = len(verb_words) > 1 and verb_words[1].text.startswith('"')
     for form in verbs.forms_of(verb):
@@ -128,7 +128,9 @@ def _first_hints(line_words: list[Word], scope: Scope, hints: Hints) -> None:
     if first_text in scope.players:
         about = [verbs.forms_of(verb)[0] for verb in verbs.SUBJECT_VERBS]
         effects = (
-            (f.verb, f.effect) for f in about if f.slots[0].value in (v.PLAYER, v.DOING_PLAYER)
+            (f.verb, f.effect)
+            for f in about
+            if f.slots[0].value in (v.PLAYER_VALUE, v.DOING_PLAYER)
         )
         hints.completions.extend(v.Completion(*pair) for pair in effects)
     elif first_text in scope.blocks:
@@ -346,9 +348,9 @@ class _FormReader:
 
     def _joined_with_unit(self, line_word: Word) -> str | None:
         """A number before a unit that is a word of its own, joined with it; None if it is not."""
-        unit_name = _UNITS.get(line_word.text)
+        unit_name = _UNIT_BY_WORD.get(line_word.text)
         words_before = self.line.text[: line_word.start - self.line.start].split()
-        if unit_name is None or not words_before or not _NUMBER.fullmatch(words_before[-1]):
+        if unit_name is None or not words_before or not _NUMBER_PATTERN.fullmatch(words_before[-1]):
             return None
         return words_before[-1] + unit_name
 

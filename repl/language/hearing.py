@@ -48,12 +48,12 @@ def hear(stroke: Stroke, *, when: When, words: Words) -> Hear:
     return Hear(*stroke, when=when, words=words)
 
 
-def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
+def _read_stroke(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
     words = (Word(match.group(), match.start()) for match in re.finditer(r"\S+", text))
     first_word, *later_words = words
     if later_words and later_words[-1].text == "now":  # `hear` acts at once without `now`
         later_words.pop()
-    target_path = _target(first_word.text, scope)
+    target_path = _target_path(first_word.text, scope)
     note_texts: list[str] = []
     strength = None
     for later_word in later_words:
@@ -64,7 +64,7 @@ def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
             if strength is not None:
                 message = "a stroke has one level, behind its notes"
                 raise TextError(f"{message}: hear {target_path} f", length=len(later_word.text))
-            note = _note(later_word.text)
+            note = _note_part(later_word.text)
             if note is not None:
                 note_texts.append(note)
             elif is_level(later_word.text):
@@ -83,14 +83,14 @@ def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
 
 def is_stroke_word(text: str) -> bool:
     """Whether a word is one of those behind what is struck: a note or a level."""
-    return _note(text) is not None or is_level(text)
+    return _note_part(text) is not None or is_level(text)
 
 
-def _note(text: str) -> str | None:
+def _note_part(text: str) -> str | None:
     return word_of(text[:1].upper() + text[1:])
 
 
-def _target(target_text: str, scope: Scope) -> str:
+def _target_path(target_text: str, scope: Scope) -> str:
     """The path of what is struck, as a line may play it. Raises TextError."""
     family, slash, path = target_text.rpartition("/")
     part_name = path.partition(".")[0]
@@ -128,19 +128,21 @@ def _check_level(strength: Level, level_text: str, target_path: str, scope: Scop
     )
 
 
-def _offers(context: CompletionContext) -> Iterator[Completion]:
+def _completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
         yield from v.struck_completions(context)
     elif not is_level(context.before[-1]):
         yield from (Completion(word, "how strongly") for word in DYNAMICS)
 
 
-STROKE = Value("what is struck, such as kick, vib C4 f or bell.m 2mNs", _read, _offers)
+STROKE_VALUE = Value(
+    "what is struck, such as kick, vib C4 f or bell.m 2mNs", _read_stroke, _completions
+)
 
 
 # fmt: off
 HEAR_FORM = form("hear", "hea", "strikes once, now: an instrument, an act or a module",
     "hear gong f", hear,
-    Slot("stroke", "INSTRUMENT[.ACT]|MODULE [NOTE …] [LEVEL]", STROKE, many=True),
+    Slot("stroke", "INSTRUMENT[.ACT]|MODULE [NOTE …] [LEVEL]", STROKE_VALUE, many=True),
     timed=False)
 # fmt: on

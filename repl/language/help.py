@@ -8,11 +8,11 @@ from pathlib import Path
 from ergon.common.module_arguments import module_arguments
 from ergon.repl.language.midi import SOURCES
 from ergon.repl.language.playing import OPTION_HINTS
-from ergon.repl.language.verbs import GROUPS, SHORTEST, forms_of
+from ergon.repl.language.verbs import GROUPS, SHORTEST_BY_VERB, forms_of
 from ergon.scores.gesture.transforms import EXAMPLES
-from ergon.scores.pattern.cycle_table import TABLE
-from ergon.scores.pattern.turn_chain import FORMS
-from ergon.scores.pattern.words import OPTIONS
+from ergon.scores.pattern.cycle_table import FORM_BY_WORD
+from ergon.scores.pattern.turn_chain import TURN_FORMS
+from ergon.scores.pattern.words import OPTION_EXAMPLES
 
 WHEN = (
     ("", "at the next boundary of `quant`: the next bar, unless it was set"),
@@ -36,7 +36,7 @@ PATTERNS = (
     ("shuffle knock lean tap", "all, in an order of its own in each round"),
     ("every 4th do mirror", "every fourth round is transformed"),
 )
-RHYTHM_EXAMPLES = tuple((form.example, form.line) for form in TABLE.values())
+RHYTHM_EXAMPLES = tuple((form.example, form.line) for form in FORM_BY_WORD.values())
 KEYS = (
     ("F12", "panic"),
     ("Tab", "takes the line that was suggested, or completes the word"),
@@ -63,8 +63,8 @@ def verb_help(verb: str) -> tuple[str, ...]:
     for form in forms_of(verb):
         time_text = " [now | at WHERE | in LENGTH | sync NAME]" if form.timed else ""
         help_lines += [f"{form.written}{time_text}", f"  {form.effect}", f"  {form.example}"]
-    if SHORTEST[verb] != verb:
-        help_lines.append(f"  in short: {SHORTEST[verb]}")
+    if SHORTEST_BY_VERB[verb] != verb:
+        help_lines.append(f"  in short: {SHORTEST_BY_VERB[verb]}")
     return (*help_lines, *(f"  {word:<25} {means}" for word, means in _verb_words(verb)))
 
 
@@ -72,11 +72,15 @@ def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
     if verb == "map":
         return tuple(SOURCES.items())
     if verb == "plays":
-        options = tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in OPTION_HINTS.items())
+        options = tuple(
+            (f"{w} {OPTION_EXAMPLES[w] or ''}", hint) for w, hint in OPTION_HINTS.items()
+        )
         return (*options, *PATTERNS)
     if verb == "do":
         plays_words = tuple((example, "of plays of gestures") for example in EXAMPLES.values())
-        plays_words += tuple((form.example, f"of plays: {form.line}") for form in FORMS.values())
+        plays_words += tuple(
+            (form.example, f"of plays: {form.line}") for form in TURN_FORMS.values()
+        )
         return (
             *plays_words,
             *((example, f"of strikes: {line}") for example, line in RHYTHM_EXAMPLES),
@@ -95,27 +99,31 @@ def cheat_sheet() -> str:
     sheet_lines += ["A verb may be cut down to its short form; the short forms stay.", ""]
     for title, group_forms in GROUPS.items():
         rows = (
-            (form.written, form.effect, form.example, _shortest(form.verb)) for form in group_forms
+            (form.written, form.effect, form.example, _shortest_form(form.verb))
+            for form in group_forms
         )
-        sheet_lines += _table(title, ("write", "effect", "example", "in short"), rows)
-    sheet_lines += _table("when a line acts", ("at its end", "effect"), WHEN)
-    sheet_lines += _table("notation", ("write", "meaning"), NOTATION)
+        sheet_lines += _markdown_table(title, ("write", "effect", "example", "in short"), rows)
+    sheet_lines += _markdown_table("when a line acts", ("at its end", "effect"), WHEN)
+    sheet_lines += _markdown_table("notation", ("write", "meaning"), NOTATION)
     option_lines = (
-        (f"{word} {OPTIONS[word] or ''}".strip(), hint) for word, hint in OPTION_HINTS.items()
+        (f"{word} {OPTION_EXAMPLES[word] or ''}".strip(), hint)
+        for word, hint in OPTION_HINTS.items()
     )
-    sheet_lines += _table("further words of plays", ("write", "meaning"), option_lines)
-    sheet_lines += _table("what moves, for map", ("write", "meaning"), SOURCES.items())
-    sheet_lines += _table("patterns", ("write", "meaning"), PATTERNS)
-    sheet_lines += _table("transformations of rhythms", ("write", "meaning"), RHYTHM_EXAMPLES)
-    sheet_lines += _table("keys", ("key", "effect"), KEYS)
+    sheet_lines += _markdown_table("further words of plays", ("write", "meaning"), option_lines)
+    sheet_lines += _markdown_table("what moves, for map", ("write", "meaning"), SOURCES.items())
+    sheet_lines += _markdown_table("patterns", ("write", "meaning"), PATTERNS)
+    sheet_lines += _markdown_table(
+        "transformations of rhythms", ("write", "meaning"), RHYTHM_EXAMPLES
+    )
+    sheet_lines += _markdown_table("keys", ("key", "effect"), KEYS)
     return "\n".join(sheet_lines).rstrip() + "\n"
 
 
-def _shortest(verb: str) -> str:
-    return SHORTEST[verb] if SHORTEST[verb] != verb else ""
+def _shortest_form(verb: str) -> str:
+    return SHORTEST_BY_VERB[verb] if SHORTEST_BY_VERB[verb] != verb else ""
 
 
-def _table(
+def _markdown_table(
     title: str, heads: tuple[str, ...], table_rows: Iterable[tuple[str, ...]]
 ) -> Iterator[str]:
     """A table whose cells are set as code, except those of the second column."""

@@ -14,8 +14,8 @@ from ergon.scores.gesture.points import CURVES
 
 Token = tuple[int, int, str]  # start, end, kind
 
-_WORD = re.compile(r"[^\s,]+")
-_NUMBER = re.compile(
+_WORD_PATTERN = re.compile(r"[^\s,]+")
+_NUMBER_PATTERN = re.compile(
     r"(?P<number>(?:(?<![\w.])|(?<=\bx))[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?:/\d+)?)"
     r"(?P<unit>[^\W\d_][\w/%]*)?"
 )
@@ -25,7 +25,7 @@ _SCOPE_FIELDS = (
 )
 
 
-def tokens(submitted_text: str, scope: Scope) -> list[Token]:
+def highlighted_tokens(submitted_text: str, scope: Scope) -> list[Token]:
     """Spans and their kinds, in order and without overlap.
 
     Kinds are verb, name, option, curve, number, unit, comment, and unknown for what would be
@@ -33,7 +33,7 @@ def tokens(submitted_text: str, scope: Scope) -> list[Token]:
     """
     if len(submitted_text) > MAX_LINE:
         return []
-    lexical = list(_lexical(submitted_text, scope))
+    lexical = list(_lexical_tokens(submitted_text, scope))
     error = first_error(submitted_text, scope)
     if error is not None and submitted_text[error.offset : error.offset + error.length].strip():
         start, end = error.offset, error.offset + error.length
@@ -42,19 +42,19 @@ def tokens(submitted_text: str, scope: Scope) -> list[Token]:
     return sorted(lexical)
 
 
-def _lexical(text: str, scope: Scope) -> Iterator[Token]:
+def _lexical_tokens(text: str, scope: Scope) -> Iterator[Token]:
     line_offset = 0
     for text_line in text.split("\n"):
         code_end = comment_start(text_line)
-        word_matches = list(_WORD.finditer(text_line, 0, code_end))
-        verb = _verb(word_matches, scope)
+        word_matches = list(_WORD_PATTERN.finditer(text_line, 0, code_end))
+        verb = _verb_index(word_matches, scope)
         for i, word_match in enumerate(word_matches):
             if i == verb:
                 yield line_offset + word_match.start(), line_offset + word_match.end(), "verb"
             elif verb == 0 and word_matches[0].group() == "py":
                 break
             else:
-                for start, word_stop, token_kind in _kinds(word_match.group(), scope):
+                for start, word_stop, token_kind in _token_kinds(word_match.group(), scope):
                     yield (
                         line_offset + word_match.start() + start,
                         line_offset + word_match.start() + word_stop,
@@ -65,7 +65,7 @@ def _lexical(text: str, scope: Scope) -> Iterator[Token]:
         line_offset += len(text_line) + 1
 
 
-def _verb(word_matches: list[re.Match[str]], scope: Scope) -> int:
+def _verb_index(word_matches: list[re.Match[str]], scope: Scope) -> int:
     """The index of the verb; -1 if there is none yet."""
     if not word_matches:
         return -1
@@ -80,7 +80,7 @@ def _verb(word_matches: list[re.Match[str]], scope: Scope) -> int:
     return 0 if len(verbs.verbs_matching(first_word, verbs.VERBS)) == 1 else -1
 
 
-def _kinds(line_word: str, scope: Scope) -> Iterator[Token]:
+def _token_kinds(line_word: str, scope: Scope) -> Iterator[Token]:
     if line_word in CURVES:
         yield 0, len(line_word), "curve"
     elif any(line_word in getattr(scope, part) for part in _SCOPE_FIELDS):
@@ -88,7 +88,7 @@ def _kinds(line_word: str, scope: Scope) -> Iterator[Token]:
     elif line_word in RESERVED:
         yield 0, len(line_word), "option"
     else:
-        for word_match in _NUMBER.finditer(line_word):
+        for word_match in _NUMBER_PATTERN.finditer(line_word):
             yield word_match.start("number"), word_match.end("number"), "number"
             if word_match["unit"]:
                 yield word_match.start("unit"), word_match.end("unit"), "unit"

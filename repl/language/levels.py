@@ -76,12 +76,12 @@ class Meters(Command):
 # fmt: off
 _SOUNDING = Slot("name", "NAME", v.WITH_LEVEL)
 _SOUNDING_OR_ALL = Slot("name", "NAME", v.WITH_LEVEL, optional=True)
-_STRIKES = Slot("name", "STRIKES", v.STRIKES)
+_STRIKES = Slot("name", "STRIKES", v.STRIKES_VALUE)
 GAIN_FORM = form("gain", "ga", "sets the level of an instrument, a player or everything",
     "gain bell -6dB", Gain,
-    _SOUNDING_OR_ALL, Slot("ratio", "LEVEL|xFACTOR", amounts.GAIN))
+    _SOUNDING_OR_ALL, Slot("ratio", "LEVEL|xFACTOR", amounts.GAIN_VALUE))
 GAIN_STRIKES_FORM = form("gain", "ga", "scales the impulses of strikes", "gain rain -6dB",
-    GainStrikes, _STRIKES, Slot("ratio", "LEVEL|xFACTOR", amounts.GAIN))
+    GainStrikes, _STRIKES, Slot("ratio", "LEVEL|xFACTOR", amounts.GAIN_VALUE))
 MUTE_FORM = form("mute", "mu", "silences an instrument or a player", "mute bell", Mute, _SOUNDING)
 MUTE_STRIKES_FORM = form("mute", "mu", "lets strikes go on without striking", "mute rain",
     MuteStrikes, _STRIKES)

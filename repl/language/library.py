@@ -103,8 +103,8 @@ def _read_listed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return text
 
 
-FAMILY = Value("a family, such as skins, or a file", _read_family, _family_offers)
-LISTED = Value(
+FAMILY_VALUE = Value("a family, such as skins, or a file", _read_family, _family_offers)
+LISTED_VALUE = Value(
     "a family, such as skins",
     _read_listed,
     lambda context: (
@@ -115,14 +115,14 @@ LISTED = Value(
 
 # fmt: off
 USE_FORM = form("use", "us", "brings in a family, so that its instruments can be played",
-    "use skins", use, Slot("family", "FAMILY|FILE", FAMILY))
+    "use skins", use, Slot("family", "FAMILY|FILE", FAMILY_VALUE))
 SHOW_FORM = form("show", "sh", "lists who plays what, or shows where a name is defined",
     "show ada", Show, SHOWN_SLOT, timed=False)
 VOICES_FORM = form("voices", "vo", "lists who plays what, and what is muted", "voices",
     voices, timed=False)
 INSTRUMENTS_FORM = form("instruments", "ins", "lists the instruments of the score or of a family",
     "instruments skins", ListInstruments,
-    Slot("family", "FAMILY", LISTED, optional=True), timed=False)
+    Slot("family", "FAMILY", LISTED_VALUE, optional=True), timed=False)
 GESTURES_FORM = form("gestures", "ge", "lists the gestures and the takes", "gestures", ListGestures,
     timed=False)
 SCENES_FORM = form("scenes", "scenes", "lists the scenes beside the score", "scenes", ListScenes,

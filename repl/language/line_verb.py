@@ -8,7 +8,7 @@ from ergon.repl.language import hearing, verbs
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import Word
 from ergon.repl.language.scope import Scope, playable, unused_family
-from ergon.scores.pattern.cycle_table import TABLE as TRANSFORMS
+from ergon.scores.pattern.cycle_table import FORM_BY_WORD as TRANSFORMS
 
 _NAMING_VERBS = ("strikes", "takes", "=")  # these verbs may follow a new name
 
@@ -113,8 +113,8 @@ def _unknown_verb(
             _instrument_lines(line_words, scope), offset=word_start, length=len(first_word)
         )
     known_words = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
-    nearest_verb = verbs.MEANT.get(first_word) or nearest(first_word, known_words)
-    is_meant = first_word in verbs.MEANT
+    nearest_verb = verbs.MEANT_VERBS.get(first_word) or nearest(first_word, known_words)
+    is_meant = first_word in verbs.MEANT_VERBS
     if (
         not is_meant
         and nearest_verb in verbs.TAKING_AWAY

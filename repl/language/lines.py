@@ -13,11 +13,12 @@ MAX_LINE = 10_000  # characters; the longest line of a performance has some hund
 MAX_PASTE = 100_000  # characters of one submission, read and checked while the sound goes on
 MAX_LINES = 200  # lines of one submission: four screens
 
-_COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
-_PYTHON = re.compile(r"\s*py\s")  # the rest of the line is Python, with its own comments
-_BLOCK = re.compile(r"\s*def\s+\S+(?:\s+[^\s:]+=[^\s:]+)*:\s*")  # the lines of this block follow
-_END = "end"
-_WORD = re.compile(r'"[^"]*"|\S+')
+_COMMENT_PATTERN = re.compile(r"(?:^|(?<=\s))#.*")
+_PYTHON_PATTERN = re.compile(r"\s*py\s")  # the rest of the line is Python, with its own comments
+# The head of a block, whose lines follow.
+_BLOCK_PATTERN = re.compile(r"\s*def\s+\S+(?:\s+[^\s:]+=[^\s:]+)*:\s*")
+_END_WORD = "end"
+_WORD_PATTERN = re.compile(r'"[^"]*"|\S+')
 
 
 class Line(NamedTuple):
@@ -31,7 +32,7 @@ class Line(NamedTuple):
     start: int
 
 
-def lines(submitted_text: str) -> Iterator[Line]:
+def submitted_lines(submitted_text: str) -> Iterator[Line]:
     """Yield the lines of a submission. Raises TextError if it is too long or has a character that
     cannot be typed.
 
@@ -50,19 +51,23 @@ def lines(submitted_text: str) -> Iterator[Line]:
             message = f"this line has {len(joined) + len(text_line):,} characters"
             raise TextError(f"{message}; {MAX_LINE:,} are the most", offset=line_offset)
         _check_characters(text_line, line_offset)
-        code = text_line if _PYTHON.match(text_line) else _COMMENT.sub("", text_line)
+        code = (
+            text_line if _PYTHON_PATTERN.match(text_line) else _COMMENT_PATTERN.sub("", text_line)
+        )
         line_start = line_start if joined else line_offset
         line_offset += len(text_line) + 1
         if is_continued(text_line):
             joined += code.rstrip()[:-1].ljust(len(text_line)) + " "
             continue
         full_line, joined = Line(joined + code, line_start), ""
-        if open_block is not None and (not text_line.strip() or full_line.text.strip() == _END):
+        if open_block is not None and (
+            not text_line.strip() or full_line.text.strip() == _END_WORD
+        ):
             yield open_block
             open_block = None
         elif open_block is not None:
             open_block = _with_line(open_block, full_line)
-        elif _BLOCK.fullmatch(full_line.text):
+        elif _BLOCK_PATTERN.fullmatch(full_line.text):
             open_block = full_line
         elif full_line.text.strip():
             yield full_line
@@ -84,7 +89,7 @@ def _with_line(block: Line, line: Line) -> Line:
 
 def is_continued(line: str) -> bool:
     r"""Whether a line ends in "\\", outside a comment."""
-    return line.rstrip().endswith("\\") and not _COMMENT.search(line)
+    return line.rstrip().endswith("\\") and not _COMMENT_PATTERN.search(line)
 
 
 def is_whole(submitted_text: str) -> bool:
@@ -94,21 +99,24 @@ def is_whole(submitted_text: str) -> bool:
     is_open = False
     for line_text in submitted_text[:MAX_PASTE].split("\n"):
         if is_open:
-            is_open = line_text.strip() not in ("", _END)
+            is_open = line_text.strip() not in ("", _END_WORD)
         else:
-            is_open = _BLOCK.fullmatch(_COMMENT.sub("", line_text)) is not None
+            is_open = _BLOCK_PATTERN.fullmatch(_COMMENT_PATTERN.sub("", line_text)) is not None
     return not is_open
 
 
 def split_words(line: Line) -> list[Word]:
     """The words of a line; text between double quotes is one word."""
     start = line.start
-    return [Word(w.group(), start + w.start(), start + w.end()) for w in _WORD.finditer(line.text)]
+    return [
+        Word(w.group(), start + w.start(), start + w.end())
+        for w in _WORD_PATTERN.finditer(line.text)
+    ]
 
 
 def comment_start(line: str) -> int:
     """Where the comment of a physical line begins; the length of the line if it has none."""
-    match = None if _PYTHON.match(line) else _COMMENT.search(line)
+    match = None if _PYTHON_PATTERN.match(line) else _COMMENT_PATTERN.search(line)
     return match.start() if match else len(line)
 
 

@@ -62,7 +62,7 @@ SCOPE_ON_FORM = form("scope", "sc", "keeps that drawing above the status line",
 SCOPE_OFF_FORM = form("scope", "sc", "ends it", "scope off", TraceOn, OFF_SLOT, timed=False)
 PY_FORM = form("py", "py", "evaluates Python in which `session` and `piece` are known",
     "py session.state().tempo", Py,
-    Slot("expression", "EXPRESSION", v.EXPRESSION, many=True), timed=False)
+    Slot("expression", "EXPRESSION", v.EXPRESSION_VALUE, many=True), timed=False)
 QUIT_FORM = form("quit", "qui", "all hands lift, and the session ends",
     "quit", Quit, timed=False)
 # fmt: on

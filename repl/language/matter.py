@@ -132,17 +132,18 @@ def build(
 
 
 # fmt: off
-_KEYS = Slot("a", "KEY", v.KEY), Slot("b", "KEY", v.OTHER_KEY)
+_KEYS = Slot("a", "KEY", v.KEY_VALUE), Slot("b", "KEY", v.OTHER_KEY)
 SET_FORM = form("set", "set", "a physical parameter glides to a value, or by a factor",
     "set bell.m.K x1.5 over 2bar", set_parameter,
-    Slot("target", "PATH", amounts.TARGET), Slot("change", "VALUE|xFACTOR", amounts.CHANGE),
+    Slot("target", "PATH", amounts.TARGET_VALUE), Slot("change", "VALUE|xFACTOR",
+    amounts.CHANGE_VALUE),
     OVER_SLOT)
 COUPLE_FORM = form("couple", "c", "joins two keys by a spring and a damper",
     "couple k1 k2 K=40N/m", couple, *_KEYS, *LINK_SLOTS)
 BUILD_FORM = form("=", "=", "adds an instrument like another, or from a file",
     "bell2 = bell/bell transpose 7st", build,
     Slot("name", "NAME", s.PART_NAME),
-    Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", s.BASE,
+    Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", s.BASE_VALUE,
     many=True), subject=True)
 LINK_FORM = form("link", "li", "joins two modules, or a key and a module, by a link",
     "link k1 bell.m BUT K=4kN/m", Link,
@@ -152,12 +153,12 @@ LINK_FORM = form("link", "li", "joins two modules, or a key and a module, by a l
 TAKES_FORM = form("takes", "t", "the player takes a key; who and what is new is added",
     "mia takes k3 like k1", Takes,
     Slot("player", "NAME", s.PLAYER_NAME), Slot("key", "KEY", s.KEY_NAME),
-    Slot("like", "KEY", v.KEY, "like", optional=True), subject=True)
+    Slot("like", "KEY", v.KEY_VALUE, "like", optional=True), subject=True)
 REMOVE_FORM = form("remove", "rem", "removes what has a name, and what belongs to it alone",
-    "remove bell", Remove, Slot("name", "NAME", s.REMOVABLE))
+    "remove bell", Remove, Slot("name", "NAME", s.REMOVABLE_VALUE))
 RENAME_FORM = form("rename", "ren", "gives what has a name another name",
     "rename lean tilt", Rename,
-    Slot("old", "NAME", s.RENAMED), Slot("name", "NAME", v.NEW_NAME))
+    Slot("old", "NAME", s.RENAMED_VALUE), Slot("name", "NAME", v.NEW_NAME))
 UNCOUPLE_FORM = form("uncouple", "unc", "removes what joins two keys",
     "uncouple k1 k2", Uncouple, *_KEYS)
 # fmt: on

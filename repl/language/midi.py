@@ -79,7 +79,7 @@ def _source_offers(context: CompletionContext) -> Iterator[Completion]:
         yield Completion(source.partition(" ")[0], hint)
 
 
-SOURCE = Value(
+SOURCE_VALUE = Value(
     "what moves (cc 21, bend, pressure or learn)",
     _read_source,
     _source_offers,
@@ -130,13 +130,15 @@ def _read_tempos(slot_text: str, *_: Any) -> tuple[float, float]:
     return low_end[0], high_end[0]
 
 
-RANGE = Value("two values with their units, such as 1kN/m..9kN/m", _read_range, _range_completions)
-LEVELS = Value(
+RANGE_VALUE = Value(
+    "two values with their units, such as 1kN/m..9kN/m", _read_range, _range_completions
+)
+LEVELS_VALUE = Value(
     "two levels, such as -40dB..0dB",
     _read_levels,
     amounts.unit_completions("-40dB..0dB", ("dB",), "levels"),
 )
-TEMPOS = Value(
+TEMPOS_VALUE = Value(
     "two tempos, such as 60..180",
     _read_tempos,
     lambda context: () if context.typed else (Completion("60..180", "two tempos"),),
@@ -153,14 +155,14 @@ def map_control(
 ) -> MapControl | Learn:
     """Map a controller to a parameter."""
     low, high, unit = range
-    return _learnt(MapControl(source, target, (low, high), unit, when=when, words=words))
+    return _learnt_source(MapControl(source, target, (low, high), unit, when=when, words=words))
 
 
 def map_tempo(
     source: str, range: tuple[float, float], *, when: When, words: Words
 ) -> MapControl | Learn:
     """Map a controller to the tempo."""
-    return _learnt(MapControl(source, None, range, BPM_UNIT, when=when, words=words))
+    return _learnt_source(MapControl(source, None, range, BPM_UNIT, when=when, words=words))
 
 
 def map_gain(
@@ -172,7 +174,7 @@ def map_gain(
     words: Words,
 ) -> MapControl | Learn:
     """Map a controller to a level."""
-    return _learnt(MapControl(source, None, range, "dB", sounding, when=when, words=words))
+    return _learnt_source(MapControl(source, None, range, "dB", sounding, when=when, words=words))
 
 
 def unmap_control(source: str, *, when: When, words: Words) -> Unmap | Learn:
@@ -182,7 +184,7 @@ def unmap_control(source: str, *, when: When, words: Words) -> Unmap | Learn:
     return Unmap(source, when=when, words=words)
 
 
-def _learnt(control: MapControl) -> MapControl | Learn:
+def _learnt_source(control: MapControl) -> MapControl | Learn:
     return (
         Learn(control, when=control.when, words=control.words)
         if control.source == LEARN
@@ -201,11 +203,11 @@ def _read_notes(slot_text: str, *_: Any) -> tuple[int, int]:
 
 
 def _read_impulses(text: str, *_: Any) -> tuple[float, float]:
-    low, high = (_impulse(end) for end in _range_ends(text, "1mNs..20mNs"))
+    low, high = (_parse_impulse(end) for end in _range_ends(text, "1mNs..20mNs"))
     return low, high
 
 
-def _impulse(impulse_text: str) -> float:
+def _parse_impulse(impulse_text: str) -> float:
     """An impulse with its unit; 0 needs none."""
     value = level(impulse_text)  # refuses what has no unit
     if value.is_strength and value.low != 0.0:
@@ -245,12 +247,12 @@ def _read_curve(text: str, *_: Any) -> str:
     return text
 
 
-NOTES = Value(
+NOTES_VALUE = Value(
     "a note or a range, such as 60, C4 or C3..C5",
     _read_notes,
     lambda _: (Completion("C3..C5", "notes"),),
 )
-STRUCK = Value(
+STRUCK_VALUE = Value(
     "a module, such as bell.m",
     _read_struck,
     lambda context: v.up_to_dot(context.typed, v.module_names(context.scope)),
@@ -262,12 +264,12 @@ PLAYED_BY_NOTES = Value(
         {**dict.fromkeys(context.scope.acts, "instrument"), **context.scope.blocks}
     ),
 )
-IMPULSES = Value(
+IMPULSES_VALUE = Value(
     "the impulses of the softest and the loudest note, such as 1mNs..20mNs",
     _read_impulses,
     amounts.unit_completions("1mNs..20mNs", ("Ns", "mNs", "uNs"), "an impulse"),
 )
-CURVE = Value(
+CURVE_VALUE = Value(
     "a curve (square, root or even)",
     _read_curve,
     lambda _: v.name_completions(dict.fromkeys(LAWS, "how strengths follow the velocity")),
@@ -310,43 +312,43 @@ def monitor(is_on: bool = False, *, when: When, words: Words) -> Monitor:
 
 
 # fmt: off
-_SOURCE = Slot("source", "cc N|bend|pressure [NOTE]|learn", SOURCE)
-_NOTES = Slot("notes", "NOTE|NOTE..NOTE", NOTES, "note")
-_CURVE = Slot("curve", "square|root|even", CURVE, "curve", optional=True)
+_SOURCE_SLOT = Slot("source", "cc N|bend|pressure [NOTE]|learn", SOURCE_VALUE)
+_NOTES_SLOT = Slot("notes", "NOTE|NOTE..NOTE", NOTES_VALUE, "note")
+_CURVE_SLOT = Slot("curve", "square|root|even", CURVE_VALUE, "curve", optional=True)
 MAP_PARAMETER_FORM = form("map", "map", "a MIDI controller moves a parameter",
     "map cc 21 bell.m.K 1kN/m..9kN/m", map_control,
-    _SOURCE, Slot("target", "PATH", amounts.TARGET),
-    Slot("range", "VALUE..VALUE", RANGE))
+    _SOURCE_SLOT, Slot("target", "PATH", amounts.TARGET_VALUE),
+    Slot("range", "VALUE..VALUE", RANGE_VALUE))
 MAP_GAIN_FORM = form("map", "map", "a MIDI controller moves a level, in dB",
     "map cc 7 gain bell -40dB..0dB", map_gain,
-    _SOURCE, Slot("sounding", "NAME", v.SOUNDING, "gain"),
-    Slot("range", "LEVEL..LEVEL", LEVELS))
+    _SOURCE_SLOT, Slot("sounding", "NAME", v.SOUNDING_VALUE, "gain"),
+    Slot("range", "LEVEL..LEVEL", LEVELS_VALUE))
 MAP_MASTER_FORM = form("map", "map", "a MIDI controller moves the level of everything",
     "map cc 8 gain -40dB..0dB", map_gain,
-    _SOURCE, Slot("", "", None, "gain"),
-    Slot("range", "LEVEL..LEVEL", LEVELS))
+    _SOURCE_SLOT, Slot("", "", None, "gain"),
+    Slot("range", "LEVEL..LEVEL", LEVELS_VALUE))
 MAP_TEMPO_FORM = form("map", "map", "a MIDI controller sets the tempo",
     "map cc 1 tempo 60..180", map_tempo,
-    _SOURCE, Slot("range", "BPM..BPM", TEMPOS, "tempo"))
+    _SOURCE_SLOT, Slot("range", "BPM..BPM", TEMPOS_VALUE, "tempo"))
 MAP_GESTURE_FORM = form("map", "map", "MIDI notes let a player play a gesture",
     "map note D2 ada knock", map_gesture,
-    _NOTES, PLAYER_SLOT, Slot("gesture", "GESTURE", v.PLAYED))
+    _NOTES_SLOT, PLAYER_SLOT, Slot("gesture", "GESTURE", v.PLAYED_VALUE))
 MAP_STRIKES_FORM = form("map", "map", "MIDI notes strike modules, by their velocity",
     "map note C3..C5 bell.m 1mNs..20mNs", map_notes,
-    _NOTES, Slot("target", "MODULE", STRUCK),
-    Slot("impulse", "IMPULSE..IMPULSE", IMPULSES), _CURVE)
+    _NOTES_SLOT, Slot("target", "MODULE", STRUCK_VALUE),
+    Slot("impulse", "IMPULSE..IMPULSE", IMPULSES_VALUE), _CURVE_SLOT)
 MAP_NOTES_FORM = form("map", "map", "MIDI notes play an instrument or run a block",
     "map note C3..C5 gong curve square", map_notes,
-    _NOTES, Slot("target", "INSTRUMENT|BLOCK", PLAYED_BY_NOTES), _CURVE)
+    _NOTES_SLOT, Slot("target", "INSTRUMENT|BLOCK", PLAYED_BY_NOTES), _CURVE_SLOT)
 MAP_LEARN_FORM = form("map", "map", "the next MIDI note plays an instrument or runs a block",
     "map learn note gong", learn_note, Slot("", "", None, LEARN),
     Slot("target", "INSTRUMENT|BLOCK", PLAYED_BY_NOTES, "note"))
 MAPS_FORM = form("maps", "maps", "lists the maps, and what came and has none", "maps", Maps,
     timed=False)
 UNMAP_FORM = form("unmap", "unma", "ends the map of a controller, or lets none be learnt",
-    "unmap cc 21", unmap_control, _SOURCE)
+    "unmap cc 21", unmap_control, _SOURCE_SLOT)
 UNMAP_NOTES_FORM = form("unmap", "unma", "ends a map of notes", "unmap note C3..C5", unmap_notes,
-    _NOTES)
+    _NOTES_SLOT)
 MONITOR_FORM = form("monitor", "mon", "prints MIDI messages as they come", "monitor on",
     lambda **more: monitor(True, **more), Slot("", "", None, "on"), timed=False)
 MONITOR_OFF_FORM = form("monitor", "mon", "ends that", "monitor off", monitor, OFF_SLOT,

@@ -19,7 +19,7 @@ from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.structure import check_value, pairs
 from ergon.repl.language.values import Completion, CompletionContext, Value
-from ergon.scores.reading.mix_tables import ROOM
+from ergon.scores.reading.mix_tables import ROOM_RECORD
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +74,9 @@ class Fade(Command):
     over: Length
 
 
-_FIELDS = {field.name: field for field in ROOM.fields if field.name != "to"}
-_MASTER = "master"
-_SEND = "send hall -12dB"
+_ROUTE_FIELDS = {field.name: field for field in ROOM_RECORD.fields if field.name != "to"}
+_MASTER_NAME = "master"
+_SEND_EXAMPLE = "send hall -12dB"
 
 
 def route(
@@ -107,7 +107,7 @@ def filtered(
 
 def fade(name: str, way: str, over: Length, *, when: When, words: Words) -> Fade:
     """Fade an instrument, or everything, in or out."""
-    return Fade(None if name == _MASTER else name, way == "in", over, when=when, words=words)
+    return Fade(None if name == _MASTER_NAME else name, way == "in", over, when=when, words=words)
 
 
 def _read_send(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
@@ -115,7 +115,7 @@ def _read_send(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str,
     if room not in scope.rooms:
         raise v.unknown_name(room, "a room; `room hall t60=2s` adds one", scope.rooms)
     if len(level_words) != 1:
-        raise TextError(f"a send needs a room and a level: {_SEND}", offset=len(slot_text))
+        raise TextError(f"a send needs a room and a level: {_SEND_EXAMPLE}", offset=len(slot_text))
     try:
         k.GAIN.parse(level_words[0])
     except TextError as error:
@@ -131,19 +131,19 @@ def _send_completions(context: CompletionContext) -> Iterator[Completion]:
 
 
 def _read_filter_kind(text: str, *_: Any) -> str:
-    if text not in _FILTERS:
-        raise v.unknown_name(text, "a filter of a route", tuple(_FILTERS))
+    if text not in _FILTER_SHAPES:
+        raise v.unknown_name(text, "a filter of a route", tuple(_FILTER_SHAPES))
     return text
 
 
 def _read_filter_fields(slot_text: str, _: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
     if slot_text == "off":
         return {}
-    field_shapes = _FILTERS[slots_read["kind"]]
+    field_shapes = _FILTER_SHAPES[slots_read["kind"]]
     word_matches = list(re.finditer(r"\S+", slot_text))
     if len(word_matches) > len(field_shapes):
         kind = slots_read["kind"]
-        message = f"{kind} takes no more than {len(field_shapes)}, such as {_EXAMPLES[kind]}"
+        message = f"{kind} takes no more than {len(field_shapes)}, such as {_FILTER_EXAMPLES[kind]}"
         raise TextError(
             message,
             offset=word_matches[len(field_shapes)].start(),
@@ -154,7 +154,7 @@ def _read_filter_fields(slot_text: str, _: Scope, slots_read: Mapping[str, Any])
         check_value(shape, word.group(), word.start())
         filter_fields[name] = word.group()
     if "gain" in field_shapes and "gain" not in filter_fields:
-        message = f"a level is missing, such as {_EXAMPLES[slots_read['kind']]}"
+        message = f"a level is missing, such as {_FILTER_EXAMPLES[slots_read['kind']]}"
         raise TextError(message, offset=len(slot_text))
     return filter_fields
 
@@ -171,14 +171,14 @@ def _room_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 def _room_fields(text: str, *_: Any) -> dict[str, str]:
     room_fields: dict[str, str] = {}
     for field_name, field_text, field_offset in pairs(text):
-        if field_name not in _FIELDS:
-            message = f"a room has no field {quote(field_name)}; it has {', '.join(_FIELDS)}"
+        if field_name not in _ROUTE_FIELDS:
+            message = f"a room has no field {quote(field_name)}; it has {', '.join(_ROUTE_FIELDS)}"
             raise TextError(message, offset=field_offset, length=len(field_name))
         if field_name in room_fields:
             raise TextError(
                 f"{quote(field_name)} is written twice", offset=field_offset, length=len(field_name)
             )
-        shape = k.DURATION if field_name == "t60" else _FIELDS[field_name].shape
+        shape = k.DURATION if field_name == "t60" else _ROUTE_FIELDS[field_name].shape
         if isinstance(shape, Text):
             check_value(shape, field_text, field_offset + len(field_name) + 1)
         room_fields[field_name] = field_text
@@ -186,19 +186,19 @@ def _room_fields(text: str, *_: Any) -> dict[str, str]:
 
 
 def _room_completions(_: CompletionContext) -> Iterator[Completion]:
-    return (Completion(f"{name}=", field.doc) for name, field in _FIELDS.items())
+    return (Completion(f"{name}=", field.doc) for name, field in _ROUTE_FIELDS.items())
 
 
 def _read_faded(faded_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if faded_name != _MASTER and faded_name not in scope.instruments:
+    if faded_name != _MASTER_NAME and faded_name not in scope.instruments:
         raise v.unknown_instrument(
-            faded_name, "an instrument or master", (*scope.instruments, _MASTER), scope
+            faded_name, "an instrument or master", (*scope.instruments, _MASTER_NAME), scope
         )
     return faded_name
 
 
 def _faded_completions(context: CompletionContext) -> Iterator[Completion]:
-    return v.name_completions({**context.scope.instruments, _MASTER: "everything"})
+    return v.name_completions({**context.scope.instruments, _MASTER_NAME: "everything"})
 
 
 def _read_fade_direction(text: str, *_: Any) -> str:
@@ -207,16 +207,16 @@ def _read_fade_direction(text: str, *_: Any) -> str:
     return text
 
 
-_SHELF: Mapping[str, Text] = {"f": k.HERTZ, "gain": k.GAIN}
+_SHELF_SHAPES: Mapping[str, Text] = {"f": k.HERTZ, "gain": k.GAIN}
 # What is written after a filter, in order.
-_FILTERS: Mapping[str, Mapping[str, Text]] = {
+_FILTER_SHAPES: Mapping[str, Mapping[str, Text]] = {
     "lowpass": {"": k.HERTZ},
     "highpass": {"": k.HERTZ},
-    "lowshelf": _SHELF,
-    "highshelf": _SHELF,
+    "lowshelf": _SHELF_SHAPES,
+    "highshelf": _SHELF_SHAPES,
     "delay": {"time": k.DURATION, "feedback": k.GAIN},
 }
-_EXAMPLES = {
+_FILTER_EXAMPLES = {
     "lowpass": "2kHz",
     "highpass": "80Hz",
     "lowshelf": "200Hz -3dB",
@@ -224,22 +224,24 @@ _EXAMPLES = {
     "delay": "250ms -6dB",
 }
 FILTER_KIND = Value(
-    f"a filter of a route: {', '.join(_FILTERS)}",
+    f"a filter of a route: {', '.join(_FILTER_SHAPES)}",
     _read_filter_kind,
-    lambda _: (Completion(kind, example) for kind, example in _EXAMPLES.items()),
+    lambda _: (Completion(kind, example) for kind, example in _FILTER_EXAMPLES.items()),
 )
 FILTER_FIELDS = Value(
     "a frequency, a shelf such as 200Hz -3dB, a time such as 250ms, or off",
     _read_filter_fields,
     _filter_completions,
 )
-PAN = amounts.quantity_value(k.PAN, "-0.3", (), "a place from -1 (first channel) to 1 (second)")
-SEND = Value(f"a room and a level, such as {_SEND}", _read_send, _send_completions)
+PAN_VALUE = amounts.quantity_value(
+    k.PAN, "-0.3", (), "a place from -1 (first channel) to 1 (second)"
+)
+SEND_VALUE = Value(f"a room and a level, such as {_SEND_EXAMPLE}", _read_send, _send_completions)
 ROOM_NAME = Value(
     "a name of a room", _room_name, lambda context: v.name_completions(context.scope.rooms)
 )
 ROOM_FIELDS = Value("fields, such as t60=2s size=12m", _room_fields, _room_completions)
-FADED = Value("an instrument or master", _read_faded, _faded_completions)
+FADED_VALUE = Value("an instrument or master", _read_faded, _faded_completions)
 FADE_DIRECTION = Value(
     "in or out",
     _read_fade_direction,
@@ -250,37 +252,37 @@ FADE_DIRECTION = Value(
 # fmt: off
 ROUTE_FORM = form("route", "ro", "an instrument sounds from these channels, and no others",
     "route bell 3 4 gain -6dB pan -0.3", route,
-    Slot("name", "INSTRUMENT", s.INSTRUMENT),
-    Slot("channels", "CHANNEL …|nearest", s.CHANNELS, many=True),
-    Slot("gain", "LEVEL", amounts.LEVEL, "gain", optional=True),
-    Slot("pan", "PLACE", PAN, "pan", optional=True))
+    Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    Slot("channels", "CHANNEL …|nearest", s.CHANNELS_VALUE, many=True),
+    Slot("gain", "LEVEL", amounts.LEVEL_VALUE, "gain", optional=True),
+    Slot("pan", "PLACE", PAN_VALUE, "pan", optional=True))
 ROUTE_GAIN_FORM = form("route", "ro", "an instrument has this level where it sounds",
-    "route bell gain -6dB", route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
-    Slot("gain", "LEVEL", amounts.LEVEL, "gain"))
+    "route bell gain -6dB", route, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    Slot("gain", "LEVEL", amounts.LEVEL_VALUE, "gain"))
 ROUTE_PAN_FORM = form("route", "ro", "an instrument sounds from here between its two channels",
-    "route bell pan -0.3", route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
-    Slot("pan", "PLACE", PAN, "pan"))
+    "route bell pan -0.3", route, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    Slot("pan", "PLACE", PAN_VALUE, "pan"))
 PAN_FORM = form("pan", "pan", "an instrument sounds from here between its two channels",
-    "pan bell -0.3", route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
-    Slot("pan", "PLACE", PAN))
+    "pan bell -0.3", route, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    Slot("pan", "PLACE", PAN_VALUE))
 MOVE_PAN_FORM = form("pan", "pan", "an instrument moves to here between its two channels",
-    "pan bell 0.8 over 4bar", MovePan, Slot("name", "INSTRUMENT", s.INSTRUMENT),
-    Slot("pan", "PLACE", PAN), Slot("over", "LENGTH", amounts.LENGTH, "over"))
+    "pan bell 0.8 over 4bar", MovePan, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    Slot("pan", "PLACE", PAN_VALUE), Slot("over", "LENGTH", amounts.LENGTH_VALUE, "over"))
 FILTER_FORM = form("filter", "fil", "a filter or a delay on what is heard; off: without",
     "filter bell lowpass 2kHz", filtered,
-    Slot("name", "INSTRUMENT", s.INSTRUMENT),
+    Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
     Slot("kind", "lowpass|highpass|lowshelf|highshelf|delay", FILTER_KIND),
     Slot("fields", "VALUE [LEVEL]|off", FILTER_FIELDS, many=True))
 SEND_FORM = form("route", "ro", "an instrument sounds in a room too",
-    "route bell send hall -12dB", route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
-    Slot("send", "ROOM LEVEL", SEND, "send", many=True))
+    "route bell send hall -12dB", route, Slot("name", "INSTRUMENT", s.INSTRUMENT_VALUE),
+    Slot("send", "ROOM LEVEL", SEND_VALUE, "send", many=True))
 ROOM_FORM = form("room", "roo", "adds a room that routes send to, or changes one",
     "room hall t60=2s size=12m", Room,
     Slot("name", "NAME", ROOM_NAME),
     Slot("fields", "FIELD=VALUE …", ROOM_FIELDS, many=True))
 FADE_FORM = form("fade", "fa", "fades an instrument or everything in or out",
     "fade bell out over 8bar", fade,
-    Slot("name", "INSTRUMENT|master", FADED),
+    Slot("name", "INSTRUMENT|master", FADED_VALUE),
     Slot("way", "in|out", FADE_DIRECTION),
-    Slot("over", "LENGTH", amounts.LENGTH, "over"))
+    Slot("over", "LENGTH", amounts.LENGTH_VALUE, "over"))
 # fmt: on

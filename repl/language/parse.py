@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language.block_values import defaults, setting, variants
+from ergon.repl.language.block_values import defaults, parse_setting, variants
 from ergon.repl.language.blocks import DefineBlock
 from ergon.repl.language.commands import BlockCommand, Command
 from ergon.repl.language.grammar import read_command
 from ergon.repl.language.library import Use
-from ergon.repl.language.lines import Line, lines
+from ergon.repl.language.lines import Line, submitted_lines
 from ergon.repl.language.matter import Build, Takes
 from ergon.repl.language.phrases import DefinePhrase
 from ergon.repl.language.playing import Define
@@ -26,9 +26,9 @@ MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered a
 def parse(submitted_text: str, scope: Scope) -> tuple[Command, ...]:
     """The commands of a submitted text; none for comments and blank lines. Raises Refusal."""
     try:
-        return tuple(_commands(submitted_text, scope))
+        return tuple(_commands_of_lines(submitted_text, scope))
     except TextError as error:
-        try_ = _corrected(submitted_text, scope, error)
+        try_ = _corrected_text(submitted_text, scope, error)
         message = error.message
         if error.suggestion and try_ is None:
             message += f"; did you mean {quote(error.suggestion)}?"
@@ -40,15 +40,15 @@ def parse(submitted_text: str, scope: Scope) -> tuple[Command, ...]:
 def first_error(submitted_text: str, scope: Scope) -> TextError | None:
     """The first mistake of a text; None where it is accepted."""
     try:
-        for _ in _commands(submitted_text, scope):
+        for _ in _commands_of_lines(submitted_text, scope):
             pass
     except TextError as error:
         return error
     return None
 
 
-def _commands(text: str, scope: Scope) -> Iterator[Command]:
-    for line in lines(text):
+def _commands_of_lines(text: str, scope: Scope) -> Iterator[Command]:
+    for line in submitted_lines(text):
         command_read = read_command(line, scope)
         if command_read is None:
             continue
@@ -63,7 +63,7 @@ def parse_block_line(line_text: str, scope: Scope) -> Command:
     try:
         commands = [
             command
-            for line in lines(line_text)
+            for line in submitted_lines(line_text)
             if (command := _block_command(line, 0, scope)) is not None
         ]
         if len(commands) != 1:
@@ -83,8 +83,8 @@ def _check_block(defined_block: DefineBlock, scope: Scope) -> None:
         raise TextError(message, offset=word.start, length=len(defined_block.name))
     lines_word = defined_block.words["lines"]
     values_by_name = defaults(defined_block.lines)
-    for block_line in lines(lines_word.text):
-        if setting(block_line.text) is not None:
+    for block_line in submitted_lines(lines_word.text):
+        if parse_setting(block_line.text) is not None:
             continue
         if "$" in block_line.text:
             scope = _check_variants(block_line, lines_word.start, values_by_name, scope)
@@ -157,7 +157,7 @@ def _scope_after_strikes(scope: Scope, strikes_read: StrikeModules) -> Scope:
     return with_name(scope, "strikes", strikes_read.name)
 
 
-def _corrected(submitted_text: str, scope: Scope, error: TextError) -> str | None:
+def _corrected_text(submitted_text: str, scope: Scope, error: TextError) -> str | None:
     """The text with every suggestion applied; None if that is not accepted either."""
     for _ in range(MAX_CORRECTIONS):
         if error.suggestion is None:

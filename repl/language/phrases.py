@@ -15,13 +15,13 @@ from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, When
 from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope, playable
-from ergon.repl.language.striking import NAMED, check_options, strikes
+from ergon.repl.language.striking import NAMED_VALUE, check_options, strikes
 from ergon.repl.language.transforming import split_at_do, transform_offers
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.words import parse_strikes
-from ergon.scores.reading.melody import MAX_CHORD, PHRASE_ENTRY
+from ergon.scores.reading.melody import MAX_CHORD, PHRASE_ENTRY_RECORD
 from ergon.scores.reading.phrase_do import split_do
-from ergon.scores.reading.strike_tables import STRIKES
+from ergon.scores.reading.strike_tables import STRIKES_RECORD
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +36,14 @@ class DefinePhrase(BlockCommand):
     to: str | None = None
 
 
-_OPTIONS = {"every": "2bar", "times": "4", "until": "C", "transpose": "3st"}
-_IMPULSE = re.compile(r"[-+.0-9]")  # no note and no module begins with these
+_OPTION_EXAMPLES = {"every": "2bar", "times": "4", "until": "C", "transpose": "3st"}
+_IMPULSE_PATTERN = re.compile(r"[-+.0-9]")  # no note and no module begins with these
 _ENTRIES_MAX = 1_000  # entries of a line
 
 Entry = Mapping[str, str]  # `at`, `what` and `impulse`, as texts
 
 
-def _entries(entries_text: str, *_: Any) -> tuple[Entry, ...]:
+def _parse_entries(entries_text: str, *_: Any) -> tuple[Entry, ...]:
     """Entries separated by commas: the time after the beginning, what is struck, and the
     impulse.
     """
@@ -54,7 +54,7 @@ def _entries(entries_text: str, *_: Any) -> tuple[Entry, ...]:
         if not slot_words:
             message = "an entry is missing: write for instance 0 C4 1mNs, 1/2 E4"
             raise TextError(message, offset=entry_start)
-        phrase_entries.append(_entry(slot_words))
+        phrase_entries.append(_parse_entry(slot_words))
         entry_start += len(entry_text) + 1
     if len(phrase_entries) > _ENTRIES_MAX:
         raise TextError(
@@ -63,13 +63,13 @@ def _entries(entries_text: str, *_: Any) -> tuple[Entry, ...]:
     return tuple(phrase_entries)
 
 
-def _entry(words: list[tuple[str, int]]) -> Entry:
+def _parse_entry(words: list[tuple[str, int]]) -> Entry:
     (time_text, time_offset), *struck_words = words
     entry_fields = {"at": time_text}
-    if len(struck_words) > 1 and _IMPULSE.match(struck_words[-1][0]):
+    if len(struck_words) > 1 and _IMPULSE_PATTERN.match(struck_words[-1][0]):
         entry_fields["impulse"] = struck_words[-1][0]
-        v.check_word(PHRASE_ENTRY, "impulse", *struck_words.pop())
-    v.check_word(PHRASE_ENTRY, "at", time_text, time_offset)
+        v.check_word(PHRASE_ENTRY_RECORD, "impulse", *struck_words.pop())
+    v.check_word(PHRASE_ENTRY_RECORD, "at", time_text, time_offset)
     if not 1 <= len(struck_words) <= MAX_CHORD:
         message = "what is struck is missing: write for instance 1/2 E4 G4 1mNs"
         raise TextError(message, offset=time_offset, length=len(time_text))
@@ -80,7 +80,7 @@ def _entry(words: list[tuple[str, int]]) -> Entry:
     return {**entry_fields, "what": " ".join(word for word, _ in struck_words)}
 
 
-def _name(phrase_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _phrase_name(phrase_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
     v.check_new_name(phrase_name)
     for name_kind in ("gesture", "take", "player", "instrument", "key"):
         if phrase_name in getattr(scope, f"{name_kind}s"):
@@ -97,7 +97,7 @@ def _read_played(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[
     if first not in scope.phrases:  # the previous form reports mistakes in modules
         raise TextError(f"{quote(first)} is not a phrase", length=len(first))
     text_before, do = split_at_do(slot_text)
-    placed_words, placed_options = parse_strikes(text_before, _OPTIONS)
+    placed_words, placed_options = parse_strikes(text_before, _OPTION_EXAMPLES)
     if len(placed_words) > 1:
         message = (
             f"{quote(placed_words[1].text)} does not belong here: one phrase is played at a time"
@@ -123,7 +123,7 @@ def _read_played(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[
     return strike_fields
 
 
-def _offers(context: CompletionContext) -> Iterator[Completion]:
+def _completions(context: CompletionContext) -> Iterator[Completion]:
     last_word = context.before[-1] if context.before else ""
     if not context.before:
         yield from v.name_completions(context.scope.phrases)
@@ -132,12 +132,12 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
     elif "do" in context.before:
         yield from v.transform_completions(context)
         yield from transform_offers(context.before[context.before.index("do") + 1 :])
-    elif last_word in _OPTIONS:
-        yield Completion(_OPTIONS[last_word], STRIKES.by_name[last_word].doc)
+    elif last_word in _OPTION_EXAMPLES:
+        yield Completion(_OPTION_EXAMPLES[last_word], STRIKES_RECORD.by_name[last_word].doc)
     else:
-        for name in (*_OPTIONS, "do"):
+        for name in (*_OPTION_EXAMPLES, "do"):
             if name not in context.before:
-                yield Completion(name, STRIKES.by_name[name].doc)
+                yield Completion(name, STRIKES_RECORD.by_name[name].doc)
 
 
 def _entry_offers(context: CompletionContext) -> Iterator[Completion]:
@@ -147,7 +147,7 @@ def _entry_offers(context: CompletionContext) -> Iterator[Completion]:
         step_words = [] if word.endswith(",") else [*step_words, word]
     if not context.before:
         yield Completion("0", "when, what, how strongly")
-    elif len(step_words) == 1 or (step_words and not _IMPULSE.match(step_words[-1])):
+    elif len(step_words) == 1 or (step_words and not _IMPULSE_PATTERN.match(step_words[-1])):
         yield from v.struck_completions(context)
 
 
@@ -160,19 +160,19 @@ def _read_struck(struck_path: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 
 NEW_PHRASE = Value(
-    "a name for the phrase", _name, lambda context: v.name_completions(context.scope.phrases)
+    "a name for the phrase", _phrase_name, lambda context: v.name_completions(context.scope.phrases)
 )
-ENTRIES = Value(
+ENTRIES_VALUE = Value(
     "entries, such as 0 C4 1mNs, 1/2 E4 G4",
-    _entries,
+    _parse_entries,
     _entry_offers,
 )
-TO = Value(
+TO_VALUE = Value(
     "an instrument whose notes are struck",
     _read_struck,
     lambda context: v.name_completions(playable(context.scope)),
 )
-PLAYED = Value("a phrase, and how it is repeated", _read_played, _offers)
+PLAYED_VALUE = Value("a phrase, and how it is repeated", _read_played, _completions)
 
 
 def define_phrase(
@@ -191,13 +191,13 @@ def define_phrase(
 # fmt: off
 PHRASE_STRIKES_FORM = form("strikes", "str", "plays a phrase on what it strikes",
     "hook strikes tune transpose 3st", strikes,
-    Slot("name", "NAME", NAMED),
+    Slot("name", "NAME", NAMED_VALUE),
     Slot("fields", "PHRASE [every LENGTH] [times N] [transpose Nst] [do …]",
-    PLAYED, many=True), subject=True)
+    PLAYED_VALUE, many=True), subject=True)
 PHRASE_FORM = form("phrase", "ph", "defines or redefines a phrase: when, what, how strongly",
     "phrase tune 0 C4, 1/2 E4 to bell", define_phrase,
     Slot("name", "NAME", NEW_PHRASE),
-    Slot("entries", "TIME NOTE … [IMPULSE], …", ENTRIES, many=True),
-    Slot("to", "INSTRUMENT", TO, "to", optional=True),
-    Slot("length", "LENGTH", amounts.LENGTH, "length", optional=True))
+    Slot("entries", "TIME NOTE … [IMPULSE], …", ENTRIES_VALUE, many=True),
+    Slot("to", "INSTRUMENT", TO_VALUE, "to", optional=True),
+    Slot("length", "LENGTH", amounts.LENGTH_VALUE, "length", optional=True))
 # fmt: on

@@ -16,10 +16,10 @@ from ergon.repl.language.forms import PLAYER_SLOT, Slot, form
 from ergon.repl.language.scope import Scope
 from ergon.scores.edits.entries import Entry, entry_of_play
 from ergon.scores.gesture.notation import Notation
-from ergon.scores.gesture.transforms import ARGUMENTS, ARITY
+from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, ARITY
 from ergon.scores.pattern import words as play_words
 from ergon.scores.pattern.turn_chain import Change
-from ergon.scores.reading.part import PLAY, SHAPES
+from ergon.scores.reading.part import OPTION_SHAPES, PLAY_RECORD
 from ergon.scores.reading.playing import PlayingOptions
 from ergon.scores.reading.playing_options import OptionValues, playing_options
 
@@ -77,7 +77,7 @@ class ParsedPlay:
     written: play_words.PlayWords
 
 
-def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> ParsedPlay:
+def _read_play(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> ParsedPlay:
     gesture_names: list[play_words.Word] = []
 
     def called(word: str, at: int) -> str:
@@ -86,7 +86,7 @@ def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Parsed
 
     parsed = play_words.parse(slot_text, called=called)
     for played in gesture_names or [parsed.what]:
-        _with_offset(played.offset, v.PLAYED, played.text, scope)
+        _with_offset(played.offset, v.PLAYED_VALUE, played.text, scope)
     play_options = {}
     for option_name, option_word in parsed.options.items():
         if option_name in _SCORE_ONLY:
@@ -94,7 +94,7 @@ def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Parsed
                 _SCORE_ONLY[option_name], offset=option_word.offset, length=len(option_word.text)
             )
         play_options[option_name] = _with_offset(
-            option_word.offset, _value(option_name), option_word.text, scope
+            option_word.offset, _option_value(option_name), option_word.text, scope
         )
     return ParsedPlay(" ".join(parsed.what.text.split()), play_options, parsed.do, parsed)
 
@@ -109,60 +109,62 @@ def _with_offset(word_offset: int, value: v.Value, text: str, scope: Scope) -> A
 
 def _by_example(option: str) -> v.Value:
     """A value whose completion is its example."""
-    shape, example = SHAPES[option], play_words.OPTIONS[option] or ""
+    shape, example = OPTION_SHAPES[option], play_words.OPTION_EXAMPLES[option] or ""
     assert isinstance(shape, Text), option
-    parse, offered = shape.parse, v.Completion(example, PLAY.by_name[option].doc)
+    parse, offered = shape.parse, v.Completion(example, PLAY_RECORD.by_name[option].doc)
     return v.Value(shape.what, lambda text, *_: parse(text), lambda _: (offered,))
 
 
 # Values that a line checks or completes better than the table of a part: marks and completions.
 _OPTION_VALUES = {
-    "at": amounts.POSITION,
-    "until": amounts.POSITION,
-    "every": amounts.LENGTH,
-    "times": amounts.TIMES,
+    "at": amounts.POSITION_VALUE,
+    "until": amounts.POSITION_VALUE,
+    "every": amounts.LENGTH_VALUE,
+    "times": amounts.TIMES_VALUE,
     **{name: _by_example(name) for name in ("chance", "euclid", "swing", "skip")},
 }
 
 
-def _value(option: str) -> v.Value:
+def _option_value(option: str) -> v.Value:
     if option in _OPTION_VALUES:
         return _OPTION_VALUES[option]
-    shape = SHAPES[option]
+    shape = OPTION_SHAPES[option]
     assert isinstance(shape, Text), option
     return amounts.dimension_value(shape)
 
 
-def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
+def _completions(context: v.CompletionContext) -> Iterator[v.Completion]:
     """Completions: after an option its values, else options and transformations."""
     if not context.before:
-        yield from v.PLAYED.completions(context)
+        yield from v.PLAYED_VALUE.completions(context)
         return
     last_word = context.before[-1]
-    if play_words.OPTIONS.get(last_word) is not None and last_word not in _SCORE_ONLY:
-        shape = SHAPES.get(last_word)
+    if play_words.OPTION_EXAMPLES.get(last_word) is not None and last_word not in _SCORE_ONLY:
+        shape = OPTION_SHAPES.get(last_word)
         choices = shape.choices if isinstance(shape, Text) else ()
         if choices:
             yield from (v.Completion(str(word), f"how '{last_word}' is") for word in choices)
         else:
-            yield from _value(last_word).completions(context)
+            yield from _option_value(last_word).completions(context)
         return
     if last_word not in ("do", ",") and not ARITY.get(last_word):
         for option, hint in OPTION_HINTS.items():
             if option not in context.before:
                 yield v.Completion(option, hint)
-    if not any(word in (*play_words.OPTIONS, "do", *ARITY) for word in context.before):
-        yield from v.PLAYED.completions(context)
-    if last_word.endswith(",") or last_word in ("do", *ARGUMENTS):
+    if not any(word in (*play_words.OPTION_EXAMPLES, "do", *ARITY) for word in context.before):
+        yield from v.PLAYED_VALUE.completions(context)
+    if last_word.endswith(",") or last_word in ("do", *ARGUMENT_COUNTS):
         yield from v.play_transform_completions(context)
     else:
         yield from v.transform_completions(context)
 
 
 # The options of `plays`, each with a line of help.
-_SCORE_FIELDS = (*_SCORE_ONLY, "at", play_words.NTH)
-OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _SCORE_FIELDS}
-PLAYING = v.Value("a gesture or a take", _read, _offers)
+_SCORE_FIELDS = (*_SCORE_ONLY, "at", play_words.NTH_OPTION)
+OPTION_HINTS = {
+    name: PLAY_RECORD.by_name[name].doc for name in OPTION_SHAPES if name not in _SCORE_FIELDS
+}
+PLAYING_VALUE = v.Value("a gesture or a take", _read_play, _completions)
 
 
 def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) -> Plays:
@@ -170,17 +172,19 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
     play_options = dict(play.options)
     words_by_field = {
         "player": words["player"],
-        "what": _word(play.written.what, words["play"]),
+        "what": _option_word(play.written.what, words["play"]),
     }
     words_by_field |= {
-        name: _word(word, words["play"]) for name, word in play.written.options.items()
+        name: _option_word(word, words["play"]) for name, word in play.written.options.items()
     }
     if when is not None:
         words_by_field["when"] = words["when"]
     if play.do:
         text = words["play"].text
         chain = ", ".join(text[t.offset : t.offset + t.length] for t in play.do)
-        words_by_field["do"] = _word(play_words.Word(chain, play.do[0].offset), words["play"])
+        words_by_field["do"] = _option_word(
+            play_words.Word(chain, play.do[0].offset), words["play"]
+        )
     written_position: Position | None = play_options.pop("at", None)
     if written_position is not None and when is not None:
         message = "this line says twice when it begins: keep one"
@@ -209,29 +213,29 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
 def _part_text(words_by_field: Mapping[str, Word], parsed_play: ParsedPlay) -> str:
     """The text of an entry of a part: what is played and how, without the time."""
     options = [name for name in parsed_play.written.options if name != "at"]
-    flags = [name for name in options if play_words.OPTIONS.get(name, "") is None]
-    words = {play_words.NTH: "every"}
+    flags = [name for name in options if play_words.OPTION_EXAMPLES.get(name, "") is None]
+    words = {play_words.NTH_OPTION: "every"}
     values = [f"{words.get(n, n)} {words_by_field[n].text}" for n in options if n not in flags]
     chain = [f"do {words_by_field['do'].text}"] if parsed_play.do else []
     return " ".join([parsed_play.what, *values, *flags, *chain])
 
 
-def _word(word: play_words.Word, play: Word) -> Word:
+def _option_word(word: play_words.Word, play: Word) -> Word:
     start = play.start + word.offset
     return Word(word.text, start, start + len(word.text))
 
 
 # fmt: off
-_PLAY = "NAME … [from TIME] [every LENGTH] [times N] [until WHERE] [chance P] [do …] [touch …]"
+_PLAY_FORM = "NAME … [from TIME] [every LENGTH] [times N] [until WHERE] [chance P] [do …] [touch …]"
 PLAYS_FORM = form("plays", "p", "the player plays a gesture, take or pattern from here on",
     "ada plays knock every 1 times 8", plays,
-    PLAYER_SLOT, Slot("play", _PLAY, PLAYING, many=True), subject=True)
+    PLAYER_SLOT, Slot("play", _PLAY_FORM, PLAYING_VALUE, many=True), subject=True)
 DO_FORM = form("do", "d", "transforms further what the player plays",
     "ada do scale 1.2, mirror", Do,
     Slot("player", "PLAYER", v.DOING_PLAYER),
-    Slot("do", "TRANSFORMATION, …", v.DO, many=True), subject=True)
+    Slot("do", "TRANSFORMATION, …", v.DO_VALUE, many=True), subject=True)
 DEFINE_FORM = form("=", "=", "defines or redefines a gesture, also while it sounds",
     "knock = 0@0 smooth 7@1/8 smooth 0@1/4", Define,
     Slot("name", "NAME", v.GESTURE_NAME),
-    Slot("notation", "NOTATION", v.NOTATION, many=True), subject=True)
+    Slot("notation", "NOTATION", v.NOTATION_VALUE, many=True), subject=True)
 # fmt: on

@@ -61,5 +61,5 @@ RECORD_AUDIO_OFF_FORM = form("record", "rec", "ends the file of what is heard", 
     record_audio, Slot("", "", None, "audio"), OFF_SLOT, timed=False)
 RECORD_AUDIO_FORM = form("record", "rec", "records what is heard in a file",
     "record audio evening.wav", record_audio, Slot("", "", None, "audio"),
-    Slot("file", "FILE", v.FILE), timed=False)
+    Slot("file", "FILE", v.FILE_VALUE), timed=False)
 # fmt: on

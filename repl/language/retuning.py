@@ -28,33 +28,39 @@ class Retune(Command):
     over: Length | None
 
 
-_WORD = re.compile(r"\S+")
-_EXAMPLES = {"edo": "19", "A4": "442Hz", "scale": "tune.scl", "keys": "tune.kbm", "root": "D4"}
+_WORD_PATTERN = re.compile(r"\S+")
+_FIELD_EXAMPLES = {
+    "edo": "19",
+    "A4": "442Hz",
+    "scale": "tune.scl",
+    "keys": "tune.kbm",
+    "root": "D4",
+}
 _OFF_WORD = "off"
 
 
-def _tunings(scope: Scope) -> dict[str, str]:
+def _tunable_names(scope: Scope) -> dict[str, str]:
     """What may be tuned: the score, and every instrument as a whole, each with a hint."""
     names = scope.instruments
     instruments = [name for name in names if name.rpartition(".")[0] not in names]
     return {"tuning": "of the score"} | {f"{name}.tuning": names[name] for name in instruments}
 
 
-def _target(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    known = _tunings(scope)
+def _read_target(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    known = _tunable_names(scope)
     if slot_text not in known:
         raise v.unknown_name(slot_text, "a tuning", tuple(known))
     return slot_text
 
 
-def _targets(context: v.CompletionContext) -> Iterator[v.Completion]:
-    for target, hint in _tunings(context.scope).items():
+def _target_completions(context: v.CompletionContext) -> Iterator[v.Completion]:
+    for target, hint in _tunable_names(context.scope).items():
         yield v.Completion(target, f"the tuning {hint}" if target == "tuning" else hint)
 
 
-def _fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str]:
+def _read_fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str]:
     """The fields of a tuning; none for `off`. Raises TextError."""
-    placed_words = [(match.start(), match.group()) for match in _WORD.finditer(slot_text)]
+    placed_words = [(match.start(), match.group()) for match in _WORD_PATTERN.finditer(slot_text)]
     if slot_text.strip() == _OFF_WORD:
         return {}
     for field_name, pattern in TUNING.lone.items():
@@ -76,8 +82,8 @@ def _fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str
     if len(placed_words) % 2:
         name_offset, field_name = placed_words[-1]
         example = (
-            f"{field_name} {_EXAMPLES[field_name]}"
-            if field_name in _EXAMPLES
+            f"{field_name} {_FIELD_EXAMPLES[field_name]}"
+            if field_name in _FIELD_EXAMPLES
             else "edo 19, A4 442Hz or off"
         )
         message = f"a value is missing after {quote(field_name)}, such as {example}"
@@ -85,10 +91,10 @@ def _fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str
     return tuning_fields
 
 
-def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
+def _completions(context: v.CompletionContext) -> Iterator[v.Completion]:
     if len(context.before) % 2:
-        if (field_name := context.before[-1]) in _EXAMPLES:
-            yield v.Completion(_EXAMPLES[field_name], TUNING.by_name[field_name].doc)
+        if (field_name := context.before[-1]) in _FIELD_EXAMPLES:
+            yield v.Completion(_FIELD_EXAMPLES[field_name], TUNING.by_name[field_name].doc)
         return
     for field_name, field in TUNING.by_name.items():
         if field_name not in context.before:
@@ -97,8 +103,10 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         yield v.Completion(_OFF_WORD, "the tuning of the score, or equal steps")
 
 
-TARGET = v.Value("the tuning of an instrument, or of the score", _target, _targets)
-FIELDS = v.Value("a tuning, such as edo 19", _fields, _offers)
+TARGET_VALUE = v.Value(
+    "the tuning of an instrument, or of the score", _read_target, _target_completions
+)
+FIELDS_VALUE = v.Value("a tuning, such as edo 19", _read_fields, _completions)
 
 
 def retune(
@@ -116,7 +124,7 @@ def retune(
 # fmt: off
 SET_TUNING_FORM = form("set", "set", "another tuning for an instrument, or for the score",
     "set bell.tuning edo 19", retune,
-    Slot("target", "INSTRUMENT.tuning|tuning", TARGET),
-    Slot("fields", "edo N|A4 HERTZ|scale FILE [keys FILE]|off …", FIELDS,
+    Slot("target", "INSTRUMENT.tuning|tuning", TARGET_VALUE),
+    Slot("fields", "edo N|A4 HERTZ|scale FILE [keys FILE]|off …", FIELDS_VALUE,
     many=True), OVER_SLOT)
 # fmt: on

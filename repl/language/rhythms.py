@@ -10,15 +10,21 @@ from ergon.repl.language import values as v
 from ergon.repl.language.commands import When
 from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope, playable
-from ergon.repl.language.striking import NAMED, DoStrikes, StrikeModules, check_options, with_level
+from ergon.repl.language.striking import (
+    NAMED_VALUE,
+    DoStrikes,
+    StrikeModules,
+    check_options,
+    with_level,
+)
 from ergon.repl.language.transforming import split_at_do, transform_offers, transforms
 from ergon.repl.language.values import Completion, CompletionContext, Value
-from ergon.scores.edits.transformed import NONE
+from ergon.scores.edits.transformed import NO_TRANSFORMS
 from ergon.scores.pattern.struck import name_of, notes_of
 from ergon.scores.pattern.words import parse_strikes
-from ergon.scores.reading.rhythms import HERE, check_text, compiled, level_of
+from ergon.scores.reading.rhythms import ANY_WORD, check_text, compiled_rhythm, level_of
 
-_OPTIONS = {
+_OPTION_EXAMPLES = {
     "to": "bell",
     "impulse": "f",
     "cycle": "1bar",
@@ -29,7 +35,7 @@ _OPTIONS = {
 }
 
 
-def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_rhythm(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes with a rhythm, as texts; the form is tried for quotes alone."""
     quote_end = slot_text.find('"', 1)
     if quote_end < 0:
@@ -41,7 +47,7 @@ def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mappin
         quote_end + 1,
     )
     before, do = split_at_do(text_after)
-    placed_words, placed_options = parse_strikes(before, _OPTIONS)
+    placed_words, placed_options = parse_strikes(before, _OPTION_EXAMPLES)
     placed_words, placed_options = with_level(placed_words, placed_options, ())
     try:
         if placed_words:
@@ -49,7 +55,7 @@ def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mappin
                 f"{quote(placed_words[0].text)} does not belong here: after the rhythm come "
                 "levels, "
             )
-            message += f"such as f, and {', '.join(_OPTIONS)}, do"
+            message += f"such as f, and {', '.join(_OPTION_EXAMPLES)}, do"
             raise TextError(
                 message, offset=placed_words[0].offset, length=len(placed_words[0].text)
             )
@@ -84,9 +90,9 @@ def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mappin
 
 def _check_words(text: str, to: str, scope: Scope, *, is_sure: bool) -> None:
     """Refuse words that name nothing, and those that need a level. Raises TextError."""
-    for struck_leaf in compiled(text, "").leaves:
+    for struck_leaf in compiled_rhythm(text, "").leaves:
         instrument_name = name_of(struck_leaf)
-        if notes_of(instrument_name) or instrument_name == HERE:
+        if notes_of(instrument_name) or instrument_name == ANY_WORD:
             if to:
                 instrument_name = to
             else:
@@ -111,7 +117,7 @@ def _check_words(text: str, to: str, scope: Scope, *, is_sure: bool) -> None:
             raise error
 
 
-def _offers(context: CompletionContext) -> Iterator[Completion]:
+def _completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
         yield Completion('"', 'a rhythm in quotes, such as "kick*4, ~ snare"')
         return
@@ -119,27 +125,27 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
         return
     if "do" in context.before:
         yield from transform_offers(context.before[context.before.index("do") + 1 :])
-    elif context.before[-1] in _OPTIONS:
-        yield Completion(_OPTIONS[context.before[-1]], "")
+    elif context.before[-1] in _OPTION_EXAMPLES:
+        yield Completion(_OPTION_EXAMPLES[context.before[-1]], "")
     else:
-        names = (*_OPTIONS, "do")
+        names = (*_OPTION_EXAMPLES, "do")
         yield from (Completion(name, "") for name in names if name not in context.before)
 
 
 def _read_do(text: str, scope: Scope, slots: Mapping[str, Any]) -> str:
     if slots["name"] in scope.players:  # the form before reads it
         raise TextError(f"{quote(slots['name'])} is a player", length=1)
-    return text if text == NONE else transforms(text, 0, "x")
+    return text if text == NO_TRANSFORMS else transforms(text, 0, "x")
 
 
 def _offers_do(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
-        yield Completion(NONE, "ends all transformations")
+        yield Completion(NO_TRANSFORMS, "ends all transformations")
     yield from transform_offers(context.before)
 
 
-RHYTHM = Value('a rhythm in quotes, such as "kick*4"', _read, _offers)
-DO = Value("transformations, such as every 4 rev", _read_do, _offers_do)
+RHYTHM_VALUE = Value('a rhythm in quotes, such as "kick*4"', _read_rhythm, _completions)
+DO_VALUE = Value("transformations, such as every 4 rev", _read_do, _offers_do)
 
 
 def rhythm(name: str, fields: Mapping[str, str], *, when: When, words: Words) -> StrikeModules:
@@ -151,11 +157,11 @@ def rhythm(name: str, fields: Mapping[str, str], *, when: When, words: Words) ->
 DO_STRIKES_FORM = form("do", "d", "transforms further what strikes play; `none` ends that",
     "rain do every 4 rev, ply 2", DoStrikes,
     Slot("name", "NAME", v.DOING_STRIKES),
-    Slot("do", "TRANSFORMATION, …|none", DO, many=True), subject=True)
+    Slot("do", "TRANSFORMATION, …|none", DO_VALUE, many=True), subject=True)
 RHYTHM_FORM = form("=", "=", "plays a rhythm again and again, from here on",
     'd1 = "bell*2 ~ bell" 2mNs', rhythm,
-    Slot("name", "NAME", NAMED),
+    Slot("name", "NAME", NAMED_VALUE),
     Slot("fields", '"RHYTHM" [LEVEL …] [to INSTRUMENT] [cycle LENGTH] [do …] …',
-    RHYTHM, many=True), subject=True,
+    RHYTHM_VALUE, many=True), subject=True,
     quoted=True)
 # fmt: on

@@ -9,14 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from ergon.instruments.model import Form, Instrument, Module
-from ergon.instruments.module_kinds import HOLDERS, KINDS
+from ergon.instruments.module_kinds import KINDS, POINT_KINDS
 from ergon.instruments.spread import GAP
-from ergon.instruments.transpose import TRANSPOSITION
+from ergon.instruments.transpose import CENTS_SHAPE
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.scores.edits import families
 from ergon.scores.gesture import space_path
-from ergon.scores.reading.automatable import FACTOR, INTERVAL_OR_FACTOR, PARAMETERS, pitched_module
+from ergon.scores.reading.automatable import (
+    FACTOR,
+    GLIDE_PARAMETERS,
+    INTERVAL_OR_FACTOR,
+    pitched_module,
+)
 from ergon.scores.reading.families import library
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Gesture
@@ -88,7 +93,7 @@ def files_in(folder: Path | None, suffixes: Container[str]) -> list[Path]:
 
 def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
     """The names of a piece, and of the scores in a folder."""
-    unplayed = families.unplayed(piece)
+    unplayed = families.unplayed_instruments(piece)
     return Scope(
         players={p.name: f"{p.hand} hand on {p.key}" for p in piece.players.values()},
         gestures={name: _gesture_hint(gesture) for name, gesture in piece.gestures.items()},
@@ -102,17 +107,17 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
             **{name: "instrument" for name in piece.instruments},
             **{name: f"instrument of {len(notes)} notes" for name, notes in piece.families.items()},
         },
-        targets=dict(_targets(piece)),
+        targets=dict(_target_names(piece)),
         folder=folder,
         available={name: _file_hint(full) for name, full in unplayed.items()},
-        modules={**_modules(piece), **_unplayed_modules(piece, unplayed)},
-        families=_families(piece),
+        modules={**_module_names(piece), **_unplayed_modules(piece, unplayed)},
+        families=_family_names(piece),
         strikes={strikes.name: "strikes" for strikes in piece.strikes},
         rooms={room.name: "room" for room in piece.mix.rooms},
         phrases={name: "phrase" for name in piece.phrases},
         paths=dict.fromkeys(filter(None, map(_path_of, piece.gestures.values())), "path in space"),
-        acts=dict(_acts(piece)),
-        blocks={name: f"block, {_lines(block)}" for name, block in piece.blocks.items()},
+        acts=dict(_act_names(piece)),
+        blocks={name: f"block, {_line_names(block)}" for name, block in piece.blocks.items()},
     )
 
 
@@ -125,7 +130,7 @@ def with_name(scope: Scope, section_name: str, new_name: str) -> Scope:
     return replace(scope, **added)
 
 
-def _families(piece: Piece) -> dict[str, dict[str, str]]:
+def _family_names(piece: Piece) -> dict[str, dict[str, str]]:
     """Families that ship, and those that the score uses."""
     known_families = {
         name: {member.name: member.about for member in members}
@@ -145,23 +150,25 @@ def _file_hint(full: str) -> str:
     return f"instrument of {family}" if family else "instrument of a file"
 
 
-def _modules(piece: Piece) -> dict[str, list[str]]:
+def _module_names(piece: Piece) -> dict[str, list[str]]:
     """The modules with masses of every instrument in the network."""
     parts = {name: piece.instruments.get(name) for name in piece.instruments}
     parts |= {name: piece.instruments.get(members[0]) for name, members in piece.families.items()}
-    return {name: _holders(part) for name, part in parts.items() if part is not None}
+    return {name: _modules_with_masses(part) for name, part in parts.items() if part is not None}
 
 
 def _unplayed_modules(piece: Piece, unplayed: Mapping[str, str]) -> dict[str, list[str]]:
-    return {name: _holders(piece.available[full]) for name, full in unplayed.items()}
+    return {name: _modules_with_masses(piece.available[full]) for name, full in unplayed.items()}
 
 
-def _holders(instrument: Instrument) -> list[str]:
+def _modules_with_masses(instrument: Instrument) -> list[str]:
     """The named modules of an instrument that have masses."""
-    return [module.name for module in instrument.modules if module.name and module.kind in HOLDERS]
+    return [
+        module.name for module in instrument.modules if module.name and module.kind in POINT_KINDS
+    ]
 
 
-def _lines(block: Sequence[str]) -> str:
+def _line_names(block: Sequence[str]) -> str:
     return f"{len(block)} line{'s' if len(block) > 1 else ''}"
 
 
@@ -176,40 +183,42 @@ def _gesture_hint(gesture: Gesture) -> str:
     return f"gesture, {count} point{'s' if count > 1 else ''}"
 
 
-def _acts(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
+def _act_names(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
     names_by_word = {
         name: name for name in (*piece.instruments, *piece.families)
-    } | families.unplayed(piece)
+    } | families.unplayed_instruments(piece)
     for act_name, full in names_by_word.items():
         instrument = piece.playable(full)
         if instrument is not None and instrument.acts:
             yield act_name, tuple(act.name for act in instrument.acts)
 
 
-def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
+def _target_names(piece: Piece) -> Iterator[tuple[str, Text]]:
     """The fields with a quantity of every written module; all members of a module share them."""
     for key in piece.keys.values():
         for part_module in key.modules:
-            yield from _fields(key.name, part_module, "si")
+            yield from _field_names(key.name, part_module, "si")
     for instrument in piece.instruments.values():
         if pitched_module(instrument) is not None:
             yield f"{instrument.name}.f", k.PITCH
-        yield f"{instrument.name}.transpose", TRANSPOSITION
+        yield f"{instrument.name}.transpose", CENTS_SHAPE
         for part_module in instrument.modules:
-            yield from _fields(instrument.name, part_module, instrument.form)
+            yield from _field_names(instrument.name, part_module, instrument.form)
     for family_name, members in piece.families.items():
-        yield f"{family_name}.transpose", TRANSPOSITION
+        yield f"{family_name}.transpose", CENTS_SHAPE
         if (member := piece.instruments.get(members[0])) is not None:
             if pitched_module(member) is not None:
                 yield f"{family_name}.f", INTERVAL_OR_FACTOR
             for part_module in member.modules:
-                yield from _fields(family_name, part_module, member.form)
+                yield from _field_names(family_name, part_module, member.form)
 
 
-def _fields(part: str, written_module: Module, module_form: Form) -> Iterator[tuple[str, Text]]:
+def _field_names(
+    part: str, written_module: Module, module_form: Form
+) -> Iterator[tuple[str, Text]]:
     path = ".".join(filter(None, (part, written_module.name)))
     if written_module.kind == "BANK":  # each member has its own
-        yield from ((f"{path}.{name}", FACTOR) for name in PARAMETERS["BANK"])
+        yield from ((f"{path}.{name}", FACTOR) for name in GLIDE_PARAMETERS["BANK"])
     for field_ in KINDS[written_module.kind].tables[module_form].fields:
         shape = k.POSITION if field_.shape is GAP else field_.shape  # one for all of its points
         if isinstance(shape, Text) and shape in QUANTITIES and field_.name not in _INITIAL_FIELDS:

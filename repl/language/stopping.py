@@ -44,7 +44,7 @@ REST_FORM = form("rest", "res", "the player finishes this gesture and begins no 
     "rest ada", Rest, Slot("player", "PLAYER|all", v.PLAYER_OR_ALL))
 HUSH_FORM = form("hush", "hu", "all hands lift; what sounds rings out", "hush", Hush)
 DAMP_FORM = form("damp", "d", "adds viscosity everywhere until all is silent",
-    "damp 3s", Damp, Slot("time", "TIME", amounts.DURATION))
+    "damp 3s", Damp, Slot("time", "TIME", amounts.DURATION_VALUE))
 PANIC_FORM = form("panic", "pa", "silence at once, no force on any key",
     "panic", Panic, timed=False)
 RELEASE_FORM = form("release", "rele", "switches sound and forces on again, after a stop",

@@ -21,7 +21,7 @@ from ergon.scores.pattern.words import Word as PlacedWord
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.automatable import amount_reader
 from ergon.scores.reading.rhythms import words_of
-from ergon.scores.reading.strike_tables import STRIKES
+from ergon.scores.reading.strike_tables import STRIKES_RECORD
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,9 @@ class StrikeModules(BlockCommand):
 
 
 # `OPTIONS` has each option of `strikes` with an example.
-_LOUD = "1mNs"  # the impulse of notes of an instrument that does not say how it is played
+_DEFAULT_IMPULSE = (
+    "1mNs"  # the impulse of notes of an instrument that does not say how it is played
+)
 OPTIONS = {
     "every": "1/2",
     "rate": "0.5Hz",
@@ -69,7 +71,7 @@ OPTIONS = {
 }
 
 
-def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_strikes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of the strikes, as texts."""
     first_word = slot_text.split()[0]
     if first_word in scope.phrases and first_word not in playable(
@@ -105,11 +107,11 @@ def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mappin
     return {
         "to": to,
         **{name: word.text for name, word in placed_options.items()},
-        **_do(slot_text, do),
+        **_transforms_field(slot_text, do),
     }
 
 
-def _do(text: str, start: int | None) -> dict[str, str]:
+def _transforms_field(text: str, start: int | None) -> dict[str, str]:
     """The field of the transformations that begin at `start`, if there are any."""
     return {} if start is None else {"do": transforms(text[start:], start, "x")}
 
@@ -139,24 +141,24 @@ def with_level(
 def check_options(options: Mapping[str, PlacedWord], scope: Scope) -> None:
     """Check the values of options. Raises TextError."""
     for name, option_word in options.items():
-        shape = amounts.POSITION if name == "until" else STRIKES.by_name[name].shape
+        shape = amounts.POSITION_VALUE if name == "until" else STRIKES_RECORD.by_name[name].shape
         try:
             if isinstance(shape, Text):
                 shape.parse(option_word.text)
             else:
-                amounts.POSITION.read(option_word.text, scope, {})
+                amounts.POSITION_VALUE.read(option_word.text, scope, {})
         except TextError as error:
             error.offset += option_word.offset
             raise
 
 
-def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
+def _completions(context: v.CompletionContext) -> Iterator[v.Completion]:
     last_word = context.before[-1] if context.before else ""
     if "do" in context.before:
         yield from transform_offers(context.before[context.before.index("do") + 1 :])
         return
     if last_word in OPTIONS:
-        yield v.Completion(OPTIONS[last_word].split()[0], STRIKES.by_name[last_word].doc)
+        yield v.Completion(OPTIONS[last_word].split()[0], STRIKES_RECORD.by_name[last_word].doc)
         return
     if context.before and context.before[0] in context.scope.phrases:
         return
@@ -165,12 +167,12 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
     if context.before:
         for name in OPTIONS:
             if name not in context.before:
-                yield v.Completion(name, STRIKES.by_name[name].doc)
+                yield v.Completion(name, STRIKES_RECORD.by_name[name].doc)
         if any(word in OPTIONS for word in context.before):
-            yield v.Completion("do", STRIKES.by_name["do"].doc)
+            yield v.Completion("do", STRIKES_RECORD.by_name["do"].doc)
 
 
-def _name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _strikes_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if not NAME.fullmatch(slot_text) or slot_text in v.RESERVED:
         message = f"{quote(slot_text)} is not a name: a letter, then letters, digits, '-' and '_'"
         raise TextError(message, length=len(slot_text))
@@ -188,9 +190,11 @@ def _read_notes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> 
     if not placed_options.keys() & {"every", "euclid"}:
         message = "the length of a step is missing: every 1"
         raise TextError(message, offset=words_end, length=max(1, len(text_before) - words_end))
-    written = {name: word.text for name, word in placed_options.items()} | _do(slot_text, do)
+    written = {name: word.text for name, word in placed_options.items()} | _transforms_field(
+        slot_text, do
+    )
     is_sure = slots_read["name"].split(".")[0] in scope.acts or written.keys() & {"impulse", "mass"}
-    loud = {} if is_sure else {"impulse": _LOUD}
+    loud = {} if is_sure else {"impulse": _DEFAULT_IMPULSE}
     return {
         "to": slots_read["name"],
         "notes": " ".join(slot_text[:words_end].split()),
@@ -202,12 +206,12 @@ def _read_notes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> 
 def _offers_notes(context: v.CompletionContext) -> Iterator[v.Completion]:
     if context.before:
         names = playable(context.scope)
-        yield from (offer for offer in _offers(context) if offer.text not in names)
+        yield from (offer for offer in _completions(context) if offer.text not in names)
     else:
         yield v.Completion("A3", "notes, a scale or a chord such as A3.minor")
 
 
-def _struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _struck_names(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text.split(".")[0] not in playable(scope):
         raise v.unknown_instrument(text, "an instrument", playable(scope), scope)
     return text
@@ -215,12 +219,12 @@ def _struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 PLAYED_ON = v.Value(
     "an instrument or one of its CELs",
-    _struck,
+    _struck_names,
     lambda context: v.name_completions(playable(context.scope)),
 )
-NOTES = v.Value("notes and the length of a step", _read_notes, _offers_notes)
-STRIKING = v.Value("modules and how they are struck", _read, _offers)
-NAMED = v.Value("a name for the strikes", _name, lambda context: ())
+NOTES_VALUE = v.Value("notes and the length of a step", _read_notes, _offers_notes)
+STRIKING_VALUE = v.Value("modules and how they are struck", _read_strikes, _completions)
+NAMED_VALUE = v.Value("a name for the strikes", _strikes_name, lambda context: ())
 
 
 def strikes(
@@ -233,12 +237,12 @@ def strikes(
 # fmt: off
 STRIKES_FORM = form("strikes", "str", "strikes modules without a key",
     "rain strikes bell every 1 impulse 2mNs", strikes,
-    Slot("name", "NAME", NAMED),
+    Slot("name", "NAME", NAMED_VALUE),
     Slot("fields", "MODULE … [every LENGTH] [impulse …] [chance P] [euclid N N] [do …] …",
-    STRIKING, many=True), subject=True)
+    STRIKING_VALUE, many=True), subject=True)
 NOTES_FORM = form("notes", "no", "strikes an instrument at the pitches of a pattern",
     "bell notes A3 C4 E4 euclid 5 8", strikes,
     Slot("name", "INSTRUMENT", PLAYED_ON),
     Slot("fields", "NOTE … [every LENGTH] [euclid N N] [impulse …] [chance P] [do …] …",
-    NOTES, many=True), subject=True)
+    NOTES_VALUE, many=True), subject=True)
 # fmt: on

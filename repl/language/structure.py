@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ergon.instruments.module_kinds import KINDS, LINKS
+from ergon.instruments.module_kinds import KINDS, LINK_KINDS
 from ergon.instruments.transpose import parse_interval
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.shapes import Shape, Text
@@ -21,10 +21,10 @@ _ABLETON_LINK_HINT = (
     "code under the GPL (docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
 )
 _FILE_AND_NAME = re.compile(r"[A-Za-z][\w-]*/[A-Za-z][\w-]*")
-_ENDS = ("to", "between")  # which a link of a line has already
+_END_FIELDS = ("to", "between")  # which a link of a line has already
 
 
-def _modules(scope: Scope) -> dict[str, str]:
+def _module_names(scope: Scope) -> dict[str, str]:
     """Keys, and modules of the score."""
     names_by_key = dict(scope.keys)
     for target in scope.targets:
@@ -34,10 +34,10 @@ def _modules(scope: Scope) -> dict[str, str]:
 
 def _end_names(scope: Scope) -> dict[str, str]:
     """Keys and modules that a link may join."""
-    return {**_modules(scope), **v.module_names(scope)}
+    return {**_module_names(scope), **v.module_names(scope)}
 
 
-def _end(end_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _read_end(end_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if end_text in ("on", "off"):
         raise TextError(_ABLETON_LINK_HINT, length=len(end_text))
     part = end_text.partition(".")[0]
@@ -47,13 +47,13 @@ def _end(end_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return end_text
 
 
-def _ends(context: CompletionContext) -> Iterator[Completion]:
+def _end_completions(context: CompletionContext) -> Iterator[Completion]:
     return v.up_to_dot(context.typed, _end_names(context.scope))
 
 
-def _kind(text: str, *_: Any) -> str:
-    if text not in LINKS:
-        raise v.unknown_name(text, "a kind of link", LINKS)
+def _read_kind(text: str, *_: Any) -> str:
+    if text not in LINK_KINDS:
+        raise v.unknown_name(text, "a kind of link", LINK_KINDS)
     return text
 
 
@@ -77,9 +77,9 @@ def pairs(text: str, text_offset: int = 0) -> Iterator[tuple[str, str, int]]:
         yield field_name, field_text, text_offset + word_match.start()
 
 
-def _fields(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
+def _read_fields(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
     field_table, module_fields = KINDS[slots_read["kind"]].table, dict[str, str]()
-    field_names = [field.name for field in field_table.fields if field.name not in _ENDS]
+    field_names = [field.name for field in field_table.fields if field.name not in _END_FIELDS]
     for field_name, field_text, field_offset in pairs(slot_text):
         if field_name not in field_names and field_table.free is None:
             suggestion = nearest(field_name, field_names)
@@ -118,11 +118,13 @@ def _field_offers(context: CompletionContext) -> Iterator[Completion]:
     kind = context.fields.get("kind")
     if kind in KINDS and "=" not in context.typed:
         for field in KINDS[kind].table.fields:
-            if field.name not in _ENDS:
+            if field.name not in _END_FIELDS:
                 yield Completion(f"{field.name}=", field.doc)
 
 
-def _base(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, dict[str, str]]:
+def _read_base(
+    slot_text: str, scope: Scope, _: Mapping[str, Any]
+) -> tuple[str, float, dict[str, str]]:
     placed_words = [(word.group(), word.start()) for word in re.finditer(r"\S+", slot_text)]
     base_name, _offset = placed_words[0]
     if base_name not in playable(scope) and not _FILE_AND_NAME.fullmatch(base_name):
@@ -154,7 +156,7 @@ def _base(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, floa
     return base_name, semitones, changed_fields
 
 
-def _bases(context: CompletionContext) -> Iterator[Completion]:
+def _base_completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
         yield from v.name_completions(playable(context.scope))
         yield from _file_offers(context)
@@ -193,7 +195,7 @@ def _known_or_new(section_name: str) -> Value:
     return Value("a name", read, offers)
 
 
-def _channels(slot_text: str, *_: Any) -> tuple[str, ...]:
+def _read_channels(slot_text: str, *_: Any) -> tuple[str, ...]:
     channel_words = slot_text.split()
     if channel_words == ["nearest"]:
         return ("nearest",)
@@ -209,7 +211,7 @@ def _channel_offers(context: CompletionContext) -> Iterator[Completion]:
         yield Completion("1", "a channel")
 
 
-def _removable(scope: Scope) -> dict[str, str]:
+def _removable_names(scope: Scope) -> dict[str, str]:
     sections = (
         scope.players,
         scope.gestures,
@@ -222,35 +224,39 @@ def _removable(scope: Scope) -> dict[str, str]:
         scope.strikes,
     )
     return {
-        **_modules(scope),
+        **_module_names(scope),
         **{name: hint for section in sections for name, hint in section.items()},
     }
 
 
-def _removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if text not in (known := _removable(scope)):
+def _read_removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if text not in (known := _removable_names(scope)):
         raise v.unknown_name(text, "a name of this score", known)
     return text
 
 
 PART_NAME = Value("a new name", _new_part, lambda _: ())
-BASE = Value("an instrument, or a file and a name such as bell/bell", _base, _bases)
-LINK_END = Value("a key or a module, such as k1 or bell.m", _end, _ends)
+BASE_VALUE = Value(
+    "an instrument, or a file and a name such as bell/bell", _read_base, _base_completions
+)
+LINK_END = Value("a key or a module, such as k1 or bell.m", _read_end, _end_completions)
 OTHER_END = v.other_than(LINK_END, "a")
 LINK_KIND = Value(
     "a kind of link, such as BUT or REF",
-    _kind,
-    lambda _: (Completion(kind, KINDS[kind].table.doc) for kind in LINKS),
+    _read_kind,
+    lambda _: (Completion(kind, KINDS[kind].table.doc) for kind in LINK_KINDS),
 )
-LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _fields, _field_offers)
+LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _read_fields, _field_offers)
 PLAYER_NAME = _known_or_new("players")
 KEY_NAME = _known_or_new("keys")
-INSTRUMENT = v.name_value("an instrument", "instruments", "available")
-CHANNELS = Value("channels, such as 3 or 3 4", _channels, _channel_offers)
-REMOVABLE = Value(
-    "a name of this score", _removed, lambda context: v.name_completions(_removable(context.scope))
+INSTRUMENT_VALUE = v.name_value("an instrument", "instruments", "available")
+CHANNELS_VALUE = Value("channels, such as 3 or 3 4", _read_channels, _channel_offers)
+REMOVABLE_VALUE = Value(
+    "a name of this score",
+    _read_removed,
+    lambda context: v.name_completions(_removable_names(context.scope)),
 )
-RENAMED = v.name_value(
+RENAMED_VALUE = v.name_value(
     "a gesture, a phrase, a take, a player, a block, a key or an instrument",
     *("gestures", "paths", "phrases", "takes", "players", "blocks", "keys", "instruments"),
 )

@@ -7,16 +7,16 @@ from collections.abc import Iterator, Sequence
 
 from ergon.notation.text.errors import TextError
 from ergon.repl.language.values import Completion
-from ergon.scores.pattern.cycle_table import TABLE
+from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.cycle_transforms import parse_transforms
-from ergon.scores.reading.rhythms import compiled
+from ergon.scores.reading.rhythms import compiled_rhythm
 
-_DO = re.compile(r"(?:^|\s)do(?:\s+|$)")
+_DO_PATTERN = re.compile(r"(?:^|\s)do(?:\s+|$)")
 
 
 def split_at_do(text: str) -> tuple[str, int | None]:
     """The text before the word `do`, and where the transformations begin; None without `do`."""
-    do = _DO.search(text)
+    do = _DO_PATTERN.search(text)
     return (text, None) if do is None else (text[: do.start()], do.end())
 
 
@@ -30,7 +30,7 @@ def transforms(chain_text: str, chain_start: int, rhythm: str) -> str:
         raise TextError(f"a transformation is missing: {example}", offset=max(0, chain_start - 1))
     try:
         parse_transforms(chain_text)
-        compiled(rhythm, chain_text.strip())
+        compiled_rhythm(rhythm, chain_text.strip())
     except TextError as error:
         error.offset += chain_start
         raise
@@ -39,9 +39,9 @@ def transforms(chain_text: str, chain_start: int, rhythm: str) -> str:
 
 def transform_offers(words_before: Sequence[str]) -> Iterator[Completion]:
     """Transformations, at the beginning and behind a comma; values behind a transformation."""
-    last_form = TABLE.get(words_before[-1]) if words_before else None
+    last_form = FORM_BY_WORD.get(words_before[-1]) if words_before else None
     if not words_before or words_before[-1].endswith(","):
-        yield from (Completion(name, form.line) for name, form in TABLE.items())
+        yield from (Completion(name, form.line) for name, form in FORM_BY_WORD.items())
     elif last_form is not None:
         transform_words = [
             word

@@ -15,12 +15,12 @@ from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError, quote
 
 _NUMBER_MAX = 10_000  # bars of a length, and numbers of a condition
-_CLAUSE = re.compile(
+_CLAUSE_PATTERN = re.compile(
     r"(?P<what>bar|beat)(?:\s*%\s*(?P<modulus>[0-9]{1,5}))?"
     r"\s*(?P<compares>==|!=|<=|>=|<|>)\s*(?P<number>[0-9]{1,5})"
 )
-_AND = re.compile(r"\s+and\s+")
-_COMPARISONS: dict[str, Callable[[int, int], bool]] = {
+_AND_PATTERN = re.compile(r"\s+and\s+")
+_COMPARISON_BY_SIGN: dict[str, Callable[[int, int], bool]] = {
     "==": lambda a, b: a == b,
     "!=": lambda a, b: a != b,
     "<": lambda a, b: a < b,
@@ -81,7 +81,7 @@ class Clause:
     def holds(self, bar: int, beat: int) -> bool:
         """Whether it holds on a beat of a bar; both count from 1."""
         value = bar if self.what == "bar" else beat
-        return _COMPARISONS[self.comparison](
+        return _COMPARISON_BY_SIGN[self.comparison](
             value % self.modulus if self.modulus else value, self.number
         )
 
@@ -146,9 +146,9 @@ def parse_every(condition_text: str) -> Every:
 def parse_condition(condition_text: str) -> Condition:
     """Read `bar % 4 == 3 and beat == 1`. Raises TextError."""
     clauses, word_offset = [], 0
-    for clause_text in _AND.split(condition_text.strip()):
+    for clause_text in _AND_PATTERN.split(condition_text.strip()):
         place = condition_text.index(clause_text, word_offset)
-        clauses.append(_clause(clause_text, place))
+        clauses.append(_parse_clause(clause_text, place))
         word_offset = place + len(clause_text)
     return Condition(tuple(clauses), f"when {' '.join(condition_text.split())}")
 
@@ -161,8 +161,8 @@ def parse_trigger(slot_text: str) -> Trigger:
     return parse_every(trigger_rest) if trigger_word == "every" else parse_condition(trigger_rest)
 
 
-def _clause(clause_text: str, clause_offset: int) -> Clause:
-    clause_match = _CLAUSE.fullmatch(clause_text)
+def _parse_clause(clause_text: str, clause_offset: int) -> Clause:
+    clause_match = _CLAUSE_PATTERN.fullmatch(clause_text)
     if clause_match is None:
         nearest_clause = re.sub(r"(?<![=!<>])=(?!=)", "==", clause_text)
         nearest_clause = re.sub(r"\s+(?:is|equals)\s+", " == ", nearest_clause)
@@ -171,7 +171,7 @@ def _clause(clause_text: str, clause_offset: int) -> Clause:
             offset=clause_offset,
             length=max(1, len(clause_text)),
             suggestion=nearest_clause
-            if nearest_clause != clause_text and _CLAUSE.fullmatch(nearest_clause)
+            if nearest_clause != clause_text and _CLAUSE_PATTERN.fullmatch(nearest_clause)
             else None,
         )
     modulus = None if clause_match["modulus"] is None else int(clause_match["modulus"])
@@ -179,7 +179,7 @@ def _clause(clause_text: str, clause_offset: int) -> Clause:
         clause_match["what"], modulus, clause_match["compares"], int(clause_match["number"])
     )
     values = range(1, _NUMBER_MAX + 1) if modulus is None else range(modulus)
-    if not any(_COMPARISONS[clause.comparison](value, clause.number) for value in values):
+    if not any(_COMPARISON_BY_SIGN[clause.comparison](value, clause.number) for value in values):
         limit = f"{clause.what}s count from 1 to {_NUMBER_MAX:,}"
         if modulus is not None:
             limit = f"a remainder of % {modulus} is from 0 to {modulus - 1}" if modulus else "% 0"

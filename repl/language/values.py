@@ -15,13 +15,15 @@ from ergon.notation.text.spelling import nearest
 from ergon.repl.language.scope import Scope, playable, scores_in, unused_family
 from ergon.scores.gesture import notation, space_path
 from ergon.scores.gesture.points import CURVES, UNITS_PER_METRE
-from ergon.scores.gesture.transforms import ARGUMENTS, ARITY, EXAMPLES
-from ergon.scores.pattern.turn_chain import FORMS, parse_chain
-from ergon.scores.pattern.words import OPTIONS
+from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, ARITY, EXAMPLES
+from ergon.scores.pattern.turn_chain import TURN_FORMS, parse_chain
+from ergon.scores.pattern.words import OPTION_EXAMPLES
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
 # Words that may follow a name in a line, so that no gesture or take may be called so.
-RESERVED = frozenset((*OPTIONS, *ARITY, "do", "now", "in", "sync", "over", "as", "off", "all"))
+RESERVED = frozenset(
+    (*OPTION_EXAMPLES, *ARITY, "do", "now", "in", "sync", "over", "as", "off", "all")
+)
 MAX_COMPARED = 2_000  # names that did-you-mean compares with: about 10 ms
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:/\d*)?")
@@ -213,7 +215,7 @@ def _no_completions(_: CompletionContext) -> tuple[Completion, ...]:
     return ()
 
 
-PLAYER = name_value("a player", "players")
+PLAYER_VALUE = name_value("a player", "players")
 _PLAYER_OR_STRIKES = name_value("a player or strikes", "players", "strikes")
 PLAYER_OR_ALL = Value(
     "a player, strikes or all",
@@ -224,13 +226,15 @@ PLAYER_OR_ALL = Value(
 )
 DOING_PLAYER = replace(_PLAYER_OR_STRIKES, read=_read_doing("players"))
 DOING_STRIKES = replace(_PLAYER_OR_STRIKES, read=_read_doing("strikes"))
-PLAYED = name_value("a gesture or a take", "gestures", "takes")
-KEY = name_value("a key", "keys")
-OTHER_KEY = other_than(KEY, "a")
-OTHER_PLAYER = other_than(PLAYER, "player")
-SOUNDING = name_value("an instrument or a player", "instruments", "players")
-STRIKES = name_value("the name of strikes", "strikes")
-WITH_LEVEL = Value("an instrument, a player or strikes", _read_with_level, SOUNDING.completions)
+PLAYED_VALUE = name_value("a gesture or a take", "gestures", "takes")
+KEY_VALUE = name_value("a key", "keys")
+OTHER_KEY = other_than(KEY_VALUE, "a")
+OTHER_PLAYER = other_than(PLAYER_VALUE, "player")
+SOUNDING_VALUE = name_value("an instrument or a player", "instruments", "players")
+STRIKES_VALUE = name_value("the name of strikes", "strikes")
+WITH_LEVEL = Value(
+    "an instrument, a player or strikes", _read_with_level, SOUNDING_VALUE.completions
+)
 ANY_NAME = name_value(
     "a name of this score",
     *("gestures", "paths", "phrases", "takes", "players", "keys", "instruments", "marks"),
@@ -317,7 +321,7 @@ def transform_completions(context: CompletionContext) -> Iterator[Completion]:
 
 def play_transform_completions(context: CompletionContext) -> Iterator[Completion]:
     """The names of all transformations that follow `do` of a player, or an example of a value."""
-    examples = {**EXAMPLES, **{word: form.example for word, form in FORMS.items()}}
+    examples = {**EXAMPLES, **{word: form.example for word, form in TURN_FORMS.items()}}
     yield from _example_completions(context, examples)
 
 
@@ -325,7 +329,7 @@ def _example_completions(
     context: CompletionContext, examples: Mapping[str, str]
 ) -> Iterator[Completion]:
     last = context.before[-1] if context.before else ""
-    if ARGUMENTS.get(last):
+    if ARGUMENT_COUNTS.get(last):
         yield Completion(EXAMPLES[last].split()[1], f"for instance {EXAMPLES[last]}")
     else:
         yield from (Completion(word, f"for instance {text}") for word, text in examples.items())
@@ -339,12 +343,12 @@ def _read_notation(slot_text: str) -> notation.Notation:
 
 
 _METRE_UNITS = [unit for unit in UNITS_PER_METRE if unit and unit.isascii()]
-NOTATION = Value(
+NOTATION_VALUE = Value(
     "a gesture, such as 0@0 6@1/8 0@1/4",
     lambda text, *_: _read_notation(text),
     _point_completions,
 )
-DO = Value(
+DO_VALUE = Value(
     "transformations, such as rev, every 4 mirror",
     lambda text, *_: parse_chain(text),
     play_transform_completions,
@@ -393,6 +397,6 @@ def _scene_completions(context: CompletionContext) -> Iterator[Completion]:
         yield Completion("->", "to another scene")
 
 
-FILE = Value("the name of a file", _read_file_name, _file_completions)
-SCENES = Value("the name of a scene, such as verse-2", _read_scenes, _scene_completions)
-EXPRESSION = Value("a Python expression", lambda text, *_: text, _no_completions)
+FILE_VALUE = Value("the name of a file", _read_file_name, _file_completions)
+SCENES_VALUE = Value("the name of a scene, such as verse-2", _read_scenes, _scene_completions)
+EXPRESSION_VALUE = Value("a Python expression", lambda text, *_: text, _no_completions)

@@ -27,7 +27,7 @@ from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot, form
 from ergon.repl.language.values import Completion, Value
 
-VERB = Value(
+VERB_VALUE = Value(
     "a verb",
     lambda text, *_: find_verb(text),
     lambda _: (Completion(known.verb, known.effect) for known in FORMS),
@@ -38,7 +38,7 @@ HELP_FORM = form(
     "lists the verbs, or explains one",
     "help plays",
     looking.Help,
-    Slot("verb", "VERB", VERB, optional=True),
+    Slot("verb", "VERB", VERB_VALUE, optional=True),
     timed=False,
 )
 # All forms by what they are about, in the order of the help. A verb is declared in the file of its
@@ -178,7 +178,7 @@ TAKING_AWAY = frozenset(
 )
 # What other programs call some verbs; by its letters `quiet` would be `quit`.
 # Words of other programs, and the verb that does it here.
-MEANT = {
+MEANT_VERBS = {
     **dict.fromkeys(("quiet", "silence"), "hush"),
     **dict.fromkeys(("exit", "bye", "close"), "quit"),
     **dict.fromkeys(("delete", "del", "kill", "clear"), "remove"),
@@ -195,7 +195,7 @@ MEANT = {
     "open": "load",
     "unsolo": "unmute",
 }
-SHORTEST = {form.verb: form.short for form in FORMS}
+SHORTEST_BY_VERB = {form.verb: form.short for form in FORMS}
 SUBJECT_VERBS = tuple(
     dict.fromkeys(form.verb for form in FORMS if form.subject and form.verb != "=")
 )
@@ -214,7 +214,9 @@ def verbs_matching(verb_start: str, among: tuple[str, ...]) -> tuple[str, ...]:
     if verb_start in among:
         return (verb_start,)
     matching_verbs = tuple(verb for verb in among if verb.startswith(verb_start))
-    unambiguous = tuple(verb for verb in matching_verbs if len(verb_start) >= len(SHORTEST[verb]))
+    unambiguous = tuple(
+        verb for verb in matching_verbs if len(verb_start) >= len(SHORTEST_BY_VERB[verb])
+    )
     return unambiguous or matching_verbs
 
 

@@ -96,22 +96,22 @@ def scene(names: tuple[str, str | None], over: Length | None, *, when: When, wor
 UNDO_FORM = form("undo", "und", "returns to the version before", "undo", Undo)
 REDO_FORM = form("redo", "red", "restores the version that was undone", "redo", Redo)
 BACK_FORM = form("back", "b", "goes back by a number of versions",
-    "back 3", Back, Slot("count", "N", amounts.COUNT))
+    "back 3", Back, Slot("count", "N", amounts.COUNT_VALUE))
 HISTORY_FORM = form("history", "hi", "lists the versions, with their bars",
     "history", History, timed=False)
 KEEP_FORM = form("keep", "k", "writes what was played last as a score of its own",
-    "keep 8bar as verse-2", Keep, Slot("length", "LENGTH", amounts.LENGTH),
+    "keep 8bar as verse-2", Keep, Slot("length", "LENGTH", amounts.LENGTH_VALUE),
     Slot("name", "NAME", v.NEW_NAME, "as"), timed=False)
 SCENE_FORM = form("scene", "sce", "plays kept bars from their beginning, again and again",
     "scene verse-2 -> refrain over 4bar", scene,
-    Slot("names", "NAME|NAME -> NAME", v.SCENES, many=True), OVER_SLOT)
+    Slot("names", "NAME|NAME -> NAME", v.SCENES_VALUE, many=True), OVER_SLOT)
 SAVE_FORM = form("save", "sa", "writes the score, comments and all",
     "save scores/duet-live.yaml", Save,
-    Slot("file", "FILE", v.FILE, optional=True), timed=False)
+    Slot("file", "FILE", v.FILE_VALUE, optional=True), timed=False)
 LOAD_FORM = form("load", "lo", "opens another score in place of this one",
-    "load duet.yaml", Load, Slot("file", "FILE", v.FILE))
+    "load duet.yaml", Load, Slot("file", "FILE", v.FILE_VALUE))
 RELOAD_FORM = form("reload", "relo", "reads the score's files again; what differs changes",
     "reload", Reload)
 SEED_FORM = form("seed", "see", "sets the number from which all chance derives",
-    "seed 7", Seed, Slot("seed", "N", amounts.SEED))
+    "seed 7", Seed, Slot("seed", "N", amounts.SEED_VALUE))
 # fmt: on

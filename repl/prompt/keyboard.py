@@ -16,10 +16,10 @@ from prompt_toolkit.input import Input, create_input
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.keys import Keys
 
-from .output import F12
+from .output import F12_SEQUENCE
 
 TEXT_MAX = 20_000  # characters of a block: the screen is drawn anew at every key
-_BEGIN, _END = "\x1b[200~", "\x1b[201~"
+_PASTE_BEGIN, _PASTE_END = "\x1b[200~", "\x1b[201~"
 _CTRL_C = "\x03"
 # One key, or a run of characters that is too long to have been typed.
 _KEY_OR_RUN = re.compile(
@@ -85,8 +85,8 @@ def bindings(actions: KeyActions) -> KeyBindings:
     return key_bindings
 
 
-def _marked(match: re.Match[str]) -> str:
-    return match[0] if match["key"] else f"{_BEGIN}{match[0]}{_END}"
+def _paste_marked(match: re.Match[str]) -> str:
+    return match[0] if match["key"] else f"{_PASTE_BEGIN}{match[0]}{_PASTE_END}"
 
 
 def keyboard(on_characters: Callable[[str], None]) -> Input:
@@ -132,17 +132,17 @@ if sys.platform != "win32":
         def read(self, count: int = 1024) -> str:
             """The characters that have come since the last call."""
             read_data = super().read(count)
-            if not self._open and _BEGIN not in read_data:
+            if not self._open and _PASTE_BEGIN not in read_data:
                 self.on_characters(read_data)
             read_data = self._with_end(read_data)
             recent, may_be_cut = self._tail + read_data, "\x1b" in self._tail
-            self._tail = recent[1 - len(_BEGIN) :]
-            last_begin, last_end = recent.rfind(_BEGIN), recent.rfind(_END)
+            self._tail = recent[1 - len(_PASTE_BEGIN) :]
+            last_begin, last_end = recent.rfind(_PASTE_BEGIN), recent.rfind(_PASTE_END)
             if last_begin != last_end:  # a mark is in the text
                 self._open = last_begin > last_end
             if self._open or last_begin != last_end:
                 return self._without_answers(read_data)
-            return read_data if may_be_cut else _KEY_OR_RUN.sub(_marked, read_data)
+            return read_data if may_be_cut else _KEY_OR_RUN.sub(_paste_marked, read_data)
 
         def _with_end(self, read_data: str) -> str:
             """Close an open paste before a Ctrl-C that comes alone, and before F12 anywhere.
@@ -150,12 +150,14 @@ if sys.platform != "win32":
             A busy program reads pasted text and the key after it in one piece.
             """
             if self._open and read_data == _CTRL_C:
-                return _END + read_data
-            last_mark = max(read_data.rfind(_BEGIN), read_data.rfind(_END))
-            key = read_data.rfind(F12)
-            is_open = read_data.startswith(_BEGIN, last_mark) if last_mark >= 0 else self._open
+                return _PASTE_END + read_data
+            last_mark = max(read_data.rfind(_PASTE_BEGIN), read_data.rfind(_PASTE_END))
+            key = read_data.rfind(F12_SEQUENCE)
+            is_open = (
+                read_data.startswith(_PASTE_BEGIN, last_mark) if last_mark >= 0 else self._open
+            )
             return (
-                read_data[:key] + _END + read_data[key:]
+                read_data[:key] + _PASTE_END + read_data[key:]
                 if is_open and key > last_mark
                 else read_data
             )

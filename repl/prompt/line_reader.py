@@ -15,9 +15,9 @@ from typing import TextIO
 
 from ergon.repl.line_queue import LineQueue
 
-from .output import F12, valid_unicode
+from .output import F12_SEQUENCE, valid_unicode
 
-_CHUNK = 1 << 16  # bytes
+_CHUNK_BYTES = 1 << 16  # bytes
 
 
 class LineReader:
@@ -81,7 +81,7 @@ class LineReader:
             ready, _, _ = select.select([self._fd, self._wake], [], [])
             if self._wake in ready:
                 return b""
-        return os.read(self._fd, _CHUNK)
+        return os.read(self._fd, _CHUNK_BYTES)
 
     def _add_text(self, text: str) -> None:
         *lines, part = (self._part + text).split("\n")
@@ -101,7 +101,7 @@ class LineReader:
 
     def _act_on_panic_key(self, typed_text: str) -> str:
         """Remove F12 from a text, and act on it as a panic."""
-        if F12 not in typed_text:
+        if F12_SEQUENCE not in typed_text:
             return typed_text
         self._queue.panic()
-        return typed_text.replace(F12, "")
+        return typed_text.replace(F12_SEQUENCE, "")

@@ -8,15 +8,15 @@ from ergon.common.terminal import clean
 from ergon.repl.session_protocol import Reply
 
 INDENT = " " * 6  # replies stand out from what was typed
-F12 = "\x1b[24~"  # F12 as xterm and the Linux console send it
-TAB = "[Tab]"
+F12_SEQUENCE = "\x1b[24~"  # F12 as xterm and the Linux console send it
+TAB_LABEL = "[Tab]"
 _ECHO_MAX = 2_000  # characters; what fills a screen is not read again
-_SURROGATE = re.compile("[\ud800-\udfff]")  # Python reads bytes that are not UTF-8 as these
+_SURROGATE_PATTERN = re.compile("[\ud800-\udfff]")  # Python reads bytes that are not UTF-8 as these
 
 
 def valid_unicode(text: str) -> str:
     """Typed or piped text as valid Unicode: characters that UTF-8 cannot hold become U+FFFD."""
-    return _SURROGATE.sub("\ufffd", text)
+    return _SURROGATE_PATTERN.sub("\ufffd", text)
 
 
 def echo(prompt: str, entered_text: str) -> str:
@@ -37,7 +37,7 @@ def reply_lines(reply: Reply, *, plain: bool) -> list[str]:
     """The lines of a reply; plain ones are not indented and name no key."""
     shown = [reply.text if reply.taken else f"not taken: {reply.text}"] if reply.text else []
     if reply.try_ is not None:
-        shown.append(f"try: {reply.try_}" + ("" if plain else f"   {TAB}"))
+        shown.append(f"try: {reply.try_}" + ("" if plain else f"   {TAB_LABEL}"))
     indent = "" if plain else INDENT
     rows = [indent + line for text in shown for line in clean(text).split("\n")]
     return rows + [clean(line) for line in reply.lines]

@@ -7,7 +7,7 @@ import math
 from ergon.common.terminal import clean
 from ergon.repl.session_protocol import State
 
-_BETWEEN = "  "
+_FIELD_SEPARATOR = "  "
 _WIDTH_MIN = 12  # characters that the list of players keeps
 
 
@@ -29,7 +29,7 @@ def status(session_state: State, line_width: int) -> str:
     texts_after = [
         f"load {session_state.load:.0%}",
         f"late {session_state.late}",
-        _level(session_state.level),
+        _level_text(session_state.level),
     ]
     texts_after += [f"quant {session_state.quant}"]
     if session_state.recording is not None:
@@ -40,14 +40,15 @@ def status(session_state: State, line_width: int) -> str:
     )
     least = min(len(playing), _WIDTH_MIN)
     while (
-        texts_after and len(_BETWEEN.join([*texts_before, "", *texts_after])) + least > line_width
+        texts_after
+        and len(_FIELD_SEPARATOR.join([*texts_before, "", *texts_after])) + least > line_width
     ):
         texts_after.pop()
-    room = max(line_width - len(_BETWEEN.join([*texts_before, "", *texts_after])), least)
+    room = max(line_width - len(_FIELD_SEPARATOR.join([*texts_before, "", *texts_after])), least)
     if len(playing) > room:
         playing = playing[: room - 1] + "…"
-    return clean(_BETWEEN.join([*texts_before, playing, *texts_after]))[:line_width]
+    return clean(_FIELD_SEPARATOR.join([*texts_before, playing, *texts_after]))[:line_width]
 
 
-def _level(level: float) -> str:
+def _level_text(level: float) -> str:
     return f"{level:.1f} dB" if math.isfinite(level) else "silent"

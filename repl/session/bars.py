@@ -10,13 +10,13 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
-from ergon.scores.pattern.search import n_before
+from ergon.scores.pattern.search import count_before
 from ergon.scores.pattern.steps import Steps
 
 if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece, Strikes
 
-_BARS = 2
+_DEFAULT_BARS = 2
 _BEAT_LEAST, _BEAT_MOST = 4, 10  # characters of a beat
 _NAME_MOST, _WIDTH_MOST = 12, 100
 _CONTINUED_SIGN = "\u2026"  # sign of an earlier gesture, and of strikes by chance
@@ -30,9 +30,9 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
     """
     tempo = piece.tempo_map
     bar, _ = tempo.bar_beat(now)
-    starts = [tempo.bars.start(bar + number) for number in range(_BARS + 1)]
-    tracks = {name: [*_begins(piece, name, starts)] for name in piece.players}
-    struck = {strikes.name: [*_strokes(piece, strikes, starts)] for strikes in piece.strikes}
+    starts = [tempo.bars.start(bar + number) for number in range(_DEFAULT_BARS + 1)]
+    tracks = {name: [*_beginnings(piece, name, starts)] for name in piece.players}
+    struck = {strikes.name: [*_strokes_within(piece, strikes, starts)] for strikes in piece.strikes}
     tracks |= {name: strokes for name, strokes in struck.items() if strokes}
     names = max(map(len, tracks), default=0)
     margin = min(names, _NAME_MOST) + 2
@@ -47,8 +47,8 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
         return int((beat - starts[0]) * text_width + SAME)
 
     on_beats = [starts[0] + number for number in range(math.ceil(n_beats - SAME))]
-    head = [(column(beat), _beat(piece, beat)) for beat in on_beats]
-    drawn_rows = [" " * margin + _row(n_columns, head)]
+    head = [(column(beat), _beat_text(piece, beat)) for beat in on_beats]
+    drawn_rows = [" " * margin + _column_row(n_columns, head)]
     for player_name, events in tracks.items():
         dots = [(column(beat), "\u00b7") for beat in on_beats]
         bar_events = [
@@ -62,24 +62,24 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
             bar_events.insert(0, (0, _CONTINUED_SIGN))
         taken = {at for at, _ in bar_events}
         cells = sorted([*(dot for dot in dots if dot[0] not in taken), *bar_events])
-        drawn_rows.append(player_name[: margin - 2].ljust(margin) + _row(n_columns, cells))
+        drawn_rows.append(player_name[: margin - 2].ljust(margin) + _column_row(n_columns, cells))
     drawn_rows.append(" " * (margin + min(column(now), n_columns - 1)) + "^")
     return drawn_rows
 
 
-def _beat(piece: Piece, beat: float) -> str:
+def _beat_text(piece: Piece, beat: float) -> str:
     bar, into = piece.tempo_map.bar_beat(beat + SAME)
     return f"{bar}|1" if into < 1.5 else f"{into:.0f}"
 
 
-def _begins(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tuple[float, str]]:
+def _beginnings(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tuple[float, str]]:
     """What a player begins within these bars, each with its beat."""
     for part_play, start_beats in zip(piece.parts, piece.starts, strict=True):
         if part_play.player != player:
             continue
         play_beats = [piece.tempo_map.resolve(part_play.at)] if start_beats is None else start_beats
-        first = n_before(play_beats, starts[0] - SAME)
-        last = n_before(play_beats, starts[-1] - SAME)
+        first = count_before(play_beats, starts[0] - SAME)
+        last = count_before(play_beats, starts[-1] - SAME)
         for place_index in range(first, last):
             begun_text = (
                 play_beats.course.played(place_index)
@@ -90,7 +90,7 @@ def _begins(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tupl
                 yield play_beats[place_index], begun_text
 
 
-def _strokes(
+def _strokes_within(
     piece: Piece, strikes: Strikes, starts: Sequence[float]
 ) -> Iterator[tuple[float, str]]:
     """The strikes within these bars, each with its beat, and the note that it strikes."""
@@ -105,7 +105,7 @@ def _strokes(
         )
     elif strikes.pattern is not None:
         steps = strikes.steps(piece)
-        for place_index in range(n_before(steps, first_beat), n_before(steps, last_beat)):
+        for place_index in range(count_before(steps, first_beat), count_before(steps, last_beat)):
             note = steps.course.named(place_index)
             if note is not None:
                 yield steps[place_index], note if strikes.voices else _STRIKE_SIGN
@@ -115,11 +115,11 @@ def _strokes(
             yield max(begin, starts[0]), _CONTINUED_SIGN
     else:
         beats = strikes.beats(tempo)
-        places = range(n_before(beats, first_beat), n_before(beats, last_beat))
+        places = range(count_before(beats, first_beat), count_before(beats, last_beat))
         yield from ((beats[place], _STRIKE_SIGN) for place in places)
 
 
-def _row(n_columns: int, cells: Sequence[tuple[int, str]]) -> str:
+def _column_row(n_columns: int, cells: Sequence[tuple[int, str]]) -> str:
     """Words at columns, each cut where the next begins."""
     drawn_row = ""
     for number, (column, text) in enumerate(cells):

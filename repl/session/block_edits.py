@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon.notation.text.errors import TextError
-from ergon.repl.language.block_values import filled
+from ergon.repl.language.block_values import with_values
 from ergon.repl.language.blocks import DefineBlock, RunBlock, RunByRule, StopBlock
 from ergon.repl.language.parse import parse_block_line
 from ergon.repl.language.refusal import Refusal
@@ -79,7 +79,7 @@ def run_block(
     """The version with the lines of a block done at a beat, with values. Raises NotTakenError."""
     edited = version
     try:
-        filled_lines = filled(block_lines(version, block_name), value_words)
+        filled_lines = with_values(block_lines(version, block_name), value_words)
     except TextError as error:
         raise NotTakenError(f"{block_name}: {error.message}") from None
     for run_number, line in enumerate(filled_lines, 1):

@@ -48,18 +48,16 @@ class Computing:
             return "cancelled; nothing has changed"
         step_limit: int = self._limit.steps
         refusal_sentence = (
-            f"this line takes more than {_millions(step_limit)} steps to compute (visits of "
-            "modules, "
-            "numbers of matrices, points); nothing has changed"
+            f"this line takes more than {_millions_text(step_limit)} steps to compute (visits of "
+            "modules, numbers of matrices, points); nothing has changed"
         )
         if step_limit != LINE_STEPS:
             return refusal_sentence
         return (
             f"{refusal_sentence}: make it smaller, or write it into the score and type `reload`, "
-            "which has "
-            f"{_millions(FILES_STEPS)}"
+            f"which has {_millions_text(FILES_STEPS)}"
         )
 
 
-def _millions(steps: int) -> str:
+def _millions_text(steps: int) -> str:
     return f"{steps / 1e6:,.0f} million"

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage
 
-_BAR = Length(bars=1.0)
+_BAR_DURATION = Length(bars=1.0)
 _DRAWS_EVERY = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
 _TRACE_HEIGHT = 6  # characters
 _TRIES_MAX = 3  # times that a line which acts now is made again before its answer
@@ -110,7 +110,7 @@ class SessionCore:
         self.history = History([past_version.number for past_version in past.versions], past.index)
         self.journal = journal
         self.log = SessionLog(self.schedule, self.history, journal)
-        self.quant: Length | None = _BAR
+        self.quant: Length | None = _BAR_DURATION
         self.quant_text = "bar"
         # Lines that `undo` took back before they took effect.
         self.cancelled: list[WaitingLine] = []
@@ -177,7 +177,9 @@ class SessionCore:
         beat_text, running = self.queue(
             Entry(line_text, edit, kind, line_time, reads_files=is_read)
         )
-        summaries = [version_edits.summary(command, running, beat_text) for command in commands]
+        summaries = [
+            version_edits.command_summary(command, running, beat_text) for command in commands
+        ]
         summaries += self.log.force_messages(running)
         summaries += self.log.discard_messages(running.version)
         return Reply(True, f"ok {beat_text} {'; '.join(filter(None, summaries))}".rstrip())

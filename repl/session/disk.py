@@ -20,7 +20,7 @@ from ergon.scores.edits.texts import SECTIONS
 if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
 
-_BOM = b"\xef\xbb\xbf"
+_UTF8_BOM = b"\xef\xbb\xbf"
 
 
 class Disk:
@@ -134,10 +134,10 @@ def file_bytes(file_name: str, file_text: str) -> bytes:
     """The bytes with which a text replaces a file; a byte order mark of the file is kept."""
     try:
         with Path(file_name).open("rb") as old:
-            mark = old.read(len(_BOM)) == _BOM
+            mark = old.read(len(_UTF8_BOM)) == _UTF8_BOM
     except OSError:
         mark = False
-    return (_BOM if mark else b"") + file_text.encode()
+    return (_UTF8_BOM if mark else b"") + file_text.encode()
 
 
 def is_score(file_text: str) -> bool:

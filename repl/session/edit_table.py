@@ -91,7 +91,7 @@ def instruments_of(version: Version, instrument_name: str | None) -> frozenset[s
         end.part
         for instrument in piece.instruments.values()
         for module in instrument.modules
-        for end in _ends(module.fields.get("between"), player_key)
+        for end in _other_ends(module.fields.get("between"), player_key)
     )
     if not touched:
         raise NotTakenError(
@@ -101,7 +101,7 @@ def instruments_of(version: Version, instrument_name: str | None) -> frozenset[s
     return touched
 
 
-def _ends(between: Any, key_name: str) -> list[Any]:
+def _other_ends(between: Any, key_name: str) -> list[Any]:
     """The ends of a link other than the key; none if the link does not touch the key."""
     if not between or all(end.part != key_name for end in between):
         return []

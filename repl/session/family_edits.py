@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @makes_edit(Use)
-def _use(command: Use) -> VersionEdit:
+def _use_family(command: Use) -> VersionEdit:
     """Bring in a family; its file is read once, when the line is typed."""
     texts_by_file: dict[str, str] = {}
 
@@ -29,7 +29,7 @@ def _use(command: Use) -> VersionEdit:
             raise NotTakenError(f"{command.family} is in use already", listing)
         before = version.texts
         before = replace(before, overlay={**texts_by_file, **before.overlay})
-        texts_with_family, texts_read = families.use(before, command.family, command.file)
+        texts_with_family, texts_read = families.with_family(before, command.family, command.file)
         texts_by_file.update(texts_read)
         piece_from_files(
             replace(texts_with_family, sealed=False)
@@ -58,10 +58,10 @@ def with_brought(now: Texts, texts_before: Texts) -> Texts:
     return replace(now, overlay={**now.overlay, **new_texts})
 
 
-def summary(command: Use, piece: Piece) -> str:
+def family_summary(command: Use, piece: Piece) -> str:
     """The instruments that a family has brought, and those whose names are taken."""
-    summary_sentence = f"{command.family}: {_names(command, piece)}"
-    free = families.unplayed(piece)
+    summary_sentence = f"{command.family}: {_instrument_names(command, piece)}"
+    free = families.unplayed_instruments(piece)
     full = [name for name in piece.available if name.startswith(f"{command.family}.")]
     plain = [(name.rpartition(".")[2], name) for name in full]
     taken_names = [name for name, origin in plain if free.get(name) != origin]
@@ -76,7 +76,7 @@ def summary(command: Use, piece: Piece) -> str:
     )
 
 
-def _names(command: Use, piece: Piece) -> str:
+def _instrument_names(command: Use, piece: Piece) -> str:
     """The instruments of a family, by name."""
     head = f"{command.family}."
     names = [name.removeprefix(head) for name in piece.available if name.startswith(head)]

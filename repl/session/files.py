@@ -36,7 +36,7 @@ def write_last_bars(session: SessionCore, excerpt_length: Length, file_name: str
         if not excerpt_length.seconds:
             start_beat = stop_beat - tempo.after(0.0, excerpt_length)
         try:
-            excerpt_texts = excerpt.keep(
+            excerpt_texts = excerpt.excerpt_between(
                 version.texts, version.piece, file_name, max(0.0, start_beat), stop_beat, value_on
             )
             break
@@ -44,23 +44,23 @@ def write_last_bars(session: SessionCore, excerpt_length: Length, file_name: str
             if not ends:
                 raise
     piece_of(excerpt_texts)
-    target = _target(excerpt_texts, Path(file_name))
+    target = _save_target(excerpt_texts, Path(file_name))
     if target is None:
         raise NotTakenError(
             f"{file_name} is this score's own name: choose another name for the bars that are kept"
         )
-    return _write(session, excerpt_texts, target)
+    return _write_texts(session, excerpt_texts, target)
 
 
-def save(session: SessionCore, target: Path | None) -> list[str]:
+def save_version(session: SessionCore, target: Path | None) -> list[str]:
     """Write the latest version, with endless parts ended here; the names of the written files.
 
     Without a target, the score and the changed files that it uses are overwritten.
     """
     version = session.schedule.head
-    texts = parts.finish(version.texts, version.piece, session.schedule.beat_now())
+    texts = parts.end_endless(version.texts, version.piece, session.schedule.beat_now())
     piece_of(texts)
-    return _write(session, texts, None if target is None else _target(texts, target))
+    return _write_texts(session, texts, None if target is None else _save_target(texts, target))
 
 
 def new_file_beside(score_texts: Texts, target: Path, suffix: str) -> Path:
@@ -71,25 +71,25 @@ def new_file_beside(score_texts: Texts, target: Path, suffix: str) -> Path:
             f"{path.name} does not end in {suffix}", f"record audio {path.stem}{suffix}"
         )
     folder = folder_of(score_texts)
-    if _resolved(path).parent != folder.resolve():
+    if _resolved_path(path).parent != folder.resolve():
         raise NotTakenError(
             f"a session writes only into {folder.resolve()}", f"record audio {path.name}"
         )
     return folder / path.name
 
 
-def _target(score_texts: Texts, target: Path) -> Path | None:
+def _save_target(score_texts: Texts, target: Path) -> Path | None:
     """The file for a name; None if that is the score itself. Raises NotTakenError."""
     score_path, folder = Path(score_texts.path), folder_of(score_texts)
     suffix = score_path.suffix if score_path.suffix in SUFFIXES else SUFFIXES[0]
     path = _with_suffix(score_texts, target, suffix)
-    real = _resolved(path)
+    real = _resolved_path(path)
     if real.parent != folder.resolve():
         raise NotTakenError(
             f"save the score in {folder.resolve()}: the paths in it are relative to that folder",
             f"save {path.name}",
         )
-    return None if real == _resolved(score_path) else folder / path.name
+    return None if real == _resolved_path(score_path) else folder / path.name
 
 
 def _with_suffix(score_texts: Texts, target: Path, suffix: str) -> Path:
@@ -100,14 +100,14 @@ def _with_suffix(score_texts: Texts, target: Path, suffix: str) -> Path:
     return path if path.suffix else path.with_suffix(suffix)
 
 
-def _resolved(path: Path) -> Path:
+def _resolved_path(path: Path) -> Path:
     try:
         return path.resolve()
     except (OSError, RuntimeError, ValueError) as error:  # a circle of links, or an impossible name
         raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
 
 
-def _write(session: SessionCore, score_texts: Texts, target: Path | None) -> list[str]:
+def _write_texts(session: SessionCore, score_texts: Texts, target: Path | None) -> list[str]:
     """Write texts over their files, or as another score; either all files are written or none."""
     score_path, disk = Path(score_texts.path), session.disk
     changed = disk.unsaved_texts(score_texts)
@@ -125,7 +125,7 @@ def _write(session: SessionCore, score_texts: Texts, target: Path | None) -> lis
     else:
         score, texts_by_file = (
             target,
-            save_as.files(score_texts, changed.keys() - {score_texts.path}, target),
+            save_as.texts_to_write(score_texts, changed.keys() - {score_texts.path}, target),
         )
     if not texts_by_file:
         return []

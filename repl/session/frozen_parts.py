@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.exchange.frozen import MANIFEST, NotFrozenError, check
+from ergon.exchange.frozen import MANIFEST_NAME, NotFrozenError, check
 from ergon.exchange.frozen import read as read_manifest
 from ergon.notation.text.files import is_below
 from ergon.repl.session.journal import JournalEvent
 from ergon.repl.session.struck_places import strike_points
 from ergon.scores.reading.digest import digest_of, is_same
-from ergon.scores.staging.frozen_content import content, joined
-from ergon.scores.staging.stage import Placed
+from ergon.scores.staging.frozen_content import connected_parts, frozen_content
+from ergon.scores.staging.stage import RecalledOutputs
 
 if TYPE_CHECKING:
     from ergon.exchange.frozen import Frozen
@@ -61,7 +61,7 @@ class FrozenFolder:
     def files(self) -> tuple[Path, ...]:
         """The files of the folder that a session reads."""
         stems = (stem.file for part in self.parts for stem in part.stems)
-        return tuple(self.folder / name for name in (MANIFEST, *stems))
+        return tuple(self.folder / name for name in (MANIFEST_NAME, *stems))
 
     def beside(self, journal: Path) -> FrozenFolder:
         """The same folder, with its name relative to a journal."""
@@ -89,7 +89,7 @@ def frozen_folder(folder: Path, frozen: Frozen, piece: Piece, listening: Listeni
     placed_parts = tuple(
         FrozenPart(
             name,
-            digest_of(content(piece, name)),
+            digest_of(frozen_content(piece, name)),
             tuple(
                 FrozenStem(
                     stem.path.name,
@@ -132,7 +132,7 @@ def load_frozen(
     loaded_parts = []
     for frozen_part in frozen.parts:
         is_as_frozen = frozen_part.name in version.sounding.instruments and (
-            digest_of(content(version.sounding, frozen_part.name)) == frozen_part.content
+            digest_of(frozen_content(version.sounding, frozen_part.name)) == frozen_part.content
         )
         if not is_as_frozen or _is_reached(version, frozen_part.name, real):
             continue
@@ -156,7 +156,8 @@ def still_frozen(
         for part in loaded_parts
         if part.name in version.sounding.instruments
         and is_same(
-            content(version_before.sounding, part.name), content(version.sounding, part.name)
+            frozen_content(version_before.sounding, part.name),
+            frozen_content(version.sounding, part.name),
         )
         and not _is_reached(version, part.name, real)
     )
@@ -164,7 +165,7 @@ def still_frozen(
 
 def place_samples(
     loaded_parts: Sequence[LoadedPart], listening: Listening, clock: Clock, rate: float
-) -> tuple[Placed, ...]:
+) -> tuple[RecalledOutputs, ...]:
     """The samples of parts, placed on the running piece; none while it is stopped."""
     if clock.began_at is None:
         return ()
@@ -174,7 +175,7 @@ def place_samples(
         for tap in listening.taps(part.name):
             taps.setdefault(listening.outputs[tap], []).append(tap)
     return tuple(
-        Placed(samples, tuple(taps[name].pop(0) for name in names), begins)
+        RecalledOutputs(samples, tuple(taps[name].pop(0) for name in names), begins)
         for part in loaded_parts
         for samples, names in part.stems
     )
@@ -183,7 +184,7 @@ def place_samples(
 def _is_reached(version: Version, part_name: str, real: Collection[str]) -> bool:
     """Whether a real hand or a MIDI note acts on the part, or on a part that is joined with it."""
     piece = version.sounding
-    parts = joined(piece, part_name)
+    parts = connected_parts(piece, part_name)
     is_felt = any(piece.players[name].key in parts for name in real if name in piece.players)
     return is_felt or any(part_name in parts for part_name, *_ in strike_points(version))
 
@@ -227,26 +228,28 @@ def frozen_of(first_event: JournalEvent, journal: Path, *, trust: bool) -> Froze
             "--trust reads them"
         )
     return FrozenFolder(
-        folder, tuple(_part(row) for row in _rows(first_event, "frozen_parts")), folder_name
+        folder,
+        tuple(_part_row(row) for row in _part_rows(first_event, "frozen_parts")),
+        folder_name,
     )
 
 
-def _part(part_event: JournalEvent) -> FrozenPart:
+def _part_row(part_event: JournalEvent) -> FrozenPart:
     stems = tuple(
-        FrozenStem(stem.get("file", str), stem.get("sha256", str), _names(stem))
-        for stem in _rows(part_event, "stems")
+        FrozenStem(stem.get("file", str), stem.get("sha256", str), _part_names(stem))
+        for stem in _part_rows(part_event, "stems")
     )
     return FrozenPart(part_event.get("part", str), part_event.get("content", str), stems)
 
 
-def _names(stem: JournalEvent) -> tuple[str, ...]:
+def _part_names(stem: JournalEvent) -> tuple[str, ...]:
     output_names = stem.get("outputs", list)
     if not all(isinstance(name, str) for name in output_names):
         stem.refuse("the field 'outputs' has the wrong type or value")
     return tuple(output_names)
 
 
-def _rows(journal_event: JournalEvent, rows_name: str) -> list[JournalEvent]:
+def _part_rows(journal_event: JournalEvent, rows_name: str) -> list[JournalEvent]:
     listed = journal_event.get(rows_name, list)
     if len(listed) > _ROWS_MAX or not all(isinstance(row_value, dict) for row_value in listed):
         journal_event.refuse(f"the field '{rows_name}' has the wrong type or value")

@@ -12,7 +12,7 @@ from ergon.repl.session.engine import GuidedPath
 from ergon.repl.session.making_time import MakingTime
 from ergon.repl.session.version import HandGuide, NotTakenError
 from ergon.scores.staging.driving import delay_of
-from ergon.scores.staging.live import leading
+from ergon.scores.staging.live import leading_positions
 from ergon.scores.staging.tick_forces import TickForces
 
 if TYPE_CHECKING:
@@ -163,7 +163,9 @@ def _guided_path(
     if drives:
         delay = delay_of(piece.keys[piece.players[player].key])
         path_forces = TickForces(period, delay, ticks.start, np.zeros(len(ticks)))
-    path, playing_spans = leading(piece, guide.by, running.spans, tick_frames, ticks, path_forces)
+    path, playing_spans = leading_positions(
+        piece, guide.by, running.spans, tick_frames, ticks, path_forces
+    )
     travel = piece.keys[piece.players[player].key].travel
     if travel is not None:
         np.clip(path, *travel, out=path)
@@ -174,7 +176,7 @@ def _guided_path(
     ]
     shares = guide.stiffness, guide.viscosity
     # If no other path comes in time, this one ends by letting the hand go.
-    steps = [(0, 0.0, 0.0), *_steps(spans, shares), (len(path), 0.0, 0.0)]
+    steps = [(0, 0.0, 0.0), *_tick_steps(spans, shares), (len(path), 0.0, 0.0)]
     first = sum(at <= 0 for at, *_ in steps) - 1
     now = (0, *steps[first][1:])
     until_end = (step for step in steps[first + 1 :] if step[0] <= len(path))
@@ -192,7 +194,7 @@ def _without_short_rests(playing_spans: Sequence[tuple[float, float]]) -> list[t
     return joined_spans
 
 
-def _steps(
+def _tick_steps(
     spans: Sequence[tuple[int, int]], shares: tuple[float, float]
 ) -> Iterator[tuple[int, float, float]]:
     for start, stop in spans:

@@ -11,7 +11,7 @@ from ergon.repl.language.hearing import Hear
 from ergon.repl.session import version_edits
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.line_kinds import LineKind
-from ergon.repl.session.struck_places import Place, place_number, strokes
+from ergon.repl.session.struck_places import Place, place_number, strokes_of_line
 
 if TYPE_CHECKING:
     from ergon.repl.session.acts import Acts
@@ -68,7 +68,7 @@ class Hearing:
                 and waits.frame > schedule.engine.frame + _SOON_SECONDS * schedule.rate
             ):
                 prefix = f"{beat_text} "  # the beat of the line that brings the modules
-        struck_strokes = [*strokes(playing, command)]
+        struck_strokes = [*strokes_of_line(playing, command)]
         begun_strokes = [(stroke.place, stroke.impulse) for stroke in struck_strokes]
         end = [(stroke.place, -stroke.impulse) for stroke in struck_strokes if stroke.lasts]
         with schedule.lock:

@@ -22,8 +22,8 @@ from ergon.repl.session.version import Faders, PastVersion
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.sounding import SoundingNames
 
-_VERSIONS = 1000  # the latest are kept
-_CHARACTERS = 1 << 28  # characters of all texts of a history
+_VERSIONS_MAX = 1000  # the latest are kept
+_CHARACTERS_MAX = 1 << 28  # characters of all texts of a history
 
 # Read the texts of a journal's event, and its faders.
 ReadTexts = Callable[[JournalEvent], Texts]
@@ -61,15 +61,16 @@ def read_sounding(journal_event: JournalEvent) -> SoundingNames:
 
 def history_fields(history: PastVersions) -> dict[str, object]:
     """The journal fields for a history; empty if it has only its beginning."""
-    first_index = max(0, history.index + 1 - _VERSIONS)
+    first_index = max(0, history.index + 1 - _VERSIONS_MAX)
     versions = history.versions[first_index:]
     if len(versions) < 2:
         return {}
     history_rows, texts_before = [], dict[str, str]()
     for version in versions:
-        texts_by_file = _files(version.texts)
+        texts_by_file = _texts_by_file(version.texts)
         changed = {
-            name: _delta(texts_before.get(name, ""), text) for name, text in texts_by_file.items()
+            name: _text_difference(texts_before.get(name, ""), text)
+            for name, text in texts_by_file.items()
         }
         history_rows.append(
             {
@@ -99,7 +100,7 @@ def read_history(
     history_rows: list[Any] = journal_event.get("history", list)
     history_index = journal_event.number_of("index", int, 0, len(history_rows) - 1)
     texts_by_file: dict[str, str] = {}
-    characters_left, versions = _CHARACTERS, []
+    characters_left, versions = _CHARACTERS_MAX, []
     for version_fields in history_rows:
         if not isinstance(version_fields, dict):
             journal_event.refuse("the field 'history' has the wrong type or value")
@@ -118,7 +119,7 @@ def read_history(
         named = {
             "score": row_event.get("score", str),
             "text": texts_by_file.get("", ""),
-            "overlay": _used(texts_by_file),
+            "overlay": _used_files(texts_by_file),
         }
         version_texts = read_texts(
             JournalEvent(journal_event.file, journal_event.number, "history", named)
@@ -142,7 +143,7 @@ def read_history(
     return PastVersions(versions, history_index)
 
 
-def _files(score_texts: Texts) -> dict[str, str]:
+def _texts_by_file(score_texts: Texts) -> dict[str, str]:
     """The texts by the names of their files in the journal; the name of the score is ''."""
     folder = Path(score_texts.path).parent
     score_texts = score_texts if score_texts.sealed else score_texts.complete()
@@ -152,11 +153,11 @@ def _files(score_texts: Texts) -> dict[str, str]:
     }
 
 
-def _used(files: Mapping[str, str]) -> dict[str, str]:
+def _used_files(files: Mapping[str, str]) -> dict[str, str]:
     return {name: text for name, text in files.items() if name}
 
 
-def _delta(text_before: str, new_text: str) -> list[object] | None:
+def _text_difference(text_before: str, new_text: str) -> list[object] | None:
     """[characters kept in front, characters kept at the end, new text between]; None if equal."""
     if text_before == new_text:
         return None

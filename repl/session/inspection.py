@@ -16,13 +16,13 @@ from ergon.repl.session.rehearsing import rehearsal_stage
 from ergon.repl.session.tuning_lines import tuning_lines
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits import entries
-from ergon.scores.edits.matter import written_quantity
-from ergon.scores.edits.positions import END
+from ergon.scores.edits.matter import quantity_text
+from ergon.scores.edits.positions import ENDLESS_POSITION
 from ergon.scores.gesture import space_path
 from ergon.scores.reading import automatable
 from ergon.scores.staging.automating import value_on
-from ergon.scores.staging.live import leading
-from ergon.scores.staging.parameter_values import Led
+from ergon.scores.staging.live import leading_positions
+from ergon.scores.staging.parameter_values import AutomatedModule
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from ergon.scores.reading.playing import Play
 
 _LEAD_IN = 0.02  # [s] drawn before a gesture: its joining curve
-_WIDTH_MAX, _HEIGHT = 100, 16  # characters
-_POINTS = 4  # of a curve in each character: two in each dot
+_WIDTH_MAX, _PICTURE_HEIGHTS = 100, 16  # characters
+_POINTS_SHOWN = 4  # of a curve in each character: two in each dot
 _TRACE_SECONDS, _TRACE_TICKS_MIN = 2.0, 20  # [s] of a movement that are drawn; ticks at least
 _LINES_MAX = 40  # lines of a definition
 _STRUCK_MAX = 4  # modules of strikes that are named
@@ -87,9 +87,9 @@ def draw_name(version: Version, gesture_name: str, sounding: Piece, now: float) 
         start_seconds,
         stop_seconds,
         reach,
-        _POINTS * plot_width,
+        _POINTS_SHOWN * plot_width,
     )
-    text = plot(curves, width=plot_width, height=_HEIGHT, x_label="position [mm]")
+    text = plot(curves, width=plot_width, height=_PICTURE_HEIGHTS, x_label="position [mm]")
     return [f"{gesture_name} on {first_gesture.key}", *text.splitlines()]
 
 
@@ -100,7 +100,7 @@ def draw_trace(
     tick_frames: int,
     hands: Path | None,
     *,
-    height: int = _HEIGHT,
+    height: int = _PICTURE_HEIGHTS,
 ) -> list[str]:
     """Draw where a player's key was in the last seconds.
 
@@ -127,9 +127,9 @@ def draw_trace(
     if is_real and hands is not None:
         path = _recorded_positions(hands, player_name, ticks)
     else:
-        path, _ = leading(piece, player_name, running.spans, tick_frames, ticks)
+        path, _ = leading_positions(piece, player_name, running.spans, tick_frames, ticks)
     plot_width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
-    step = max(1, len(path) // (_POINTS * plot_width))
+    step = max(1, len(path) // (_POINTS_SHOWN * plot_width))
     seconds = [(number - len(path)) * tick_frames / rate for number in range(0, len(path), step)]
     curve = Curve(player_name, seconds, [1e3 * float(x) for x in path[::step]])
     plot_text = plot([curve], width=plot_width, height=height, x_label="position [mm]")
@@ -172,18 +172,20 @@ def definition_lines(version: Version, defined_name: str, sounding: Piece, now: 
     if module_named is None:
         return _lines_of_score(version.texts, defined_name)
     part_name, module, is_ca = module_named
-    shown_value, is_led = _value(sounding, (part_name, module.name), module, parameter_name, now)
+    shown_value, is_led = _value_at_beat(
+        sounding, (part_name, module.name), module, parameter_name, now
+    )
     shown = []
     if shown_value is not None:
         place_text = f" at {sounding.tempo_map.written(now)}, by its automation"
-        amount = written_quantity(float(f"{shown_value:.6g}"), parameter_name, is_ca=is_ca)
+        amount = quantity_text(float(f"{shown_value:.6g}"), parameter_name, is_ca=is_ca)
         shown.append(f"{defined_name}: {amount}{place_text if is_led else ''}")
     with contextlib.suppress(NotTakenError):  # the name is defined in a file that the score uses
         shown += _lines_of_score(version.texts, part_name)
     return shown or _lines_of_score(version.texts, defined_name)
 
 
-def _value(
+def _value_at_beat(
     piece: Piece,
     module_place: tuple[str, str],
     written_module: Module,
@@ -203,7 +205,7 @@ def _value(
         "CEL",
         "BANK",
     ):  # f of K, K of f
-        led = Led.from_piece(piece, module_place)
+        led = AutomatedModule.from_piece(piece, module_place)
         field_value = None if led is None else led.numbers_written.get(parameter_name)
     return (field_value, False) if isinstance(field_value, float) else (None, False)
 
@@ -228,7 +230,7 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
     playing_rows += [] if piece.tuning is None else [f"tuning: {piece.tuning.words()}"]
     playing_rows += [f"tuning of {name}: {tuned.words()}" for name, tuned in piece.tunings.items()]
     for player in piece.players.values():
-        entry_lines = entries.lines(version.texts, piece, player.name)
+        entry_lines = entries.placed_entries(version.texts, piece, player.name)
         sounding = [played_name for name, played_name in playing if name == player.name]
         entries_begun = [line for line in entry_lines if line.begin <= now]
         goes_on = [line for line in entries_begun if line.is_open(now, piece)]
@@ -243,22 +245,22 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
         coming = sorted(
             (line for line in entry_lines if line.begin > now), key=lambda line: line.begin
         )
-        words = [_entry(line.play) for line in goes_on] or ["nothing"]
-        words += [f"then {_entry(line.play)}" for line in coming[:1]]
+        words = [_entry_text(line.play) for line in goes_on] or ["nothing"]
+        words += [f"then {_entry_text(line.play)}" for line in coming[:1]]
         playing_rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
     levels = version.strike_levels
     for strikes in piece.strikes:
         if _goes_on(strikes, piece, now):
-            level_state = _state(levels, levels.key(strikes.name))
-            playing_rows.append(", ".join([_striking(strikes), *level_state]))
+            level_state = _level_state(levels, levels.key(strikes.name))
+            playing_rows.append(", ".join([_striking_text(strikes), *level_state]))
     for name in (*piece.instruments, *piece.families):
-        if level_state := _state(version.faders, name):
+        if level_state := _level_state(version.faders, name):
             playing_rows.append(f"{name} (instrument): {', '.join(level_state)}")
     playing_rows += [f"{name}: {rule.trigger.text}" for name, rule in version.rules.items()]
     return playing_rows
 
 
-def _state(levels: Faders | StrikeLevels, strikes_name: str) -> list[str]:
+def _level_state(levels: Faders | StrikeLevels, strikes_name: str) -> list[str]:
     """What mute, solo and gain make of strikes or an instrument; empty if nothing."""
     level_states = ["muted"] if strikes_name in levels.muted else []
     level_states += ["solo"] if strikes_name in levels.solo else []
@@ -272,7 +274,7 @@ def _goes_on(strikes: Strikes, piece: Piece, now: float) -> bool:
     return stop is None or stop > now
 
 
-def _striking(strikes: Strikes) -> str:
+def _striking_text(strikes: Strikes) -> str:
     struck_names = [*dict.fromkeys(target.text for target in strikes.to)]
     struck_names = struck_names or [*dict.fromkeys(hit.what for hit in strikes.hits)]
     ellipsis = ", …" if len(struck_names) > _STRUCK_MAX else ""
@@ -280,16 +282,19 @@ def _striking(strikes: Strikes) -> str:
     if (rhythm := strikes.rhythm) is not None:
         do_text = f" do {rhythm.do}" if rhythm.do else ""
         struck_text = f'"{" ".join(rhythm.text.split())}"{do_text}'
-    return f"{strikes.name} (strikes): {struck_text} from {strikes.at.text}{_until(strikes.until)}"
+    return (
+        f"{strikes.name} (strikes): {struck_text} from "
+        f"{strikes.at.text}{_until_text(strikes.until)}"
+    )
 
 
-def _entry(play: Play) -> str:
-    return f"{play.what} from {play.at.text}{_until(play.until)}"
+def _entry_text(play: Play) -> str:
+    return f"{play.what} from {play.at.text}{_until_text(play.until)}"
 
 
-def _until(position: Position | None) -> str:
+def _until_text(position: Position | None) -> str:
     """` until 9|1`; empty for what goes on to the end."""
-    is_endless = position is None or END.fullmatch(position.text)
+    is_endless = position is None or ENDLESS_POSITION.fullmatch(position.text)
     return "" if position is None or is_endless else f" until {position.text}"
 
 

@@ -23,13 +23,13 @@ from ergon.common.errors import ErgonError
 from ergon.common.regular import NotRegularError, open_regular
 from ergon.common.structured import MalformedTextError, parse_json
 
-VERSION = 1
+JOURNAL_VERSION = 1
 MAX_BYTES = 1 << 28  # an hour of lines takes some hundred kilobytes
 MAX_LINE = 1 << 25  # bytes; a score and all files that it uses are one line
 # Bounds of what a journal may say: more frames than a session has at any rate, and beats.
 FRAME_MAX = 1 << 40
 BEAT_MAX = 1e7
-_LATEST = 1e12  # no number of a journal is larger
+_INSTANT_MAX = 1e12  # no number of a journal is larger
 _WAITING_MAX = 1 << 26  # bytes that wait for room on the disk: more lines than a long evening has
 _RETRY_SECONDS = 1.0  # [s] between attempts to write what waits
 
@@ -88,7 +88,7 @@ class Journal:
             if self._file.closed:  # the second half of a panic may come after the end
                 return
             self._n_events += 1
-            head = {"v": VERSION, "n": self._n_events, "event": event}
+            head = {"v": JOURNAL_VERSION, "n": self._n_events, "event": event}
             json_line = json.dumps({**head, **event_fields}, ensure_ascii=True).encode() + b"\n"
             if len(json_line) > MAX_LINE or self.is_full:
                 why = (
@@ -113,8 +113,7 @@ class Journal:
             if failure_reason != self._reason:
                 self._trouble = (
                     f"the journal cannot be written: {failure_reason}; what is typed is kept in "
-                    "memory "
-                    "until it can be"
+                    "memory until it can be"
                 )
             self._reason = failure_reason
             return
@@ -175,7 +174,7 @@ class JournalEvent:
         field_value = self.fields.get(name, default)
         if field_value is None:
             self.refuse(f"the field '{name}' is missing")
-        if kind is float and type(field_value) is int and abs(field_value) <= _LATEST:
+        if kind is float and type(field_value) is int and abs(field_value) <= _INSTANT_MAX:
             field_value = float(field_value)
         if type(field_value) is not kind:
             self.refuse(f"the field '{name}' has the wrong type or value")
@@ -226,7 +225,7 @@ def _is_text(value: object) -> bool:
 
 
 def _is_ratio(value: object) -> bool:
-    return type(value) in (int, float) and 0 <= value <= _LATEST  # type: ignore[operator]
+    return type(value) in (int, float) and 0 <= value <= _INSTANT_MAX  # type: ignore[operator]
 
 
 def read_events(path: Path) -> Iterator[JournalEvent]:
@@ -235,14 +234,14 @@ def read_events(path: Path) -> Iterator[JournalEvent]:
         with open_regular(path) as journal_file:
             if os.fstat(journal_file.fileno()).st_size > MAX_BYTES:
                 raise JournalError(f"{path} is larger than the journal of a session can be")
-            yield from _events(path, journal_file)
+            yield from _journal_events(path, journal_file)
     except NotRegularError:
         raise JournalError(f"{path} is not a regular file, so it cannot be a journal") from None
     except OSError as error:
         raise JournalError(f"{path}: {error.strerror or error}") from None
 
 
-def _events(path: Path, journal_file: IO[bytes]) -> Iterator[JournalEvent]:
+def _journal_events(path: Path, journal_file: IO[bytes]) -> Iterator[JournalEvent]:
     bytes_left = MAX_BYTES
     for line_number in itertools.count(1):
         json_line = journal_file.readline(MAX_LINE)
@@ -259,7 +258,7 @@ def _events(path: Path, journal_file: IO[bytes]) -> Iterator[JournalEvent]:
             ):  # the program ended while it was written
                 return
             event_fields = None
-        if not isinstance(event_fields, dict) or event_fields.get("v") != VERSION:
+        if not isinstance(event_fields, dict) or event_fields.get("v") != JOURNAL_VERSION:
             raise JournalError(f"{path}, line {line_number}: this is not a session's journal")
         name = event_fields.get("event")
         yield JournalEvent(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ergon.notation.text.bounds import FileBounds
-from ergon.rendering.silence import Silence
+from ergon.rendering.silence import FadedSilence
 from ergon.repl.session.block_rules import Rule, read_rules, rules_field
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.frozen_parts import FrozenFolder, frozen_fields, frozen_of
@@ -34,7 +34,7 @@ from ergon.repl.session.journal_names import JournalNameError, file_named, journ
 from ergon.repl.session.midi_maps import Map, maps_field, read_maps
 from ergon.repl.session.strike_levels import StrikeLevels, levels_fields, read_levels
 from ergon.repl.session.struck_places import Place
-from ergon.repl.session.version import GLIDE, Faders, Version, piece_of
+from ergon.repl.session.version import GLIDE_SECONDS, Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.sounding import SoundingNames
 
@@ -42,7 +42,7 @@ _EVERY_MAX = 1 << 16  # frames of a tick
 _NUMBER_MAX = 1 << 40
 _RATIO_MAX = 1e10  # the largest that a score allows
 _HIGHPASS_MAX = 1000.0  # [Hz]
-_HASH = 64  # digits
+_HASH_CHARACTERS = 64  # digits
 _GLIDE_MAX = 86_400.0  # [s]
 _VALUE_MAX = sys.float_info.max  # largest value of an input
 
@@ -121,7 +121,7 @@ def text_fields(score_texts: Texts) -> dict[str, object]:
 def effect_fields(version: Version) -> dict[str, object]:
     """The journal fields for how a version read from files takes over."""
     effect_values: dict[str, object] = {}
-    if version.glide != GLIDE:
+    if version.glide != GLIDE_SECONDS:
         effect_values["glide"] = version.glide
     if version.enter_beat is not None:
         effect_values["enters"] = version.enter_beat
@@ -207,7 +207,7 @@ class JournalContent:
     starts: dict[int, int] = field(default_factory=dict)
     n_frames: int = 0
     ended: bool = False
-    silences: list[Silence] = field(default_factory=list)
+    silences: list[FadedSilence] = field(default_factory=list)
     base: Texts | None = None  # the files when they were last read or saved
     # Lines and drops, in the order written.
     events: list[JournalEvent] = field(default_factory=list)
@@ -284,7 +284,7 @@ def read_journal(
     first_texts = file_locations.texts(first_event)
     opening = SessionStart(
         first_texts,
-        _beat(first_event, "at", 0.0),
+        _parse_beat(first_event, "at", 0.0),
         _read_faders(first_event),
         first_event.number_of("every", int, 1, _EVERY_MAX),
         first_event.number_of("gain", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
@@ -378,11 +378,11 @@ class _FileLocations:
             folder = self.path(event).parent
             for name, known in event.mapping("disk", str).items():
                 with contextlib.suppress(JournalNameError):  # such a file is never written
-                    by_file[file_named(name, folder)] = known[:_HASH]
+                    by_file[file_named(name, folder)] = known[:_HASH_CHARACTERS]
         return by_file
 
 
-def _beat(event: JournalEvent, name: str, default: float | None = None) -> float:
+def _parse_beat(event: JournalEvent, name: str, default: float | None = None) -> float:
     return float(event.number_of(name, float, 0.0, BEAT_MAX, default))
 
 
@@ -393,8 +393,8 @@ def _read_faders(event: JournalEvent) -> Faders:
 
 
 def _read_version(event: JournalEvent, file_locations: _FileLocations) -> FileVersion:
-    glide = event.number_of("glide", float, 0.0, _GLIDE_MAX, GLIDE)
-    enters = _beat(event, "enters") if "enters" in event.fields else None
+    glide = event.number_of("glide", float, 0.0, _GLIDE_MAX, GLIDE_SECONDS)
+    enters = _parse_beat(event, "enters") if "enters" in event.fields else None
     return FileVersion(file_locations.texts(event), glide, enters)
 
 
@@ -408,7 +408,7 @@ def _add_event(
     if journal_event.name == "line":
         journal_content.lines[line_number] = journal_event
         journal_event.get("line", str)
-        _beat(journal_event, "beat")
+        _parse_beat(journal_event, "beat")
         if "text" in journal_event.fields:
             journal_content.versions_from_files[journal_event.number] = version = _read_version(
                 journal_event, file_locations
@@ -430,13 +430,13 @@ def _add_event(
         journal_content.commits.append(
             JournalCommit(
                 event_frame,
-                _beat(journal_event, "beat"),
+                _parse_beat(journal_event, "beat"),
                 journal_content.lines[line_number],
                 change,
             )
         )
     elif journal_event.name == "late":
-        journal_content.late[line_number] = _beat(journal_event, "beat")
+        journal_content.late[line_number] = _parse_beat(journal_event, "beat")
         journal_content.starts[line_number] = journal_event.number_of(
             "start", int, 0, FRAME_MAX, FRAME_MAX
         )
@@ -444,9 +444,9 @@ def _add_event(
         journal_content.dropped.add(line_number)
     elif journal_event.name == "skip":
         event_frame = journal_event.number_of("frame", int, 0, FRAME_MAX)
-        journal_content.skips.append((event_frame, _beat(journal_event, "begin")))
-    elif journal_event.name in _ACTS:
-        journal_content.acts.append(_ACTS[journal_event.name](journal_event))
+        journal_content.skips.append((event_frame, _parse_beat(journal_event, "begin")))
+    elif journal_event.name in _PARSE_BY_KIND:
+        journal_content.acts.append(_PARSE_BY_KIND[journal_event.name](journal_event))
     elif journal_event.name == "silence":
         _add_silence(journal_content, journal_event)
     elif journal_event.name == "end":
@@ -463,7 +463,7 @@ def _add_event(
         journal_content.n_frames = max(journal_content.n_frames, event_frame)
 
 
-def _strike(journal_event: JournalEvent) -> JournalAct:
+def _parse_strike(journal_event: JournalEvent) -> JournalAct:
     place_words = (
         journal_event.get("part", str),
         journal_event.get("module", str),
@@ -478,13 +478,13 @@ def _strike(journal_event: JournalEvent) -> JournalAct:
     )
 
 
-def _value(event: JournalEvent) -> JournalAct:
+def _parse_value(event: JournalEvent) -> JournalAct:
     frame, name = event.number_of("frame", int, 0, FRAME_MAX), event.get("input", str)
     value = event.number_of("value", float, -_VALUE_MAX, _VALUE_MAX)
     return JournalAct(frame, name, value, event.number)
 
 
-_ACTS = {"strike": _strike, "value": _value}
+_PARSE_BY_KIND = {"strike": _parse_strike, "value": _parse_value}
 
 
 def _add_silence(journal_content: JournalContent, journal_event: JournalEvent) -> None:
@@ -498,6 +498,6 @@ def _add_silence(journal_content: JournalContent, journal_event: JournalEvent) -
     ):
         journal_event.refuse("silences neither overlap nor end before they begin")
     if last_silence is not None and is_open:
-        journal_content.silences[-1] = Silence(last_silence.start, event_frame)
+        journal_content.silences[-1] = FadedSilence(last_silence.start, event_frame)
     else:
-        journal_content.silences.append(Silence(event_frame))
+        journal_content.silences.append(FadedSilence(event_frame))

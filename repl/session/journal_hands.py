@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _AXIS_MAX = 1 << 10
 _HANDS_MAX = 64  # axes of a recording
-_SUFFIX = ".take"
+_RECORDING_SUFFIX = ".take"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +68,12 @@ def take_of(first_event: JournalEvent, journal: Path) -> JournalTake | None:
     take_name = first_event.get("take", str)
     if (
         Path(take_name).name != take_name
-        or Path(take_name).suffix != _SUFFIX
+        or Path(take_name).suffix != _RECORDING_SUFFIX
         or "\\" in take_name
         or "\0" in take_name
     ):
         first_event.refuse(
-            f"the field 'take' is not the name of a {_SUFFIX} file beside the journal"
+            f"the field 'take' is not the name of a {_RECORDING_SUFFIX} file beside the journal"
         )
     listed = first_event.get("hands", list)
     if not 1 <= len(listed) <= _HANDS_MAX or not all(
@@ -101,7 +101,7 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
     """The movement of a stage's real hands, in ticks of `tick_frames`. Raises JournalError."""
     import numpy as np
 
-    recording = _recording(take)
+    recording = _recording_path(take)
     player_names = ", ".join(hand.player for hand in take.hands)
     axes = [(hand.player, hand.key) for hand in stage.live]
     if recording.rate != stage.rate or recording.frames != tick_frames or recording.axes != axes:
@@ -115,25 +115,24 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
         for number, hand in enumerate(stage.live)
     )
     return RecordedHands(
-        hands, len(tick_positions) * tick_frames, tuple(_warnings(take, recording))
+        hands, len(tick_positions) * tick_frames, tuple(_recording_warnings(take, recording))
     )
 
 
-def _recording(take: JournalTake) -> _core.Recording:
+def _recording_path(take: JournalTake) -> _core.Recording:
     try:
         return _core.read_recording(take.path)
     except FileNotFoundError:
         player_names = ", ".join(hand.player for hand in take.hands)
         raise JournalError(
             f"{take.path} is missing: it records what {player_names} did, and the session cannot "
-            "be "
-            "computed without it"
+            "be computed without it"
         ) from None
     except (_core.EngineError, OSError) as error:
         raise JournalError(f"{take.path}: {error}") from None
 
 
-def _warnings(take: JournalTake, recording: _core.Recording) -> Sequence[str]:
+def _recording_warnings(take: JournalTake, recording: _core.Recording) -> Sequence[str]:
     warnings = []
     if recording.damage:
         warnings.append(f"{take.path}: {recording.damage}")

@@ -9,8 +9,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from ergon.common.errors import ErgonError
 from ergon.notation.text.files import installed_path, is_below, is_file, is_shipped, shipped
 
-LIBRARY = "ergon:"  # prefix of a file that ships with ergon
-_CONTROL = re.compile(
+LIBRARY_PREFIX = "ergon:"  # prefix of a file that ships with ergon
+_CONTROL_PATTERN = re.compile(
     "[\x00-\x1f\x7f-\x9f\ud800-\udfff]"
 )  # half of a surrogate pair is no character
 _NAME_MAX = 1000  # characters of a name
@@ -25,20 +25,22 @@ def journal_name(file_name: str, folder: Path) -> str:
     """The name that a journal gives a file, for a score in `folder`."""
     name = shipped(Path(file_name))
     if name is not None:
-        return LIBRARY + name
+        return LIBRARY_PREFIX + name
     return Path(os.path.relpath(file_name, folder)).as_posix()
 
 
 def file_named(written_name: str, folder: Path) -> str:
     """The file that a journal names, for a score in `folder`. Raises JournalNameError."""
-    if written_name.startswith(LIBRARY):
-        path = installed_path(_check_relative(written_name.removeprefix(LIBRARY)))
+    if written_name.startswith(LIBRARY_PREFIX):
+        path = installed_path(_check_relative(written_name.removeprefix(LIBRARY_PREFIX)))
         if path.suffix != ".yaml" or not is_shipped(path):
-            raise JournalNameError(f"{_printable(written_name)} is not a file of the library")
+            raise JournalNameError(f"{_printable_text(written_name)} is not a file of the library")
         return str(path)
     path = folder / _check_relative(written_name)
     if not is_below(path, folder):
-        raise JournalNameError(f"{_printable(written_name)} is outside the folder of the score")
+        raise JournalNameError(
+            f"{_printable_text(written_name)} is outside the folder of the score"
+        )
     return str(path)
 
 
@@ -64,22 +66,24 @@ def _check_relative(relative_name: str) -> str:
     windows, posix = PureWindowsPath(relative_name), PurePosixPath(relative_name)
     if windows.drive or windows.root or posix.is_absolute() or not posix.parts:
         raise JournalNameError(
-            f"{_printable(relative_name)} is not relative to the folder of the score"
+            f"{_printable_text(relative_name)} is not relative to the folder of the score"
         )
     if ".." in (*windows.parts, *posix.parts):
-        raise JournalNameError(f"{_printable(relative_name)} is outside the folder of the score")
+        raise JournalNameError(
+            f"{_printable_text(relative_name)} is outside the folder of the score"
+        )
     return str(posix)
 
 
 def _check_file_name(file_name: str) -> None:
     """Check that a file can have such a name."""
-    if not file_name or _CONTROL.search(file_name) or Path(file_name).name in ("", ".."):
-        raise JournalNameError(f"{_printable(file_name)} is not a valid file name")
+    if not file_name or _CONTROL_PATTERN.search(file_name) or Path(file_name).name in ("", ".."):
+        raise JournalNameError(f"{_printable_text(file_name)} is not a valid file name")
     if len(file_name) > _NAME_MAX or any(
         len(part.encode()) > _PART_MAX for part in file_name.split("/")
     ):
-        raise JournalNameError(f"{_printable(file_name)} is too long for a file name")
+        raise JournalNameError(f"{_printable_text(file_name)} is too long for a file name")
 
 
-def _printable(name: str) -> str:
+def _printable_text(name: str) -> str:
     return ascii(name if len(name) <= 80 else f"{name[:80]}…")

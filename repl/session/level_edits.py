@@ -18,7 +18,7 @@ from ergon.repl.language.levels import (
 from ergon.repl.session.edit_table import edits_faders, instruments_of, makes_edit
 from ergon.repl.session.strike_levels import StrikeLevels, unnumbered
 from ergon.repl.session.version import Faders, NotTakenError, Version
-from ergon.scores.edits.strikes import named
+from ergon.scores.edits.strikes import strikes_named
 
 if TYPE_CHECKING:
     from ergon.repl.session.waiting_lines import VersionEdit
@@ -41,7 +41,7 @@ def _solo(command: Solo) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         faders = replace(version.faders, solo=instruments_of(version, command.name))
         levels = replace(version.strike_levels, solo=frozenset())
-        return _leveled(version, faders, levels)
+        return _with_level(version, faders, levels)
 
     return edit
 
@@ -53,7 +53,7 @@ def _unmute(command: Unmute) -> VersionEdit:
         muted = faders.muted - instruments_of(version, names) if names else frozenset[str]()
         struck = levels.muted if names else frozenset[str]()
         faders = replace(faders, muted=muted, solo=frozenset())
-        return _leveled(version, faders, replace(levels, muted=struck, solo=frozenset()))
+        return _with_level(version, faders, replace(levels, muted=struck, solo=frozenset()))
 
     return edit
 
@@ -62,7 +62,7 @@ def _unmute(command: Unmute) -> VersionEdit:
 def _gain_strikes(command: GainStrikes) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         levels = version.strike_levels
-        gains = {**levels.gains, _key(version, command.name): command.ratio}
+        gains = {**levels.gains, _level_key(version, command.name): command.ratio}
         return replace(version, strike_levels=replace(levels, gains=gains))
 
     return edit
@@ -72,7 +72,7 @@ def _gain_strikes(command: GainStrikes) -> VersionEdit:
 def _mute_strikes(command: MuteStrikes) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         levels = version.strike_levels
-        muted = levels.muted | {_key(version, command.name)}
+        muted = levels.muted | {_level_key(version, command.name)}
         return replace(version, strike_levels=replace(levels, muted=muted))
 
     return edit
@@ -83,12 +83,12 @@ def _solo_strikes(command: SoloStrikes) -> VersionEdit:
     """Silence all other strikes, and instruments of players that these strikes do not play."""
 
     def edit(version: Version, beat: float) -> Version:
-        level_key = _key(version, command.name)
-        quiet = _played(version) - _struck(version, level_key)
+        level_key = _level_key(version, command.name)
+        quiet = _played_instruments(version) - _struck_instruments(version, level_key)
         others = frozenset(version.piece.instruments) - quiet if quiet else frozenset[str]()
         faders = replace(version.faders, solo=others)
         levels = replace(version.strike_levels, solo=frozenset([level_key]))
-        return _leveled(version, faders, levels)
+        return _with_level(version, faders, levels)
 
     return edit
 
@@ -99,17 +99,17 @@ def _unmute_strikes(command: UnmuteStrikes) -> VersionEdit:
         levels, faders = version.strike_levels, version.faders
         if levels.solo:
             faders = replace(faders, solo=frozenset())
-        muted = levels.muted - {_key(version, command.name)}
-        return _leveled(version, faders, replace(levels, muted=muted, solo=frozenset()))
+        muted = levels.muted - {_level_key(version, command.name)}
+        return _with_level(version, faders, replace(levels, muted=muted, solo=frozenset()))
 
     return edit
 
 
-def _leveled(version: Version, faders: Faders, levels: StrikeLevels) -> Version:
+def _with_level(version: Version, faders: Faders, levels: StrikeLevels) -> Version:
     return replace(version, faders=faders, strike_levels=levels)
 
 
-def _key(version: Version, strikes_name: str) -> str:
+def _level_key(version: Version, strikes_name: str) -> str:
     """The name under which strikes have their level. Raises NotTakenError if they are gone."""
     strikes_names = {strikes.name for strikes in version.piece.strikes}
     if strikes_name not in strikes_names:
@@ -118,12 +118,14 @@ def _key(version: Version, strikes_name: str) -> str:
     return first if first in strikes_names else strikes_name
 
 
-def _struck(version: Version, name: str) -> frozenset[str]:
+def _struck_instruments(version: Version, name: str) -> frozenset[str]:
     """The instruments that strikes strike."""
-    return frozenset[str]().union(*(strikes.parts for strikes in named(version.piece, name)))
+    return frozenset[str]().union(
+        *(strikes.parts for strikes in strikes_named(version.piece, name))
+    )
 
 
-def _played(version: Version) -> frozenset[str]:
+def _played_instruments(version: Version) -> frozenset[str]:
     """The instruments that the keys of players are linked to."""
     played_parts: set[str] = set()
     for player in version.piece.players:

@@ -34,11 +34,11 @@ def instrument_lines(score_texts: Texts, piece: Piece) -> list[str]:
     """The instruments of a score with their routes; then the families."""
     parts = {name: name for name in piece.instruments if name not in piece.note_families()}
     parts |= {name: members[0] for name, members in piece.families.items()}
-    routes = {name: _routes(piece, part) for name, part in parts.items()}
-    instrument_rows = _rows(routes) or ["no instrument yet"]
+    routes = {name: _route_rows(piece, part) for name, part in parts.items()}
+    instrument_rows = _two_columns(routes) or ["no instrument yet"]
     instrument_counts = {
         name: f"{len(members)} instruments" if len(members) > 1 else "1 instrument"
-        for name, members in _families(score_texts, piece).items()
+        for name, members in _family_rows(score_texts, piece).items()
     }
     in_use = {
         name: f"{text}, in use" for name, text in instrument_counts.items() if name in piece.used
@@ -46,18 +46,18 @@ def instrument_lines(score_texts: Texts, piece: Piece) -> list[str]:
     return [
         *instrument_rows,
         "families, by `use NAME`:",
-        *_rows({**instrument_counts, **in_use}, indent="  "),
+        *_two_columns({**instrument_counts, **in_use}, indent="  "),
     ]
 
 
 def family_lines(texts: Texts, piece: Piece, family_name: str) -> list[str]:
     """The instruments of a family, with what each is. Raises NotTakenError."""
-    known_families = _families(texts, piece)
+    known_families = _family_rows(texts, piece)
     if family_name not in known_families:
         suggestion = nearest(family_name, known_families)
         message = f"no family of instruments is called {family_name}"
         raise NotTakenError(message, None if suggestion is None else f"instruments {suggestion}")
-    return _rows({member.name: member.about for member in known_families[family_name]})
+    return _two_columns({member.name: member.about for member in known_families[family_name]})
 
 
 def gesture_lines(piece: Piece) -> list[str]:
@@ -67,12 +67,12 @@ def gesture_lines(piece: Piece) -> list[str]:
         path = gesture_name.rpartition(".")[0]
         axes = space_path.played(path, piece.gestures) if path else []
         if gesture_name in axes:
-            gesture_rows[path] = f"a path in space, {_shape(gesture)}"
+            gesture_rows[path] = f"a path in space, {_shape_text(gesture)}"
         else:
-            gesture_rows[gesture_name] = _shape(gesture)
+            gesture_rows[gesture_name] = _shape_text(gesture)
     for gesture_name, take in piece.takes.items():
         gesture_rows[gesture_name] = f"take, {take.path.name}" if take.path else "take, an input"
-    return _rows(gesture_rows) or [
+    return _two_columns(gesture_rows) or [
         "no gesture yet; `knock = 0@0 smooth 7@1/8 smooth 0@1/4` defines one"
     ]
 
@@ -88,13 +88,13 @@ def scene_lines(score_texts: Texts) -> list[str]:
         scene_rows[scene_name] = ""
         if number < _SCENES_MAX:
             try:
-                scene_rows[scene_name] = _length(scene_of(score_texts, scene_name))
+                scene_rows[scene_name] = _length_text(scene_of(score_texts, scene_name))
             except (NotTakenError, EditError) as error:
                 scene_rows[scene_name] = f"cannot be played: {error}"
-    return _rows(scene_rows) or ["no scene yet; `keep 8bar as verse-2` makes one"]
+    return _two_columns(scene_rows) or ["no scene yet; `keep 8bar as verse-2` makes one"]
 
 
-def _families(score_texts: Texts, piece: Piece) -> Mapping[str, Sequence[Member]]:
+def _family_rows(score_texts: Texts, piece: Piece) -> Mapping[str, Sequence[Member]]:
     """The families that ship, and the files that a score uses."""
     known_families = dict(families.library())
     score_names, _ = score_texts.names()
@@ -104,13 +104,13 @@ def _families(score_texts: Texts, piece: Piece) -> Mapping[str, Sequence[Member]
     return known_families
 
 
-def _routes(piece: Piece, part: str) -> str:
+def _route_rows(piece: Piece, part: str) -> str:
     routes = [route for route in piece.routes() if route.part == part]
-    places = dict.fromkeys(", ".join(_route(route)) for route in routes)
+    places = dict.fromkeys(", ".join(_route_text(route)) for route in routes)
     return "; ".join(places) or "is not routed"
 
 
-def _route(route: Route) -> Iterator[str]:
+def _route_text(route: Route) -> Iterator[str]:
     """Where an output sounds, how loud, and from which place."""
     out = "" if route.out is None else f"{route.out} "
     to = route.to if isinstance(route.to, str) else " ".join(map(str, route.to))
@@ -130,7 +130,7 @@ def _route(route: Route) -> Iterator[str]:
         yield f"{room} {decibels_of(gain):.3g} dB"
 
 
-def _shape(gesture: Gesture) -> str:
+def _shape_text(gesture: Gesture) -> str:
     last_position = gesture.points[-1].at
     length_texts = []
     if last_position.beats:
@@ -143,7 +143,7 @@ def _shape(gesture: Gesture) -> str:
     return f"{' + '.join(length_texts)}, {count} point{'s' if count > 1 else ''}"
 
 
-def _length(scene: Scene) -> str:
+def _length_text(scene: Scene) -> str:
     """`8 bars`, `8 bars and 2 beats`."""
     bar, into = scene.piece.tempo_map.bar_beat(scene.beats + SAME)
     bars, beats = bar - 1, round(into - 1.0, 3)
@@ -151,7 +151,7 @@ def _length(scene: Scene) -> str:
     return f"{text} and {beats:g} beats" if beats else text
 
 
-def _rows(rows: Mapping[str, str], indent: str = "") -> list[str]:
+def _two_columns(rows: Mapping[str, str], indent: str = "") -> list[str]:
     """Names and a text for each, in two columns."""
     width = min(max(map(len, rows), default=0), 20) + 2
     return [f"{indent}{name:<{width}}{text}".rstrip() for name, text in rows.items()]

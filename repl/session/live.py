@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _BARS_AHEAD = 120.0  # [s] of bars sent ahead: a hand that reconnects waits for the next bar
 _CLOSE_TIMEOUT = 2.0  # [s] to play out the ring buffer, and to end a sound file
-_POLL = 0.005  # [s] between two looks at a file that ends
+_POLL_SECONDS = 0.005  # [s] between two looks at a file that ends
 
 
 class LiveEngine:
@@ -262,7 +262,7 @@ class LiveEngine:
         while (now := self.sound_file_status()) and not (now.ended or now.error):
             if time.monotonic() > stop:
                 break
-            time.sleep(_POLL)
+            time.sleep(_POLL_SECONDS)
         return now
 
     def close(self) -> None:

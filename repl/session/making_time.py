@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
 
 # A change is given twice the time that the last makings took.
-_FACTOR = 2.0
+_SAFETY_FACTOR = 2.0
 # Shortest and longest time by which a line is put off because it was late [s].
 _SLIP_MIN, _SLIP_MAX = 0.005, 30.0
 
@@ -32,14 +32,16 @@ class MakingTime:
     @property
     def expected(self) -> float:
         """The time that a change is given [s]."""
-        return _FACTOR * self.seconds
+        return _SAFETY_FACTOR * self.seconds
 
     def after_slips(self, slip_count: int) -> float:
         """The time that a line is given which was late `slip_count` times before [s].
 
         It is longer each time, whatever was measured.
         """
-        return _FACTOR * min(_SLIP_MAX, max(self.seconds, _SLIP_MIN) * 2.0 ** min(slip_count, 20))
+        return _SAFETY_FACTOR * min(
+            _SLIP_MAX, max(self.seconds, _SLIP_MIN) * 2.0 ** min(slip_count, 20)
+        )
 
     def began(self) -> int:
         """The frame at which a making begins."""

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.session import Session
 
 _CHECK_PERIOD = 0.004  # [s] between two looks at the performance
-_SIXTEENTH = 0.25  # beats of one unit of a song position
-_PRIORITY = 60  # below the process that sends
+_BEATS_PER_SIXTEENTH = 0.25  # beats of one unit of a song position
+_THREAD_PRIORITY = 60  # below the process that sends
 # A correction removes the whole error within this many beats; smaller errors than
 # _ERROR_MAX [s] stay.
 _CORRECTION_BEATS = 2.0
@@ -79,7 +79,8 @@ class ClockEvents:
                     # A song position counts sixteenths: it is that of the next sixteenth, where
                     # others can join in.
                     self._next = (
-                        math.ceil(clock.stopped_beat / _SIXTEENTH - SAME) * CLOCKS_PER_SONG_POSITION
+                        math.ceil(clock.stopped_beat / _BEATS_PER_SIXTEENTH - SAME)
+                        * CLOCKS_PER_SONG_POSITION
                     )
                     if self._next:
                         yield first_frame, encode_song_position(self._next / CLOCKS_PER_BEAT)
@@ -115,7 +116,7 @@ class ClockOut:
 
     def _run(self) -> None:
         with contextlib.suppress(AttributeError, OSError):  # not granted: like any other thread
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_THREAD_PRIORITY))
         while not self._over.wait(_CHECK_PERIOD):
             with contextlib.suppress(EngineError):  # the performance is closed already
                 self.send_computed(time.monotonic())

@@ -11,7 +11,7 @@ from ergon.scores.gesture.midi_source import pair_share, seven_bit_share, wheel_
 if TYPE_CHECKING:
     from ergon.repl.session.midi_maps import Map
 
-_CONTROLLERS = 128
+_CONTROLLER_COUNT = 128
 Moved = Control | Wheel | Pressure
 
 
@@ -20,7 +20,7 @@ class Controllers:
 
     def __init__(self) -> None:
         """Begin with all of them at 0."""
-        self._values = [0] * _CONTROLLERS
+        self._values = [0] * _CONTROLLER_COUNT
 
     def shares(self, message: Moved, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
         """What a message moves, and its position now, from 0 to 1; of pairs of controllers

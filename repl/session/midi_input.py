@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.version import Version
 
 
-_SUSTAIN, _PEDAL_DOWN = 64, 64  # the controller of the pedal, and its least value when down
+# The controller of the pedal, and its least value when down.
+_SUSTAIN_CONTROLLERS, _PEDAL_DOWN = (64, 64)
 
 
 class _Sounding(NamedTuple):
@@ -133,7 +134,7 @@ class MidiInput:
             wanted_map = replace(wanted_map, source=source_of(message))
         self._n_lines += 1
         line = f"{wanted_map.line} now"
-        self._fast_values.set_soon(f"learn {self._n_lines}", partial(_line, line))
+        self._fast_values.set_soon(f"learn {self._n_lines}", partial(_constant_line, line))
         self._say(f"{wanted_map.name} is learnt: {wanted_map.line}")
         return True
 
@@ -141,7 +142,7 @@ class MidiInput:
         """Set what a controller leads to; whether it leads to anything."""
         if self._learn(message):
             return True
-        is_pedal = isinstance(message, Control) and message.number == _SUSTAIN
+        is_pedal = isinstance(message, Control) and message.number == _SUSTAIN_CONTROLLERS
         if is_pedal:
             self._move_pedal(is_down=message.value >= _PEDAL_DOWN)
         head = self._schedule.head
@@ -157,7 +158,7 @@ class MidiInput:
         for note_line in note_lines(self._schedule.running.version, note.number):
             self._n_lines += 1
             self._fast_values.set_soon(
-                f"note {note.number}, line {self._n_lines}", partial(_line, note_line)
+                f"note {note.number}, line {self._n_lines}", partial(_constant_line, note_line)
             )
 
     def _begin(self, note: Note, channel: int) -> None:
@@ -223,6 +224,6 @@ class MidiInput:
             self.lost += 1
 
 
-def _line(line: str, _: Version) -> str:
+def _constant_line(line: str, _: Version) -> str:
     """A line that is the same in every version."""
     return line

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 MAX_MAPS = 256
 MAX_HEAR = 16  # places of the last `hear` commands that stay ready
 _MIDI_MAX = 127
-_WORD = re.compile(r"[\w.-]{1,200}")  # a name of a score, with its dots
-_UNIT = re.compile(r"[A-Za-z0-9/]{0,8}")
+_WORD_PATTERN = re.compile(r"[\w.-]{1,200}")  # a name of a score, with its dots
+_UNIT_PATTERN = re.compile(r"[A-Za-z0-9/]{0,8}")
 
 Map = MapControl | MapNotes | Hear  # `hear` needs its places as a map of notes does
 
@@ -121,10 +121,10 @@ def line_to(control: MapControl, control_share: float) -> str:
 
 def maps_field(maps: Mapping[str, Map]) -> dict[str, object]:
     """The journal field for maps; empty if there are none."""
-    return {"maps": [_row(control_map) for control_map in maps.values()]} if maps else {}
+    return {"maps": [_map_row(control_map) for control_map in maps.values()]} if maps else {}
 
 
-def _row(midi_map: Map) -> list[object]:
+def _map_row(midi_map: Map) -> list[object]:
     if isinstance(midi_map, Hear):
         return ["hear", midi_map.target, *midi_map.notes]
     if isinstance(midi_map, MapNotes):
@@ -174,7 +174,7 @@ def _hear_notes(written_notes: list[object]) -> tuple[str, ...] | None:
 
 def _read_row(journal_event: JournalEvent, row: object) -> Map:
     match row:
-        case ["hear", str(target_text), *notes] if _WORD.fullmatch(target_text):
+        case ["hear", str(target_text), *notes] if _WORD_PATTERN.fullmatch(target_text):
             words = _hear_notes(notes)
             if words is not None:
                 return Hear(target_text, words, MEZZO_FORTE)
@@ -204,8 +204,8 @@ def _read_row(journal_event: JournalEvent, row: object) -> Map:
             str(curve_name),
         ] if (
             0 <= low_number <= high_number <= _MIDI_MAX
-            and _WORD.fullmatch(target_text)
-            and _WORD.fullmatch(gesture or "none")
+            and _WORD_PATTERN.fullmatch(target_text)
+            and _WORD_PATTERN.fullmatch(gesture or "none")
             and isfinite(sum(impulse or ()))
             and curve_name in LAWS
         ):
@@ -221,9 +221,9 @@ def _read_row(journal_event: JournalEvent, row: object) -> Map:
             float(high_number),
         ] if (
             is_source(source_name)
-            and _WORD.fullmatch(target_text or "all")
-            and _WORD.fullmatch(sounding or "all")
-            and _UNIT.fullmatch(unit_name)
+            and _WORD_PATTERN.fullmatch(target_text or "all")
+            and _WORD_PATTERN.fullmatch(sounding or "all")
+            and _UNIT_PATTERN.fullmatch(unit_name)
             and isfinite(low_number + high_number)
         ):
             return MapControl(

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 _LINES_MAX = 10  # messages printed in a period; the others are counted
-_PERIOD = 0.5  # [s]
+_PERIOD_SECONDS = 0.5  # [s]
 _WAITING_MAX = 2000  # messages in a period; older ones are dropped
 _NOTE_NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 _SHOWN_MAX = 8  # kinds of messages in one line
@@ -36,7 +36,7 @@ class MidiMonitor:
             self._unmapped[message_source] += 1
         if self.is_on:
             unmapped_text = "" if is_mapped or isinstance(message, NoteEnd) else ", not mapped"
-            text = f"MIDI {_described(message)}, channel {channel}{unmapped_text}"
+            text = f"MIDI {_message_text(message)}, channel {channel}{unmapped_text}"
             self._waiting.append((message_source, text))
 
     def lines_due(self, now: float) -> Sequence[str]:
@@ -46,9 +46,11 @@ class MidiMonitor:
         monitor_lines = []
         if now >= self._ends_at:
             if self._rest:
-                monitor_lines.append(f"MIDI {self._rest.total():,} more: {_counted(self._rest)}")
+                monitor_lines.append(
+                    f"MIDI {self._rest.total():,} more: {_counts_text(self._rest)}"
+                )
             self._rest.clear()
-            self._ends_at, self._n_left = now + _PERIOD, _LINES_MAX
+            self._ends_at, self._n_left = now + _PERIOD_SECONDS, _LINES_MAX
         while self._waiting:
             message_source, monitor_text = self._waiting.popleft()
             if self._n_left:
@@ -61,7 +63,7 @@ class MidiMonitor:
     def unmapped_line(self) -> str | None:
         """A line on the messages without a map; None if there were none."""
         counts = Counter(dict(self._unmapped))  # another thread may count on meanwhile
-        return f"not mapped: {_counted(counts)}" if counts else None
+        return f"not mapped: {_counts_text(counts)}" if counts else None
 
 
 def source_of(message: Played) -> str:
@@ -79,12 +81,12 @@ def source_of(message: Played) -> str:
             return "pressure" if source_number is None else f"pressure {source_number}"
 
 
-def _described(message: Played) -> str:
+def _message_text(message: Played) -> str:
     match message:
         case Note(message_number, velocity):
-            return f"note {message_number} ({_name(message_number)}), velocity {velocity}"
+            return f"note {message_number} ({_note_name(message_number)}), velocity {velocity}"
         case NoteEnd(message_number):
-            return f"note {message_number} ({_name(message_number)}) ends"
+            return f"note {message_number} ({_note_name(message_number)}) ends"
         case Control(message_number, message_value):
             return f"cc {message_number} at {message_value}"
         case Wheel(message_value):
@@ -99,12 +101,12 @@ def _described(message: Played) -> str:
             )
 
 
-def _name(number: int) -> str:
+def _note_name(number: int) -> str:
     """The name of a note: 60 is C4."""
     return f"{_NOTE_NAMES[number % 12]}{number // 12 - 1}"
 
 
-def _counted(counts: Counter[str]) -> str:
+def _counts_text(counts: Counter[str]) -> str:
     """`cc 22 (14 times), note 35`, those that came most first."""
     rows = [source if n == 1 else f"{source} ({n:,} times)" for source, n in counts.most_common()]
     others_text = f", and {len(rows) - _SHOWN_MAX} others" if len(rows) > _SHOWN_MAX else ""

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _FOLLOWED_KINDS = (CONTROLLER, NOTE_ON, PITCH_BEND)
 _WHEEL_RANGE_CENTS = 200.0  # [cents] of a wheel that says none
-_PITCH = ".transpose"
+_PITCH_SUFFIX = ".transpose"
 
 
 class Zones:
@@ -60,7 +60,7 @@ class Zones:
             if not isinstance(control, MapControl):
                 continue
             is_mapped = True
-            if is_in_zone and _family(control, piece):
+            if is_in_zone and _note_family(control, piece):
                 self._shares[channel_number, map_source] = control_share
                 for note in self._wheels.notes(channel_number):
                     lines_by_name += self._note_move(control, note, control_share, piece)
@@ -75,7 +75,7 @@ class Zones:
         if not self._wheels.is_in_zone(channel):
             return
         for map_source, control in maps.items():
-            if isinstance(control, MapControl) and _family(control, piece):
+            if isinstance(control, MapControl) and _note_family(control, piece):
                 share = self._shares.get((channel, map_source))
                 if map_source == "bend" or share is not None:
                     yield from self._note_move(control, note, share, piece)
@@ -84,31 +84,38 @@ class Zones:
         self, control: MapControl, note_number: int, control_share: float | None, piece: Piece
     ) -> Iterator[tuple[str, LineOf]]:
         """The value of one note, if its instrument has that note."""
-        family = _family(control, piece)
-        target_path = _target(control, family, note_number, piece)
+        family = _note_family(control, piece)
+        target_path = _note_target(control, family, note_number, piece)
         if target_path is None:
             return
         move_name = f"{control.source}, {target_path}"
-        if control.source == "bend" and target_path.endswith(_PITCH):
+        if control.source == "bend" and target_path.endswith(_PITCH_SUFFIX):
             cents = self._wheels.note_cents(note_number)
             if cents or move_name in self._turned:
                 self._turned.add(move_name)
-                yield move_name, partial(_line, f"set {target_path} {cents:.6g}cents over 50ms now")
+                yield (
+                    move_name,
+                    partial(_constant_line, f"set {target_path} {cents:.6g}cents over 50ms now"),
+                )
         elif control_share is not None:
             yield (
                 move_name,
-                partial(_line, line_to(replace(control, target=target_path), control_share)),
+                partial(
+                    _constant_line, line_to(replace(control, target=target_path), control_share)
+                ),
             )
 
 
-def _family(control: MapControl, piece: Piece) -> str | None:
+def _note_family(control: MapControl, piece: Piece) -> str | None:
     """The instrument with notes to whose parameter a controller leads."""
     words = (control.target or "").split(".")
     heads = (".".join(words[:count]) for count in range(1, len(words)))
     return next((head for head in heads if head in piece.families), None)
 
 
-def _target(control: MapControl, family: str | None, note_number: int, piece: Piece) -> str | None:
+def _note_target(
+    control: MapControl, family: str | None, note_number: int, piece: Piece
+) -> str | None:
     """The parameter of one note; None if there is no such note."""
     if family is None or control.target is None:
         return None
@@ -118,6 +125,6 @@ def _target(control: MapControl, family: str | None, note_number: int, piece: Pi
     return None
 
 
-def _line(line: str, _: Version) -> str:
+def _constant_line(line: str, _: Version) -> str:
     """A line that is the same in every version."""
     return line

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import next_boundary
 from ergon.repl.session.line_kinds import RULES, LineKind
-from ergon.repl.session.places import BAR, Place, Present, frame_of, place_of
+from ergon.repl.session.places import BAR_DURATION, Place, Present, frame_of, place_of
 
 if TYPE_CHECKING:
     from ergon.notation.clock.positions import Length
@@ -101,7 +101,7 @@ class Moments:
         lead = first_late.lead(timing)
         start_beat = clock.beat(tempo, start_frame / timing.rate + lead)
         if clock.is_running and not all(line.is_now for line in slipped_lines):
-            start_beat = next_boundary(tempo, start_beat, BAR)
+            start_beat = next_boundary(tempo, start_beat, BAR_DURATION)
             start_frame = max(start_frame, timing.takeover_frame(clock, tempo, start_beat, lead))
         return start_beat, start_frame
 

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
     Answer = Callable[[str, str], None]
 
-_GAIN = re.compile(r"/ergon/(?:(instrument|player)/([^/]+)/)?gain")
-_INPUT = "/ergon/input/"
+_GAIN_PATTERN = re.compile(r"/ergon/(?:(instrument|player)/([^/]+)/)?gain")
+_INPUT_PREFIX = "/ergon/input/"
 _WAITING_MAX = 64  # lines that may wait to be done
 # OSC has no passwords: lines that read or write files, run Python or end the session must be typed.
 # A scene lies beside the score and is called in the midst of a performance, so it may come by OSC.
@@ -78,15 +78,15 @@ class SessionOsc:
         known = self._handlers.get(address)
         if known is not None:
             return known
-        if address.startswith(_INPUT):
-            input_name = address.removeprefix(_INPUT)
+        if address.startswith(_INPUT_PREFIX):
+            input_name = address.removeprefix(_INPUT_PREFIX)
             take = self._session.schedule.head.piece.takes.get(input_name)
             return (
                 None
                 if take is None or not take.is_from_osc
                 else self._input_values.handler_of(input_name)
             )
-        address_match = _GAIN.fullmatch(address)
+        address_match = _GAIN_PATTERN.fullmatch(address)
         if address_match is None:
             return None
         kind, input_name = address_match.groups()
@@ -154,10 +154,12 @@ class SessionEvents:
     def pop_before(self, frame: int) -> Iterator[OscEvent]:
         """The events before a frame that were not returned yet."""
         for running, first, last in self._played.pop_before(frame):
-            yield from sorted(_events(running, first, last), key=lambda event: event[0])
+            yield from sorted(_version_events(running, first, last), key=lambda event: event[0])
 
 
-def _events(running: RunningVersion, first_frame: int, last_frame: int) -> Iterator[OscEvent]:
+def _version_events(
+    running: RunningVersion, first_frame: int, last_frame: int
+) -> Iterator[OscEvent]:
     """The events of one version, from frame `first_frame` to before `last_frame`."""
     stage, clock = running.stage, running.clock
     if clock.began_at is None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
 
 # A whole text is kept after this many differences: 32 of them are put together in a millisecond.
-_DIFFERENCES = 32
+_DIFFERENCES_MAX = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,17 +84,17 @@ class PastVersionStore(MutableMapping[int, "PastVersion"]):
 
     def _packed(self, texts: Texts) -> _Packed:
         if self._last is None:
-            return _compressed(texts.text)
+            return _compressed_text(texts.text)
         texts_before, packed = self._last
         if texts_before.text == texts.text:
             return packed
-        if packed.number >= _DIFFERENCES:
-            return _compressed(texts.text)
+        if packed.number >= _DIFFERENCES_MAX:
+            return _compressed_text(texts.text)
         start, end, text = difference(texts_before.text, texts.text)
         return _Packed(packed.number + 1, b"", packed, start, end, text)
 
 
-def _compressed(text: str) -> _Packed:
+def _compressed_text(text: str) -> _Packed:
     return _Packed(0, zlib.compress(text.encode(), 1))
 
 

@@ -15,5 +15,5 @@ def _define(command: DefinePhrase, version: Version, beat: float) -> Texts:
     phrase_fields = {name: words[name].text for name in ("to", "length") if name in words}
     struck = [word for entry in command.entries for word in entry["what"].split()]
     struck += filter(None, [command.to])
-    texts, _ = families.defined(version.texts, version.piece, struck)
+    texts, _ = families.with_definitions(version.texts, version.piece, struck)
     return phrases.define(texts, command.name, command.entries, phrase_fields)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ergon.notation.clock.tempo import TempoMap
     from ergon.repl.session.clock import Clock, Timing
 
-BAR = Length(bars=1.0)
+BAR_DURATION = Length(bars=1.0)
 
 
 class Present(NamedTuple):
@@ -53,19 +53,19 @@ def place_of(
     if not clock.is_running:
         line_beat = clock.stopped_beat
         if isinstance(line_time, Position):
-            line_beat = _resolved(tempo, line_time)
+            line_beat = _resolved_position(tempo, line_time)
         elif isinstance(line_time, Length):
             line_beat = tempo.after(line_beat, line_time)
         if line_beat < clock.stopped_beat - SAME:
-            raise _past(line_time, line_beat, present)
+            raise _past_error(line_time, line_beat, present)
         return Place(line_beat, None if line_beat > clock.stopped_beat + SAME else soonest)
     first_beat = clock.beat(tempo, soonest / timing.rate + lead)
     if isinstance(line_time, Position | Length):
         reached = clock.beat(tempo, earliest / timing.rate + lead)
         if isinstance(line_time, Position):
-            line_beat = _resolved(tempo, line_time)
+            line_beat = _resolved_position(tempo, line_time)
             if line_beat < reached - SAME:
-                raise _past(line_time, line_beat, present)
+                raise _past_error(line_time, line_beat, present)
         else:
             line_beat = max(reached, tempo.after(now, line_time))
         return Place(line_beat, max(earliest, timing.takeover_frame(clock, tempo, line_beat, lead)))
@@ -87,14 +87,14 @@ def frame_of(line_beat: float, present: Present, soonest: int) -> int:
     return int(clock.seconds(tempo, line_beat) * timing.rate) // every * every
 
 
-def _resolved(tempo: TempoMap, position: Position) -> float:
+def _resolved_position(tempo: TempoMap, position: Position) -> float:
     try:
         return tempo.resolve(position)
     except TextError as error:
         raise NotTakenError(error.message) from None
 
 
-def _past(when: When, line_beat: float, present: Present) -> NotTakenError:
+def _past_error(when: When, line_beat: float, present: Present) -> NotTakenError:
     asked = when.text if isinstance(when, Position) and when.text else ""
     verb = "is" if present.clock.is_running else "is stopped"
     present_place = present.tempo.written(present.beat)

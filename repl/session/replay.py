@@ -53,8 +53,8 @@ _FORGERY_ERRORS = (
     TypeError,
     ValueError,
 )
-_KINDS = {kind.name.lower(): kind for kind in LineKind}
-_BLOCK = 4096  # frames between two checks for due lines
+_KIND_BY_NAME = {kind.name.lower(): kind for kind in LineKind}
+_BLOCK_FRAMES = 4096  # frames between two checks for due lines
 
 
 @contextlib.contextmanager
@@ -88,7 +88,7 @@ class ReplayedSession:
             player = version.piece.players.get(hand.player)
             if player is None or player.key != hand.key:
                 journal_content.first.refuse(f"its score has no {hand.player} on {hand.key}")
-        frozen = _frozen(journal_content, version, real)
+        frozen = _frozen_of_session(journal_content, version, real)
         running = stage_first(
             version, Clock(None, opening.beat), real, None, frozen, is_seen=opening.is_seen
         )
@@ -105,7 +105,7 @@ class ReplayedSession:
         self._engine.set_faders(fader_ratios(running))
         self._schedule = ReplayedSchedule(self._engine, running, real, 0)
         self._versions = _initial_versions(journal_content, version)
-        self._due_changes = deque(_changes(journal_content))
+        self._due_changes = deque(_journal_changes(journal_content))
         self._note_next()
         self._due_acts = deque(journal_content.acts)
         self._file_versions = journal_content.versions_from_files
@@ -116,7 +116,7 @@ class ReplayedSession:
         self.n_frames = journal_content.n_frames
         if not journal_content.ended:
             self.n_frames = max(self.n_frames, hands.n_frames)
-        self.warnings = (*hands.warnings, *_missing(journal_content, hands, self.rate))
+        self.warnings = (*hands.warnings, *_gap_warnings(journal_content, hands, self.rate))
         if journal_content.n_frames > MAX_SECONDS * self.rate:
             raise NotTakenError("the journal claims that the session lasted longer than a day")
         self.n_channels = self.n_out = running.stage.n_channels
@@ -158,7 +158,7 @@ class ReplayedSession:
         frames_done = 0
         while frames_done < len(out):
             self._do_due()
-            n = min(_BLOCK, len(out) - frames_done, *self._frames_until_due(len(out)))
+            n = min(_BLOCK_FRAMES, len(out) - frames_done, *self._frames_until_due(len(out)))
             out[frames_done : frames_done + n] = self._engine.process(n)
             frames_done += n
 
@@ -211,7 +211,7 @@ class ReplayedSession:
             line_event.get("number", int),
             line_event.get("line", str),
             edit,
-            _kind(line_event),
+            _line_kind(line_event),
             commit.beat,
             commit.frame,
             sets_running if isinstance(sets_running, bool) else None,
@@ -247,12 +247,12 @@ class _ReplayedChange:
     @property
     def is_staged(self) -> bool:
         """Whether a new stage plays from there on, with a timeline of its own."""
-        return any(_kind(commit.line) is not LineKind.FADERS for commit in self.commits) or (
+        return any(_line_kind(commit.line) is not LineKind.FADERS for commit in self.commits) or (
             self.skipped_from is not None
         )
 
 
-def _changes(journal_content: JournalContent) -> Iterator[_ReplayedChange]:
+def _journal_changes(journal_content: JournalContent) -> Iterator[_ReplayedChange]:
     """The changes of a journal, in the order of their frames."""
     skips = dict(journal_content.skips)
     for (commit_frame, _), commits in groupby(
@@ -265,13 +265,15 @@ def _changes(journal_content: JournalContent) -> Iterator[_ReplayedChange]:
         yield _ReplayedChange(frame_skipped, (), begin)
 
 
-def _kind(event: JournalEvent) -> LineKind:
+def _line_kind(event: JournalEvent) -> LineKind:
     """The kind of a line; a journal without kinds staged every line."""
     name = event.fields.get("kind")
-    return _KINDS.get(name, LineKind.STRUCTURE) if isinstance(name, str) else LineKind.STRUCTURE
+    return (
+        _KIND_BY_NAME.get(name, LineKind.STRUCTURE) if isinstance(name, str) else LineKind.STRUCTURE
+    )
 
 
-def _frozen(
+def _frozen_of_session(
     journal_content: JournalContent, version: Version, real: Collection[str]
 ) -> tuple[LoadedPart, ...]:
     """The frozen parts with which a session began. Raises JournalError."""
@@ -413,7 +415,9 @@ def edit_of_line(
     return version_edits.combined(music or edits)
 
 
-def _missing(journal_content: JournalContent, hands: RecordedHands, rate: float) -> Iterator[str]:
+def _gap_warnings(
+    journal_content: JournalContent, hands: RecordedHands, rate: float
+) -> Iterator[str]:
     """Warnings about gaps in a journal, a missing end, and a recording that ends early."""
     if gap := journal_content.gaps.sentence(journal_content.first.file):
         yield gap
@@ -421,8 +425,7 @@ def _missing(journal_content: JournalContent, hands: RecordedHands, rate: float)
     if not journal_content.ended:
         yield (
             f"{journal_content.first.file} has no end: the session was killed, is still playing, "
-            "or could "
-            f"not write; its last event is at {journal_seconds:.1f} s"
+            f"or could not write; its last event is at {journal_seconds:.1f} s"
         )
     if hands.hands and hands.n_frames < journal_content.n_frames:
         yield (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ergon.repl.language.retuning import Retune
 from ergon.repl.session.edit_table import makes_edit, with_texts
-from ergon.repl.session.version import GLIDE, Version, piece_from_files
+from ergon.repl.session.version import GLIDE_SECONDS, Version, piece_from_files
 from ergon.scores.edits import retuning
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @makes_edit(Retune)
-def _retune(command: Retune) -> VersionEdit:
+def _retuned_version(command: Retune) -> VersionEdit:
     """Retune, gliding for the length `over`; a scale is read once, when the line is typed."""
     texts_by_file: dict[str, str] = {}
 
@@ -34,7 +34,7 @@ def _retune(command: Retune) -> VersionEdit:
         if new_texts:
             written = base_texts or version.texts
             base_texts = replace(written, overlay={**new_texts, **written.overlay})
-        glide = GLIDE
+        glide = GLIDE_SECONDS
         if command.over is not None:
             tempo = version.piece.tempo_map
             glide = max(

@@ -72,7 +72,7 @@ class RunningVersion:
         if not self.clock.is_running or self.timeline_end == math.inf:
             return False
         tempo = self.version.piece.tempo_map
-        n_bars = horizon(tempo, from_beat)[1]
+        n_bars = put_horizon(tempo, from_beat)[1]
         end = tempo.bars.bar_beat(self.timeline_end)[0]
         return from_beat > tempo.bars.start(end - n_bars // 2)
 
@@ -83,7 +83,7 @@ class RunningVersion:
         return tuple((g.player, g.name) for g in gestures if g.start <= instant < g.stop)
 
 
-def horizon(tempo: TempoMap, from_beat: float) -> tuple[float, int]:
+def put_horizon(tempo: TempoMap, from_beat: float) -> tuple[float, int]:
     """The beat up to which endless parts are put on the timeline, seen from `from_beat`, and how
     many bars that is.
     """
@@ -97,7 +97,7 @@ def horizon(tempo: TempoMap, from_beat: float) -> tuple[float, int]:
     return tempo.bars.start(first_bar + n_bars), n_bars
 
 
-def rehearsal(piece: Piece) -> Piece:
+def rehearsal_piece(piece: Piece) -> Piece:
     """A piece in which each player plays each gesture that its key can follow, once.
 
     It serves to measure the level of the piece.
@@ -139,13 +139,15 @@ def stage_first(
     is_seen: bool = False,
 ) -> RunningVersion:
     """Stage a version whose piece is stopped, at frame 0."""
-    first_stage = staged(version, clock, (), None, 0, real, store, frozen=frozen, is_seen=is_seen)
+    first_stage = stage_spans(
+        version, clock, (), None, 0, real, store, frozen=frozen, is_seen=is_seen
+    )
     return RunningVersion(
         version, clock, (), first_stage, 0, clock.stopped_beat, frozen=frozen, is_seen=is_seen
     )
 
 
-def staged(
+def stage_spans(
     version: Version,
     clock: Clock,
     spans: tuple[Span, ...],

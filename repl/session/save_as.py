@@ -12,18 +12,21 @@ from pathlib import Path
 from ergon.notation.text import document, edit
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
-from ergon.repl.session.journal_names import LIBRARY, journal_name
+from ergon.repl.session.journal_names import LIBRARY_PREFIX, journal_name
 from ergon.scores.edits.texts import Texts
 
 
-def files(score_texts: Texts, changed: Collection[str], target_path: Path) -> Mapping[str, str]:
+def texts_to_write(
+    score_texts: Texts, changed: Collection[str], target_path: Path
+) -> Mapping[str, str]:
     """The texts to write, by file, where these used files were changed. Raises EditError."""
-    moved = _using(score_texts, changed)
+    moved = _files_using(score_texts, changed)
     folder = Path(score_texts.path).parent
     journal_names = {
-        file: journal_name(file, folder).removeprefix(LIBRARY) for file in score_texts.overlay
+        file: journal_name(file, folder).removeprefix(LIBRARY_PREFIX)
+        for file in score_texts.overlay
     }
-    for file_name, path, used_name, used in [*_uses(score_texts)]:
+    for file_name, path, used_name, used in [*_use_entries(score_texts)]:
         if file_name not in moved and file_name != score_texts.path:
             continue
         new = f"{target_path.stem}/{journal_names[used]}" if used in moved else journal_names[used]
@@ -36,16 +39,16 @@ def files(score_texts: Texts, changed: Collection[str], target_path: Path) -> Ma
     }
 
 
-def _using(score_texts: Texts, changed: Collection[str]) -> set[str]:
+def _files_using(score_texts: Texts, changed: Collection[str]) -> set[str]:
     """These files, and all files that use one of them, directly or not."""
     users, count = set(changed), -1
     while changed and len(users) != count:
         count = len(users)
-        users |= {file for file, _, _, used in _uses(score_texts) if used in users}
+        users |= {file for file, _, _, used in _use_entries(score_texts) if used in users}
     return users - {score_texts.path}
 
 
-def _uses(score_texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
+def _use_entries(score_texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
     """Every `use`: its file, its path in that file, the name written there, and the file that it
     means.
     """

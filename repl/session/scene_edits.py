@@ -17,7 +17,7 @@ from ergon.repl.language import versions
 from ergon.repl.language.scope import SUFFIXES, scores_in
 from ergon.repl.session.disk import folder_of
 from ergon.repl.session.edit_table import makes_edit, with_texts
-from ergon.repl.session.version import GLIDE, NotTakenError, Version, piece_of
+from ergon.repl.session.version import GLIDE_SECONDS, NotTakenError, Version, piece_of
 from ergon.scores.edits import scene_matter, scenes
 from ergon.scores.edits.scenes import Scene
 from ergon.scores.edits.texts import Texts
@@ -43,10 +43,10 @@ def scene_of(score_texts: Texts, scene_name: str) -> Scene:
         folder, trust=score_texts.bounds is not None and score_texts.bounds.allows_any_file
     )
     try:
-        scene, files = _read(_stamps([path]), bounds)
-        if _stamps(map(Path, [name for name, *_ in files])) != files:
-            _read.cache_clear()
-            scene, _ = _read(_stamps([path]), bounds)
+        scene, files = _read_scene(_file_stamps([path]), bounds)
+        if _file_stamps(map(Path, [name for name, *_ in files])) != files:
+            _read_scene.cache_clear()
+            scene, _ = _read_scene(_file_stamps([path]), bounds)
     except OSError as error:
         raise NotTakenError(f"{path}: {error.strerror}") from None
     except (EditError, NotTakenError) as error:
@@ -55,14 +55,14 @@ def scene_of(score_texts: Texts, scene_name: str) -> Scene:
 
 
 @lru_cache(maxsize=8)  # a scene of 100 modules takes 40 ms to read
-def _read(stamps: _Stamps, bounds: FileBounds) -> tuple[Scene, _Stamps]:
+def _read_scene(stamps: _Stamps, bounds: FileBounds) -> tuple[Scene, _Stamps]:
     """The scene in a file, and the stamps of all files from which it was read."""
     texts = Texts.read(stamps[0][0], bounds)
     scene = Scene.from_texts(texts, piece_of(texts))
-    return scene, _stamps([Path(texts.path), *map(Path, texts.overlay)])
+    return scene, _file_stamps([Path(texts.path), *map(Path, texts.overlay)])
 
 
-def _stamps(paths: Iterable[Path]) -> _Stamps:
+def _file_stamps(paths: Iterable[Path]) -> _Stamps:
     stamps = []
     for path in paths:
         state = os.stat(path)
@@ -105,14 +105,14 @@ def _scene(command: versions.Scene) -> VersionEdit:
         if new_texts and base_texts is not None:  # `use` adds files in the same way
             base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
         over = None if command.over is None else command.words["over"].text
-        begin_beat, glide = edit_beat, GLIDE
+        begin_beat, glide = edit_beat, GLIDE_SECONDS
         first_scene = scene_found if command.before is None else scene(version, command.before)
-        released = tuple(scenes.released(piece, first_scene, edit_beat))
-        edited_texts = scenes.paced(edited_texts, piece, scene_found, edit_beat, over)
+        released = tuple(scenes.released_parameters(piece, first_scene, edit_beat))
+        edited_texts = scenes.with_scene_tempo(edited_texts, piece, scene_found, edit_beat, over)
         if command.over is not None:
             tempo = piece_of(edited_texts).tempo_map
             glide_end = tempo.after(edit_beat, command.over)
-            glide = max(GLIDE, tempo.seconds(glide_end) - tempo.seconds(edit_beat))
+            glide = max(GLIDE_SECONDS, tempo.seconds(glide_end) - tempo.seconds(edit_beat))
             if command.before is not None:
                 edited_texts = scenes.play_scene(
                     edited_texts, piece_of(edited_texts), first_scene, edit_beat, glide_end
@@ -121,7 +121,7 @@ def _scene(command: versions.Scene) -> VersionEdit:
         edited_texts = scenes.play_scene(
             edited_texts, piece_of(edited_texts), scene_found, begin_beat
         )
-        edited_texts = scenes.tuned(
+        edited_texts = scenes.with_scene_values(
             edited_texts, piece, scene_found
         )  # last: no beat depends on a parameter
         played = with_texts(version, edited_texts)

@@ -15,7 +15,7 @@ from ergon.live.display import decibels_of
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.without_gc import without_gc
 from ergon.repl.language.complete import complete
-from ergon.repl.language.highlight import tokens
+from ergon.repl.language.highlight import highlighted_tokens
 from ergon.repl.language.lines import is_whole
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
@@ -180,7 +180,7 @@ class Session(SessionCore):
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
         """The kinds of a line's words, for colours."""
-        return tokens(line, self.scope)
+        return highlighted_tokens(line, self.scope)
 
     def is_whole(self, text: str) -> bool:
         """Whether Enter ends the text."""

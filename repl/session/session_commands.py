@@ -336,7 +336,7 @@ def _meters(session: SessionCore, command: Meters) -> Reply:
 
 @executes(Save)
 def _save(session: SessionCore, command: Save) -> Reply:
-    written = files.save(session, None if command.file is None else Path(command.file))
+    written = files.save_version(session, None if command.file is None else Path(command.file))
     if not written:
         return Reply(True, "ok nothing to write: the files already hold this version")
     return Reply(True, f"ok wrote {', '.join(written)}")

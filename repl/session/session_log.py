@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.running import RunningVersion
     from ergon.repl.session.schedule import Schedule
     from ergon.repl.session.waiting_lines import WaitingLine
-    from ergon.scores.edits.merging import Spot
+    from ergon.scores.edits.merging import ValuePlace
     from ergon.scores.edits.texts import Texts
 
 _DELAY_TOLD = 1.0  # [s] by which a line that acts now may be late without a message
@@ -91,8 +91,7 @@ class SessionLog:
             case Dropped(waiting_line, why):
                 self.say(
                     f"line {waiting_line.number} '{first_line(waiting_line.line)}' could not take "
-                    "effect and is "
-                    f"dropped: {why}"
+                    f"effect and is dropped: {why}"
                 )
                 self.note_dropped(waiting_line)
             case Superseded(waiting_line):
@@ -213,7 +212,7 @@ class SessionLog:
             )
         return messages
 
-    def _line_that_changed(self, spot: Spot) -> str:
+    def _line_that_changed(self, spot: ValuePlace) -> str:
         """The last earlier line that changed a place; empty if none is found."""
         history, versions = self._history, self._schedule.past_versions
         past = [versions[n] for n in history.numbers[: history.index]]

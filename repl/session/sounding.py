@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.clock.meter import SAME
 from ergon.repl.session.played_versions import PlayedVersions
 from ergon.repl.session_protocol import Sounding, SoundingPlace
-from ergon.scores.pattern.search import n_before
+from ergon.scores.pattern.search import count_before
 
 if TYPE_CHECKING:
     from ergon.notation.text.values import Place
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
     from ergon.scores.reading.piece import Piece, Strikes
 
-_WINDOW = 4.0  # [s] for which places are computed together
-_LARGEST = 1000  # places in one answer; those beyond are left out
+_WINDOW_SECONDS = 4.0  # [s] for which places are computed together
+_PLACES_MAX = 1000  # places in one answer; those beyond are left out
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,8 @@ class SoundingPlaces:
         for running, first, last in self._played.pop_before(engine_frame):
             rate, texts = running.stage.rate, running.version.texts
             for event in self._between(running, first / rate, last / rate):
-                sounding_places.append(_shown(event, texts))
-        return Sounding(engine_frame / self._schedule.rate, tuple(sounding_places[:_LARGEST]))
+                sounding_places.append(_shown_place(event, texts))
+        return Sounding(engine_frame / self._schedule.rate, tuple(sounding_places[:_PLACES_MAX]))
 
     def _between(self, running: RunningVersion, since: float, before: float) -> Iterator[_Begun]:
         """What begins in a version between two instants [s]."""
@@ -63,14 +63,14 @@ class SoundingPlaces:
             return
         if running is not self._running or not self._since <= since <= before <= self._before:
             self._running, self._since = running, since
-            self._before = max(before, since + _WINDOW)
+            self._before = max(before, since + _WINDOW_SECONDS)
             self._known = sorted(
-                _begun(running, since, self._before), key=lambda begun: begun.start
+                _begun_places(running, since, self._before), key=lambda begun: begun.start
             )
         yield from (begun for begun in self._known if since <= begun.start < before)
 
 
-def _shown(event: _Begun, score_texts: Texts) -> SoundingPlace:
+def _shown_place(event: _Begun, score_texts: Texts) -> SoundingPlace:
     """A place with the characters that stand there in the session's text, which may differ from
     the file.
     """
@@ -89,17 +89,17 @@ def _shown(event: _Begun, score_texts: Texts) -> SoundingPlace:
     )
 
 
-def _begun(running: RunningVersion, since: float, before_beat: float) -> Iterator[_Begun]:
+def _begun_places(running: RunningVersion, since: float, before_beat: float) -> Iterator[_Begun]:
     for gesture in running.stage.gestures:
         if since <= gesture.begins < before_beat:
             yield _Begun(gesture.begins, gesture.stop, gesture.place, gesture.name)
     piece = running.stage.piece
     first, last = (piece.tempo_map.beats(instant) for instant in (since, before_beat))
     for strikes in piece.strikes:
-        yield from _strokes(piece, strikes, first - SAME, last + SAME)
+        yield from _strokes_between(piece, strikes, first - SAME, last + SAME)
 
 
-def _strokes(
+def _strokes_between(
     piece: Piece, strikes: Strikes, first_beat: float, last_beat: float
 ) -> Iterator[_Begun]:
     """What strikes begin between two beats."""
@@ -123,7 +123,7 @@ def _strokes(
     elif strikes.pattern is not None:
         pattern_steps = strikes.steps(piece)
         for step_index in range(
-            n_before(pattern_steps, first_beat), n_before(pattern_steps, last_beat)
+            count_before(pattern_steps, first_beat), count_before(pattern_steps, last_beat)
         ):
             note_word = pattern_steps.course.named(step_index)
             if note_word is not None:
@@ -143,5 +143,5 @@ def _strokes(
             yield begun(stroke_beat, stroke_beat if stop is None else stop, strikes.name)
     else:
         beats = strikes.beats(tempo)
-        for step_index in range(n_before(beats, first_beat), n_before(beats, last_beat)):
+        for step_index in range(count_before(beats, first_beat), count_before(beats, last_beat)):
             yield begun(beats[step_index], -math.inf, strikes.name)

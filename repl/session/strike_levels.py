@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.journal import JournalEvent
     from ergon.scores.reading.piece import Piece
 
-_NUMBERED = re.compile(r"(.+)-[0-9]+")  # name of strikes that continue others: NAME-NUMBER
+_NUMBERED_PATTERN = re.compile(r"(.+)-[0-9]+")  # name of strikes that continue others: NAME-NUMBER
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class StrikeLevels:
 
 def unnumbered(name: str) -> str:
     """The name without the number that a session adds: `rain` for `rain-2`."""
-    numbered = _NUMBERED.fullmatch(name)
+    numbered = _NUMBERED_PATTERN.fullmatch(name)
     return name if numbered is None else numbered[1]
 
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from ergon.instruments.model import PRESS
-from ergon.instruments.names import Part, PartNames
+from ergon.instruments.names import PartContents, PartNames
 from ergon.notation.tables import tuning
 from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.shapes import Name
@@ -47,15 +47,16 @@ class Stroke(NamedTuple):
 
 # The engine's numbers of struck places: each place keeps its number as long as this process runs,
 # so that a strike finds it in every version.
-_numbers: dict[Place, int] = {}
+_place_numbers: dict[Place, int] = {}
 _next_number = itertools.count(1)
 
 
 def place_number(struck_place: Place) -> int:
     """The engine's number of a struck place."""
-    if struck_place not in _numbers:
-        _numbers.setdefault(struck_place, next(_next_number))  # another thread may number it now
-    return _numbers[struck_place]
+    if struck_place not in _place_numbers:
+        # Another thread may number it now.
+        _place_numbers.setdefault(struck_place, next(_next_number))
+    return _place_numbers[struck_place]
 
 
 def strike_points(version: Version) -> StrikePoints:
@@ -69,7 +70,7 @@ def strike_points(version: Version) -> StrikePoints:
             if isinstance(mapped, MapNotes):
                 for note_number in range(mapped.low, mapped.high + 1):
                     numbered_places.update(
-                        (place, None) for place, _ in _sounding(version, mapped, note_number)
+                        (place, None) for place, _ in _note_places(version, mapped, note_number)
                     )
                     acts = _played_acts(version.piece, mapped, note_number)
                     acts += _pressing_acts(version.piece, mapped, note_number)
@@ -91,14 +92,14 @@ def _act_places(version: Version, acts: list[Act], path: str) -> Iterator[Place]
     for act in acts:
         for targets in (act.targets, *(hold.targets for hold in act.holds)):
             for target in targets:
-                for place in _members(target, path):
+                for place in _member_mats(target, path):
                     yield _as_sounding(version, place)
 
 
 # --- what `hear` strikes -------------------------------------------------------------------------
 
 
-def strokes(version: Version, hear: Hear) -> Iterator[Stroke]:
+def strokes_of_line(version: Version, hear: Hear) -> Iterator[Stroke]:
     """What `hear` strikes. Raises NotTakenError."""
     for act in _acts_of(version.piece, hear):
         yield from _act_strokes(version, act, hear.level, hear.target)
@@ -114,12 +115,12 @@ def struck_once(version: Version, hear: Hear) -> Iterator[Struck]:
     """The places that `hear` strikes, at whatever level. Raises NotTakenError."""
     for act in _acts_of(version.piece, hear):
         for target in act.targets:
-            for struck_place in _members(target, hear.target):
+            for struck_place in _member_mats(target, hear.target):
                 yield _as_sounding(version, struck_place), act.reach
     if not _is_act(version.piece, hear.target):
         if hear.notes:
             raise NotTakenError(f"{hear.target} is a module, and has no notes")
-        for struck_place in _members(_check_target(version.piece, hear.target), hear.target):
+        for struck_place in _member_mats(_check_target(version.piece, hear.target), hear.target):
             yield _as_sounding(version, struck_place), None
 
 
@@ -138,9 +139,9 @@ def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
             raise NotTakenError(
                 f"{message}`{instrument_name}-notes = {instrument_name} notes=C3..C5`"
             )
-        return [_act(piece, hear.target, instrument_name)]
+        return [_act_of_part(piece, hear.target, instrument_name)]
     if not hear.notes:
-        return [_act(piece, hear.target, note_members[len(note_members) // 2])]
+        return [_act_of_part(piece, hear.target, note_members[len(note_members) // 2])]
     struck_acts = []
     for note_number in hear.notes:
         member_name = _member_of(piece, instrument_name, note_number)
@@ -149,7 +150,7 @@ def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
             raise NotTakenError(
                 f"{instrument_name} has no note {note_number}; its notes are {ends}"
             )
-        struck_acts.append(_act(piece, hear.target, member_name))
+        struck_acts.append(_act_of_part(piece, hear.target, member_name))
     return struck_acts
 
 
@@ -181,11 +182,11 @@ def struck_by(piece: Piece, map_notes: MapNotes, note_number: int) -> list[Struc
     if map_notes.impulse is None:
         return [
             (place, act.reach)
-            for act in _acts(piece, map_notes.target, note_number)
+            for act in _acts_at_note(piece, map_notes.target, note_number)
             for target in act.targets
-            for place in _members(target, map_notes.target)
+            for place in _member_mats(target, map_notes.target)
         ]
-    members = _members(_check_target(piece, map_notes.target), map_notes.target)
+    members = _member_mats(_check_target(piece, map_notes.target), map_notes.target)
     member = note_number - map_notes.low if len(members) > 1 else 0
     return [(members[member], None)] if member < len(members) else []
 
@@ -213,7 +214,7 @@ def struck_places(version: Version, note_number: int, velocity: int) -> Iterator
                         version, act, level_curve.level(velocity), map_notes.target
                     )
                 continue
-            for struck_place, _ in _sounding(version, map_notes, note_number):
+            for struck_place, _ in _note_places(version, map_notes, note_number):
                 weak, strong = map_notes.impulse
                 impulse = weak + (strong - weak) * float(level_curve.share(velocity, 1))
                 yield Stroke(struck_place, impulse)
@@ -241,7 +242,7 @@ def _played_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[Ac
     """The acts with which a note plays an instrument. Raises NotTakenError."""
     if map_notes.impulse is not None or _types_lines(piece, map_notes):
         return []
-    return _acts(piece, map_notes.target, note_number)
+    return _acts_at_note(piece, map_notes.target, note_number)
 
 
 def _pressing_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[Act]:
@@ -257,11 +258,13 @@ def _pressing_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[
     instrument = piece.instruments.get(part_name)
     acts = () if instrument is None else instrument.acts
     return [
-        _act(piece, f"{instrument_name}.{PRESS}", part_name) for act in acts if act.name == PRESS
+        _act_of_part(piece, f"{instrument_name}.{PRESS}", part_name)
+        for act in acts
+        if act.name == PRESS
     ]
 
 
-def _sounding(version: Version, notes: MapNotes, note: int) -> list[Struck]:
+def _note_places(version: Version, notes: MapNotes, note: int) -> list[Struck]:
     """What a note strikes, as the engine knows it. Raises NotTakenError."""
     struck = struck_by(version.piece, notes, note)
     return [(_as_sounding(version, place), reach) for place, reach in struck]
@@ -283,20 +286,20 @@ def _act_strokes(version: Version, act: Act, stroke_level: Level, path: str) -> 
     for hold in act.holds:
         lasting = hold.impulse(act.reach.strength(impulse))
         for hold_target in hold.targets:
-            for struck_place in _members(hold_target, path):
+            for struck_place in _member_mats(hold_target, path):
                 yield Stroke(_as_sounding(version, struck_place), lasting, lasts=True)
     for hold_target in act.targets:
-        for struck_place in _members(hold_target, path):
+        for struck_place in _member_mats(hold_target, path):
             yield Stroke(_as_sounding(version, struck_place), impulse, act.is_drawn)
 
 
-def _acts(piece: Piece, target_path: str, note_number: int) -> list[Act]:
+def _acts_at_note(piece: Piece, target_path: str, note_number: int) -> list[Act]:
     """The act that plays an instrument at a note; none if it does not have the note.
     Raises NotTakenError.
     """
     name = target_path.partition(".")[0]
     part = _member_of(piece, name, note_number) if name in piece.families else name
-    return [] if part is None else [_act(piece, target_path, part)]
+    return [] if part is None else [_act_of_part(piece, target_path, part)]
 
 
 def _member_of(piece: Piece, instrument_name: str, note_wanted: int | str) -> str | None:
@@ -323,7 +326,7 @@ def _by_pitch(members: tuple[str, ...], tuned: Tuning | None) -> dict[float, str
         return {pitch(_note_of(member)) or 0.0: member for member in members}
 
 
-def _act(piece: Piece, target: str, part_name: str) -> Act:
+def _act_of_part(piece: Piece, target: str, part_name: str) -> Act:
     """The act that plays a part of an instrument. Raises NotTakenError."""
     instrument_name, _, act_name = target.partition(".")
     instrument = piece.instruments.get(part_name)
@@ -344,15 +347,14 @@ def _act(piece: Piece, target: str, part_name: str) -> Act:
     return played_act
 
 
-def _members(strike_target: Target, target_text: str) -> list[Place]:
+def _member_mats(strike_target: Target, target_text: str) -> list[Place]:
     """The MATs of a target, in their order. Raises NotTakenError."""
     if strike_target.first == "centre":
         return [(strike_target.part, strike_target.module, -1)]
     if strike_target.count > _MAX_STRUCK:
         raise NotTakenError(
             f"{target_text} has {strike_target.count:,} masses, and notes strike {_MAX_STRUCK} at "
-            "most; "
-            "name some of them"
+            "most; name some of them"
         )
     first = strike_target.first
     return [
@@ -363,7 +365,7 @@ def _members(strike_target: Target, target_text: str) -> list[Place]:
 def _check_target(piece: Piece, target_text: str) -> Target:
     collector = Collector()
     parts_by_name = {
-        name: Part(name, {module.name: module for module in instrument.modules})
+        name: PartContents(name, {module.name: module for module in instrument.modules})
         for name, instrument in piece.instruments.items()
     }
     with tuning.used(piece.tuning_of(target_text)):

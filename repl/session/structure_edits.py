@@ -24,13 +24,15 @@ if TYPE_CHECKING:
 def _build(command: Build, version: Version, beat: float) -> Texts:
     piece = version.piece
     if families.is_defined(piece, command.name) or command.name in piece.available:
-        raise NotTakenError(f"{command.name} exists: {_remedy(version.texts, command.name)}")
-    base = families.base(piece, command.base)
+        raise NotTakenError(
+            f"{command.name} exists: {_name_in_use_advice(version.texts, command.name)}"
+        )
+    base = families.base_of_instrument(piece, command.base)
     arguments = base, command.fields, command.semitones
-    return structure.build(version.texts, piece, command.name, *arguments)
+    return structure.add_instrument(version.texts, piece, command.name, *arguments)
 
 
-def _remedy(score_texts: Texts, used_name: str) -> str:
+def _name_in_use_advice(score_texts: Texts, used_name: str) -> str:
     """What to do where a name is in use."""
     try:
         structure.definition_path(score_texts, used_name)
@@ -42,9 +44,9 @@ def _remedy(score_texts: Texts, used_name: str) -> str:
 @edits_texts(Link)
 def _link(command: Link, version: Version, beat: float) -> Texts:
     ends = command.a, command.b
-    texts, piece = families.defined(version.texts, version.piece, ends)
-    texts = structure.link(texts, command.kind, ends, command.fields)[0]
-    return families.played(texts, piece, ends)
+    texts, piece = families.with_definitions(version.texts, version.piece, ends)
+    texts = structure.add_link(texts, command.kind, ends, command.fields)[0]
+    return families.with_routes_of(texts, piece, ends)
 
 
 @edits_texts(Takes)
@@ -56,18 +58,18 @@ def _take_key(command: Takes, version: Version, beat: float) -> Texts:
             raise NotTakenError(
                 "the score has no key to copy; write a key in the file and type `reload`"
             )
-        edited_texts = structure.key(edited_texts, command.key, model_key)
+        edited_texts = structure.add_key(edited_texts, command.key, model_key)
     elif command.like is not None:
         raise NotTakenError(f"{command.key} exists already: leave out 'like {command.like}'")
-    return structure.player(edited_texts, piece, command.player, command.key)
+    return structure.add_player(edited_texts, piece, command.player, command.key)
 
 
 @edits_texts(Route)
 def _route(command: Route, version: Version, beat: float) -> Texts:
     edited_texts, piece, command_words = version.texts, version.piece, command.words
-    edited_texts, piece = families.defined(edited_texts, piece, [command.name])
+    edited_texts, piece = families.with_definitions(edited_texts, piece, [command.name])
     if command.channels is not None:
-        edited_texts = structure.route(
+        edited_texts = structure.route_instrument(
             edited_texts, piece, command.name, list(command.channels), None
         )
     route_fields = {
@@ -79,20 +81,20 @@ def _route(command: Route, version: Version, beat: float) -> Texts:
     return (
         edited_texts
         if command.send is None
-        else space.send(edited_texts, piece, command.name, *command.send)
+        else space.send_to_room(edited_texts, piece, command.name, *command.send)
     )
 
 
 @edits_texts(MovePan)
 def _move_pan(command: MovePan, version: Version, beat: float) -> Texts:
     end = version.piece.tempo_map.after(beat, command.over)
-    texts, piece = families.defined(version.texts, version.piece, [command.name])
+    texts, piece = families.with_definitions(version.texts, version.piece, [command.name])
     return space.move_pan(texts, piece, command.name, command.pan, beat, end)
 
 
 @edits_texts(Filter)
 def _filter(command: Filter, version: Version, beat: float) -> Texts:
-    edited_texts, piece = families.defined(version.texts, version.piece, [command.name])
+    edited_texts, piece = families.with_definitions(version.texts, version.piece, [command.name])
     if not command.fields:
         return space.without_route_field(edited_texts, piece, command.name, command.kind)
     filter_text = command.fields.get("")
@@ -102,19 +104,19 @@ def _filter(command: Filter, version: Version, beat: float) -> Texts:
 
 @edits_texts(Room)
 def _room(command: Room, version: Version, beat: float) -> Texts:
-    return space.room(version.texts, version.piece, command.name, command.fields)
+    return space.with_room(version.texts, version.piece, command.name, command.fields)
 
 
 @edits_texts(Fade)
 def _fade(command: Fade, version: Version, beat: float) -> Texts:
     texts, piece = version.texts, version.piece
     end = piece.tempo_map.after(beat, command.over)
-    return space.fade(texts, piece, command.name, beat, end, is_in=command.is_in)
+    return space.with_fade(texts, piece, command.name, beat, end, is_in=command.is_in)
 
 
 @edits_texts(Remove)
 def _remove(command: Remove, version: Version, beat: float) -> Texts:
-    edited_texts = structure.remove(version.texts, version.piece, command.name)
+    edited_texts = structure.remove_named(version.texts, version.piece, command.name)
     if users := structure.entries_with_mistakes(edited_texts):
         strikes = (entry.name for entry in users if entry.section == "strikes")
         first_strikes = next(strikes, None)
@@ -147,14 +149,14 @@ def _rename(command: Rename) -> VersionEdit:
             return edited
         return replace(
             edited,
-            faders=_renamed(version.faders, piece, old_name, new_name),
+            faders=_renamed_faders(version.faders, piece, old_name, new_name),
             sounds_as=version.sounds_as.renamed(old_name, new_name),
         )
 
     return edit
 
 
-def _renamed(faders: Faders, piece: Piece, old: str, new: str) -> Faders:
+def _renamed_faders(faders: Faders, piece: Piece, old: str, new: str) -> Faders:
     """The faders under the new name of an instrument and its notes."""
     new_names = {old: new, **{name: new + name[len(old) :] for name in piece.families.get(old, ())}}
     return replace(

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
 from ergon.repl.session.version import NotTakenError
-from ergon.scores.edits.strikes import named
-from ergon.scores.pattern.search import n_before
+from ergon.scores.edits.strikes import strikes_named
+from ergon.scores.pattern.search import count_before
 from ergon.scores.pattern.steps import Steps
 
 if TYPE_CHECKING:
@@ -21,7 +21,9 @@ def next_beginning(piece: Piece, voice_name: str, after_beat: float) -> float:
     """The first beat, not before `after_beat`, on which a voice begins again: a cycle of a rhythm,
     a round of a pattern, a phrase or a sweep, else a stroke or a gesture. Raises NotTakenError.
     """
-    coming = [_next(beats, after_beat) for beats in _beginnings(piece, voice_name, after_beat)]
+    coming = [
+        _next_beat(beats, after_beat) for beats in _beginning_beats(piece, voice_name, after_beat)
+    ]
     begins = [beat for beat in coming if beat is not None]
     if not begins:
         place_text = piece.tempo_map.written(after_beat)
@@ -31,16 +33,16 @@ def next_beginning(piece: Piece, voice_name: str, after_beat: float) -> float:
     return min(begins)
 
 
-def _beginnings(piece: Piece, voice_name: str, after_beat: float) -> Iterator[Sequence[float]]:
+def _beginning_beats(piece: Piece, voice_name: str, after_beat: float) -> Iterator[Sequence[float]]:
     """Rising beats on which the strikes or the player of a name begin."""
-    strikes = named(piece, voice_name)
+    strikes = strikes_named(piece, voice_name)
     if any(voice.rate is not None for voice in strikes):
         raise NotTakenError(f"{voice_name} strikes by chance: there is no beat to wait for")
     for voice in strikes:
         yield _strikes_beginnings(piece, voice, after_beat)
     for play, starts in zip(piece.parts, piece.starts, strict=True):
         if play.player == voice_name and starts:
-            yield _rounds(starts, after_beat) if isinstance(starts, Steps) else starts
+            yield _next_round_beat(starts, after_beat) if isinstance(starts, Steps) else starts
 
 
 def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Sequence[float]:
@@ -51,7 +53,7 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Se
         beat = strikes.rhythm.begin(tempo, begin, number)
         return [beat] if number < strikes.cycles(tempo) else []
     if strikes.pattern is not None:
-        return _rounds(strikes.steps(piece), after_beat)
+        return _next_round_beat(strikes.steps(piece), after_beat)
     if strikes.length is not None or strikes.passing is not None:
         return strikes.rounds(tempo)
     if strikes.hits:
@@ -59,15 +61,15 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Se
     return strikes.beats(tempo)
 
 
-def _rounds(pattern_steps: Steps, after_beat: float) -> Sequence[float]:
+def _next_round_beat(pattern_steps: Steps, after_beat: float) -> Sequence[float]:
     """The beat of the next place on which a round of a pattern begins."""
     pattern = pattern_steps.course.pattern
     count = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses
-    place = n_before(pattern_steps, after_beat - SAME)
+    place = count_before(pattern_steps, after_beat - SAME)
     place += -(place + pattern.skip) % count
     return [pattern_steps.beat(place)] if place < len(pattern_steps) else []
 
 
-def _next(beats: Sequence[float], after: float) -> float | None:
-    place = n_before(beats, after - SAME)
+def _next_beat(beats: Sequence[float], after: float) -> float | None:
+    place = count_before(beats, after - SAME)
     return beats[place] if place < len(beats) else None

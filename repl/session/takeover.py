@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from ergon.notation.clock.meter import SAME
 from ergon.repl.session.clock import JOIN_SECONDS, Timing
 from ergon.repl.session.frozen_parts import place_samples, still_frozen
-from ergon.repl.session.running import RunningVersion, horizon, staged
-from ergon.repl.session.waiting_lines import WaitingLine, entry
+from ergon.repl.session.running import RunningVersion, put_horizon, stage_spans
+from ergon.repl.session.waiting_lines import WaitingLine, line_beat
 from ergon.scores.staging.cutting import cut_stage
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span
@@ -74,7 +74,7 @@ class Takeovers:
 
     def _staged(self, after: RunningVersion, running: RunningVersion) -> Stage:
         """The stage of a version that takes over from `running`."""
-        return staged(
+        return stage_spans(
             after.version,
             after.clock,
             after.spans,
@@ -103,7 +103,7 @@ class Takeovers:
         """The running version after one line, with the stage of before."""
         assert line.start is not None
         version_before, version, start_frame = running.version, line.result(), line.start
-        clock, leave, enter = entry(running.clock, version_before, version, line, self.timing)
+        clock, leave, enter = line_beat(running.clock, version_before, version, line, self.timing)
         running_after = replace(running, version=version, clock=clock)
         spans, timeline_end, skipped_from = self._spans(
             running, running_after, start_frame, leave, enter, latest
@@ -142,7 +142,7 @@ class Takeovers:
         old_spans: Sequence[Span] = ()
         if after is running or not version.ends_gestures:
             old_spans = continuing_spans(running, leave, start_seconds, running.stage)
-        timeline_end = min(horizon(version.piece.tempo_map, enter)[0], latest)
+        timeline_end = min(put_horizon(version.piece.tempo_map, enter)[0], latest)
         piece = replace(
             version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, start_seconds)
         )

@@ -25,14 +25,14 @@ def tuning_lines(piece: Piece) -> Iterator[str]:
         if tuning_name in piece.tunings:
             yield f"tuning of {tuning_name}: {tuned.words()}"
         words = [member.rpartition(".")[2] for member in members]
-        shown = [f"{word} {_hertz(tuned, word)}" for word in words[:_NOTES_SHOWN_MAX]]
+        shown = [f"{word} {_hertz_text(tuned, word)}" for word in words[:_NOTES_SHOWN_MAX]]
         others_text = (
             [f"and {len(words) - _NOTES_SHOWN_MAX} more"] if len(words) > _NOTES_SHOWN_MAX else []
         )
         yield f"{tuning_name}: {', '.join([*shown, *others_text])}"
 
 
-def _hertz(tuned: tuning.Tuning, word: str) -> str:
+def _hertz_text(tuned: tuning.Tuning, word: str) -> str:
     try:
         return f"{tuned.hertz(word) or 0.0:.2f} Hz"
     except TextError:  # a key that the tuning leaves out

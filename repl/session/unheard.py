@@ -13,7 +13,7 @@ from ergon._core import EngineError, UnstableError
 from ergon.notation.text.errors import Collector
 from ergon.scores.reading.digest import is_same
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.refusals import refused
+from ergon.scores.staging.refusals import stage_error
 
 if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
@@ -49,7 +49,7 @@ def check_unheard(piece_before: Piece, stage: Stage) -> None:
         ]
         if refusals:
             error.refusals = refusals
-            raise refused(piece, Collector(), error) from error
+            raise stage_error(piece, Collector(), error) from error
 
 
 def _is_in(parts: Sequence[str], module: str | None) -> bool:

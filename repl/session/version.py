@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from ergon.repl.language.hearing import Hear
     from ergon.repl.language.mapping import MapControl, MapNotes
     from ergon.repl.session.block_rules import Rule
-    from ergon.scores.edits.merging import Spot
+    from ergon.scores.edits.merging import ValuePlace
     from ergon.scores.edits.texts import Texts
     from ergon.scores.reading.piece import Piece
 
 
 # The shortest glide of a parameter [s]. A jump of K by a half raises the third difference of the
 # sound twelvefold, a glide over 64 frames by a fifth; lower modes need longer.
-GLIDE = 0.02
+GLIDE_SECONDS = 0.02
 
 
 class NotTakenError(ErgonError):
@@ -90,7 +90,7 @@ class Version:
     faders: Faders = Faders()
     ends_gestures: bool = False
     damp: float | None = None
-    glide: float = GLIDE
+    glide: float = GLIDE_SECONDS
     guides: Mapping[str, HandGuide] = field(default_factory=dict)
     enter_beat: float | None = None
     maps: Mapping[str, MapControl | MapNotes | Hear] = field(default_factory=dict)
@@ -99,7 +99,7 @@ class Version:
     renames: Sequence[tuple[str, str]] = ()
     read_texts: Texts | None = None
     read_files: Mapping[str, str] = field(default_factory=dict)
-    discarded_spots: Sequence[Spot] = ()
+    discarded_spots: Sequence[ValuePlace] = ()
     freed_parameters: Sequence[str] = ()
     base: Texts | None = None
     is_running: bool = False
@@ -113,7 +113,7 @@ class Version:
             self,
             ends_gestures=False,
             damp=None,
-            glide=GLIDE,
+            glide=GLIDE_SECONDS,
             enter_beat=None,
             read_texts=None,
             read_files={},

@@ -35,7 +35,7 @@ from ergon.repl.session.edit_table import edits_texts, makes_edit, with_texts
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearsal_stage
 from ergon.repl.session.version import (
-    GLIDE,
+    GLIDE_SECONDS,
     NotTakenError,
     Version,
     piece_from_files,
@@ -87,13 +87,13 @@ def combined(commands: Sequence[Command]) -> VersionEdit:
 
 def hush(version: Version, beat: float) -> Version:
     """End all players and strikes, and all rules of blocks."""
-    texts = parts.hush(version.texts, version.piece, beat)
+    texts = parts.end_all_parts(version.texts, version.piece, beat)
     return replace(with_texts(version, texts), ends_gestures=True, rules={})
 
 
 def with_take(version: Version, name: str, file: str, channel: str) -> Version:
     """The version with a take of this name."""
-    return with_texts(version, names.take(version.texts, name, file, channel))
+    return with_texts(version, names.define_take(version.texts, name, file, channel))
 
 
 # --- texts ---------------------------------------------------------------------------------------
@@ -117,9 +117,9 @@ def _do(command: Do, version: Version, beat: float) -> Texts:
 @edits_texts(StrikeModules)
 def _strikes(command: StrikeModules, version: Version, beat: float) -> Texts:
     # First what is struck: a text that strikes what is not there cannot be read for its routes.
-    texts, piece = families.defined(version.texts, version.piece, command.struck)
+    texts, piece = families.with_definitions(version.texts, version.piece, command.struck)
     texts = strikes.strike(texts, piece, command.name, beat, command.fields)
-    return families.played(texts, piece, command.struck)
+    return families.with_routes_of(texts, piece, command.struck)
 
 
 @edits_texts(DoStrikes)
@@ -142,19 +142,19 @@ def _automate(command: Automate, version: Version, beat: float) -> Texts:
 
 @edits_texts(StopLfo)
 def _stop_lfo(command: StopLfo, version: Version, beat: float) -> Texts:
-    return automation.stop(version.texts, version.piece, command.target, beat)
+    return automation.end_automation(version.texts, version.piece, command.target, beat)
 
 
 @edits_texts(Rest)
 def _rest(command: Rest, version: Version, beat: float) -> Texts:
-    return parts.rest(version.texts, version.piece, command.player, beat)
+    return parts.end_part(version.texts, version.piece, command.player, beat)
 
 
 @edits_texts(Tempo)
 def _tempo(command: Tempo, version: Version, beat: float) -> Texts:
     end = "" if command.end is None else f" -> {command.end:.12g}"
     over = command.words["over"].text if command.over is not None else None
-    return times.change(version.texts, version.piece, beat, f"{command.bpm:.12g}{end}", over)
+    return times.change_tempo(version.texts, version.piece, beat, f"{command.bpm:.12g}{end}", over)
 
 
 @edits_texts(SetMeter)
@@ -176,8 +176,8 @@ def _nudge(command: Nudge, version: Version, beat: float) -> Texts:
             "this nudge is too large: it may make one beat half or twice "
             "as long; `tempo` changes more"
         )
-    texts = times.change(version.texts, version.piece, beat, f"{60.0 / beat_length:.12g}")
-    return times.change(texts, piece_of(texts), beat + 1.0, f"{bpm:.12g}")
+    texts = times.change_tempo(version.texts, version.piece, beat, f"{60.0 / beat_length:.12g}")
+    return times.change_tempo(texts, piece_of(texts), beat + 1.0, f"{bpm:.12g}")
 
 
 @edits_texts(Couple)
@@ -194,7 +194,7 @@ def _uncouple(command: Uncouple, version: Version, beat: float) -> Texts:
 
 def _set(command: Set, version: Version, beat: float) -> Texts:
     value = command.words["change"].text
-    texts = automation.released(version.texts, version.piece, command.target, beat)
+    texts = automation.end_if_automated(version.texts, version.piece, command.target, beat)
     return matter.set_value(texts, version.piece, command.target, value)
 
 
@@ -214,16 +214,16 @@ def _set_gliding(command: Set) -> VersionEdit:
             value, over = command_words["change"].text, command_words["over"].text
             args = command.target, edit_beat, value, {"over": over}, value_on
             return with_texts(version, automation.glide(version.texts, version.piece, *args))
-        automation.check(version.piece, command.target)
+        automation.check_can_glide(version.piece, command.target)
         edited = with_texts(version, _set(command, version, edit_beat))
-        return replace(edited, glide=max(GLIDE, ramp_seconds))
+        return replace(edited, glide=max(GLIDE_SECONDS, ramp_seconds))
 
     return edit
 
 
 @edits_texts(Seed)
 def _seed(command: Seed, version: Version, beat: float) -> Texts:
-    return names.seed(version.texts, command.seed)
+    return names.set_seed(version.texts, command.seed)
 
 
 # --- whole versions ------------------------------------------------------------------------------
@@ -266,9 +266,9 @@ def _map(command: midi_maps.Map) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         struck = [] if isinstance(command, MapControl) else [command.target]
-        played_texts = families.played(version.texts, version.piece, struck)
+        played_texts = families.with_routes_of(version.texts, version.piece, struck)
         if isinstance(command, Hear) or (isinstance(command, MapNotes) and command.impulse is None):
-            played_texts = families.ready(played_texts, command.target)
+            played_texts = families.with_ready_acts(played_texts, command.target)
         after = version if played_texts is version.texts else with_texts(version, played_texts)
         return replace(after, maps=midi_maps.with_map(after, command))
 
@@ -290,7 +290,7 @@ def _load(command: Load) -> VersionEdit:
             before = version.texts.bounds
             trust = before is not None and before.allows_any_file
             folder = Path(command.file).parent
-            loaded_texts.append(_file(command.file, FileBounds.around(folder, trust=trust)))
+            loaded_texts.append(_file_version(command.file, FileBounds.around(folder, trust=trust)))
         texts = loaded_texts[0]
         edited = replace(version, texts=texts, piece=piece_from_files(texts))
         edited = replace(edited, read_texts=texts, base=texts, renames=())
@@ -312,7 +312,7 @@ def _reload(command: Reload) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         path = version.texts.path
         if path not in reloaded_texts:
-            reloaded_texts[path] = _file(path, version.texts.bounds)
+            reloaded_texts[path] = _file_version(path, version.texts.bounds)
         texts_before = version.base or version.texts
         now = family_edits.with_brought(reloaded_texts[path], texts_before)
         piece_from_files(now)  # its own mistakes come before those of the merge
@@ -327,14 +327,14 @@ def _reload(command: Reload) -> VersionEdit:
                     for renamed_texts in (texts_before, current_texts)
                 ]
                 texts_before, current_texts = block_lines
-        texts, dropped = merging.merged(texts_before, current_texts, version.texts)
+        texts, dropped = merging.merged_texts(texts_before, current_texts, version.texts)
         edited = with_texts(version, texts)
         return replace(edited, read_texts=now, base=now, discarded_spots=tuple(dropped))
 
     return edit
 
 
-def _file(path: str, bounds: FileBounds | None) -> Texts:
+def _file_version(path: str, bounds: FileBounds | None) -> Texts:
     try:
         return Texts.read(path, bounds)
     except OSError as error:
@@ -357,10 +357,10 @@ READS_FILES = (Load, Reload, Retune, Scene, Use)
 # --- replies -------------------------------------------------------------------------------------
 
 
-def summary(command: Command, running: RunningVersion, where_text: str) -> str:
+def command_summary(command: Command, running: RunningVersion, where_text: str) -> str:
     """The part of a reply about a command, after `ok` and `where_text` it acts."""
     if isinstance(command, Define):
-        return _defined(command, running)
+        return _defined_text(command, running)
     if isinstance(command, Plays):
         return f"{command.player}: {command.words['play'].text}"
     if isinstance(command, Scene):
@@ -374,7 +374,7 @@ def summary(command: Command, running: RunningVersion, where_text: str) -> str:
             f"{reply_sentence}; {', '.join(running.version.freed_parameters)} {verb_phrase} again"
         )
     if isinstance(command, Use):
-        return family_edits.summary(command, running.version.piece)
+        return family_edits.family_summary(command, running.version.piece)
     if isinstance(command, Load) and running.version.enter_beat == 0.0 and where_text != "1|1":
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, Guide):
@@ -387,7 +387,7 @@ def summary(command: Command, running: RunningVersion, where_text: str) -> str:
     return ""
 
 
-def _defined(command: Define, running: RunningVersion) -> str:
+def _defined_text(command: Define, running: RunningVersion) -> str:
     piece = running.version.piece
     if command.name not in piece.gestures:
         axes = space_path.played(command.name, piece.gestures)

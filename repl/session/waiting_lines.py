@@ -230,7 +230,7 @@ class WaitingLines:
     ) -> tuple[WaitingLines, list[LostLine], list[WaitingLine]]:
         """The lines after some have moved to another beat, in the order of typing."""
         moved = [
-            _slipped(waiting_line, beat, start)
+            _slipped_line(waiting_line, beat, start)
             for waiting_line in self.lines
             if waiting_line.number in numbers
         ]
@@ -340,7 +340,7 @@ class WaitingLines:
         elif _differ_by_faders(line, version):
             followed = replace(line.result(), faders=version.faders)
         else:
-            followed = edited(version, line)
+            followed = version_after_line(version, line)
             is_read = line.line and not (line.resets or line.reads_files)
             if (
                 base_version is not None
@@ -348,13 +348,13 @@ class WaitingLines:
                 and not names_of(base_version) <= names_of(version)
             ):
                 reparse(line.line, version)
-        clock_after = entry(clock, version, followed, line, self.timing).clock
+        clock_after = line_beat(clock, version, followed, line, self.timing).clock
         if base_version is version and line.clock == clock_after and line.version is followed:
             return line
         return replace(line, base=version, version=followed, clock=clock_after)
 
 
-def _slipped(line: WaitingLine, beat: float, start: int) -> WaitingLine:
+def _slipped_line(line: WaitingLine, beat: float, start: int) -> WaitingLine:
     """A line that acts on a later beat, and is edited again for it."""
     moved = line.moved_to(beat, start)
     return replace(moved, version=None, clock=None, n_slips=line.n_slips + 1)
@@ -369,7 +369,7 @@ def _effect_key(waiting_line: WaitingLine) -> tuple[float, float]:
     )
 
 
-def entry(
+def line_beat(
     clock: Clock,
     version_before: Version,
     edited: Version,
@@ -391,7 +391,7 @@ def entry(
     )
 
 
-def edited(before: Version, line: WaitingLine) -> Version:
+def version_after_line(before: Version, line: WaitingLine) -> Version:
     """The version after a line. Raises one of `REFUSALS`."""
     is_running = before.is_running if line.sets_running is None else line.sets_running
     return line.edit(replace(before.taken_over(), is_running=is_running), line.beat)

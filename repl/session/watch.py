@@ -28,10 +28,10 @@ class FileWatch:
         return changed
 
     def _stamps(self) -> list[int]:
-        return [_stamp(path) for path in self._files]
+        return [_file_stamp(path) for path in self._files]
 
 
-def _stamp(path: Path) -> int:
+def _file_stamp(path: Path) -> int:
     try:
         return path.stat().st_mtime_ns
     except OSError:  # an editor puts a new file in its place

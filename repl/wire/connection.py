@@ -16,11 +16,11 @@ from typing import IO, Any
 from ergon.common.errors import ErgonError
 
 from . import local_socket
-from .protocol import MAX_LINE, VERSION, ProtocolError, decode, encode
+from .protocol import MAX_LINE, PROTOCOL_VERSION, ProtocolError, decode_message, encode
 
 _IS_WINDOWS = os.name == "nt"
 _SO_SNDTIMEO = getattr(socket, "SO_SNDTIMEO", 0x1005)  # the number in Windows' own header
-_TIMEOUT = 5  # [s] to wait for the greeting, and for a session that does not read
+_TIMEOUT_SECONDS = 5  # [s] to wait for the greeting, and for a session that does not read
 
 
 class ConnectionLostError(ErgonError):
@@ -56,24 +56,28 @@ class Connection:
         self._thread.start()
 
     def _read_greeting(self) -> Mapping[str, Any]:
-        self._socket.settimeout(_TIMEOUT)
+        self._socket.settimeout(_TIMEOUT_SECONDS)
         try:
             request_line = self._file.readline(MAX_LINE)
         except OSError:
             raise ProtocolError("the process at the socket does not answer") from None
         self._socket.settimeout(None)
         # Windows has a limit in milliseconds, others a struct timeval.
-        limit = struct.pack("L", 1000 * _TIMEOUT) if _IS_WINDOWS else struct.pack("ll", _TIMEOUT, 0)
+        limit = (
+            struct.pack("L", 1000 * _TIMEOUT_SECONDS)
+            if _IS_WINDOWS
+            else struct.pack("ll", _TIMEOUT_SECONDS, 0)
+        )
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_SNDTIMEO, limit)
-        about = decode(request_line)
+        about = decode_message(request_line)
         if "error" in about:
             raise ProtocolError(str(about["error"]))
         if self._expected and about.get("answer") != self._expected:
             raise ProtocolError("another program has taken the port of the session")
-        if about.get("ergon") != VERSION:
+        if about.get("ergon") != PROTOCOL_VERSION:
             raise ProtocolError(
                 f"the session speaks version {about.get('ergon')} of the "
-                f"protocol, this prompt version {VERSION}"
+                f"protocol, this prompt version {PROTOCOL_VERSION}"
             )
         return about
 
@@ -100,12 +104,12 @@ class Connection:
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._mark_closed()
-        self._thread.join(_TIMEOUT)
+        self._thread.join(_TIMEOUT_SECONDS)
 
     def _listen(self) -> None:
         with contextlib.suppress(OSError, ProtocolError, ValueError):
             while (line := self._file.readline(MAX_LINE)).endswith(b"\n"):
-                message_fields = decode(line)
+                message_fields = decode_message(line)
                 if "ended" in message_fields:
                     self.ended = str(message_fields["ended"])
                     break

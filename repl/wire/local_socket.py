@@ -17,8 +17,8 @@ from ergon.common.private import NotPrivateError, runtime_folder
 
 from . import loopback
 
-_NAME = "session.sock"
-_BACKLOG = 16
+_SOCKET_NAME = "session.sock"
+_BACKLOG_CONNECTIONS = 16
 
 
 class SocketError(ErgonError):
@@ -32,7 +32,7 @@ class NoSessionError(SocketError):
 def default_path(environment: Mapping[str, str] = os.environ) -> Path:
     """session.sock in the user's run-time folder (`runtime_folder`). Raises SocketError."""
     try:
-        return runtime_folder(environment) / _NAME
+        return runtime_folder(environment) / _SOCKET_NAME
     except NotPrivateError as error:
         raise SocketError(f"{error}; --socket PATH names another place") from None
     except OSError as error:
@@ -48,10 +48,10 @@ class ServerSocket:
     def __init__(self, path: Path) -> None:
         """Bind the socket; one that a killed process has left is replaced. Raises SocketError."""
         self.path = path
-        self._lock = _locked(path.with_name(path.name + ".lock"))
+        self._lock = _locked_file(path.with_name(path.name + ".lock"))
         try:
             self._remove()
-            self.socket, self.address = _bound(path)
+            self.socket, self.address = _bound_socket(path)
         except (OSError, SocketError) as error:
             os.close(self._lock)
             if isinstance(error, SocketError):
@@ -66,7 +66,7 @@ class ServerSocket:
 
     def listen(self) -> None:
         """Accept connections."""
-        self.socket.listen(_BACKLOG)
+        self.socket.listen(_BACKLOG_CONNECTIONS)
 
     def close(self) -> None:
         """Close and remove the socket and its lock."""
@@ -87,10 +87,10 @@ class ServerSocket:
         self.path.unlink()
 
 
-def _bound(path: Path) -> tuple[socket.socket, loopback.Address | None]:
+def _bound_socket(path: Path) -> tuple[socket.socket, loopback.Address | None]:
     """A socket of Unix at a path, or one at a port whose address is in the file. Raises OSError."""
     if loopback.is_used():
-        return loopback.bind(path)
+        return loopback.bind_loopback(path)
     local = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         local.bind(os.fspath(path))
@@ -101,7 +101,7 @@ def _bound(path: Path) -> tuple[socket.socket, loopback.Address | None]:
     return local, None
 
 
-def _locked(path: Path) -> int:
+def _locked_file(path: Path) -> int:
     """A file that is locked for this process; the kernel removes the lock however the process
     ends.
     """

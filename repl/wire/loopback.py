@@ -20,7 +20,7 @@ from ergon.common.regular import open_regular
 from ergon.common.structured import MalformedTextError, parse_json
 
 HOST = "127.0.0.1"
-FORCED = "ERGON_SESSION_SOCKET"  # an environment variable; `loopback` asks for a port
+SOCKET_VARIABLE = "ERGON_SESSION_SOCKET"  # an environment variable; `loopback` asks for a port
 _BYTES_MAX = 1000  # largest file
 _SECRET_BYTES = 32
 
@@ -38,10 +38,10 @@ def is_used(environment: Mapping[str, str] = os.environ) -> bool:
     """Whether sessions are served at a port: the system has no sockets of Unix, or the
     environment asks for it.
     """
-    return not hasattr(socket, "AF_UNIX") or environment.get(FORCED) == "loopback"
+    return not hasattr(socket, "AF_UNIX") or environment.get(SOCKET_VARIABLE) == "loopback"
 
 
-def bind(path: Path) -> tuple[socket.socket, Address]:
+def bind_loopback(path: Path) -> tuple[socket.socket, Address]:
     """A socket at a free port, and its address, which is written to a file that does not exist.
 
     Raises OSError.

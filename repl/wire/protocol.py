@@ -28,7 +28,7 @@ from ergon.common.errors import ErgonError
 from ergon.common.structured import MalformedTextError, parse_json
 from ergon.repl.session_protocol import Reply, Sounding, State
 
-VERSION = 1
+PROTOCOL_VERSION = 1
 MAX_LINE = 2_000_000  # bytes; any text that a prompt takes fits in with room to spare
 MAX_TEXT = 200_000  # characters of a submission; in JSON each has 12 bytes at most
 MAX_ID = 200  # characters; whole numbers are those that every JSON reader keeps exactly
@@ -40,7 +40,7 @@ class ProtocolError(ErgonError):
 
 
 # The fields of each request and their types; each comment is the answer.
-REQUESTS: dict[str, dict[str, type]] = {
+REQUEST_FIELDS: dict[str, dict[str, type]] = {
     "submit": {"text": str},  # a reply, when the line is done
     "state": {},  # as below
     "messages": {},  # sentences since the last call, for this prompt
@@ -64,7 +64,7 @@ def encode(**fields: Any) -> bytes:
     return json.dumps(fields, ensure_ascii=True, allow_nan=False).encode() + b"\n"
 
 
-def decode(request_line: bytes) -> dict[str, Any]:
+def decode_message(request_line: bytes) -> dict[str, Any]:
     """The fields of a line. Raises ProtocolError."""
     try:
         line_fields = parse_json(request_line)
@@ -90,9 +90,9 @@ def request_id(fields: dict[str, Any]) -> int | str | None:
 def parse_request(request_fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """The name of a request, and its fields. Raises ProtocolError."""
     request_name = request_fields.get("do")
-    wanted = REQUESTS.get(request_name) if isinstance(request_name, str) else None
+    wanted = REQUEST_FIELDS.get(request_name) if isinstance(request_name, str) else None
     if not isinstance(request_name, str) or wanted is None:
-        raise ProtocolError(f"unknown request; known are {', '.join(REQUESTS)}")
+        raise ProtocolError(f"unknown request; known are {', '.join(REQUEST_FIELDS)}")
     request_arguments = {}
     for field_name, field_kind in wanted.items():
         field_value = request_fields.get(field_name)
@@ -145,13 +145,13 @@ def decode_reply(reply_data: Any) -> Reply:
         raise ProtocolError("the session's answer is not a reply") from None
 
 
-_NUMBERS = ("bar", "beat", "tempo", "load", "late")
+_NUMBER_FIELDS = ("bar", "beat", "tempo", "load", "late")
 
 
 def encode_state(session_state: State) -> dict[str, Any]:
     """A state as JSON; a level of -inf (silence) is null."""
     return {
-        **{name: getattr(session_state, name) for name in _NUMBERS},
+        **{name: getattr(session_state, name) for name in _NUMBER_FIELDS},
         "playing": [list(pair) for pair in session_state.playing],
         "level": session_state.level if math.isfinite(session_state.level) else None,
         "quant": session_state.quant,

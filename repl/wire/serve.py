@@ -16,9 +16,9 @@ from ergon.repl.session_protocol import Reply, SessionProtocol, SignalWatch, Sou
 from . import local_socket
 from .protocol import (
     MAX_LINE,
-    VERSION,
+    PROTOCOL_VERSION,
     ProtocolError,
-    decode,
+    decode_message,
     encode,
     encode_reply,
     encode_sounding,
@@ -187,7 +187,7 @@ class SessionServer:
             self._prompts[prompt.number] = prompt
             address = self._server_socket.address
             answer = {} if address is None else {"answer": address.answer}
-            prompt.send(ergon=VERSION, prompt=prompt.number, **answer, **self._about)
+            prompt.send(ergon=PROTOCOL_VERSION, prompt=prompt.number, **answer, **self._about)
             await self._serve(prompt, reader)
         except OSError:
             pass  # the prompt disconnected
@@ -238,7 +238,7 @@ class SessionServer:
         """Do the request of a line; returns its name, or "" if it was refused."""
         request_number = None
         try:
-            fields = decode(line)
+            fields = decode_message(line)
             request_number = request_id(fields)
             request_name, request_arguments = parse_request(fields)
             if request_name == "submit":

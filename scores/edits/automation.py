@@ -11,9 +11,9 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.tables import quantities as q
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
-from ergon.scores.edits.lists import dropped, place
-from ergon.scores.edits.matter import TRANSPOSE, written_quantity
-from ergon.scores.edits.positions import END, end, written
+from ergon.scores.edits.lists import place, without_entry
+from ergon.scores.edits.matter import TRANSPOSE, quantity_text
+from ergon.scores.edits.positions import ENDLESS_POSITION, endless_end, position_text
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading import automatable
 from ergon.scores.reading.automation import Automation
@@ -39,13 +39,13 @@ def automate(
     fields_written: dict[str, edit.Tree] = {
         automation_kind: target_path,
         **automation_fields,
-        "at": written(piece, from_beat),
+        "at": position_text(piece, from_beat),
     }
     if not fields_written.keys() & {"times", "until"}:
-        fields_written["until"] = end(piece, from_beat)
+        fields_written["until"] = endless_end(piece, from_beat)
     # Add the new entry before others are removed: a list that never becomes empty keeps its style.
     score_texts = score_texts.append(("automation",), edit.flow(fields_written))
-    score_texts, _ = _ended(score_texts, piece, from_beat, target_path)
+    score_texts, _ = _with_automation_ended(score_texts, piece, from_beat, target_path)
     return score_texts
 
 
@@ -63,9 +63,9 @@ def glide(
     `x1.5` is a factor of the value that it has on that beat. Raises EditError.
     """
     path_head, _, parameter = target_path.rpartition(".")
-    check(piece, target_path)
-    if value.startswith("x") and _numbers_of(score_texts, piece, target_path):
-        part, module, _ = _named_modules(piece, path_head)[0]
+    check_can_glide(piece, target_path)
+    if value.startswith("x") and _entry_numbers(score_texts, piece, target_path):
+        part, module, _ = _modules_of_path(piece, path_head)[0]
         if module.kind != "BANK":
             now = value_on(piece, (part, module.name), parameter, from_beat)
             value = value_text(piece, target_path, q.factor(value) * now, value_on)
@@ -73,10 +73,10 @@ def glide(
         "set": target_path,
         "to": value,
         **glide_fields,
-        "at": written(piece, from_beat),
+        "at": position_text(piece, from_beat),
     }
     score_texts = score_texts.append(("automation",), edit.flow(automation_entry))
-    return _ended(score_texts, piece, from_beat, target_path)[0]
+    return _with_automation_ended(score_texts, piece, from_beat, target_path)[0]
 
 
 def value_text(piece: Piece, target_path: str, value: float, value_on: ValueOn) -> str:
@@ -84,20 +84,20 @@ def value_text(piece: Piece, target_path: str, value: float, value_on: ValueOn) 
     is that of the first, the factor of their values without automation.
     """
     module_path, _, parameter = target_path.rpartition(".")
-    part_name, part_module, _ = _named_modules(piece, module_path)[0]
+    part_name, part_module, _ = _modules_of_path(piece, module_path)[0]
     if part_module.kind == "BANK":
         return f"x{value:.12g}"
     if automatable.named_module(module_path, piece.keys, piece.instruments) is not None:
-        return written_quantity(value, parameter, is_ca=False)
+        return quantity_text(value, parameter, is_ca=False)
     unchanged = replace(piece, automation=(), strikes=())
     return f"x{value / value_on(unchanged, (part_name, part_module.name), parameter, 0.0)!r}"
 
 
-def check(piece: Piece, target_path: str) -> None:
+def check_can_glide(piece: Piece, target_path: str) -> None:
     """Raise EditError if a parameter cannot glide."""
     module_path, _, parameter_name = target_path.rpartition(".")
     parameter_name = "f" if parameter_name == TRANSPOSE else parameter_name
-    named_modules = _named_modules(piece, module_path)
+    named_modules = _modules_of_path(piece, module_path)
     if not named_modules:
         raise EditError(
             f"{target_path} cannot change gradually; leave out `over` to set it at once"
@@ -107,35 +107,34 @@ def check(piece: Piece, target_path: str) -> None:
         raise EditError(f"{module_path} {refusal_text}; leave out `over` to set it at once")
 
 
-def _named_modules(piece: Piece, module_path: str) -> list[automatable.Automatable]:
+def _modules_of_path(piece: Piece, module_path: str) -> list[automatable.Automatable]:
     return automatable.named_modules(module_path, piece.keys, piece.instruments, piece.families)
 
 
-def stop(score_texts: Texts, piece: Piece, target_path: str, from_beat: float) -> Texts:
+def end_automation(score_texts: Texts, piece: Piece, target_path: str, from_beat: float) -> Texts:
     """Give a parameter its own value from a beat on. Raises EditError if no automation changes
     it.
     """
-    score_texts, count = _ended(score_texts, piece, from_beat, target_path)
+    score_texts, count = _with_automation_ended(score_texts, piece, from_beat, target_path)
     if not count:
         position_text = piece.tempo_map.written(from_beat)
         raise EditError(
             f"no pattern and no lfo controls {target_path} at {position_text}, so there is nothing "
-            "to "
-            "end"
+            "to end"
         )
     return score_texts
 
 
-def released(texts: Texts, piece: Piece, target: str, beat: float) -> Texts:
+def end_if_automated(texts: Texts, piece: Piece, target: str, beat: float) -> Texts:
     """End the automation of a parameter, if there is any."""
-    return _ended(texts, piece, beat, target)[0]
+    return _with_automation_ended(texts, piece, beat, target)[0]
 
 
-def finish(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
+def end_endless(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
     """End endless automation at a beat, for a score that is saved."""
     for automation_index, entry in enumerate(piece.automation):
-        if entry.until is not None and END.fullmatch(entry.until.text) is not None:
-            until = written(piece, max(from_beat, piece.tempo_map.resolve(entry.at) + 1.0))
+        if entry.until is not None and ENDLESS_POSITION.fullmatch(entry.until.text) is not None:
+            until = position_text(piece, max(from_beat, piece.tempo_map.resolve(entry.at) + 1.0))
             score_texts = score_texts.put(
                 (*place(score_texts, "automation", automation_index), "until"), until
             )
@@ -146,16 +145,16 @@ def end_all(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
     """Give every parameter its own value from a beat on."""
     for number in reversed(range(len(piece.automation))):
         if is_automated_from(piece, piece.automation[number], from_beat):
-            score_texts = _ended_one(score_texts, piece, from_beat, number)
+            score_texts = _with_entry_ended(score_texts, piece, from_beat, number)
     return score_texts
 
 
 def is_automated_from(piece: Piece, entry: Automation, beat: float) -> bool:
     """Whether automation changes its parameter on a beat, or later."""
-    return ending(piece, entry) > beat + SAME
+    return end_beat_of(piece, entry) > beat + SAME
 
 
-def ending(piece: Piece, automation_entry: Automation) -> float:
+def end_beat_of(piece: Piece, automation_entry: Automation) -> float:
     """The beat on which automation ends; infinite if it does not end."""
     end_beat = (
         math.inf
@@ -168,20 +167,22 @@ def ending(piece: Piece, automation_entry: Automation) -> float:
     return min(end_beat, places.beat(len(places)))
 
 
-def _ended(score_texts: Texts, piece: Piece, from_beat: float, target: str) -> tuple[Texts, int]:
+def _with_automation_ended(
+    score_texts: Texts, piece: Piece, from_beat: float, target: str
+) -> tuple[Texts, int]:
     tempo, ended_count = piece.tempo_map, 0
-    for automation_index in reversed(_numbers_of(score_texts, piece, target)):
+    for automation_index in reversed(_entry_numbers(score_texts, piece, target)):
         entry = piece.automation[automation_index]
         is_over = entry.until is not None and tempo.resolve(entry.until) <= from_beat + SAME
         if not (is_over and tempo.resolve(entry.at) < from_beat - SAME):
             score_texts, ended_count = (
-                _ended_one(score_texts, piece, from_beat, automation_index),
+                _with_entry_ended(score_texts, piece, from_beat, automation_index),
                 ended_count + 1,
             )
     return score_texts, ended_count
 
 
-def _numbers_of(score_texts: Texts, piece: Piece, target_path: str) -> Sequence[int]:
+def _entry_numbers(score_texts: Texts, piece: Piece, target_path: str) -> Sequence[int]:
     """The numbers of the automation entries of a parameter."""
     with score_texts.memory.lock:
         numbers_by_target: dict[tuple[str, str], list[int]]
@@ -207,10 +208,13 @@ def _numbers_of(score_texts: Texts, piece: Piece, target_path: str) -> Sequence[
     return numbers
 
 
-def _ended_one(score_texts: Texts, piece: Piece, from_beat: float, automation_index: int) -> Texts:
+def _with_entry_ended(
+    score_texts: Texts, piece: Piece, from_beat: float, automation_index: int
+) -> Texts:
     """End automation on a beat, or remove it if it would begin then or later."""
     if piece.tempo_map.resolve(piece.automation[automation_index].at) >= from_beat - SAME:
-        return dropped(score_texts, "automation", automation_index)
+        return without_entry(score_texts, "automation", automation_index)
     return score_texts.put(
-        (*place(score_texts, "automation", automation_index), "until"), written(piece, from_beat)
+        (*place(score_texts, "automation", automation_index), "until"),
+        position_text(piece, from_beat),
     )

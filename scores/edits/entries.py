@@ -15,7 +15,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.texts import SECTIONS, ListEdit, Texts
 from ergon.scores.gesture.transforms import parse_do
 from ergon.scores.pattern import words
-from ergon.scores.pattern.search import n_before
+from ergon.scores.pattern.search import count_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.turn_chain import split_chain
 from ergon.scores.reading.piece import Piece
@@ -42,7 +42,9 @@ class Entry:
 
     def with_step(self, step_text: str) -> Entry:
         """The entry with a time between repetitions that `fast` and `slow` do not change."""
-        return replace(self.with_fields(every=step_text), do=tuple(map(_in_place, self.do)))
+        return replace(
+            self.with_fields(every=step_text), do=tuple(map(_gesture_transform_text, self.do))
+        )
 
     def flow(self) -> str:
         """The entry as an item of a list."""
@@ -55,10 +57,10 @@ class Entry:
         """The entry as the words of a row, after its position."""
         words_written = [self.fields["play"]]
         for field_name, field_text in self.fields.items():
-            if field_name == words.NTH:
+            if field_name == words.NTH_OPTION:
                 words_written += ["every", field_text]
-            elif field_name in words.OPTIONS and field_name != "at":
-                is_flag = words.OPTIONS[field_name] is None
+            elif field_name in words.OPTION_EXAMPLES and field_name != "at":
+                is_flag = words.OPTION_EXAMPLES[field_name] is None
                 words_written += (
                     ([field_name] if field_text == "true" else [])
                     if is_flag
@@ -67,7 +69,7 @@ class Entry:
         return " ".join([*words_written, *(["do", ", ".join(self.do)] if self.do else [])])
 
 
-def _in_place(do: str) -> str:
+def _gesture_transform_text(do: str) -> str:
     """A transformation of gestures alone: `stretch` in place of `fast` and `slow`."""
     if do.split()[:1] not in (["fast"], ["slow"]):
         return do
@@ -102,7 +104,7 @@ class PlacedEntry:
         """The number of beginnings of the entry, or of places of its pattern, that lie before a
         beat.
         """
-        return n_before(self.starts or (), before_beat - SAME)
+        return count_before(self.starts or (), before_beat - SAME)
 
     def part(self, first_start: int, stop_start: int, written_at: Callable[[float], str]) -> Entry:
         """The entry with only its beginnings from number `first_start` to before `stop_start`;
@@ -128,36 +130,40 @@ def entry_of_play(play_words: words.PlayWords, play_text: str) -> Entry:
     return Entry({"play": play_words.what.text, **play_options}, do)
 
 
-def lines(score_texts: Texts, piece: Piece, player: str, since: float = -inf) -> list[PlacedEntry]:
+def placed_entries(
+    score_texts: Texts, piece: Piece, player: str, since: float = -inf
+) -> list[PlacedEntry]:
     """The entries of a player's part, in the order written; only those that may begin on beat
     `since` or later.
     """
     earliest_start = since - SAME
     entry_numbers = [
         number
-        for number, (_, starts) in enumerate(_plays(piece, player))
+        for number, (_, starts) in enumerate(_plays_of_player(piece, player))
         if starts is None
         or (starts.last if isinstance(starts, Steps) else starts[-1] if starts else inf)
         >= earliest_start
     ]
-    return [*_lines(score_texts, piece, player, entry_numbers)]
+    return [*_placed_entries(score_texts, piece, player, entry_numbers)]
 
 
 def newest_first(texts: Texts, piece: Piece, player: str) -> Iterator[PlacedEntry]:
     """The entries of a player's part, the last one written first."""
-    return _lines(texts, piece, player, reversed(range(len(_plays(piece, player)))))
+    return _placed_entries(
+        texts, piece, player, reversed(range(len(_plays_of_player(piece, player))))
+    )
 
 
-def _plays(piece: Piece, player: str) -> list[tuple[Play, Sequence[float] | None]]:
+def _plays_of_player(piece: Piece, player: str) -> list[tuple[Play, Sequence[float] | None]]:
     pairs = zip(piece.parts, piece.starts, strict=True)
     return [pair for pair in pairs if pair[0].player == player]
 
 
-def _lines(
+def _placed_entries(
     score_texts: Texts, piece: Piece, player: str, line_numbers: Iterable[int]
 ) -> Iterator[PlacedEntry]:
     """Entries of a player's part, by their numbers."""
-    part_node, playing_entries = _part(score_texts, player), _plays(piece, player)
+    part_node, playing_entries = _part_node(score_texts, player), _plays_of_player(piece, player)
     table_rows: list[tuple[int, Entry, str]] = []
     if isinstance(part_node, Scalar) and not part_node.is_empty:
         number = offset_counted = 0
@@ -236,7 +242,7 @@ class PartEdit:
         """This change as the edit of a table."""
         path = ("parts", self.player)
         rows_by_line: dict[int, str | None] = {
-            line.number: _closed(line, self.until) for line in self.closed
+            line.number: _row_ended_at(line, self.until) for line in self.closed
         }
         rows_by_line |= dict.fromkeys(line.number for line in self.dropped)
 
@@ -244,7 +250,9 @@ class PartEdit:
             edited_text = table_document.text
             for entry in self.new:
                 edited_text = edit.add_row(
-                    edit.read(edited_text, table_document.file), path, _aligned(entry, table_text)
+                    edit.read(edited_text, table_document.file),
+                    path,
+                    _row_aligned_with_table(entry, table_text),
                 )
             return (
                 edit.put_rows(edit.read(edited_text, table_document.file), path, rows_by_line)
@@ -255,7 +263,7 @@ class PartEdit:
         return edited_text
 
 
-def change(score_texts: Texts, *edits: PartEdit) -> Texts:
+def with_part_edits(score_texts: Texts, *edits: PartEdit) -> Texts:
     """Change the parts of several players.
 
     New entries are written in the form of the part: list items or rows. Raises EditError.
@@ -264,7 +272,7 @@ def change(score_texts: Texts, *edits: PartEdit) -> Texts:
     table_edits: list[Callable[[document.Document], str]] = []
     for part_edit in edits:
         if part_edit.closed or part_edit.dropped or part_edit.new:
-            node = _part(score_texts, part_edit.player)
+            node = _part_node(score_texts, part_edit.player)
             if isinstance(node, Scalar) and not node.is_empty:
                 table_edits.append(part_edit.as_table_edit(node.text))
             else:
@@ -275,7 +283,7 @@ def change(score_texts: Texts, *edits: PartEdit) -> Texts:
     return score_texts
 
 
-def _part(texts: Texts, player: str) -> Node | None:
+def _part_node(texts: Texts, player: str) -> Node | None:
     parts = texts.section("parts")
     return parts.get(player) if isinstance(parts, document.Mapping) else None
 
@@ -296,7 +304,7 @@ def _entry_of_item(item_node: Node) -> Entry:
     return Entry(entry_fields, tuple(chain))
 
 
-def _closed(line: PlacedEntry, until: str) -> str:
+def _row_ended_at(line: PlacedEntry, until: str) -> str:
     """A row with an end at a position; its other words and their spaces do not change."""
     table_row = line.row or ""
     until_text = words.parse_row(table_row).play.options.get("until")
@@ -309,7 +317,7 @@ def _closed(line: PlacedEntry, until: str) -> str:
     ).strip()
 
 
-def _aligned(new_entry: Entry, table_text: str) -> str:
+def _row_aligned_with_table(new_entry: Entry, table_text: str) -> str:
     """A row of an entry, aligned with the last row of its table."""
     column_width = 0
     for row, _ in words.rows(table_text):

@@ -18,16 +18,16 @@ from ergon.notation.text.document import Mapping, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import entries, space
 from ergon.scores.edits.automation import ValueOn, value_text
-from ergon.scores.edits.lists import dropped, items, place
-from ergon.scores.edits.scenes import END
-from ergon.scores.edits.strikes import only
+from ergon.scores.edits.lists import place, section_entries, without_entry
+from ergon.scores.edits.scenes import END_MARK
+from ergon.scores.edits.strikes import melody_between
 from ergon.scores.edits.texts import Texts
-from ergon.scores.pattern.search import n_before
+from ergon.scores.pattern.search import count_before
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece, Strikes
 
 
-def keep(
+def excerpt_between(
     score_texts: Texts,
     piece: Piece,
     excerpt_name: str,
@@ -46,13 +46,15 @@ def keep(
     is_included = False
     excerpt_changes = []
     for player in piece.players:
-        placed_entries = entries.lines(score_texts, piece, player)
-        chosen = [
+        placed_entries = entries.placed_entries(score_texts, piece, player)
+        entries_in_excerpt = [
             entry for line in placed_entries if (entry := window.excerpt_of(line)) is not None
         ]
-        is_included = is_included or bool(chosen)
-        excerpt_changes.append(entries.PartEdit(player, dropped=placed_entries, new=chosen))
-    excerpt = entries.change(excerpt, *excerpt_changes)
+        is_included = is_included or bool(entries_in_excerpt)
+        excerpt_changes.append(
+            entries.PartEdit(player, dropped=placed_entries, new=entries_in_excerpt)
+        )
+    excerpt = entries.with_part_edits(excerpt, *excerpt_changes)
     for strikes in piece.strikes:
         excerpt, is_in = window.strikes(excerpt, strikes)
         is_included = is_included or is_in
@@ -65,14 +67,14 @@ def keep(
     excerpt = space.fades_from(excerpt, piece, start_beat)
     end = window.position(stop_beat)
     end = end if "|" in end else f"{end}beats"
-    excerpt = window.automation(window.duet(excerpt)).put(("marks", END), end)
+    excerpt = window.automation(window.duet(excerpt)).put(("marks", END_MARK), end)
     if piece.render.file is not None:
         excerpt = excerpt.put(("render", "file"), edit.quoted(f"{excerpt_name}.wav"))
     # Write the tempo last: the other edits read positions by the old tempo map.
     return window.tempo(excerpt)
 
 
-_PIECES = 32  # pieces of a glide that is cut
+_GLIDE_CHORDS = 32  # pieces of a glide that is cut
 
 
 class _Window:
@@ -128,7 +130,9 @@ class _Window:
         begin_beat = self.map.resolve(strikes.at)
         if strikes.is_melody and strikes.length is None:
             falls = [beat for beat, *_ in strikes.falls(self.piece, self.start, self.stop)]
-            excerpt = only(texts, self.piece, strikes, self.start, self.stop, self.position)
+            excerpt = melody_between(
+                texts, self.piece, strikes, self.start, self.stop, self.position
+            )
             return excerpt, bool(self.within(falls))
         stop_beat = begin_beat if strikes.until is None else self.map.resolve(strikes.until)
         if strikes.span is not None:
@@ -139,7 +143,7 @@ class _Window:
         if strikes.pattern is not None:
             pattern_steps = strikes.steps(self.piece)
             first_place, stop_place = (
-                n_before(pattern_steps, at - SAME) for at in (self.start, self.stop)
+                count_before(pattern_steps, at - SAME) for at in (self.start, self.stop)
             )
             if first_place == stop_place:
                 return texts.remove(path), False
@@ -179,7 +183,7 @@ class _Window:
             begin_beat = self.map.resolve(coupling.at)
             end_beat = self.stop if coupling.until is None else self.map.resolve(coupling.until)
             if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
-                texts = dropped(texts, "duet", entry_index)
+                texts = without_entry(texts, "duet", entry_index)
                 continue
             until = (
                 self.position(end_beat)
@@ -214,14 +218,14 @@ class _Window:
             if pattern_steps is not None:
                 end_beat = min(end_beat, pattern_steps.beat(len(pattern_steps)))
             if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
-                score_texts = dropped(score_texts, "automation", entry_index)
+                score_texts = without_entry(score_texts, "automation", entry_index)
                 continue
             if end_beat < math.inf:
                 entry_fields["until"] = self.position(min(end_beat, self.stop))
             if begin_beat < self.start - SAME and pattern_steps is not None:
-                first_place = n_before(pattern_steps, self.start - SAME)
+                first_place = count_before(pattern_steps, self.start - SAME)
                 if first_place == len(pattern_steps):
-                    score_texts = dropped(score_texts, "automation", entry_index)
+                    score_texts = without_entry(score_texts, "automation", entry_index)
                     continue
                 entry_fields |= pattern_steps.part(first_place, len(pattern_steps), self.position)
                 entry_fields["until"] = self.position(min(end_beat, self.stop))
@@ -230,7 +234,7 @@ class _Window:
                 phase = (automation_entry.swing.phase + (self.start - begin_beat) / period) % 1.0
                 entry_fields["phase"] = f"{phase:.12g}"
             elif begin_beat < self.start - SAME and automation_entry.moves:
-                node = items(score_texts, "automation")[entry_index]
+                node = section_entries(score_texts, "automation")[entry_index]
                 written = node.get("start") if isinstance(node, Mapping) else None
                 before = q.quantity(written.text, q.RATIO) if isinstance(written, Scalar) else 0.0
                 past = self.map.bars.quarters(self.start) - self.map.bars.quarters(begin_beat)
@@ -250,7 +254,7 @@ class _Window:
     ) -> Texts:
         """A glide cut to the window: one that began before becomes a curve."""
         if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
-            return dropped(score_texts, "automation", entry_index)
+            return without_entry(score_texts, "automation", entry_index)
         entry_fields: dict[str, str | None] = {"at": self.position(begin_beat)}
         if end_beat < math.inf:
             entry_fields["until"] = self.position(min(end_beat, self.stop))
@@ -267,8 +271,8 @@ class _Window:
                 ended = tempo.beats(tempo.instant(begin_beat, automation_entry.points[-1].at))
             seconds_left = tempo.seconds(max(ended, self.start)) - tempo.seconds(self.start)
             glide_points = []
-            for step in range(_PIECES + 1 if seconds_left > 0.0 else 1):
-                glide_offset = seconds_left * step / _PIECES
+            for step in range(_GLIDE_CHORDS + 1 if seconds_left > 0.0 else 1):
+                glide_offset = seconds_left * step / _GLIDE_CHORDS
                 beat = tempo.beats(tempo.seconds(self.start) + glide_offset)
                 value = self.value_on(self.piece, module_key, automation_entry.parameter, beat)
                 word = value_text(piece, automation_entry.name, value, self.value_on)
@@ -310,7 +314,7 @@ class _Window:
                 later_entry["meter"] = str(tempo_entry.meter)
             entries_written.append(later_entry)
         for section in ("tempo", "meter"):  # tempos and meters from files are written out
-            if items(texts, section):
+            if section_entries(texts, section):
                 texts = texts.remove((section,))
         for change in entries_written:
             texts = texts.append(("tempo",), edit.flow(change))

@@ -13,7 +13,7 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 
 
-def use(score_texts: Texts, family: str, family_file: str) -> tuple[Texts, dict[str, str]]:
+def with_family(score_texts: Texts, family: str, family_file: str) -> tuple[Texts, dict[str, str]]:
     """Add a file to `use:` under a prefix; returns the texts of the files that were read for it,
     which are not of the library, too. Mistakes in them are those of the new texts.
 
@@ -44,7 +44,7 @@ def with_files_read(score_texts: Texts) -> tuple[Texts, dict[str, str]]:
     return replace(score_texts, overlay={**read_texts, **score_texts.overlay}), read_texts
 
 
-def unplayed(piece: Piece) -> dict[str, str]:
+def unplayed_instruments(piece: Piece) -> dict[str, str]:
     """Instruments of files that are not played yet, by the names that a line uses for them; each
     with its name in the score, which may have a prefix.
 
@@ -64,21 +64,21 @@ def is_defined(piece: Piece, name: str) -> bool:
     return name in piece.instruments or name in piece.families or name in piece.keys
 
 
-def base(piece: Piece, instrument_name: str) -> str:
+def base_of_instrument(piece: Piece, instrument_name: str) -> str:
     """What an instrument is built from: `skins/kick` where `kick` is one of a family that nothing
     plays yet, else the name itself.
     """
-    family, _, plain = unplayed(piece).get(instrument_name, "").rpartition(".")
+    family, _, plain = unplayed_instruments(piece).get(instrument_name, "").rpartition(".")
     return f"{family}/{plain}" if family else instrument_name
 
 
-def played(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
+def with_routes_of(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
     """Route instruments of files to all channels that `score_texts` play, and `piece` does not.
 
     Those of a family with a prefix are defined first, by the paths of modules (`kick.hammer`) of
     which some may be theirs. Raises EditError.
     """
-    score_texts, piece = defined(score_texts, piece, paths)
+    score_texts, piece = with_definitions(score_texts, piece, paths)
     plain = [name for name in piece.available if "." not in name]
     piece_now = score_texts.load().piece if plain else None
     for name in plain:
@@ -88,19 +88,19 @@ def played(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
     return score_texts
 
 
-def defined(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> tuple[Texts, Piece]:
+def with_definitions(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> tuple[Texts, Piece]:
     """Define the instruments of families with a prefix that paths of modules name, without the
     prefix and heard on all channels; returns their piece too. Raises EditError.
     """
-    unplayed_names = unplayed(piece)
+    unplayed_names = unplayed_instruments(piece)
     for name in sorted({path.partition(".")[0] for path in paths} & unplayed_names.keys()):
-        if (origin := base(piece, name)) != name:
-            score_texts = structure.build(score_texts, piece, name, origin, {})
+        if (origin := base_of_instrument(piece, name)) != name:
+            score_texts = structure.add_instrument(score_texts, piece, name, origin, {})
             piece = score_texts.load().piece or piece
     return score_texts, piece
 
 
-def ready(score_texts: Texts, path: str) -> Texts:
+def with_ready_acts(score_texts: Texts, path: str) -> Texts:
     """Let the modules of an act be there that strikes from outside will play: `vib`, `vib.strike`.
 
     Nothing changes where the act brings none, or where they are there. Raises EditError.

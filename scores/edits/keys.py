@@ -5,8 +5,8 @@ from __future__ import annotations
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
-from ergon.scores.edits.lists import dropped, place
-from ergon.scores.edits.positions import written
+from ergon.scores.edits.lists import place, without_entry
+from ergon.scores.edits.positions import position_text
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 
@@ -27,10 +27,10 @@ def couple(
     coupling_entry: dict[str, edit.Tree] = {
         "couple": [first_key, second_key],
         "REF": ref_fields,
-        "at": written(piece, from_beat),
+        "at": position_text(piece, from_beat),
     }
     # Add the new entry before others are removed: a list that never becomes empty keeps its style.
-    score_texts, _ = _parted(
+    score_texts, _ = _with_coupling_ended(
         score_texts.append(("duet",), edit.flow(coupling_entry)),
         piece,
         from_beat,
@@ -42,13 +42,13 @@ def couple(
 
 def uncouple(score_texts: Texts, piece: Piece, from_beat: float, a: str, b: str) -> Texts:
     """End the coupling of two keys at a beat. Raises EditError if there is none."""
-    score_texts, count = _parted(score_texts, piece, from_beat, a, b)
+    score_texts, count = _with_coupling_ended(score_texts, piece, from_beat, a, b)
     if not count:
         raise EditError(f"{a} and {b} are not coupled at {piece.tempo_map.written(from_beat)}")
     return score_texts
 
 
-def _parted(
+def _with_coupling_ended(
     score_texts: Texts, piece: Piece, from_beat: float, a: str, b: str
 ) -> tuple[Texts, int]:
     tempo, parted_count = piece.tempo_map, 0
@@ -57,11 +57,14 @@ def _parted(
         if {coupling.a.part, coupling.b.part} != {a, b}:
             continue
         if tempo.resolve(coupling.at) >= from_beat - SAME:
-            score_texts, parted_count = dropped(score_texts, "duet", entry_index), parted_count + 1
+            score_texts, parted_count = (
+                without_entry(score_texts, "duet", entry_index),
+                parted_count + 1,
+            )
         elif coupling.until is None or tempo.resolve(coupling.until) > from_beat + SAME:
             path = (*place(score_texts, "duet", entry_index), "until")
             score_texts, parted_count = (
-                score_texts.put(path, written(piece, from_beat)),
+                score_texts.put(path, position_text(piece, from_beat)),
                 parted_count + 1,
             )
     return score_texts, parted_count

@@ -7,7 +7,7 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.scores.edits.texts import Texts
 
 
-def items(texts: Texts, *path: str) -> list[Node]:
+def section_entries(texts: Texts, *path: str) -> list[Node]:
     """The entries of such a section."""
     list_node = _node(texts, path)
     if isinstance(list_node, document.Sequence):
@@ -25,11 +25,11 @@ def place(texts: Texts, section: str, number: int, *further: str) -> edit.Path:
     return (*path, number) if isinstance(_node(texts, path), document.Sequence) else path
 
 
-def dropped(score_texts: Texts, section_name: str, item_index: int) -> Texts:
+def without_entry(score_texts: Texts, section_name: str, item_index: int) -> Texts:
     """Remove an entry; a section that loses its last entry becomes an empty list, which keeps its
     comment.
     """
-    if len(items(score_texts, section_name)) == 1:
+    if len(section_entries(score_texts, section_name)) == 1:
         return score_texts.put((section_name,), "[]")
     return score_texts.remove((section_name, item_index))
 

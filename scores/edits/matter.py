@@ -13,7 +13,12 @@ from ergon.instruments.modal import Each
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.read import member_table
-from ergon.instruments.transpose import between, is_mechanics, moved, named_pitch
+from ergon.instruments.transpose import (
+    interval_between,
+    is_mechanics,
+    named_pitch,
+    transposed_value,
+)
 from ergon.notation.tables import notes, tuning
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
@@ -23,23 +28,23 @@ from ergon.notation.text import document, edit
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError, quote
-from ergon.scores.edits.lists import items, place
+from ergon.scores.edits.lists import place, section_entries
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading import automatable, overlay
-from ergon.scores.reading.key_tables import KEY
+from ergon.scores.reading.key_tables import KEY_RECORD
 from ergon.scores.reading.piece import Piece
 
 # Two equivalent pairs of fields: a CEL or a key has one of them.
 _TUNED_FIELDS, _STIFFNESS_FIELDS = ("f", "t60"), ("K", "Z")
-_REPLACED_FIELDS = {
+_CONTRADICTING_FIELDS = {
     "K": _TUNED_FIELDS,
     "Z": _TUNED_FIELDS,
     "f": _STIFFNESS_FIELDS,
     "t60": _STIFFNESS_FIELDS,
 }
 TRANSPOSE = "transpose"  # the interval by which an instrument is moved
-_RETUNED = ("f", "t60", "M")  # fields beside `like` or `from` for a single generator
-_UNITS = {
+_RETUNED_FIELDS = ("f", "t60", "M")  # fields beside `like` or `from` for a single generator
+_UNIT_BY_FIELD = {
     **{"M": "kg", "K": "N/m", "Z": "Ns/m", "f": "Hz", "t60": "s", "gap": "m", "rest": "m"},
     **{"X0": "m", "V0": "m/s", "hardening": "N/m3", "stretching": "N/m3"},
 }
@@ -49,7 +54,7 @@ Changes = Mapping[str, str | None]  # fields and their new texts; None removes o
 
 
 @dataclass(frozen=True, slots=True)
-class _Owner:
+class _ValueOwner:
     """The fields of a module or a key: their values, and where each is written."""
 
     part: str  # the key or instrument, as the score calls it
@@ -77,7 +82,9 @@ class _Owner:
             return None
         if not self.kind:
             return self.base
-        if field_name in _RETUNED and (self.written.written(field_name) or not self.written.kind):
+        if field_name in _RETUNED_FIELDS and (
+            self.written.written(field_name) or not self.written.kind
+        ):
             return self.base
         return (*self.base, self.kind) if self.written.kind else None
 
@@ -107,13 +114,12 @@ def _set_value(score_texts: Texts, piece: Piece, target_path: str, value_text: s
     if field_name == "f" and part_name in piece.families:
         raise EditError(
             f"the notes of {quote(part_name)} have pitches of their own; move them all by an "
-            "interval: "
-            f"set {part_name}.{TRANSPOSE} 2st"
+            f"interval: set {part_name}.{TRANSPOSE} 2st"
         )
-    value_owner, field_name = _owner(score_texts, target_path)
-    field_changes = _changes(value_owner, piece, target_path, field_name, value_text)
+    value_owner, field_name = _value_owner(score_texts, target_path)
+    field_changes = _field_changes(value_owner, piece, target_path, field_name, value_text)
     field_path = value_owner.home(field_name)
-    field_changes = _as_written(value_owner, field_path, field_changes)
+    field_changes = _untransposed_changes(value_owner, field_path, field_changes)
     if field_path is not None:
         written_tree = edit.tree(_written_node(score_texts, field_path, value_owner.file))
         for field, text in field_changes.items():
@@ -137,26 +143,23 @@ def set_list(score_texts: Texts, target_path: str, value_changes: Mapping[int, s
     Raises EditError if the modes come from a file, or if `f` or `transpose` of the instrument
     moves them all.
     """
-    list_owner, list_name = _owner(score_texts, target_path)
+    list_owner, list_name = _value_owner(score_texts, target_path)
     if list_owner.followed.written("modes"):
         raise EditError(
             f"{quote(target_path)}: the modes are read from a file and cannot be set here; change "
-            "the "
-            "file"
+            "the file"
         )
     if moving := list_owner.written.written("f", "transpose"):
         raise EditError(
             f"{quote(target_path)}: '{moving[0]}' of the instrument transposes all its pitches; "
-            "remove "
-            f"'{moving[0]}' before you set a single one"
+            f"remove '{moving[0]}' before you set a single one"
         )
     node = list_owner.followed.nodes.get(list_name)
     list_items = node.items if isinstance(node, document.Sequence) else [node]
     if max(value_changes) >= len(list_items):
         raise EditError(
             f"{quote(target_path)}: there are {len(list_items)} modes in the list; those after "
-            "them are "
-            "drawn in its band; change the band instead"
+            "them are drawn in its band; change the band instead"
         )
     words_written = [
         value_changes[i] if i in value_changes else item.text if isinstance(item, Scalar) else ""
@@ -187,8 +190,7 @@ def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> T
     if named_entry is None or not isinstance(named_entry.values, Values):
         raise EditError(
             f"{instrument.name} is one note of an instrument, whose pitch cannot be set at once; "
-            "write "
-            "`over` and a length, or set its modules"
+            "write `over` and a length, or set its modules"
         )
     entry_values, file_name = named_entry.values, named_entry.values.node.document.file
     path = ("instruments", entry_values.context.name)
@@ -208,7 +210,7 @@ def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> T
         return score_texts.remove((*path, "transpose"), file=file_name) if is_moved else score_texts
     written_pitch = named_pitch(entry_values)  # the written pitch, which `transpose` moves
     assert written_pitch is not None
-    pitch_interval = between(written_pitch, pitch_asked)
+    pitch_interval = interval_between(written_pitch, pitch_asked)
     if pitch_interval.ratio == 1.0:
         is_moved = entry_values.written("transpose")
         return score_texts.remove((*path, "transpose"), file=file_name) if is_moved else score_texts
@@ -239,7 +241,9 @@ def _set_transposition(score_texts: Texts, part_name: str, value_text: str) -> T
     if table_name != part_name:  # one of its notes
         resolved, _ = uses.resolved("instruments", instrument_table[table_name])
         member = (
-            _member(resolved, entry_values, note_name) if resolved and resolved["notes"] else None
+            _note_and_fields(resolved, entry_values, note_name)
+            if resolved and resolved["notes"]
+            else None
         )
         if member is None:
             raise EditError(
@@ -249,7 +253,7 @@ def _set_transposition(score_texts: Texts, part_name: str, value_text: str) -> T
     return score_texts.put((*path, TRANSPOSE), value_text, entry_values.node.document.file)
 
 
-def quantities(part_module: Module) -> Iterator[tuple[str, float]]:
+def number_fields(part_module: Module) -> Iterator[tuple[str, float]]:
     """The fields of a module that are a single number, and its constants; without X0 and V0."""
     for field_name, field_value in part_module.fields.items():
         if isinstance(field_value, float) and field_name not in ("X0", "V0"):
@@ -260,20 +264,20 @@ def quantities(part_module: Module) -> Iterator[tuple[str, float]]:
             yield field_name, field_value
 
 
-def written_quantity(value: float, name: str, *, is_ca: bool) -> str:
+def quantity_text(value: float, name: str, *, is_ca: bool) -> str:
     """A value [SI] as a score writes it, without loss of precision."""
     is_plain = is_ca and name in ("M", "K", "Z")
-    return f"{value!r}{'' if is_plain else _UNITS.get(name, '')}"
+    return f"{value!r}{'' if is_plain else _UNIT_BY_FIELD.get(name, '')}"
 
 
-def gain(score_texts: Texts, instrument_name: str | None, level_text: str) -> Texts:
+def set_gain(score_texts: Texts, instrument_name: str | None, level_text: str) -> Texts:
     """Set the gain of an instrument's routes, or of all channels (None). Raises EditError."""
     if instrument_name is None:
         if _written_node(score_texts, ("mix",), score_texts.path) is None:
             raise EditError("the score has no mix, so it has no master gain")
         return score_texts.put(("mix", "master", "gain"), level_text)
     is_routed = False
-    for route_index, route in enumerate(items(score_texts, "mix", "route")):
+    for route_index, route in enumerate(section_entries(score_texts, "mix", "route")):
         source = route.get("from") if isinstance(route, document.Mapping) else None
         if isinstance(source, Scalar) and (
             source.text == instrument_name or source.text.startswith(f"{instrument_name}.")
@@ -287,7 +291,7 @@ def gain(score_texts: Texts, instrument_name: str | None, level_text: str) -> Te
     return score_texts
 
 
-def _owner(texts: Texts, target_path: str) -> tuple[_Owner, str]:
+def _value_owner(texts: Texts, target_path: str) -> tuple[_ValueOwner, str]:
     score_names, uses = texts.names()
     path_words = target_path.split(".")
     for word_count in range(
@@ -304,7 +308,7 @@ def _owner(texts: Texts, target_path: str) -> tuple[_Owner, str]:
             part_values = named_entry.values
             path: tuple[str, ...] = (section_name, part_values.context.name)
             if (values["notes"] or ()) if section_name == "instruments" else ():
-                member_found = _member(values, part_values, path_words[word_count])
+                member_found = _note_and_fields(values, part_values, path_words[word_count])
                 if member_found is not None:
                     note_name, values, part_values = member_found
                     part_name, path, word_count = (
@@ -313,9 +317,9 @@ def _owner(texts: Texts, target_path: str) -> tuple[_Owner, str]:
                         word_count + 1,
                     )
             module_name, field_name = ".".join(path_words[word_count:-1]), path_words[-1]
-            fields_written, module_kind = _fields(values, module_name, target_path)
+            fields_written, module_kind = _module_fields(values, module_name, target_path)
             is_ca = section_name == "instruments" and values["units"] == "ca"
-            owner = _Owner(
+            owner = _ValueOwner(
                 part_name,
                 section_name,
                 part_values,
@@ -327,7 +331,9 @@ def _owner(texts: Texts, target_path: str) -> tuple[_Owner, str]:
             )
             is_space = section_name == "instruments" and values["space"] > 1
             field_table = (
-                KINDS[module_kind].tables["space" if is_space else "si"] if module_kind else KEY
+                KINDS[module_kind].tables["space" if is_space else "si"]
+                if module_kind
+                else KEY_RECORD
             )
             if field_name not in field_table.by_name and field_name not in fields_written.free:
                 field_list = ", ".join([*field_table.by_name, *fields_written.free])
@@ -339,7 +345,7 @@ def _owner(texts: Texts, target_path: str) -> tuple[_Owner, str]:
     raise EditError(f"{quote(target_path)} is not a field of a key or an instrument")
 
 
-def _member(
+def _note_and_fields(
     instrument_values: Values, part_values: Values, note_word: str
 ) -> tuple[str, Values, Values] | None:
     """The note that a word names, the instrument at this note, and the fields that are written for
@@ -348,13 +354,13 @@ def _member(
     pitch_asked = notes.pitch(note_word)
     for note_name in instrument_values["notes"]:
         if notes.pitch(note_name) == pitch_asked:
-            member_values = overlay.member(part_values, pitch_asked or 0.0)
+            member_values = overlay.fields_of_note(part_values, pitch_asked or 0.0)
             if member_values is None:
                 member_values = Values(member_table("si"), part_values.node, part_values.context)
             else:
                 note_name = next(w for w in part_values["members"] if notes.pitch(w) == pitch_asked)
             member_interval = part_values.by_name.get(TRANSPOSE)
-            interval = overlay.both(member_interval, member_values.by_name.get(TRANSPOSE))
+            interval = overlay.interval_sum(member_interval, member_values.by_name.get(TRANSPOSE))
             if interval is not None:
                 member_values = replace(
                     member_values, by_name={**member_values.by_name, TRANSPOSE: interval}
@@ -367,7 +373,7 @@ def _member(
     return None
 
 
-def _fields(part_values: Values, module_name: str, target_path: str) -> tuple[Values, str]:
+def _module_fields(part_values: Values, module_name: str, target_path: str) -> tuple[Values, str]:
     """The fields of a module (or of the only module of a part), and its kind."""
     module_kind, module_fields = part_values.kind, part_values
     if module_name:
@@ -387,24 +393,28 @@ def _fields(part_values: Values, module_name: str, target_path: str) -> tuple[Va
     return inner, module_kind
 
 
-def _changes(
-    value_owner: _Owner, piece: Piece, target_path: str, field_name: str, value_text: str
+def _field_changes(
+    value_owner: _ValueOwner, piece: Piece, target_path: str, field_name: str, value_text: str
 ) -> Changes:
     """The fields to write for a value, and those to remove because they contradict it."""
     current_values = _current_values(value_owner, piece)
     field_changes: dict[str, str | None] = {}
-    contrary_names = _REPLACED_FIELDS.get(field_name, ()) if value_owner.kind in ("", "CEL") else ()
+    contrary_names = (
+        _CONTRADICTING_FIELDS.get(field_name, ()) if value_owner.kind in ("", "CEL") else ()
+    )
     if value_owner.followed.written(*contrary_names):
-        twin = (
+        contradicting_field = (
             _stiffness_and_viscosity(current_values)
             if contrary_names == _TUNED_FIELDS
             else _frequency_and_decay(current_values, target_path)
         )
         field_changes = dict.fromkeys(contrary_names)
         field_changes |= {
-            field: _amount_text(x, field, value_owner) for field, x in twin.items() if x
+            field: _amount_text(x, field, value_owner)
+            for field, x in contradicting_field.items()
+            if x
         }
-        current_values = {**current_values, **twin}
+        current_values = {**current_values, **contradicting_field}
     if not value_text.startswith("x"):
         return {**field_changes, field_name: value_text}
     try:
@@ -443,7 +453,7 @@ def _changes(
     }
 
 
-def _current_values(owner: _Owner, piece: Piece) -> Mapping[str, object]:
+def _current_values(owner: _ValueOwner, piece: Piece) -> Mapping[str, object]:
     """The current values in SI units, including those of a measured key."""
     part = piece.keys.get(owner.part) or piece.instruments.get(owner.part)
     for module in part.modules if part is not None else ():
@@ -452,16 +462,16 @@ def _current_values(owner: _Owner, piece: Piece) -> Mapping[str, object]:
     return owner.followed.by_name
 
 
-def _is_as_written(owner: _Owner, field_name: str, field_text: str) -> bool:
+def _is_as_written(owner: _ValueOwner, field_name: str, field_text: str) -> bool:
     """Whether a field has the value of its text; a transposition makes it differ."""
-    field = (KINDS[owner.kind].table if owner.kind else KEY).by_name.get(field_name)
+    field = (KINDS[owner.kind].table if owner.kind else KEY_RECORD).by_name.get(field_name)
     if field is None or not isinstance(field.shape, Text):
         return True
     return bool(field.shape.parse(field_text) == owner.followed.by_name.get(field_name))
 
 
-def _as_written(
-    value_owner: _Owner, field_path: tuple[str, ...] | None, field_changes: Changes
+def _untransposed_changes(
+    value_owner: _ValueOwner, field_path: tuple[str, ...] | None, field_changes: Changes
 ) -> Changes:
     """Changes in the values that must be written so that `transpose` turns them into those asked
     for.
@@ -483,9 +493,9 @@ def _as_written(
             parsed_value = shape.parse(value_text)
         except TextError:
             continue  # reported where the score is read
-        untransposed = moved(field_name, parsed_value, interval.back())
+        untransposed = transposed_value(field_name, parsed_value, interval.inverse())
         if untransposed != parsed_value and isinstance(untransposed, float):
-            changes_written[field_name] = f"{untransposed!r}{_UNITS.get(field_name, '')}"
+            changes_written[field_name] = f"{untransposed!r}{_UNIT_BY_FIELD.get(field_name, '')}"
     return changes_written
 
 
@@ -525,9 +535,9 @@ def _scaled_text(text: str, factor: float) -> str | None:
     return "..".join(scaled_texts)
 
 
-def _amount_text(value: float, name: str, owner: _Owner) -> str:
+def _amount_text(value: float, name: str, owner: _ValueOwner) -> str:
     is_plain = owner.is_ca and name in ("M", "K", "Z")
-    return f"{value:.9g}{'' if is_plain else _UNITS.get(name, '')}"
+    return f"{value:.9g}{'' if is_plain else _UNIT_BY_FIELD.get(name, '')}"
 
 
 def _written_node(texts: Texts, path: tuple[str, ...], file: str) -> document.Node | None:

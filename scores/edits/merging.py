@@ -18,7 +18,7 @@ from ergon.notation.text.edit import EditError, Tree
 from ergon.scores.edits.texts import SECTIONS, Texts
 
 
-class Spot(NamedTuple):
+class ValuePlace(NamedTuple):
     """A value of a score: its file, and the names that lead to it."""
 
     file: str
@@ -29,38 +29,42 @@ class Spot(NamedTuple):
         return ".".join(map(str, self.path))
 
 
-class Missing:
+class MissingValue:
     """The value of a place where nothing is written."""
 
 
-_MISSING = Missing()
-_Value = Tree | Missing
+_MISSING_VALUE = MissingValue()
+_Value = Tree | MissingValue
 
 
-def merged(texts_before: Texts, texts_now: Texts, typed: Texts) -> tuple[Texts, list[Spot]]:
+def merged_texts(
+    texts_before: Texts, texts_now: Texts, typed: Texts
+) -> tuple[Texts, list[ValuePlace]]:
     """The texts `texts_now` with what was typed since `texts_before`, and the places whose typed
     values are dropped.
 
     Raises EditError if a text cannot be read.
     """
-    merge, dropped = _with_spots(texts_before, texts_now, typed, [*changed(texts_before, typed)])
+    merge, dropped = _with_values_at(
+        texts_before, texts_now, typed, [*changed_places(texts_before, typed)]
+    )
     if merge.load().piece is not None:
         return merge, dropped
     # Some typed value needs something that the files no longer have: find the values that can be
     # kept.
-    merge, dropped, spots_left = texts_now, [], [*changed(texts_before, typed)]
+    merge, dropped, spots_left = texts_now, [], [*changed_places(texts_before, typed)]
     count = -1
     while count != len(spots_left):
         count = len(spots_left)
-        for spot in spots_left[:]:
-            merged_text, lost = _with_spots(texts_before, merge, typed, [spot])
+        for place in spots_left[:]:
+            merged_text, lost = _with_values_at(texts_before, merge, typed, [place])
             if lost or merged_text.load().piece is not None:
-                spots_left.remove(spot)
-                merge, dropped = (merge, [*dropped, spot]) if lost else (merged_text, dropped)
+                spots_left.remove(place)
+                merge, dropped = (merge, [*dropped, place]) if lost else (merged_text, dropped)
     return merge, [*dropped, *spots_left]
 
 
-def changed(texts_before: Texts, texts_after: Texts) -> Iterator[Spot]:
+def changed_places(texts_before: Texts, texts_after: Texts) -> Iterator[ValuePlace]:
     """The places at which two texts differ."""
     for file_name in (texts_after.path, *texts_after.overlay):
         text_before, text_after = (
@@ -68,21 +72,21 @@ def changed(texts_before: Texts, texts_after: Texts) -> Iterator[Spot]:
             _text_of_file(texts_after, file_name),
         )
         if text_before != text_after:
-            paths = _differing(
+            paths = _differing_places(
                 _tree_of_text(text_before, file_name), _tree_of_text(text_after, file_name), ()
             )
-            yield from (Spot(file_name, path) for path in paths)
+            yield from (ValuePlace(file_name, path) for path in paths)
 
 
-def differ(a: Texts, b: Texts, spot: Spot) -> bool:
+def differ(a: Texts, b: Texts, spot: ValuePlace) -> bool:
     """Whether two texts have different values at a place."""
     return _value_of(a, spot) != _value_of(b, spot)
 
 
-def _with_spots(
-    texts_before: Texts, texts_now: Texts, typed: Texts, spots: list[Spot]
-) -> tuple[Texts, list[Spot]]:
-    dropped = []
+def _with_values_at(
+    texts_before: Texts, texts_now: Texts, typed: Texts, spots: list[ValuePlace]
+) -> tuple[Texts, list[ValuePlace]]:
+    lost_places = []
     for spot in spots:
         value_before, typed_value, value_now = (
             _value_of(texts_before, spot),
@@ -92,18 +96,20 @@ def _with_spots(
         if value_now == typed_value:
             continue
         if value_now != value_before or _text_of_file(texts_now, spot.file) is None:
-            dropped.append(spot)
+            lost_places.append(spot)
             continue
         try:
             texts_now = _with_value(texts_now, spot, value_before, typed_value)
         except EditError:
-            dropped.append(spot)
-    return texts_now, dropped
+            lost_places.append(spot)
+    return texts_now, lost_places
 
 
-def _with_value(texts_now: Texts, spot: Spot, value_before: _Value, typed_value: _Value) -> Texts:
+def _with_value(
+    texts_now: Texts, spot: ValuePlace, value_before: _Value, typed_value: _Value
+) -> Texts:
     """The texts with a value set at a place; comments are kept if possible. Raises EditError."""
-    if isinstance(typed_value, Missing):
+    if isinstance(typed_value, MissingValue):
         return texts_now.remove(spot.path, file=spot.file)
     if typed_value is None:
         return texts_now.put(spot.path, "[]" if isinstance(value_before, list) else "{}", spot.file)
@@ -118,7 +124,7 @@ def _with_value(texts_now: Texts, spot: Spot, value_before: _Value, typed_value:
 
 
 def _with_items(
-    texts_now: Texts, spot: Spot, value_before: _Value, typed_items: list[Tree]
+    texts_now: Texts, spot: ValuePlace, value_before: _Value, typed_items: list[Tree]
 ) -> Texts:
     items_before = value_before if isinstance(value_before, list) else []
     if len(typed_items) < len(items_before) or (
@@ -141,7 +147,7 @@ def _with_items(
 
 
 def _with_rows(
-    texts_now: Texts, spot: Spot, rows_before: list[str], typed_rows: list[str]
+    texts_now: Texts, spot: ValuePlace, rows_before: list[str], typed_rows: list[str]
 ) -> Texts:
     if len(typed_rows) < len(rows_before):
         raise EditError("lines were removed")
@@ -167,10 +173,12 @@ def _tree_of_text(text: str | None, file: str) -> Tree:
     return None if text is None else edit.tree(edit.read(text, file).root)
 
 
-def _differing(value_before: _Value, value_after: _Value, path: edit.Path) -> Iterator[edit.Path]:
+def _differing_places(
+    value_before: _Value, value_after: _Value, path: edit.Path
+) -> Iterator[edit.Path]:
     if value_before == value_after:
         return
-    if isinstance(value_after, Missing) and path:  # something removed is removed as a whole
+    if isinstance(value_after, MissingValue) and path:  # something removed is removed as a whole
         yield path
         return
     mappings = [
@@ -188,12 +196,12 @@ def _differing(value_before: _Value, value_after: _Value, path: edit.Path) -> It
         for name in tree_value
     )
     for name in differing_names:
-        yield from _differing(
+        yield from _differing_places(
             _child_value(value_before, name), _child_value(value_after, name), (*path, name)
         )
 
 
-def _value_of(texts: Texts, spot: Spot) -> _Value:
+def _value_of(texts: Texts, spot: ValuePlace) -> _Value:
     spot_value: _Value = _tree_of_text(_text_of_file(texts, spot.file), spot.file)
     for name in spot.path:
         spot_value = _child_value(spot_value, name)
@@ -201,4 +209,8 @@ def _value_of(texts: Texts, spot: Spot) -> _Value:
 
 
 def _child_value(tree_value: _Value, name: str | int) -> _Value:
-    return tree_value.get(str(name), _MISSING) if isinstance(tree_value, dict) else _MISSING
+    return (
+        tree_value.get(str(name), _MISSING_VALUE)
+        if isinstance(tree_value, dict)
+        else _MISSING_VALUE
+    )

@@ -50,12 +50,12 @@ def define(score_texts: Texts, gesture_name: str, notation: str) -> Texts:
     return score_texts.put((*path, "notation"), notation_text, file_name)
 
 
-def take(texts: Texts, name: str, file: str, channel: str | None = None) -> Texts:
+def define_take(texts: Texts, name: str, file: str, channel: str | None = None) -> Texts:
     """Define a take of a recording. Raises EditError."""
     take_fields: dict[str, edit.Tree] = {"file": file, **({"channel": channel} if channel else {})}
     return texts.put(("takes", name), edit.flow(take_fields))
 
 
-def seed(texts: Texts, number: int) -> Texts:
+def set_seed(texts: Texts, number: int) -> Texts:
     """Set the seed."""
     return texts.put(("seed",), str(number))

@@ -12,7 +12,7 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
 from ergon.scores.edits import automation, entries, strikes
 from ergon.scores.edits.entries import Entry, PartEdit
-from ergon.scores.edits.positions import END, end, written
+from ergon.scores.edits.positions import ENDLESS_POSITION, endless_end, position_text
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture.transforms import MidpointChance, apply
 from ergon.scores.pattern import words
@@ -29,13 +29,16 @@ def play(
 
     `every` or `euclid` without an end repeats for ever. Raises EditError.
     """
-    new_entry = new_entry.starting(written(piece, from_beat))
+    new_entry = new_entry.starting(position_text(piece, from_beat))
     if {"every", "euclid"} & set(new_entry.fields) and not {"times", "until"} & set(
         new_entry.fields
     ):
-        new_entry = new_entry.with_fields(until=end(piece, from_beat))
-    return entries.change(
-        score_texts, ending(score_texts, piece, _known(piece, player), from_beat, [new_entry])
+        new_entry = new_entry.with_fields(until=endless_end(piece, from_beat))
+    return entries.with_part_edits(
+        score_texts,
+        part_edit_ending_at(
+            score_texts, piece, _check_player(piece, player), from_beat, [new_entry]
+        ),
     )
 
 
@@ -47,13 +50,15 @@ def transform(
     Entries that begin on this beat are transformed as a whole; a gesture that plays once and has
     not ended begins again. Raises EditError.
     """
-    lines = entries.lines(score_texts, piece, _known(piece, player), from_beat)
+    lines = entries.placed_entries(score_texts, piece, _check_player(piece, player), from_beat)
     playing = [line for line in lines if line.is_open(from_beat, piece)]
     begins = [line for line in lines if abs(line.begin - from_beat) < SAME]
     if not (playing or begins):
         newest = entries.newest_first(score_texts, piece, player)
         playing = [
-            *islice(filter(None, (_under_way(line, piece, from_beat) for line in newest)), 1)
+            *islice(
+                filter(None, (_occurrence_under_way(line, piece, from_beat) for line in newest)), 1
+            )
         ]
     if not (playing or begins):
         raise EditError(f"{player} plays nothing at {piece.tempo_map.written(from_beat)}")
@@ -62,23 +67,23 @@ def transform(
         later_entry = Entry(playing_entry.entry.fields, (*playing_entry.entry.do, *chain))
         if playing_entry.is_open(from_beat, piece):
             closed.append(playing_entry)
-            later_entry = _rest_of(playing_entry, piece, later_entry, from_beat)
+            later_entry = _remaining_entry(playing_entry, piece, later_entry, from_beat)
         else:
             always = takewhile(
                 lambda entry_transform: not is_turn(entry_transform), playing_entry.entry.do
             )
             later_entry = Entry(playing_entry.entry.fields, (*always, *chain))
             later_entry = later_entry.with_fields(
-                at=written(piece, from_beat), every=None, times=None, until=None
+                at=position_text(piece, from_beat), every=None, times=None, until=None
             )
         new_entries.append(later_entry)
     new_entries += [Entry(line.entry.fields, (*line.entry.do, *chain)) for line in begins]
-    return entries.change(
-        score_texts, PartEdit(player, written(piece, from_beat), closed, begins, new_entries)
+    return entries.with_part_edits(
+        score_texts, PartEdit(player, position_text(piece, from_beat), closed, begins, new_entries)
     )
 
 
-def _rest_of(
+def _remaining_entry(
     placed_entry: entries.PlacedEntry, piece: Piece, new_entry: entries.Entry, from_beat: float
 ) -> entries.Entry:
     """The part of a line that is left from a beat on, with the fields of `new_entry`."""
@@ -86,12 +91,12 @@ def _rest_of(
     n_done = placed_entry.count_before(from_beat)
     if isinstance(starts, Steps) and n_done < len(starts):
         first_part = replace(placed_entry, entry=new_entry).part(
-            n_done, len(starts), partial(written, piece)
+            n_done, len(starts), partial(position_text, piece)
         )
         until = None if "times" in new_entry.fields else new_entry.fields.get("until")
         return first_part if until is None else first_part.with_fields(until=until)
     later_entry = new_entry.with_fields(
-        at=written(piece, starts[n_done] if n_done < len(starts) else from_beat)
+        at=position_text(piece, starts[n_done] if n_done < len(starts) else from_beat)
     )
     if n_done and any(map(is_turn, new_entry.do)):  # a pattern now, whose rounds go on counting
         return later_entry.with_fields(skip=str(n_done))
@@ -100,17 +105,19 @@ def _rest_of(
     return later_entry
 
 
-def rest(score_texts: Texts, piece: Piece, player: str | None, beat: float) -> Texts:
+def end_part(score_texts: Texts, piece: Piece, player: str | None, beat: float) -> Texts:
     """End the part of a player (None: of all), or strikes, at a beat. Raises EditError."""
-    if player is not None and (named_strikes := strikes.named(piece, player)):
+    if player is not None and (named_strikes := strikes.strikes_named(piece, player)):
         for strikes_entry in named_strikes:
-            score_texts = strikes.end(score_texts, piece, strikes_entry, beat)
+            score_texts = strikes.end_strikes(score_texts, piece, strikes_entry, beat)
         return score_texts
-    names = piece.players if player is None else (_known(piece, player),)
-    return entries.change(score_texts, *(ending(score_texts, piece, name, beat) for name in names))
+    names = piece.players if player is None else (_check_player(piece, player),)
+    return entries.with_part_edits(
+        score_texts, *(part_edit_ending_at(score_texts, piece, name, beat) for name in names)
+    )
 
 
-def ending(
+def part_edit_ending_at(
     score_texts: Texts,
     piece: Piece,
     player: str,
@@ -118,47 +125,50 @@ def ending(
     new_entries: Sequence[Entry] = (),
 ) -> PartEdit:
     """The edit that ends the part of a player at a beat, and adds new entries."""
-    lines = entries.lines(score_texts, piece, player, end_beat)
+    lines = entries.placed_entries(score_texts, piece, player, end_beat)
     closed = [line for line in lines if line.is_open(end_beat, piece)]
     later_lines = [line for line in lines if line.begin >= end_beat - SAME]
-    return PartEdit(player, written(piece, end_beat), closed, later_lines, new_entries)
+    return PartEdit(player, position_text(piece, end_beat), closed, later_lines, new_entries)
 
 
-def hush(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
+def end_all_parts(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
     """End all parts and strikes at a beat, also in the middle of a phrase. Raises EditError."""
-    score_texts = rest(score_texts, piece, None, from_beat)
+    score_texts = end_part(score_texts, piece, None, from_beat)
     for strikes_entry in piece.strikes:
-        score_texts = strikes.cut(score_texts, piece, strikes_entry, from_beat)
+        score_texts = strikes.end_strikes_at_once(score_texts, piece, strikes_entry, from_beat)
     return score_texts
 
 
-def finish(score_texts: Texts, piece: Piece, end_beat: float) -> Texts:
+def end_endless(score_texts: Texts, piece: Piece, end_beat: float) -> Texts:
     """End endless parts, strikes and automation at a beat, for a score that is saved."""
     for player_name in piece.players:
-        for placed_entry in entries.lines(score_texts, piece, player_name):
-            if END.fullmatch(placed_entry.entry.fields.get("until", "")) is None:
+        for placed_entry in entries.placed_entries(score_texts, piece, player_name):
+            if ENDLESS_POSITION.fullmatch(placed_entry.entry.fields.get("until", "")) is None:
                 continue
             # An entry that begins after `end_beat` plays once.
-            until_text = written(piece, max(end_beat, placed_entry.begin + 1.0))
-            score_texts = entries.change(
+            until_text = position_text(piece, max(end_beat, placed_entry.begin + 1.0))
+            score_texts = entries.with_part_edits(
                 score_texts, PartEdit(player_name, until_text, [placed_entry])
             )
     for strikes_entry in piece.strikes:
-        if strikes_entry.until is not None and END.fullmatch(strikes_entry.until.text) is not None:
-            until_text = written(
+        if (
+            strikes_entry.until is not None
+            and ENDLESS_POSITION.fullmatch(strikes_entry.until.text) is not None
+        ):
+            until_text = position_text(
                 piece, max(end_beat, piece.tempo_map.resolve(strikes_entry.at) + 1.0)
             )
             score_texts = score_texts.put(("strikes", strikes_entry.name, "until"), until_text)
-    return automation.finish(score_texts, piece, end_beat)
+    return automation.end_endless(score_texts, piece, end_beat)
 
 
-def _known(piece: Piece, player: str) -> str:
+def _check_player(piece: Piece, player: str) -> str:
     if player not in piece.players:
         raise EditError(f"this score has no player {quote(player)}")
     return player
 
 
-def _under_way(
+def _occurrence_under_way(
     placed_entry: entries.PlacedEntry, piece: Piece, end_instant: float
 ) -> entries.PlacedEntry | None:
     """The last occurrence of an entry, as an entry that plays it alone; None if it has ended or not
@@ -177,7 +187,7 @@ def _under_way(
             placed_entry.starts[last_played],
             course.played(last_played) or "",
         )
-        pattern_fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH), None)
+        pattern_fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH_OPTION), None)
         placed_entry = replace(
             placed_entry,
             entry=placed_entry.entry.with_fields(**{**pattern_fields, "play": pattern_or_name}),

@@ -8,8 +8,8 @@ from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits.texts import Texts
 
-_LOUD = "1mNs"  # the default impulse of a phrase
-_TRIAL = "trial"
+_DEFAULT_IMPULSE = "1mNs"  # the default impulse of a phrase
+_TRIAL_STRIKES_NAME = "trial"
 
 
 def define(
@@ -23,14 +23,14 @@ def define(
     """
     fields_written: dict[str, edit.Tree] = dict(phrase_fields)
     if "impulse" not in phrase_entries[0]:
-        fields_written["impulse"] = _LOUD
-    fields_written["entries"] = [_row(entry) for entry in phrase_entries]
+        fields_written["impulse"] = _DEFAULT_IMPULSE
+    fields_written["entries"] = [_phrase_row(entry) for entry in phrase_entries]
     edited = score_texts.put(("phrases", phrase_name), edit.flow(fields_written))
-    _check(edited, phrase_name)
+    _check_playable(edited, phrase_name)
     return edited
 
 
-def _row(phrase_entry: Mapping[str, str]) -> edit.Tree:
+def _phrase_row(phrase_entry: Mapping[str, str]) -> edit.Tree:
     note_words = phrase_entry["what"].split()
     row_tree: dict[str, edit.Tree] = {
         "at": phrase_entry["at"],
@@ -43,9 +43,11 @@ def _row(phrase_entry: Mapping[str, str]) -> edit.Tree:
     )
 
 
-def _check(texts: Texts, name: str) -> None:
+def _check_playable(texts: Texts, name: str) -> None:
     """Raise EditError if a phrase cannot be played."""
-    played = texts.put(("strikes", f"{_TRIAL}-{name}"), edit.flow({"play": name, "at": "1|1"}))
+    played = texts.put(
+        ("strikes", f"{_TRIAL_STRIKES_NAME}-{name}"), edit.flow({"play": name, "at": "1|1"})
+    )
     loaded = played.load()
     if loaded.piece is None:
         first_mistake = next(

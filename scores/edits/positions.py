@@ -9,17 +9,17 @@ from ergon.scores.reading.piece import Piece
 # An endless part is written with a distant end, because a score needs an end. A session that comes
 # near it writes the next one. It is not farther away because every occurrence is checked.
 LAST_BAR = 1000
-NEAR = 100  # bars
-END = re.compile(r"[0-9]*999\|1")
+NEAR_BARS = 100  # bars
+ENDLESS_POSITION = re.compile(r"[0-9]*999\|1")
 
 
-def written(piece: Piece, beats: float) -> str:
+def position_text(piece: Piece, beats: float) -> str:
     """A beat of the piece as `bar|beat`, precise enough to be read as the same instant."""
     bar, beat = piece.tempo_map.bar_beat(beats)
     return f"{bar}|{beat:.12g}"
 
 
-def end(piece: Piece, beats: float) -> str:
+def endless_end(piece: Piece, beats: float) -> str:
     """The end that is written for an endless entry that begins at a beat: `999|1`, `1999|1` …"""
     bar, _ = piece.tempo_map.bar_beat(beats)
-    return f"{((bar + NEAR) // LAST_BAR + 1) * LAST_BAR - 1}|1"
+    return f"{((bar + NEAR_BARS) // LAST_BAR + 1) * LAST_BAR - 1}|1"

@@ -25,10 +25,10 @@ from ergon.scores.reading.rhythms import RHYTHM
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.sounding import SoundingNames
 
-_PARTS = "keys", "instruments"
-_RENAMED = ("gestures", "phrases", "takes", "players", "blocks", *_PARTS)
-_WORD = re.compile(r"\S+")
-_MEMBERS = re.compile(rf"\.(?:{PATTERN})\Z")
+_PART_SECTIONS = "keys", "instruments"
+_OTHER_SECTIONS = ("gestures", "phrases", "takes", "players", "blocks", *_PART_SECTIONS)
+_WORD_PATTERN = re.compile(r"\S+")
+_MEMBER_SUFFIX = re.compile(rf"\.(?:{PATTERN})\Z")
 
 Span = tuple[int, int]  # start and end offset
 
@@ -47,11 +47,11 @@ def rename(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> Te
         )
     changed = score_texts.changed(renamed_text + score_texts.text[copied_until:])
     section_name, _ = definition_path(score_texts, old_name)
-    if section_name in (*_PARTS, "phrases"):
-        _check(
+    if section_name in (*_PART_SECTIONS, "phrases"):
+        _check_same_piece(
             piece,
             changed,
-            SoundingNames({new_name: old_name} if section_name in _PARTS else {}),
+            SoundingNames({new_name: old_name} if section_name in _PART_SECTIONS else {}),
             old_name,
         )
     return changed
@@ -60,7 +60,7 @@ def rename(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> Te
 def places_named(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> list[Span]:
     """Where a score names what `rename` gives the name `new_name`, in order. Raises EditError."""
     section_name, _ = definition_path(score_texts, old_name)
-    if section_name not in _RENAMED or "." in old_name:
+    if section_name not in _OTHER_SECTIONS or "." in old_name:
         raise EditError(
             f"{old_name} is not the name of a gesture, phrase, take, player, block, key or "
             "instrument"
@@ -68,20 +68,24 @@ def places_named(score_texts: Texts, piece: Piece, old_name: str, new_name: str)
     names_by_section: dict[str, Container[str]] = {"players": piece.players, "blocks": piece.blocks}
     names_by_section["phrases"] = piece.phrases
     parts = {*piece.keys, *piece.instruments, *piece.families}
-    names_by_section |= dict.fromkeys(_PARTS, parts | {part.partition(".")[0] for part in parts})
+    names_by_section |= dict.fromkeys(
+        _PART_SECTIONS, parts | {part.partition(".")[0] for part in parts}
+    )
     if new_name in names_by_section.get(section_name, {*piece.gestures, *piece.takes}):
         raise EditError(f"the name {quote(new_name)} is in use")
     root = score_texts.document().root
     assert isinstance(root, document.Mapping)
     places = (
-        _part_named(root, piece, section_name, old_name)
-        if section_name in _PARTS
-        else _named(root, section_name, old_name)
+        _spans_of_part(root, piece, section_name, old_name)
+        if section_name in _PART_SECTIONS
+        else _spans_of_name(root, section_name, old_name)
     )
     return sorted({*places})
 
 
-def _check(piece: Piece, changed: Texts, sounding_names: SoundingNames, old_name: str) -> None:
+def _check_same_piece(
+    piece: Piece, changed: Texts, sounding_names: SoundingNames, old_name: str
+) -> None:
     """Raise EditError if the renamed text is not the same piece: then some use of the name was not
     found.
     """
@@ -92,15 +96,14 @@ def _check(piece: Piece, changed: Texts, sounding_names: SoundingNames, old_name
     ):
         raise EditError(
             f"`rename` cannot find every use of {old_name}, so nothing was changed; rename it in "
-            "the "
-            "file, then type `load`"
+            "the file, then type `load`"
         )
 
 
 # --- keys and instruments -----------------------------------------------------------------------
 
 
-def _part_named(
+def _spans_of_part(
     root_node: document.Mapping, piece: Piece, section_name: str, old_name: str
 ) -> Iterator[Span]:
     """Where a key or an instrument is named in a score."""
@@ -108,7 +111,7 @@ def _part_named(
     if isinstance(section_node, document.Mapping) and old_name in section_node.entries:
         word, _ = section_node.entries[old_name]
         yield word.start, word.end
-    yield from _in_blocks(root_node.get("blocks"), old_name)
+    yield from _spans_in_blocks(root_node.get("blocks"), old_name)
     yield from _references(root_node, SCORE, old_name, _modules_by_owner(piece), ())
 
 
@@ -142,7 +145,9 @@ def _references(
             yield from _references(child_node, inner, old_name, modules_by_owner, path)
     elif isinstance(value_node, Scalar) and isinstance(value_shape, Entries):
         for row, offset in words.rows(value_node.text):
-            _, *cells = [(cell.group(), offset + cell.start()) for cell in _WORD.finditer(row)]
+            _, *cells = [
+                (cell.group(), offset + cell.start()) for cell in _WORD_PATTERN.finditer(row)
+            ]
             yield from _spans_of_words(value_node, cells, old_name)
     elif isinstance(value_node, Scalar) and value_shape is RHYTHM:
         yield from _spans_of_words(
@@ -150,14 +155,16 @@ def _references(
         )
     elif isinstance(value_node, Scalar) and isinstance(value_shape, WhatShape):
         yield from _spans_of_words(
-            value_node, [(w.group(), w.start()) for w in _WORD.finditer(value_node.text)], old_name
+            value_node,
+            [(w.group(), w.start()) for w in _WORD_PATTERN.finditer(value_node.text)],
+            old_name,
         )
     elif isinstance(value_node, Scalar) and isinstance(value_shape, Reference):
-        is_inside = len(path) > 1 and path[0] in _PARTS
-        is_module = is_inside and _MEMBERS.sub("", value_node.text) in modules_by_owner.get(
+        is_inside = len(path) > 1 and path[0] in _PART_SECTIONS
+        is_module = is_inside and _MEMBER_SUFFIX.sub("", value_node.text) in modules_by_owner.get(
             path[1], ()
         )
-        if {"modules", *_PARTS} & {*value_shape.sections} and not (
+        if {"modules", *_PART_SECTIONS} & {*value_shape.sections} and not (
             is_module and path[-1] != "like"
         ):
             yield from _spans_of_words(value_node, [(value_node.text, 0)], old_name)
@@ -184,7 +191,7 @@ def _span(node: Scalar, offset: int, span_length: int) -> Span:
 # --- gestures, takes, players, blocks -----------------------------------------------------------
 
 
-def _named(root_node: document.Mapping, section_name: str, old_name: str) -> Iterator[Span]:
+def _spans_of_name(root_node: document.Mapping, section_name: str, old_name: str) -> Iterator[Span]:
     """Where a gesture, phrase, take, player or block is named in a score, as spans."""
     section_node = root_node.get(section_name)
     if isinstance(section_node, document.Mapping) and old_name in section_node.entries:
@@ -192,13 +199,13 @@ def _named(root_node: document.Mapping, section_name: str, old_name: str) -> Ite
         yield word.start, word.end
     if section_name == "blocks":
         return
-    yield from _in_blocks(root_node.get("blocks"), old_name)
+    yield from _spans_in_blocks(root_node.get("blocks"), old_name)
     parts = root_node.get("parts")
     players = parts.entries if isinstance(parts, document.Mapping) else {}
     strikes = root_node.get("strikes")
     for _, named_node in strikes.entries.values() if isinstance(strikes, document.Mapping) else ():
         if section_name in ("phrases", "takes"):  # a take that is a MIDI file
-            yield from _same(
+            yield from _span_if_same(
                 named_node.get("play") if isinstance(named_node, document.Mapping) else None,
                 old_name,
             )
@@ -208,8 +215,8 @@ def _named(root_node: document.Mapping, section_name: str, old_name: str) -> Ite
             phrases.entries.values() if isinstance(phrases, document.Mapping) else ()
         ):
             if isinstance(named_node, document.Mapping):
-                yield from _same(named_node.get("like"), old_name)
-                yield from _in_phrase(named_node.get("entries"), old_name)
+                yield from _span_if_same(named_node.get("like"), old_name)
+                yield from _spans_in_phrase(named_node.get("entries"), old_name)
         return
     if section_name == "players":
         if old_name in players:
@@ -219,19 +226,19 @@ def _named(root_node: document.Mapping, section_name: str, old_name: str) -> Ite
         if isinstance(part_node, document.Sequence):
             for item in part_node.items:
                 play = item.get("play") if isinstance(item, document.Mapping) else None
-                yield from _in_play(play, old_name)
+                yield from _spans_in_play(play, old_name)
         elif isinstance(part_node, Scalar):
-            yield from _in_table(part_node, old_name)
+            yield from _spans_in_table(part_node, old_name)
     gestures, hands = root_node.get("gestures"), root_node.get("players")
     for table, field in ((gestures, "like"), (hands, "standin")):
         for _, named_node in table.entries.values() if isinstance(table, document.Mapping) else ():
-            yield from _same(
+            yield from _span_if_same(
                 named_node.get(field) if isinstance(named_node, document.Mapping) else None,
                 old_name,
             )
 
 
-def _in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
+def _spans_in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
     """Where lines of blocks contain a name."""
     name_pattern = re.compile(rf"(?<![\w./-]){re.escape(name)}(?![\w/-])")
     for _, block in blocks.entries.values() if isinstance(blocks, document.Mapping) else ():
@@ -241,22 +248,22 @@ def _in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
                 yield match.span()
 
 
-def _in_phrase(entries_node: Node | None, phrase_name: str) -> Iterator[Span]:
+def _spans_in_phrase(entries_node: Node | None, phrase_name: str) -> Iterator[Span]:
     """Spans at which entries of a phrase name another phrase, which replaces notes."""
     if isinstance(entries_node, document.Sequence):
         for item in entries_node.items:
             what_node = item.get("what") if isinstance(item, document.Mapping) else None
             if isinstance(what_node, document.Sequence) and len(what_node.items) == 1:
                 what_node = what_node.items[0]
-            yield from _same(what_node, phrase_name)
+            yield from _span_if_same(what_node, phrase_name)
     elif isinstance(entries_node, Scalar):
         for row, row_offset in words.rows(entries_node.text):
-            cells = [*_WORD.finditer(row)]
+            cells = [*_WORD_PATTERN.finditer(row)]
             if len(cells) > 1 and cells[1].group() == phrase_name:
                 yield _span(entries_node, row_offset + cells[1].start(), len(phrase_name))
 
 
-def _same(node: Node | None, name: str) -> Iterator[Span]:
+def _span_if_same(node: Node | None, name: str) -> Iterator[Span]:
     if isinstance(node, Scalar) and _is_named(node.text, name):
         yield node.start, node.end - len(node.text) + len(name)
 
@@ -267,24 +274,27 @@ def _is_named(word: str, name: str) -> bool:
     return word == name or (key_name == name and axis in AXES)
 
 
-def _in_table(part_node: Scalar, old_name: str) -> Iterator[Span]:
+def _spans_in_table(part_node: Scalar, old_name: str) -> Iterator[Span]:
     """Where rows of a table name what is played."""
     for row, offset in words.rows(part_node.text):
         offsets: list[int] = []
-        play = words.parse_row(row, offset, _noting(old_name, offsets)).play
-        yield from _spans(part_node, old_name, play, offsets)
+        play = words.parse_row(row, offset, _recording_offsets(old_name, offsets)).play
+        yield from _spans_in_pattern(part_node, old_name, play, offsets)
 
 
-def _in_play(play_node: Node | None, old_name: str) -> Iterator[Span]:
+def _spans_in_play(play_node: Node | None, old_name: str) -> Iterator[Span]:
     """Where the play of an entry names what is played."""
     if isinstance(play_node, Scalar) and not play_node.is_empty:
         offsets: list[int] = []
-        yield from _spans(
-            play_node, old_name, words.parse(play_node.text, 0, _noting(old_name, offsets)), offsets
+        yield from _spans_in_pattern(
+            play_node,
+            old_name,
+            words.parse(play_node.text, 0, _recording_offsets(old_name, offsets)),
+            offsets,
         )
 
 
-def _noting(old_name: str, offsets: list[int]) -> Callable[[str, int], str]:
+def _recording_offsets(old_name: str, offsets: list[int]) -> Callable[[str, int], str]:
     """A function for reading patterns that records the offsets of a name in `offsets`."""
 
     def note(word: str, offset: int) -> str:
@@ -295,7 +305,9 @@ def _noting(old_name: str, offsets: list[int]) -> Callable[[str, int], str]:
     return note
 
 
-def _spans(node: Scalar, name: str, play: words.PlayWords, offsets: list[int]) -> Iterator[Span]:
+def _spans_in_pattern(
+    node: Scalar, name: str, play: words.PlayWords, offsets: list[int]
+) -> Iterator[Span]:
     """The spans of a name in a play; in a pattern it stands at the offsets `offsets`."""
     for offset in [play.what.offset] if _is_named(play.what.text, name) else sorted({*offsets}):
         yield _span(node, offset, len(name))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import structure
-from ergon.scores.edits.lists import items
+from ergon.scores.edits.lists import section_entries
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from ergon.scores.edits.scenes import Scene
 
 # Sections of names, in the order in which one needs those before it.
-_SECTIONS = ("let", "laws", "keys", "instruments", "players")
+_COPIED_SECTIONS = ("let", "laws", "keys", "instruments", "players")
 _NAME = re.compile(r"[A-Za-z][\w-]*")
 
 
-class _Used(NamedTuple):
+class _UsedFile(NamedTuple):
     """A file that a score uses, and its prefix."""
 
     prefix: str
@@ -35,31 +35,35 @@ def with_matter(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
     same object if they lack nothing. Parts that both pieces have do not change. Raises
     EditError.
     """
-    needed = _played_names(scene.piece)
+    needed_names = _played_names(scene.piece)
     names_here = {*piece.keys, *piece.instruments, *piece.families, *piece.players}
-    missing_names = needed - names_here
+    missing_names = needed_names - names_here
     if not missing_names:
         return score_texts
-    _check_keys(piece, scene, missing_names)
-    scene_entries = {section: _entries(scene.texts, section) for section in _SECTIONS}
-    entry_names_here = {section: _entries(score_texts, section).keys() for section in _SECTIONS}
+    _refuse_shared_keys(piece, scene, missing_names)
+    scene_entries = {
+        section: _entries_by_name(scene.texts, section) for section in _COPIED_SECTIONS
+    }
+    entry_names_here = {
+        section: _entries_by_name(score_texts, section).keys() for section in _COPIED_SECTIONS
+    }
     missing_entries = {
         section: {
             n: entry
             for n, entry in scene_entries[section].items()
             if n not in (*entry_names_here[section], *names_here)
         }
-        for section in _SECTIONS
+        for section in _COPIED_SECTIONS
     }
     missing_parts = _with_parts_of(missing_names, missing_entries)
     texts_now = replace(score_texts, overlay={**scene.texts.overlay, **score_texts.overlay})
     texts_now = _with_files(texts_now, scene)
-    for section_name in _SECTIONS:
+    for section_name in _COPIED_SECTIONS:
         for name, entry in missing_entries[section_name].items():
             if name in missing_parts:
                 texts_now = texts_now.put((section_name, name), edit.flow(entry))
-    texts_now = _with_links(texts_now, piece, scene, needed)
-    return _routed(texts_now, piece, scene, missing_parts)
+    texts_now = _with_links(texts_now, piece, scene, needed_names)
+    return _with_routes(texts_now, piece, scene, missing_parts)
 
 
 def _played_names(piece: Piece) -> set[str]:
@@ -84,7 +88,7 @@ def _end_parts(module: Module) -> Iterator[str]:
         yield end.part
 
 
-def _check_keys(piece: Piece, scene: Scene, missing_names: Iterable[str]) -> None:
+def _refuse_shared_keys(piece: Piece, scene: Scene, missing_names: Iterable[str]) -> None:
     """Refuse a player whose key another one plays here. Raises EditError."""
     players = {player.key: player.name for player in piece.players.values()}
     for name in missing_names:
@@ -93,7 +97,7 @@ def _check_keys(piece: Piece, scene: Scene, missing_names: Iterable[str]) -> Non
             raise EditError(f"{message} played by {players[key]}")
 
 
-def _entries(texts: Texts, section: str) -> Mapping[str, edit.Tree]:
+def _entries_by_name(texts: Texts, section: str) -> Mapping[str, edit.Tree]:
     tree = edit.tree(texts.section(section))
     return tree if isinstance(tree, dict) else {}
 
@@ -146,17 +150,17 @@ def _with_files(score_texts: Texts, scene: Scene) -> Texts:
     return score_texts.put(("use",), edit.flow(use_rows))
 
 
-def _used_files(score_texts: Texts) -> list[_Used]:
+def _used_files(score_texts: Texts) -> list[_UsedFile]:
     """The files that a score uses."""
     used_files = []
-    for node in items(score_texts, "use"):
+    for node in section_entries(score_texts, "use"):
         use_row = edit.tree(node)
         if isinstance(use_row, dict):
             used_files += [
-                _Used(prefix, file) for prefix, file in use_row.items() if isinstance(file, str)
+                _UsedFile(prefix, file) for prefix, file in use_row.items() if isinstance(file, str)
             ]
         elif isinstance(use_row, str):
-            used_files.append(_Used("", use_row))
+            used_files.append(_UsedFile("", use_row))
     return used_files
 
 
@@ -169,7 +173,7 @@ def _with_links(score_texts: Texts, piece: Piece, scene: Scene, needed: set[str]
         if part_here is None:
             continue
         module_names_here = {module.name for module in part_here.modules}
-        entry = _entries(scene.texts, "instruments").get(instrument_name)
+        entry = _entries_by_name(scene.texts, "instruments").get(instrument_name)
         entry_modules = entry.get("modules") if isinstance(entry, dict) else None
         for link_module in instrument.modules:
             end_parts = {*_end_parts(link_module)}
@@ -180,19 +184,19 @@ def _with_links(score_texts: Texts, piece: Piece, scene: Scene, needed: set[str]
     return score_texts
 
 
-def _routed(score_texts: Texts, piece: Piece, scene: Scene, new_names: set[str]) -> Texts:
+def _with_routes(score_texts: Texts, piece: Piece, scene: Scene, new_names: set[str]) -> Texts:
     """The texts with the routes of a scene for new instruments, and the rooms that these need."""
-    routed_scene = structure.routed(scene.texts, scene.piece)
+    routed_scene = structure.with_default_routes(scene.texts, scene.piece)
     rows = [
         route_row
-        for node in items(routed_scene, "mix", "route")
+        for node in section_entries(routed_scene, "mix", "route")
         if isinstance(route_row := edit.tree(node), dict)
     ]
     new_rows = [row for row in rows if str(row.get("from")).partition(".")[0] in new_names]
     if not new_rows:
         return score_texts
-    score_texts = structure.routed(score_texts, piece)
-    mix = _entries(scene.texts, "mix")
+    score_texts = structure.with_default_routes(score_texts, piece)
+    mix = _entries_by_name(scene.texts, "mix")
     rooms = mix.get("rooms")
     room_names_here = {room.name for room in piece.mix.rooms}
     for route_row in new_rows:

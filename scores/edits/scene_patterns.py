@@ -19,7 +19,7 @@ from ergon.scores.pattern.turns import parse as parse_turns
 _STEPS_MAX = 192  # steps of a round that is written out
 _PLACES_MAX = 10_000  # of a pattern in a scene
 # Fields that a written-out round does not need: its steps say the same.
-_PATTERN_FIELDS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH))
+_PATTERN_FIELDS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH_OPTION))
 
 
 def entries(
@@ -30,14 +30,14 @@ def entries(
     Yields each with the first beat on which it plays. Random choices are fixed to those of these
     places. Raises EditError if there are too many places.
     """
-    _check(place_count)
+    _check_place_count(place_count)
     if not place_count:
         return
     course = pattern_steps.course
     if course.pattern.chance is None and _is_periodic(pattern_steps, place_count, round_beats):
         yield pattern_steps[0], pattern_entry
         return
-    turns = _turns(pattern_entry) if course.pattern.turns else []
+    turns = _numbered_turns(pattern_entry) if course.pattern.turns else []
     played: dict[tuple[str, ...], list[tuple[float, str]]] = {}
     for place_index in range(place_count):
         if (played_name := course.played(place_index)) is not None:
@@ -51,13 +51,13 @@ def entries(
     for chain, starts_found in played.items():
         always = takewhile(lambda transform: not is_turn(transform), pattern_entry.do)
         occurrence = Entry(pattern_entry.with_fields(**_PATTERN_FIELDS).fields, (*always, *chain))
-        for begin, play, every in _written_out(starts_found, round_beats):
+        for begin, play, every in _absolute_patterns(starts_found, round_beats):
             yield begin, occurrence.with_fields(play=play).with_step(f"{every:.12g}")
 
 
-def _turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
+def _numbered_turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
     """The turns of an entry as its reading numbers them, each with its text. Raises EditError."""
-    text = pattern_entry.fields.get(words.NTH, "")
+    text = pattern_entry.fields.get(words.NTH_OPTION, "")
     turn_pairs = [(turn, text) for turn in parse_turns(text)] if text else []
     later_turns = [*dropwhile(lambda transform: not is_turn(transform), pattern_entry.do)]
     for later_turn in later_turns:
@@ -82,7 +82,7 @@ def strikes(
     Yields each with the first beat; `notes_by_place` has the pattern's notes as texts, and is empty
     without notes. The random choices of the strikes are drawn again in every round.
     """
-    _check(place_count)
+    _check_place_count(place_count)
     if not place_count:
         return
     if _is_periodic(pattern_steps, place_count, round_beats):
@@ -99,14 +99,14 @@ def strikes(
     named_beats = [(beat, name) for beat, name in places_with_names if name is not None]
     if notes_by_place:
         played = [(beat, notes_by_place[name]) for beat, name in named_beats]
-        for begin, notes_text, every in _written_out(played, round_beats):
+        for begin, notes_text, every in _absolute_patterns(played, round_beats):
             yield begin, {**plain, "notes": notes_text, "every": f"{every:.12g}"}
         return
     for begin, _ in named_beats:
         yield begin, {**plain, "every": f"{round_beats:.12g}"}
 
 
-def _check(place_count: int) -> None:
+def _check_place_count(place_count: int) -> None:
     if place_count > _PLACES_MAX:
         raise EditError(
             f"a pattern has {place_count:,} steps in this scene; a scene can repeat at most "
@@ -118,7 +118,7 @@ def _is_periodic(pattern_steps: Steps, place_count: int, beats: float) -> bool:
     """Whether the `place_count` places after the first `place_count` repeat them `beats` later."""
     course = pattern_steps.course
     return (
-        _is_in_turn(course.pattern.order)
+        _plays_in_turn(course.pattern.order)
         and not course.pattern.turns
         and all(
             abs(pattern_steps.beat(place_count + place) - pattern_steps[place] - beats) < SAME
@@ -128,11 +128,13 @@ def _is_periodic(pattern_steps: Steps, place_count: int, beats: float) -> bool:
     )
 
 
-def _is_in_turn(item: Leaf | Group) -> bool:
-    return isinstance(item, Leaf) or (item.way == "in turn" and all(map(_is_in_turn, item.items)))
+def _plays_in_turn(item: Leaf | Group) -> bool:
+    return isinstance(item, Leaf) or (
+        item.way == "in turn" and all(map(_plays_in_turn, item.items))
+    )
 
 
-def _written_out(
+def _absolute_patterns(
     played: Sequence[tuple[float, str]], round_beats: float
 ) -> Iterator[tuple[float, str, float]]:
     """Patterns that play names on given beats, and again every `round_beats`: the first beat, a

@@ -16,12 +16,12 @@ from ergon.notation.text.edit import EditError
 from ergon.scores.edits import automation, entries, matter, parts, scene_patterns, times
 from ergon.scores.edits import strikes as strikes_edits
 from ergon.scores.edits.entries import Entry, PlacedEntry
-from ergon.scores.edits.lists import items, place
+from ergon.scores.edits.lists import place, section_entries
 from ergon.scores.edits.names import free_name
-from ergon.scores.edits.positions import end, written
-from ergon.scores.edits.strikes import row
+from ergon.scores.edits.positions import endless_end, position_text
+from ergon.scores.edits.strikes import melody_entry
 from ergon.scores.edits.texts import Texts
-from ergon.scores.pattern.search import n_before
+from ergon.scores.pattern.search import count_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading import automatable
@@ -29,7 +29,7 @@ from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.playing import Key
 from ergon.scores.reading.uses import Names
 
-END = "end"  # the mark at which a scene begins again
+END_MARK = "end"  # the mark at which a scene begins again
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Scene:
     def from_texts(cls, texts: Texts, piece: Piece) -> Scene:
         """The scene of a score: up to its mark `end`, or to the bar line after its last start."""
         tempo = piece.tempo_map
-        marked = next((mark for mark in piece.marks if mark.name == END), None)
+        marked = next((mark for mark in piece.marks if mark.name == END_MARK), None)
         if marked is not None and (beats := tempo.resolve(marked.at)) > SAME:
             return cls(texts, piece, beats)
         last_start = max(
@@ -71,23 +71,27 @@ def play_scene(
     if missing is not None and any(play.player == missing for play in scene.piece.parts):
         raise EditError(f"this score has no player {missing}, who plays in the scene")
     for strikes in piece.strikes:
-        score_texts = strikes_edits.end(score_texts, piece, strikes, from_beat)
-    stop_text = end(piece, from_beat) if until_beat is None else written(piece, until_beat)
+        score_texts = strikes_edits.end_strikes(score_texts, piece, strikes, from_beat)
+    stop_text = (
+        endless_end(piece, from_beat) if until_beat is None else position_text(piece, until_beat)
+    )
     last_beat = math.inf if until_beat is None else until_beat - SAME
     edits = []
     for player in piece.players:
         scene_players = scene.piece.players
         scene_lines = (
-            entries.lines(scene.texts, scene.piece, player) if player in scene_players else []
+            entries.placed_entries(scene.texts, scene.piece, player)
+            if player in scene_players
+            else []
         )
         new_entries = [
-            entry.with_fields(at=written(piece, from_beat + begin), until=stop_text)
+            entry.with_fields(at=position_text(piece, from_beat + begin), until=stop_text)
             for line in scene_lines
             for begin, entry in _repeated_entries(line, scene.beats)
             if from_beat + begin < last_beat
         ]
-        edits.append(parts.ending(score_texts, piece, player, from_beat, new_entries))
-    score_texts = entries.change(score_texts, *edits)
+        edits.append(parts.part_edit_ending_at(score_texts, piece, player, from_beat, new_entries))
+    score_texts = entries.with_part_edits(score_texts, *edits)
     score_texts = _with_definitions(score_texts, names_here, scene)
     score_texts = _with_couplings(
         score_texts, piece, scene, from_beat, None if until_beat is None else stop_text
@@ -101,7 +105,7 @@ def play_scene(
     )
 
 
-def released(piece: Piece, scene: Scene, release_beat: float) -> list[str]:
+def released_parameters(piece: Piece, scene: Scene, release_beat: float) -> list[str]:
     """Parameters whose automation a scene ends on a beat because it does not automate them
     itself.
     """
@@ -114,7 +118,7 @@ def released(piece: Piece, scene: Scene, release_beat: float) -> list[str]:
     return [name for name in dict.fromkeys(automated_names) if name not in automated_here]
 
 
-def paced(
+def with_scene_tempo(
     score_texts: Texts, piece: Piece, scene: Scene, from_beat: float, over: str | None = None
 ) -> Texts:
     """Set the tempo to that of a scene, by a ramp `over` a length if given. Raises EditError."""
@@ -122,11 +126,11 @@ def paced(
     if abs(bpm_now - bpm) < SAME:
         return score_texts
     if over is None:
-        return times.change(score_texts, piece, from_beat, f"{bpm:.12g}")
-    return times.change(score_texts, piece, from_beat, f"{bpm_now:.12g} -> {bpm:.12g}", over)
+        return times.change_tempo(score_texts, piece, from_beat, f"{bpm:.12g}")
+    return times.change_tempo(score_texts, piece, from_beat, f"{bpm_now:.12g} -> {bpm:.12g}", over)
 
 
-def tuned(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
+def with_scene_values(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
     """Set parameters to the values of a scene.
 
     The text has no glide: the version says how long the parameters glide. Raises EditError.
@@ -226,12 +230,12 @@ def _changed_parameters(piece_now: Piece, scene_piece: Piece) -> Iterator[tuple[
             if module_now is None or module_now.kind != scene_module.kind:
                 continue
             path = ".".join(filter(None, (part_name.name, scene_module.name)))
-            for quantity_name, quantity_value in matter.quantities(scene_module):
+            for quantity_name, quantity_value in matter.number_fields(scene_module):
                 if quantity_value != module_now.fields.get(quantity_name):
                     is_ca = getattr(part_name, "ca_rate", None) is not None
                     yield (
                         f"{path}.{quantity_name}",
-                        matter.written_quantity(quantity_value, quantity_name, is_ca=is_ca),
+                        matter.quantity_text(quantity_value, quantity_name, is_ca=is_ca),
                     )
 
 
@@ -245,15 +249,16 @@ def _with_couplings(
         is_over = coupling.until is not None and tempo.resolve(coupling.until) <= from_beat + SAME
         if not is_over and tempo.resolve(coupling.at) < from_beat - SAME:
             score_texts = score_texts.put(
-                (*place(score_texts, "duet", coupling_index), "until"), written(piece, from_beat)
+                (*place(score_texts, "duet", coupling_index), "until"),
+                position_text(piece, from_beat),
             )
-    nodes = items(scene.texts, "duet")
+    nodes = section_entries(scene.texts, "duet")
     for coupling_node, coupling in zip(nodes, scene.piece.duet, strict=True):
         if scene.piece.tempo_map.resolve(coupling.at) > SAME:
             continue
         coupling_tree = edit.tree(coupling_node)
         assert isinstance(coupling_tree, dict)
-        entry_tree: dict[str, edit.Tree] = {**coupling_tree, "at": written(piece, from_beat)}
+        entry_tree: dict[str, edit.Tree] = {**coupling_tree, "at": position_text(piece, from_beat)}
         entry_tree.pop("until", None)
         if until_text is not None:
             entry_tree["until"] = until_text
@@ -274,9 +279,9 @@ def _with_automation(
     Automation that ends within the scene acts only in its first round; the rest continues. What
     begins on the beat `last_beat` or later is left out: another scene plays there.
     """
-    nodes, tempo = items(scene.texts, "automation"), scene.piece.tempo_map
+    nodes, tempo = section_entries(scene.texts, "automation"), scene.piece.tempo_map
     for automation_node, entry in zip(nodes, scene.piece.automation, strict=True):
-        begin_beat, ending = tempo.resolve(entry.at), automation.ending(scene.piece, entry)
+        begin_beat, ending = tempo.resolve(entry.at), automation.end_beat_of(scene.piece, entry)
         module_path = entry.name.rpartition(".")[0]
         if (
             begin_beat >= scene.beats - SAME
@@ -286,12 +291,12 @@ def _with_automation(
             continue
         entry_tree = edit.tree(automation_node)
         assert isinstance(entry_tree, dict)
-        entry_tree = {**entry_tree, "at": written(piece, from_beat + begin_beat)}
+        entry_tree = {**entry_tree, "at": position_text(piece, from_beat + begin_beat)}
         goes_on = ending >= scene.beats - SAME or from_beat + ending >= last_beat
         if goes_on and ("until" in entry_tree or until_text is not None):
-            entry_tree["until"] = until_text or end(piece, from_beat)
+            entry_tree["until"] = until_text or endless_end(piece, from_beat)
         elif "until" in entry_tree:
-            entry_tree["until"] = written(piece, from_beat + ending)
+            entry_tree["until"] = position_text(piece, from_beat + ending)
         score_texts = score_texts.append(("automation",), edit.flow(entry_tree))
     # The new entries are added before others are removed: a list that never becomes empty keeps its
     # style.
@@ -330,7 +335,7 @@ def _with_strikes(
     if strikes.rate is not None:
         fills = begin_beat < SAME and stop_beat >= scene.beats - SAME
         end_ = start_beat + min(stop_beat, scene.beats)
-        until_text = until if fills or end_ > last_beat else written(piece, end_)
+        until_text = until if fills or end_ > last_beat else position_text(piece, end_)
         occurrences = (
             [(begin_beat, {**strike_fields, "until": until_text})]
             if begin_beat < scene.beats - SAME
@@ -338,8 +343,8 @@ def _with_strikes(
         )
     elif strikes.pattern is not None:
         places = strikes.steps(scene.piece)
-        count = n_before(places, scene.beats - SAME)
-        notes = {name: _note(name, amount) for name, amount in strikes.notes.items()}
+        count = count_before(places, scene.beats - SAME)
+        notes = {name: _note_text(name, amount) for name, amount in strikes.notes.items()}
         occurrences = [*scene_patterns.strikes(strike_fields, places, count, scene.beats, notes)]
     else:
         limit = None if strikes.until is None and strikes.span is None else stop_beat
@@ -355,7 +360,7 @@ def _with_strikes(
         occurrences = [(beat, repeated_fields) for beat in begins if beat < scene.beats - SAME]
     for beat, fields in occurrences:
         if start_beat + beat < last_beat:
-            entry_tree = {"until": until, **fields, "at": written(piece, start_beat + beat)}
+            entry_tree = {"until": until, **fields, "at": position_text(piece, start_beat + beat)}
             entry_tree["until"] = entry_tree.pop("until")  # last, as written by hand
             score_texts = score_texts.put(
                 ("strikes", _free_section_name(score_texts, strikes.name)), edit.flow(entry_tree)
@@ -363,7 +368,7 @@ def _with_strikes(
     return score_texts
 
 
-def _note(module_name: str, amount: Amount) -> str:
+def _note_text(module_name: str, amount: Amount) -> str:
     """A note of a pattern as it is written by itself; notes of a scale have no names, so their
     frequency is written.
     """
@@ -382,13 +387,19 @@ def _with_melody(
     """Write a melody of a scene as a phrase as long as the scene, under a free name."""
     falling = strikes.falls(scene.piece, before=scene.beats)
     falls = [(beat, hit) for beat, _, hit in falling]
-    melody_rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
+    melody_rows = [
+        melody_entry(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME
+    ]
     if not melody_rows or start_beat >= last_beat:
         return score_texts
     phrase_name = _free_section_name(score_texts, strikes.name, "phrases")
     phrase: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": melody_rows}
     score_texts = score_texts.put(("phrases", phrase_name), edit.flow(phrase))
-    play_fields: edit.Tree = {"play": phrase_name, "at": written(piece, start_beat), "until": until}
+    play_fields: edit.Tree = {
+        "play": phrase_name,
+        "at": position_text(piece, start_beat),
+        "until": until,
+    }
     return score_texts.put(
         ("strikes", _free_section_name(score_texts, strikes.name)), edit.flow(play_fields)
     )

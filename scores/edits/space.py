@@ -9,8 +9,8 @@ from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import quantities as q
 from ergon.notation.text import document, edit
 from ergon.scores.edits import structure
-from ergon.scores.edits.lists import items, place
-from ergon.scores.edits.positions import written
+from ergon.scores.edits.lists import place, section_entries
+from ergon.scores.edits.positions import position_text
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.mixing import Fade
 from ergon.scores.reading.outputs import Route
@@ -23,8 +23,8 @@ def set_route_fields(
     score_texts: Texts, piece: Piece, instrument_name: str, route_fields: Mapping[str, str]
 ) -> Texts:
     """Set fields (`pan`, `gain`) of the routes of an instrument. Raises EditError."""
-    score_texts = structure.routed(score_texts, piece)
-    for path in _routes(score_texts, instrument_name):
+    score_texts = structure.with_default_routes(score_texts, piece)
+    for path in _route_paths(score_texts, instrument_name):
         for field, text in route_fields.items():
             score_texts = score_texts.put((*path, field), text)
     return score_texts
@@ -34,8 +34,8 @@ def without_route_field(
     score_texts: Texts, piece: Piece, instrument_name: str, field_name: str
 ) -> Texts:
     """Remove a field of the routes of an instrument. Raises EditError if none has it."""
-    score_texts = structure.routed(score_texts, piece)
-    nodes = items(score_texts, "mix", "route")
+    score_texts = structure.with_default_routes(score_texts, piece)
+    nodes = section_entries(score_texts, "mix", "route")
     route_indices = [
         number
         for number, node in enumerate(nodes)
@@ -59,15 +59,15 @@ def move_pan(
     end_beat: float,
 ) -> Texts:
     """Move an instrument between two beats to a place between its channels. Raises EditError."""
-    score_texts = structure.routed(score_texts, piece)
+    score_texts = structure.with_default_routes(score_texts, piece)
     members = {instrument_name, *piece.families.get(instrument_name, ())}
     part_route = next((route for route in piece.mix.routes if route.part in members), None)
     pan_before = 0.0 if part_route is None else pan_of(part_route, piece.tempo_map, begin_beat)
     pan_points: list[edit.Tree] = [
-        {"at": written(piece, begin_beat), "pan": f"{pan_before:.12g}"},
-        {"at": written(piece, end_beat), "pan": f"{pan:.12g}"},
+        {"at": position_text(piece, begin_beat), "pan": f"{pan_before:.12g}"},
+        {"at": position_text(piece, end_beat), "pan": f"{pan:.12g}"},
     ]
-    for path in _routes(score_texts, instrument_name):
+    for path in _route_paths(score_texts, instrument_name):
         score_texts = score_texts.put((*path, "pan"), edit.flow(pan_points))
     return score_texts
 
@@ -94,17 +94,17 @@ def pan_of(route: Route, tempo: TempoMap, from_beat: float) -> float:
     return 0.0 if point_before is None else point_before[1]
 
 
-def send(
+def send_to_room(
     score_texts: Texts, piece: Piece, instrument_name: str, room: str, level_text: str
 ) -> Texts:
     """Send an instrument to a room. Raises EditError."""
-    score_texts = structure.routed(score_texts, piece)
-    for path in _routes(score_texts, instrument_name):
+    score_texts = structure.with_default_routes(score_texts, piece)
+    for path in _route_paths(score_texts, instrument_name):
         score_texts = score_texts.put((*path, "send", room), level_text)
     return score_texts
 
 
-def room(score_texts: Texts, piece: Piece, room_name: str, fields: Mapping[str, str]) -> Texts:
+def with_room(score_texts: Texts, piece: Piece, room_name: str, fields: Mapping[str, str]) -> Texts:
     """Add a room, or set fields of one. Raises EditError."""
     if not any(mix_room.name == room_name for mix_room in piece.mix.rooms):
         room_fields: dict[str, edit.Tree] = {**({} if "t60" in fields else {"t60": "2s"}), **fields}
@@ -114,7 +114,7 @@ def room(score_texts: Texts, piece: Piece, room_name: str, fields: Mapping[str, 
     return score_texts
 
 
-def fade(
+def with_fade(
     score_texts: Texts,
     piece: Piece,
     instrument_name: str | None,
@@ -128,18 +128,18 @@ def fade(
         master_fade = piece.mix.master.fade if piece.mix.master else ()
         path = ("mix", "master", "fade")
         return score_texts.put(
-            path, edit.flow(_points(piece, master_fade, from_beat, end_beat, is_in=is_in))
+            path, edit.flow(_fade_points(piece, master_fade, from_beat, end_beat, is_in=is_in))
         )
-    score_texts = structure.routed(score_texts, piece)
+    score_texts = structure.with_default_routes(score_texts, piece)
     members = {instrument_name, *piece.families.get(instrument_name, ())}
     fade_points = next((route.fade for route in piece.mix.routes if route.part in members), ())
-    points_text = edit.flow(_points(piece, fade_points, from_beat, end_beat, is_in=is_in))
-    for route in _routes(score_texts, instrument_name):
+    points_text = edit.flow(_fade_points(piece, fade_points, from_beat, end_beat, is_in=is_in))
+    for route in _route_paths(score_texts, instrument_name):
         score_texts = score_texts.put((*route, "fade"), points_text)
     return score_texts
 
 
-def level(fade: Fade, tempo: TempoMap, beat: float) -> float:
+def fade_level(fade: Fade, tempo: TempoMap, beat: float) -> float:
     """The level of a fade on a beat, as a ratio."""
     beat_instant = tempo.seconds(beat)
     point_before: tuple[float, float] | None = None
@@ -169,7 +169,7 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
 
     def within(fade: Fade) -> list[edit.Tree]:
         points_written: list[edit.Tree] = [
-            {"at": "0", "gain": _ratio(level(fade, tempo, start_beat))}
+            {"at": "0", "gain": _ratio_of_level(fade_level(fade, tempo, start_beat))}
         ]
         for fade_point in fade:
             point_beat = tempo.resolve(fade_point.at)
@@ -177,7 +177,7 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
                 curve = "smooth" if fade_point.is_smooth else "line"
                 offset_text = f"{point_beat - start_beat:.12g}"
                 points_written.append(
-                    {"at": offset_text, "gain": _ratio(fade_point.gain), "curve": curve}
+                    {"at": offset_text, "gain": _ratio_of_level(fade_point.gain), "curve": curve}
                 )
         return points_written
 
@@ -185,7 +185,11 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
         score_texts = score_texts.put(
             ("mix", "master", "fade"), edit.flow(within(piece.mix.master.fade))
         )
-    panned = {_written(piece, route): route for route in piece.mix.routes if route.pan_path}
+    panned = {
+        _written_instrument_name(piece, route): route
+        for route in piece.mix.routes
+        if route.pan_path
+    }
     for instrument_name, route in panned.items():
         score_texts = _pan_from(score_texts, piece, instrument_name, route, start_beat)
     for instrument_name in dict.fromkeys(route.part for route in piece.mix.routes if route.fade):
@@ -194,7 +198,7 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
             for part_route in piece.mix.routes
             if part_route.part == instrument_name and part_route.fade
         )
-        for path in _routes(score_texts, _written(piece, route)):
+        for path in _route_paths(score_texts, _written_instrument_name(piece, route)):
             score_texts = score_texts.put((*path, "fade"), edit.flow(within(route.fade)))
     return score_texts
 
@@ -211,12 +215,12 @@ def _pan_from(
             curve = "smooth" if pan_point.is_smooth else "line"
             beats_after = f"{point_beat - start_beat:.12g}"
             pan_points.append({"at": beats_after, "pan": f"{pan_point.pan:.12g}", "curve": curve})
-    for path in _routes(score_texts, instrument_name):
+    for path in _route_paths(score_texts, instrument_name):
         score_texts = score_texts.put((*path, "pan"), edit.flow(pan_points))
     return score_texts
 
 
-def _written(piece: Piece, route: Route) -> str:
+def _written_instrument_name(piece: Piece, route: Route) -> str:
     """The name of a route's instrument; for a note, that of the instrument it belongs to."""
     return next(
         (family_name for family_name, notes in piece.families.items() if route.part in notes),
@@ -224,28 +228,34 @@ def _written(piece: Piece, route: Route) -> str:
     )
 
 
-def _points(
+def _fade_points(
     piece: Piece, fade: Fade, from_beat: float, end_beat: float, *, is_in: bool
 ) -> list[edit.Tree]:
     tempo = piece.tempo_map
     points_written: list[edit.Tree] = []
     if fade or not is_in:
         points_written.append(
-            {"at": written(piece, from_beat), "gain": _ratio(level(fade, tempo, from_beat))}
+            {
+                "at": position_text(piece, from_beat),
+                "gain": _ratio_of_level(fade_level(fade, tempo, from_beat)),
+            }
         )
     else:
         last_beat = tempo.beats(tempo.seconds(from_beat) + _SILENCE_SECONDS)
-        points_written.append({"at": written(piece, from_beat), "gain": "0dB"})
-        points_written.append({"at": written(piece, last_beat), "gain": "x0"})
-    return [*points_written, {"at": written(piece, end_beat), "gain": "0dB" if is_in else "x0"}]
+        points_written.append({"at": position_text(piece, from_beat), "gain": "0dB"})
+        points_written.append({"at": position_text(piece, last_beat), "gain": "x0"})
+    return [
+        *points_written,
+        {"at": position_text(piece, end_beat), "gain": "0dB" if is_in else "x0"},
+    ]
 
 
-def _ratio(level: float) -> str:
+def _ratio_of_level(level: float) -> str:
     return f"x{level:.12g}"
 
 
-def _routes(score_texts: Texts, instrument_name: str) -> Iterator[edit.Path]:
+def _route_paths(score_texts: Texts, instrument_name: str) -> Iterator[edit.Path]:
     """The paths of the routes of an instrument."""
-    for number, node in enumerate(items(score_texts, "mix", "route")):
+    for number, node in enumerate(section_entries(score_texts, "mix", "route")):
         if structure.is_of(node, instrument_name):
             yield place(score_texts, "mix", number, "route")

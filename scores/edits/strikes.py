@@ -9,8 +9,8 @@ from math import inf
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text import edit
 from ergon.scores.edits.names import free_name
-from ergon.scores.edits.positions import end as distant
-from ergon.scores.edits.positions import written
+from ergon.scores.edits.positions import endless_end as distant
+from ergon.scores.edits.positions import position_text
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Hit, Piece, Strikes
 
@@ -28,17 +28,17 @@ def strike(
     spaces, transformations in `do` by commas. Repeated strikes without an end continue for ever.
     Raises EditError.
     """
-    named_strikes = named(piece, strikes_name)
+    named_strikes = strikes_named(piece, strikes_name)
     for strikes_entry in named_strikes:
-        score_texts = end(score_texts, piece, strikes_entry, from_beat)
-    ahead = {
+        score_texts = end_strikes(score_texts, piece, strikes_entry, from_beat)
+    strikes_to_begin = {
         strikes_entry.name
         for strikes_entry in named_strikes
         if piece.tempo_map.resolve(strikes_entry.at) >= from_beat - SAME
     }
-    used_names = {strikes_entry.name for strikes_entry in piece.strikes} - ahead
+    used_names = {strikes_entry.name for strikes_entry in piece.strikes} - strikes_to_begin
     new_name = free_name(strikes_name, used_names)
-    fields_written: dict[str, edit.Tree] = {**strike_fields, "at": written(piece, from_beat)}
+    fields_written: dict[str, edit.Tree] = {**strike_fields, "at": position_text(piece, from_beat)}
     if "to" in strike_fields:
         target_words = strike_fields["to"].split()
         other_fields = {
@@ -66,7 +66,7 @@ def strike(
     return score_texts.put(("strikes", new_name), edit.flow(fields_written))
 
 
-def named(piece: Piece, strikes_name: str) -> list[Strikes]:
+def strikes_named(piece: Piece, strikes_name: str) -> list[Strikes]:
     """The strikes of a name, and those that a session has numbered after it: `rain`, `rain-2`."""
     numbered = re.compile(rf"{re.escape(strikes_name)}(-[0-9]+)?")
     if not any(strikes_entry.name == strikes_name for strikes_entry in piece.strikes):
@@ -76,13 +76,13 @@ def named(piece: Piece, strikes_name: str) -> list[Strikes]:
     ]
 
 
-def end(score_texts: Texts, piece: Piece, strikes: Strikes, from_beat: float) -> Texts:
+def end_strikes(score_texts: Texts, piece: Piece, strikes: Strikes, from_beat: float) -> Texts:
     """End strikes at a beat; those that have not begun are removed. Raises EditError."""
     tempo = piece.tempo_map
     begin_beat = tempo.resolve(strikes.at)
     path = ("strikes", strikes.name)
     if strikes.hits and strikes.length is None:
-        return only(score_texts, piece, strikes, -inf, from_beat, None)
+        return melody_between(score_texts, piece, strikes, -inf, from_beat, None)
     if begin_beat >= from_beat - SAME:
         return score_texts.remove(path)
     stop_beat = begin_beat if strikes.until is None else tempo.resolve(strikes.until)
@@ -99,20 +99,22 @@ def end(score_texts: Texts, piece: Piece, strikes: Strikes, from_beat: float) ->
     elif strikes.times is not None and strikes.every is not None and strikes.until is None:
         stop_beat = tempo.after(begin_beat, strikes.every.times(strikes.times))
     return (
-        score_texts.put((*path, "until"), written(piece, from_beat))
+        score_texts.put((*path, "until"), position_text(piece, from_beat))
         if stop_beat > from_beat + SAME
         else score_texts
     )
 
 
-def cut(score_texts: Texts, piece: Piece, strikes: Strikes, cut_instant: float) -> Texts:
+def end_strikes_at_once(
+    score_texts: Texts, piece: Piece, strikes: Strikes, cut_instant: float
+) -> Texts:
     """End strikes at a beat, also in the middle of a phrase. Raises EditError.
 
     The round under way is written out as a melody of the strikes before that beat.
     """
     tempo = piece.tempo_map
     if not strikes.hits or strikes.length is None:
-        return end(score_texts, piece, strikes, cut_instant)
+        return end_strikes(score_texts, piece, strikes, cut_instant)
     begun_rounds = [beat for beat in strikes.rounds(tempo) if beat < cut_instant - SAME]
     if not begun_rounds:
         return score_texts.remove(("strikes", strikes.name))
@@ -122,7 +124,7 @@ def cut(score_texts: Texts, piece: Piece, strikes: Strikes, cut_instant: float) 
     last_round = falling[: len(strikes.hits)]
     played = [(beat, hit) for beat, hit in last_round if beat < cut_instant - SAME]
     if len(played) == len(last_round):
-        return end(score_texts, piece, strikes, cut_instant)
+        return end_strikes(score_texts, piece, strikes, cut_instant)
     if len(begun_rounds) == 1:
         score_texts = score_texts.remove(("strikes", strikes.name))
     else:
@@ -130,16 +132,16 @@ def cut(score_texts: Texts, piece: Piece, strikes: Strikes, cut_instant: float) 
             if value is not None:
                 score_texts = score_texts.remove(("strikes", strikes.name, bound))
         score_texts = score_texts.put(
-            ("strikes", strikes.name, "until"), written(piece, begun_rounds[-1])
+            ("strikes", strikes.name, "until"), position_text(piece, begun_rounds[-1])
         )
     if not played:
         return score_texts
     name = free_name(strikes.name, {other_strikes.name for other_strikes in piece.strikes})
-    rows = [row(hit, written(piece, beat)) for beat, hit in played]
+    rows = [melody_entry(hit, position_text(piece, beat)) for beat, hit in played]
     return score_texts.put(("strikes", name), edit.flow({"entries": rows}))
 
 
-def only(
+def melody_between(
     score_texts: Texts,
     piece: Piece,
     strikes: Strikes,
@@ -160,12 +162,12 @@ def only(
     score_texts = score_texts.remove(path)
     if not inside:
         return score_texts
-    write = moved or (lambda beat: written(piece, beat))
+    write = moved or (lambda beat: position_text(piece, beat))
     return score_texts.put(
-        path, edit.flow({"entries": [row(hit, write(beat)) for beat, hit in inside]})
+        path, edit.flow({"entries": [melody_entry(hit, write(beat)) for beat, hit in inside]})
     )
 
 
-def row(hit: Hit, at: str) -> edit.Tree:
+def melody_entry(hit: Hit, at: str) -> edit.Tree:
     """A strike of a melody as an entry of a score."""
     return {"at": at, "what": [target.text for target in hit.to], "impulse": hit.level.written}

@@ -12,19 +12,19 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
-from ergon.scores.edits.lists import dropped, items, place
+from ergon.scores.edits.lists import place, section_entries, without_entry
 from ergon.scores.edits.names import free_name
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import SCORE
 
-USUAL_LEVEL = "-20LUFS"  # loudness of a stroke at mf by default
-LINKS = "links"  # the instrument that holds links between others
+USUAL_LOUDNESS = "-20LUFS"  # loudness of a stroke at mf by default
+LINKS_INSTRUMENT = "links"  # the instrument that holds links between others
 
 Fields = Mapping[str, str]
 
 
-def build(
+def add_instrument(
     score_texts: Texts,
     piece: Piece,
     instrument_name: str,
@@ -58,13 +58,13 @@ def routed_to_all(score_texts: Texts, piece: Piece, instrument_name: str) -> Tex
         or any(out.nearest for out in instrument.outputs)
     ):
         return score_texts
-    score_texts = routed(score_texts, piece)
+    score_texts = with_default_routes(score_texts, piece)
     route_tree: dict[str, edit.Tree] = {
         "from": instrument_name,
-        "to": [str(c + 1) for c in range(_n_channels(piece))],
+        "to": [str(c + 1) for c in range(_channel_count(piece))],
     }
     if instrument.loudness is not None and piece.mix.reference() is not None:
-        route_tree["level"] = USUAL_LEVEL
+        route_tree["level"] = USUAL_LOUDNESS
     return score_texts.append(("mix", "route"), edit.flow(route_tree))
 
 
@@ -74,17 +74,17 @@ def _new_instrument(texts: Texts, name: str) -> Instrument | None:
     return None if piece is None else piece.playable(name)
 
 
-def _n_channels(piece: Piece) -> int:
+def _channel_count(piece: Piece) -> int:
     channel_numbers = (max(route.to) for route in piece.routes() if route.to != "nearest")
     return max(1, piece.mix.channels, *channel_numbers)
 
 
-def key(texts: Texts, name: str, like: str) -> Texts:
+def add_key(texts: Texts, name: str, like: str) -> Texts:
     """Add a key like another. Raises EditError."""
     return texts.put(("keys", name), edit.flow({"like": like}))
 
 
-def player(score_texts: Texts, piece: Piece, player_name: str, key_name: str) -> Texts:
+def add_player(score_texts: Texts, piece: Piece, player_name: str, key_name: str) -> Texts:
     """Let a player play a key; a new player has no part yet. Raises EditError."""
     if player_name not in piece.players:
         return score_texts.put(("players", player_name), edit.flow({"key": key_name}))
@@ -93,19 +93,19 @@ def player(score_texts: Texts, piece: Piece, player_name: str, key_name: str) ->
     return score_texts.put(("players", player_name, "key"), key_name)
 
 
-def link(
+def add_link(
     score_texts: Texts, link_kind: str, end_paths: Sequence[str], link_fields: Fields
 ) -> tuple[Texts, str]:
     """Join two modules by a link of a kind; returns the link's name too. Raises EditError."""
-    links_node = _node(score_texts, ("instruments", LINKS, "modules"))
+    links_node = _node(score_texts, ("instruments", LINKS_INSTRUMENT, "modules"))
     taken_names = links_node.entries if isinstance(links_node, document.Mapping) else {}
     link_name = free_name(link_kind.lower(), taken_names, is_numbered=True)
     body: dict[str, edit.Tree] = {link_kind: {"between": [*end_paths], **link_fields}}
-    path = ("instruments", LINKS, "modules", link_name)
-    return score_texts.put(path, edit.flow(body)), f"{LINKS}.{link_name}"
+    path = ("instruments", LINKS_INSTRUMENT, "modules", link_name)
+    return score_texts.put(path, edit.flow(body)), f"{LINKS_INSTRUMENT}.{link_name}"
 
 
-def route(
+def route_instrument(
     score_texts: Texts,
     piece: Piece,
     instrument_name: str,
@@ -113,10 +113,10 @@ def route(
     gain: str | None,
 ) -> Texts:
     """Route an instrument to channels, in place of its earlier routes. Raises EditError."""
-    score_texts = routed(score_texts, piece)
+    score_texts = with_default_routes(score_texts, piece)
     to: edit.Tree = "nearest" if channels == ["nearest"] else [*channels]
     family = next((f for f, members in piece.families.items() if instrument_name in members), None)
-    routes = items(score_texts, "mix", "route")
+    routes = section_entries(score_texts, "mix", "route")
     if family is not None and any(_is_from(node, family) for node in routes):
         raise EditError(f"{instrument_name} is routed with all notes of {family}: route {family}")
     route_numbers = [number for number, node in enumerate(routes) if is_of(node, instrument_name)]
@@ -133,33 +133,33 @@ def route(
     )
 
 
-def remove(score_texts: Texts, piece: Piece, removed_name: str) -> Texts:
+def remove_named(score_texts: Texts, piece: Piece, removed_name: str) -> Texts:
     """Remove a named thing, and what belongs to it alone.
 
     A player is removed with the part, a key with its couplings, an instrument with its routes; of
     strikes and an instrument of one name, the strikes. Raises EditError.
     """
     section_name, path = definition_path(score_texts, removed_name)
-    if section_name == "instruments" and _has(score_texts, ("strikes", removed_name)):
+    if section_name == "instruments" and _has_path(score_texts, ("strikes", removed_name)):
         return score_texts.remove(("strikes", removed_name))
-    if section_name == "players" and _has(score_texts, ("parts", removed_name)):
+    if section_name == "players" and _has_path(score_texts, ("parts", removed_name)):
         score_texts = score_texts.remove(("parts", removed_name))
     if section_name == "keys":
         for entry_index in reversed(range(len(piece.duet))):
             if removed_name in (piece.duet[entry_index].a.part, piece.duet[entry_index].b.part):
-                score_texts = dropped(score_texts, "duet", entry_index)
+                score_texts = without_entry(score_texts, "duet", entry_index)
     if section_name == "instruments" and len(path) == 2:
-        routes = items(score_texts, "mix", "route")
+        routes = section_entries(score_texts, "mix", "route")
         for entry_index in reversed(range(len(routes))):
             if is_of(routes[entry_index], removed_name):
-                if len(items(score_texts, "mix", "route")) == 1:
+                if len(section_entries(score_texts, "mix", "route")) == 1:
                     raise EditError(
                         f"{removed_name} is the last instrument that is heard: route another"
                     )
                 score_texts = score_texts.remove(("mix", "route", entry_index))
     holder = _node(score_texts, path[:-1])
     if len(path) > 2 and isinstance(holder, document.Mapping) and len(holder.entries) == 1:
-        return remove(score_texts, piece, path[1])  # an instrument needs a module
+        return remove_named(score_texts, piece, path[1])  # an instrument needs a module
     return score_texts.remove(path)
 
 
@@ -222,7 +222,7 @@ def _last_before(node: document.Mapping, index: int) -> str:
     return max((start, name) for start, name in starts if start <= index)[1]
 
 
-def routed(score_texts: Texts, piece: Piece) -> Texts:
+def with_default_routes(score_texts: Texts, piece: Piece) -> Texts:
     """Write out the default routes of a score that has none: each output has a channel of its
     own.
     """
@@ -254,16 +254,18 @@ def definition_path(score_texts: Texts, defined_name: str) -> tuple[str, tuple[s
         "marks",
         "blocks",
     ):
-        if _has(score_texts, (section_name, defined_name)):
+        if _has_path(score_texts, (section_name, defined_name)):
             return section_name, (section_name, defined_name)
-        if module_name and _has(score_texts, (section_name, part_name, "modules", module_name)):
+        if module_name and _has_path(
+            score_texts, (section_name, part_name, "modules", module_name)
+        ):
             return section_name, (section_name, part_name, "modules", module_name)
     raise EditError(
         f"{defined_name} is written in a file that the score uses; change that file, then `reload`"
     )
 
 
-def _has(texts: Texts, path: Sequence[str]) -> bool:
+def _has_path(texts: Texts, path: Sequence[str]) -> bool:
     return _node(texts, path) is not None
 
 

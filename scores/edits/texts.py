@@ -28,7 +28,7 @@ from ergon.scores.reading.uses import Names, Uses
 SECTIONS = tuple(SCORE.by_name)  # the order of sections
 
 
-def _remembering() -> Memory:
+def _new_memory() -> Memory:
     return Memory(is_loose=True)
 
 
@@ -62,7 +62,7 @@ class Texts:
     text: str
     overlay: Mapping[str, str] = field(default_factory=dict)
     sealed: bool = field(default=False, compare=False)
-    memory: Memory = field(default_factory=_remembering, repr=False, compare=False)
+    memory: Memory = field(default_factory=_new_memory, repr=False, compare=False)
     bounds: FileBounds | None = None
 
     @classmethod

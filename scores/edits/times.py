@@ -9,13 +9,13 @@ from ergon.notation.clock.positions import Length, parse_length
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError
-from ergon.scores.edits.lists import dropped, items, place
-from ergon.scores.edits.positions import written
+from ergon.scores.edits.lists import place, section_entries, without_entry
+from ergon.scores.edits.positions import position_text
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 
 
-def change(
+def change_tempo(
     score_texts: Texts, piece: Piece, from_beat: float, bpm: str, over: str | None = None
 ) -> Texts:
     """Set the tempo from a beat on: `72`, or `60 -> 84` over a length.
@@ -24,25 +24,25 @@ def change(
     hold no longer (`FileTimes`), and one that would never hold is not named any more. Raises
     EditError.
     """
-    over = None if over is None else _over(piece, from_beat, over)
-    score_texts, number_below = _without_later(score_texts, piece, from_beat, "bpm", "over")
+    over = None if over is None else _ramp_length(piece, from_beat, over)
+    score_texts, number_below = _without_later_fields(score_texts, piece, from_beat, "bpm", "over")
     number_here: int | None = None  # the entry that sets the tempo at this beat
-    for tempo_index, begin_beat in _until(piece, from_beat):
+    for tempo_index, begin_beat in _entries_up_to(piece, from_beat):
         tempo_entry = piece.tempo[tempo_index]
         if begin_beat >= from_beat - SAME:
             number_here = tempo_index if tempo_entry.bpm is not None else number_here
         elif tempo_entry.bpm_end is not None:
-            score_texts = _cut(score_texts, piece, tempo_index, begin_beat, from_beat)
+            score_texts = _with_ramp_cut(score_texts, piece, tempo_index, begin_beat, from_beat)
     if number_here is not None:
         score_texts = score_texts.put((*place(score_texts, "tempo", number_here), "bpm"), bpm)
         if over is None:
-            return _without(score_texts, number_here, "over")
+            return _without_field(score_texts, number_here, "over")
         return score_texts.put((*place(score_texts, "tempo", number_here), "over"), over)
     ramp = {} if over is None else {"over": over}
-    tempo_line: dict[str, edit.Tree] = {"at": written(piece, from_beat), "bpm": bpm, **ramp}
+    tempo_line: dict[str, edit.Tree] = {"at": position_text(piece, from_beat), "bpm": bpm, **ramp}
     if from_beat <= SAME and piece.tempo and piece.tempo[0].tempos:
         return score_texts.put(place(score_texts, "tempo", 0), edit.flow(tempo_line))
-    return _inserted(score_texts, number_below, tempo_line)
+    return _with_inserted_entry(score_texts, number_below, tempo_line)
 
 
 def change_meter(score_texts: Texts, piece: Piece, from_beat: float, meter: str) -> Texts:
@@ -56,16 +56,18 @@ def change_meter(score_texts: Texts, piece: Piece, from_beat: float, meter: str)
         raise EditError(
             f"a meter begins with a bar: write meter {meter} at {tempo.written(from_beat)}"
         )
-    score_texts, number_below = _without_later(score_texts, piece, from_beat, "meter")
+    score_texts, number_below = _without_later_fields(score_texts, piece, from_beat, "meter")
     if from_beat <= SAME and piece.file_meters:
         score_texts = score_texts.remove(("meter",))
-    for number, begin in _until(piece, from_beat):
+    for number, begin in _entries_up_to(piece, from_beat):
         if begin >= from_beat - SAME and not piece.tempo[number].tempos:
             return score_texts.put((*place(score_texts, "tempo", number), "meter"), meter)
-    return _inserted(score_texts, number_below, {"at": written(piece, from_beat), "meter": meter})
+    return _with_inserted_entry(
+        score_texts, number_below, {"at": position_text(piece, from_beat), "meter": meter}
+    )
 
 
-def _until(piece: Piece, from_beat: float) -> Iterator[tuple[int, float]]:
+def _entries_up_to(piece: Piece, from_beat: float) -> Iterator[tuple[int, float]]:
     """The entries up to a beat, the last one first: their numbers, and the beats of their
     beginnings.
     """
@@ -75,7 +77,7 @@ def _until(piece: Piece, from_beat: float) -> Iterator[tuple[int, float]]:
             yield tempo_index, begin
 
 
-def _without_later(
+def _without_later_fields(
     score_texts: Texts, piece: Piece, from_beat: float, *field_names: str
 ) -> tuple[Texts, int | None]:
     """Remove fields from the entries after a beat, and the entries that have nothing else; returns
@@ -88,16 +90,16 @@ def _without_later(
             continue
         values: dict[str, object] = {"bpm": tempo_entry.bpm, "meter": tempo_entry.meter}
         if values.pop(field_names[0]) is not None and not any(values.values()):
-            score_texts = dropped(score_texts, "tempo", entry_index)
+            score_texts = without_entry(score_texts, "tempo", entry_index)
             number_below = None if number_below is None else number_below - 1
             continue
         number_below = entry_index
         for name in field_names:
-            score_texts = _without(score_texts, entry_index, name)
+            score_texts = _without_field(score_texts, entry_index, name)
     return score_texts, number_below
 
 
-def _inserted(
+def _with_inserted_entry(
     score_texts: Texts, number_below: int | None, entry_tree: Mapping[str, edit.Tree]
 ) -> Texts:
     """A new entry above the one of a number, or after all others."""
@@ -107,19 +109,19 @@ def _inserted(
     path = place(score_texts, "tempo", number_below)
     if path == ("tempo",):  # a lone entry becomes a list, then the new one goes above it
         score_texts = score_texts.put(
-            path, f"[{edit.flow(edit.tree(items(score_texts, 'tempo')[0]))}]"
+            path, f"[{edit.flow(edit.tree(section_entries(score_texts, 'tempo')[0]))}]"
         )
     return score_texts.edited(
         "tempo", lambda document: edit.insert(document, ("tempo", number_below), entry_text)
     )
 
 
-def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
+def set_mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
     """Set a mark at a beat; it replaces a mark of the same name. Raises EditError."""
-    return texts.put(("marks", name), written(piece, at))
+    return texts.put(("marks", name), position_text(piece, at))
 
 
-def _over(piece: Piece, from_beat: float, over: str) -> str:
+def _ramp_length(piece: Piece, from_beat: float, over: str) -> str:
     """The length of a ramp; in beats if it is in bars and the meter changes during the ramp."""
     try:
         ramp_length = parse_length(over)
@@ -132,14 +134,14 @@ def _over(piece: Piece, from_beat: float, over: str) -> str:
     return f"{end_beat - from_beat:.12g}" if ramp_length.bars and changes else over
 
 
-def _without(score_texts: Texts, entry_index: int, field_name: str) -> Texts:
-    entry = edit.tree(items(score_texts, "tempo")[entry_index])
+def _without_field(score_texts: Texts, entry_index: int, field_name: str) -> Texts:
+    entry = edit.tree(section_entries(score_texts, "tempo")[entry_index])
     if not isinstance(entry, dict) or field_name not in entry:
         return score_texts
     return score_texts.remove((*place(score_texts, "tempo", entry_index), field_name))
 
 
-def _cut(
+def _with_ramp_cut(
     score_texts: Texts, piece: Piece, number: int, begin_beat: float, cut_beat: float
 ) -> Texts:
     """End a ramp that is under way at a beat, at the tempo reached there."""

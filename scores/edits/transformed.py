@@ -9,19 +9,19 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits import strikes as edits
 from ergon.scores.edits.names import free_name
-from ergon.scores.edits.positions import written
+from ergon.scores.edits.positions import position_text
 from ergon.scores.edits.texts import Texts
-from ergon.scores.reading.clocked import clocked
+from ergon.scores.reading.clocked import rhythm_of_clock
 from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.rhythms import Rhythm
 
-NONE = "none"  # ends all transformations
+NO_TRANSFORMS = "none"  # ends all transformations
 # Fields that a rhythm replaces.
-_REPLACED = ("every", "euclid", "notes", "chance", "swing", "play", "transpose", "do")
+_FIELDS_OF_PATTERNS = ("every", "euclid", "notes", "chance", "swing", "play", "transpose", "do")
 
-_BAR = Length(bars=1.0)
+_BAR_DURATION = Length(bars=1.0)
 
-Body = dict[str, edit.Tree]
+StrikeFields = dict[str, edit.Tree]
 
 
 def transform(
@@ -34,14 +34,14 @@ def transform(
     tempo, changed = piece.tempo_map, False
     strikes_tree = edit.tree(score_texts.section("strikes"))
     taken_names = {strikes.name for strikes in piece.strikes}
-    for strikes in edits.named(piece, strikes_name):
+    for strikes in edits.strikes_named(piece, strikes_name):
         stop_beat = strikes.stop(tempo)
         if stop_beat is not None and stop_beat <= from_beat + SAME:
             continue
         assert isinstance(strikes_tree, dict)
         strike_fields = strikes_tree[strikes.name]
         assert isinstance(strike_fields, dict)
-        rhythm, strike_fields = _as_rhythm(score_texts, strikes, strike_fields)
+        rhythm, strike_fields = _rhythm_and_fields(score_texts, strikes, strike_fields)
         strike_times = (
             strikes.times if strikes.times is not None or "times" not in strike_fields else 1
         )
@@ -52,42 +52,44 @@ def transform(
         if strike_times is not None and n_passed_cycles >= strike_times:
             continue
         turn_beat = rhythm.begin(tempo, begin_beat, n_passed_cycles)
-        score_texts = edits.end(score_texts, piece, strikes, turn_beat)
+        score_texts = edits.end_strikes(score_texts, piece, strikes, turn_beat)
         strike_fields = {
             **strike_fields,
-            "at": written(piece, turn_beat),
-            **_transforms(strike_fields, do),
+            "at": position_text(piece, turn_beat),
+            **_with_transforms_added(strike_fields, do),
         }
         if first_cycle := rhythm.first + n_passed_cycles:
             strike_fields["skip"] = str(first_cycle)
         if strike_times is not None:
             strike_fields["times"] = str(strike_times - n_passed_cycles)
         if strikes.span is not None and stop_beat is not None:
-            strike_fields = {**strike_fields, "for": "", "until": written(piece, stop_beat)}
+            strike_fields = {**strike_fields, "for": "", "until": position_text(piece, stop_beat)}
         for field in [field for field, value in strike_fields.items() if value == ""]:
             del strike_fields[field]
         new_strikes = (
             strikes.name if turn_beat <= begin_beat + SAME else free_name(strikes_name, taken_names)
         )
         taken_names.add(new_strikes)
-        score_texts = score_texts.put(("strikes", new_strikes), edit.flow(_in_order(strike_fields)))
+        score_texts = score_texts.put(
+            ("strikes", new_strikes), edit.flow(_in_written_order(strike_fields))
+        )
         changed = True
     if not changed:
         raise EditError(f"{quote(strikes_name)} plays nothing now that could be transformed")
     return score_texts
 
 
-def _transforms(body: Body, do: str) -> Body:
+def _with_transforms_added(body: StrikeFields, do: str) -> StrikeFields:
     """The transformations after more are added; an empty text if there are none."""
     chain_text = body.get("do", "")
     if isinstance(chain_text, list):
         chain_text = ", ".join(str(change) for change in chain_text)
-    if do == NONE:
+    if do == NO_TRANSFORMS:
         return {"do": ""}
     return {"do": f"{chain_text}, {do}" if chain_text else do}
 
 
-def _in_order(body: Body) -> Body:
+def _in_written_order(body: StrikeFields) -> StrikeFields:
     """The fields in the order in which they are written by hand."""
     order = ("rhythm", "to", "at", "until", "for", "times", "skip", "cycle", "impulse", "do")
     return {name: body[name] for name in order if name in body}
@@ -96,35 +98,39 @@ def _in_order(body: Body) -> Body:
 # --- strikes by the clock as a rhythm ------------------------------------------------------------
 
 
-def _as_rhythm(score_texts: Texts, strikes: Strikes, strike_fields: Body) -> tuple[Rhythm, Body]:
+def _rhythm_and_fields(
+    score_texts: Texts, strikes: Strikes, strike_fields: StrikeFields
+) -> tuple[Rhythm, StrikeFields]:
     """The rhythm of strikes, and their fields with it. Raises EditError if they have none."""
     if "rhythm" in strike_fields and strikes.rhythm is not None:
         return strikes.rhythm, strike_fields
     rhythm = strikes.rhythm
     if rhythm is None:
         try:
-            rhythm = clocked(strikes)
+            rhythm = rhythm_of_clock(strikes)
         except TextError as error:
             raise EditError(error.message) from error
-    rhythm_fields = {name: value for name, value in strike_fields.items() if name not in _REPLACED}
+    rhythm_fields = {
+        name: value for name, value in strike_fields.items() if name not in _FIELDS_OF_PATTERNS
+    }
     rhythm_fields |= {"rhythm": rhythm.text, "do": rhythm.do}
     if "play" in strike_fields:  # the words of the rhythm say levels
         rhythm_fields = {**_notes_of(score_texts, strike_fields), **rhythm_fields, "impulse": ""}
-    if strikes.every is not None or rhythm.cycle != _BAR:
-        rhythm_fields["cycle"] = _length(rhythm.cycle)
+    if strikes.every is not None or rhythm.cycle != _BAR_DURATION:
+        rhythm_fields["cycle"] = _parsed_length(rhythm.cycle)
     if not rhythm_fields.keys() & {"times", "for", "until"}:
         rhythm_fields["times"] = "1"
     return rhythm, rhythm_fields
 
 
-def _notes_of(texts: Texts, body: Body) -> Body:
+def _notes_of(texts: Texts, body: StrikeFields) -> StrikeFields:
     """The instruments whose notes a phrase names, as a field of what plays it."""
     phrases = edit.tree(texts.section("phrases"))
     phrase = phrases.get(str(body["play"])) if isinstance(phrases, dict) else None
     return {"to": phrase["to"]} if isinstance(phrase, dict) and "to" in phrase else {}
 
 
-def _length(length_written: Length) -> str:
+def _parsed_length(length_written: Length) -> str:
     if length_written.quarters:
         raise EditError(
             "a MIDI file whose quarter notes are no beats of the meter is not written as a rhythm; "

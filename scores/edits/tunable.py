@@ -10,8 +10,8 @@ from ergon.instruments import following
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Instrument, Module
-from ergon.instruments.module_kinds import HOLDERS, LINKS
-from ergon.scores.edits.matter import quantities, set_list, set_value, written_quantity
+from ergon.instruments.module_kinds import LINK_KINDS, POINT_KINDS
+from ergon.scores.edits.matter import number_fields, quantity_text, set_list, set_value
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Key
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ergon import _core
 
 # Fields that affect the modes of a part, as do constants of laws; only numbers above 0 are changed.
-_FIELDS = ("M", "K", "f", "inharmonicity", "stiffness", "bending", "sigma0", "stretching")
+_TUNABLE_FIELDS = ("M", "K", "f", "inharmonicity", "stiffness", "bending", "sigma0", "stretching")
 
 FieldKey = tuple[str, str, int | None]  # module, field, place in a list from 1
 
@@ -59,8 +59,8 @@ class TunablePart:
         """Every number above 0 of the part's modules that may affect its modes."""
         for part_module in self._definition.modules:
             constants = part_module.fields.get("constants", {})
-            for name, quantity_number in quantities(part_module):
-                if quantity_number > 0 and (name in _FIELDS or name in constants):
+            for name, quantity_number in number_fields(part_module):
+                if quantity_number > 0 and (name in _TUNABLE_FIELDS or name in constants):
                     yield Value(part_module.name, name, quantity_number)
             if part_module.kind == "MODES":
                 for place, quantity_number in enumerate(part_module.fields["f"], 1):
@@ -82,7 +82,7 @@ class TunablePart:
         """The value as a score writes it, without loss of precision."""
         part = self._definition
         is_ca = isinstance(part, Instrument) and part.ca_rate is not None
-        return written_quantity(value.number, value.field, is_ca=is_ca)
+        return quantity_text(value.number, value.field, is_ca=is_ca)
 
     def edit(self, texts: Texts, values: Sequence[Value]) -> Texts:
         """A score's texts with the values set in them. Raises EditError."""
@@ -107,20 +107,20 @@ class TunablePart:
         ca_rate = part_definition.ca_rate if isinstance(part_definition, Instrument) else None
         valued_modules = [_module_with_values(module, values) for module in part_definition.modules]
         assembly = Assembly(seed=self.piece.seed)
-        held_modules = [module for module in valued_modules if module.kind in HOLDERS]
+        held_modules = [module for module in valued_modules if module.kind in POINT_KINDS]
         space = part_definition.space if isinstance(part_definition, Instrument) else None
-        assembly.part(self.name, held_modules, ca_rate=ca_rate, reach=lever_ratio, space=space)
+        assembly.add_part(self.name, held_modules, ca_rate=ca_rate, reach=lever_ratio, space=space)
         assembly.add_followers(self.name, held_modules, ca_rate=ca_rate)
         links = [module for module in valued_modules if self._is_inside(module, assembly)]
-        assembly.joins(self.name, links, ca_rate=ca_rate, reach=lever_ratio)
+        assembly.add_links(self.name, links, ca_rate=ca_rate, reach=lever_ratio)
         for other_part, other_module in self.piece.modules():
             if other_part != self.name and self._is_inside(other_module, assembly):
                 rate = self.piece.instruments[other_part].ca_rate
-                assembly.joins(other_part, [other_module], ca_rate=rate)
+                assembly.add_links(other_part, [other_module], ca_rate=rate)
         return assembly.network
 
     def _is_inside(self, module: Module, assembly: Assembly) -> bool:
-        if module.kind not in LINKS:
+        if module.kind not in LINK_KINDS:
             return False
         # Links to a PROXY between masses of another part, or that follow a MAT of another part, are
         # left out.

@@ -17,16 +17,16 @@ from ergon.scores.reading.piece import Piece
 
 VARIANTS_MAX = 10_000
 SEED = "seed"
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER_PATTERN = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _RANGE_PATTERN = re.compile(
-    rf"(?P<low>{_NUMBER})(?P<unit>(?:[^\d.:][^.:]*)?)\.\.(?P<high>{_NUMBER})(?P<unit2>(?:[^\d.:\s][^.:\s]*)?)"
+    rf"(?P<low>{_NUMBER_PATTERN})(?P<unit>(?:[^\d.:][^.:]*)?)\.\.(?P<high>{_NUMBER_PATTERN})(?P<unit2>(?:[^\d.:\s][^.:\s]*)?)"
     r"(?::(?P<count>\d+))?(?P<log>\s+log)?"
 )
 _EXAMPLE = "such as bell.m.K=1kN/m..9kN/m:32, seed=1..16 or bell.m.f=A3,C4"
 
 
 @dataclass(frozen=True, slots=True)
-class Varied:
+class VariedTarget:
     """A target, named as in `set` of a session, and the texts of its values."""
 
     target: str
@@ -42,14 +42,14 @@ class Variant:
     loaded: Loaded
 
 
-def parse(varied_text: str) -> Varied:
+def parse(varied_text: str) -> VariedTarget:
     """Read `TARGET=VALUES`: a list, or a range with its number of points. Raises EditError."""
     target_path, equals, values_text = varied_text.partition("=")
     target_path, values_text = target_path.strip(), values_text.strip()
     if not equals or not target_path or not values_text:
         raise EditError(f"{quote(varied_text)} is not TARGET=VALUES, {_EXAMPLE}")
     if ".." in values_text:
-        return Varied(target_path, tuple(_range(target_path, values_text)))
+        return VariedTarget(target_path, tuple(_values_of_range(target_path, values_text)))
     value_texts = tuple(word.strip() for word in values_text.split(","))
     if not all(value_texts):
         raise EditError(f"{quote(varied_text)} has an empty value; write {target_path}=1,2,5")
@@ -57,10 +57,10 @@ def parse(varied_text: str) -> Varied:
         (value for value in value_texts if value_texts.count(value) > 1), None
     ):
         raise EditError(f"{quote(varied_text)} has the value {repeated_value} twice")
-    return Varied(target_path, value_texts)
+    return VariedTarget(target_path, value_texts)
 
 
-def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ...]]:
+def value_combinations(varied: Sequence[VariedTarget], *, is_zipped: bool) -> list[tuple[str, ...]]:
     """The values of every variant: all combinations, or (zipped) one value of each. Raises
     EditError.
     """
@@ -93,16 +93,16 @@ def variants(
         for target_path, value in zip(targets, variant_values, strict=True):
             if loaded.piece is None:
                 break
-            edited = _with(edited, loaded.piece, target_path, value)
+            edited = _with_value(edited, loaded.piece, target_path, value)
             loaded = edited.load()
         yield Variant(variant_values, edited, loaded)
 
 
-def _with(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -> Texts:
+def _with_value(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -> Texts:
     if target_path == SEED:
         if not re.fullmatch(r"\d+", value_text):
             raise EditError(f"seed={value_text}: a seed is a whole number")
-        return names.seed(score_texts, int(value_text))
+        return names.set_seed(score_texts, int(value_text))
     if any(entry.name == target_path for entry in piece.automation):
         raise EditError(
             f"{target_path} is changed by `automation`, so a value set here would not be "
@@ -114,7 +114,7 @@ def _with(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -
         raise EditError(f"{target_path}={value_text}: {error}") from None
 
 
-def _range(target_path: str, range_text: str) -> Iterator[str]:
+def _values_of_range(target_path: str, range_text: str) -> Iterator[str]:
     range_match = _RANGE_PATTERN.fullmatch(range_text)
     if range_match is None:
         raise EditError(f"{quote(f'{target_path}={range_text}')} is not a range, {_EXAMPLE}")
@@ -131,7 +131,8 @@ def _range(target_path: str, range_text: str) -> Iterator[str]:
     )
     if range_match["count"] is None:
         yield from (
-            f"{x}{unit_text}" for x in _steps(target_path, range_text, low_end, high_end, is_log)
+            f"{x}{unit_text}"
+            for x in _range_steps(target_path, range_text, low_end, high_end, is_log)
         )
         return
     value_count = int(range_match["count"])
@@ -156,7 +157,7 @@ def _range(target_path: str, range_text: str) -> Iterator[str]:
         yield f"{x:.9g}{unit_text}"
 
 
-def _steps(
+def _range_steps(
     target_path: str, range_text: str, low_end: float, high_end: float, is_log: bool
 ) -> range:
     if is_log or low_end != int(low_end) or high_end != int(high_end):

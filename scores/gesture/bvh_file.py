@@ -17,21 +17,21 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import BLOCK, Motion, judged, unique_names
+from ergon.scores.gesture.motion import BLOCK_NUMBERS, Motion, size_checked, unique_names
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     MAX_SAMPLES,
     Floats,
     TakeError,
-    lines,
-    opened_text,
+    content_lines,
+    open_text,
 )
 
 _CHANNELS = tuple(
     f"{axis}{channel_kind}" for channel_kind in ("position", "rotation") for axis in "xyz"
 )
 _KEYWORDS = frozenset(["ROOT", "JOINT", "OFFSET", "CHANNELS", "MOTION"])
-_BRACE = re.compile(r"[{}]")
+_BRACE_PATTERN = re.compile(r"[{}]")
 _VALUE_MAX = 1e6  # largest length or angle in an intact file
 
 
@@ -51,7 +51,7 @@ class _Words:
     """The words of a BVH file, however they are laid out in lines, with the line of the last."""
 
     def __init__(self, file: TextIOWrapper, path: Path) -> None:
-        self._lines = lines(file, path)
+        self._lines = content_lines(file, path)
         self._path = path
         self._ahead: list[str] = []  # unread words of the line, last word first
         self.number = 0
@@ -63,7 +63,7 @@ class _Words:
             if numbered is None:
                 return ""
             self.number, line = numbered
-            self._ahead = _BRACE.sub(r" \g<0> ", line).split()[::-1]
+            self._ahead = _BRACE_PATTERN.sub(r" \g<0> ", line).split()[::-1]
         return self._ahead.pop()
 
     def back(self, word: str) -> None:
@@ -93,19 +93,19 @@ def read(path: Path) -> Motion:
     """The motion in a BVH file: its joints, and the ends of its limbs. Raises TakeError,
     OSError.
     """
-    with opened_text(path) as file:
+    with open_text(path) as file:
         words = _Words(file, path)
-        joints, n_channels = _hierarchy(words)
-        n, rate = _motion(words)
+        joints, n_channels = _read_hierarchy(words)
+        n, rate = _read_motion_header(words)
         n_numbers = sum(1 for _ in iter(words.word, ""))
     n_there, left_over = divmod(n_numbers, n_channels) if n_channels else (n, 0)
 
     def blocks() -> Iterator[Floats]:
-        rows_max = max(1, BLOCK // max(n_channels, 3 * len(joints)))
-        with opened_text(path) as file:
+        rows_max = max(1, BLOCK_NUMBERS // max(n_channels, 3 * len(joints)))
+        with open_text(path) as file:
             file_words = _Words(file, path)
-            _hierarchy(file_words)
-            _motion(file_words)
+            _read_hierarchy(file_words)
+            _read_motion_header(file_words)
             rows_left = n
             while rows_left:
                 frame_rows = [
@@ -113,7 +113,9 @@ def read(path: Path) -> Motion:
                     for _ in range(min(rows_left, rows_max))
                 ]
                 rows_left -= len(frame_rows)
-                yield _places(joints, np.array(frame_rows).reshape(len(frame_rows), n_channels))
+                yield _joint_positions(
+                    joints, np.array(frame_rows).reshape(len(frame_rows), n_channels)
+                )
 
     if left_over:
         message = (
@@ -129,10 +131,10 @@ def read(path: Path) -> Motion:
         )
     names = unique_names([joint.name for joint in joints])
     passed_over = ("rotations, but for where they put the joints",)
-    return judged(Motion(names, n, rate, None, blocks, file_note, passed_over), path)
+    return size_checked(Motion(names, n, rate, None, blocks, file_note, passed_over), path)
 
 
-def _hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
+def _read_hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
     """The joints, parents first, and how many numbers a frame has."""
     if file_words.word().upper() != "HIERARCHY":
         raise file_words.wrong("this is not a BVH file")
@@ -142,10 +144,12 @@ def _hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
     while (word := file_words.word().upper()) != "MOTION":
         match word:
             case "ROOT" | "JOINT" if (word == "ROOT") == (not open_joints):
-                joints.append(_Joint(_name(file_words), open_joints[-1] if open_joints else None))
+                joints.append(
+                    _Joint(_read_name(file_words), open_joints[-1] if open_joints else None)
+                )
                 open_joints.append(len(joints) - 1)
             case "END" if open_joints:
-                _name(file_words)
+                _read_name(file_words)
                 joints.append(_Joint(f"{joints[open_joints[-1]].name} end", open_joints[-1]))
                 open_joints.append(len(joints) - 1)
             case "}" if open_joints:
@@ -154,7 +158,7 @@ def _hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
                 joints[open_joints[-1]].offset = file_words.numbers(3, "an offset")
             case "CHANNELS" if open_joints:
                 channels = joints[open_joints[-1]].channels
-                channel_columns = _channels(file_words)
+                channel_columns = _read_channels(file_words)
                 channels += [(kind, n_channels + i) for i, kind in enumerate(channel_columns)]
                 n_channels += len(channel_columns)
             case _:
@@ -166,7 +170,7 @@ def _hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
     return joints, n_channels
 
 
-def _name(file_words: _Words) -> str:
+def _read_name(file_words: _Words) -> str:
     """The words before a brace that opens."""
     name_words: list[str] = []
     while (read_word := file_words.word()) != "{":
@@ -178,7 +182,7 @@ def _name(file_words: _Words) -> str:
     return " ".join(name_words)
 
 
-def _channels(file_words: _Words) -> list[int]:
+def _read_channels(file_words: _Words) -> list[int]:
     """The kinds of channels that a joint has."""
     count_text, line_number = file_words.word(), file_words.number
     channel_kinds: list[int] = []
@@ -191,14 +195,14 @@ def _channels(file_words: _Words) -> list[int]:
     return channel_kinds
 
 
-def _motion(file_words: _Words) -> tuple[int, float]:
+def _read_motion_header(file_words: _Words) -> tuple[int, float]:
     """The number of frames, and the frame rate [Hz]."""
-    frame_count_text = _after(file_words, "frames")
+    frame_count_text = _word_after_label(file_words, "frames")
     if frame_count_text is None or not frame_count_text.isdecimal():
         raise file_words.wrong("after MOTION comes `Frames:` and their number")
     if len(frame_count_text) > 9 or int(frame_count_text) > MAX_SAMPLES:
         raise file_words.wrong(f"the file has more than {MAX_SAMPLES:,} samples")
-    period = _after(file_words, "frame", "time")
+    period = _word_after_label(file_words, "frame", "time")
     if period is None:
         raise file_words.wrong("after `Frames:` comes `Frame Time:` and seconds")
     file_words.back(period)
@@ -208,7 +212,7 @@ def _motion(file_words: _Words) -> tuple[int, float]:
     return int(frame_count_text), 1 / frame_seconds
 
 
-def _after(file_words: _Words, *label: str) -> str | None:
+def _word_after_label(file_words: _Words, *label: str) -> str | None:
     """The word after a label and its colon, with or without spaces; None without the label."""
     *first_words, last_word = label
     if any(file_words.word().lower() != expected_word for expected_word in first_words):
@@ -221,7 +225,7 @@ def _after(file_words: _Words, *label: str) -> str | None:
     return (value_text or file_words.word()) if colon == ":" else None
 
 
-def _places(joints: list[_Joint], frame_rows: Floats) -> Floats:
+def _joint_positions(joints: list[_Joint], frame_rows: Floats) -> Floats:
     """Positions of the joints in each frame, (frames, joints, 3)."""
     n = len(frame_rows)
     joint_positions, joint_rotations = (
@@ -235,21 +239,21 @@ def _places(joints: list[_Joint], frame_rows: Floats) -> Floats:
             if channel_kind < 3:
                 joint_places[:, channel_kind] = frame_rows[:, column_index]
             else:
-                joint_rotation = joint_rotation @ _turned(
+                joint_rotation = joint_rotation @ _rotations(
                     channel_kind - 3, frame_rows[:, column_index]
                 )
         if joint.parent is None:
             joint_positions[:, i], joint_rotations[i] = joint_places, joint_rotation
         else:
-            about = joint_rotations[joint.parent]
+            rotation_axis = joint_rotations[joint.parent]
             joint_positions[:, i] = joint_positions[:, joint.parent] + np.einsum(
-                "nij,nj->ni", about, joint_places
+                "nij,nj->ni", rotation_axis, joint_places
             )
-            joint_rotations[i] = about @ joint_rotation
+            joint_rotations[i] = rotation_axis @ joint_rotation
     return joint_positions
 
 
-def _turned(axis: int, degrees: Floats) -> Floats:
+def _rotations(axis: int, degrees: Floats) -> Floats:
     """Rotations about an axis, (n, 3, 3)."""
     angle = degrees * (math.pi / 180)
     j, k = (axis + 1) % 3, (axis + 2) % 3

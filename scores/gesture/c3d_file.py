@@ -18,26 +18,26 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import BLOCK, Motion, judged, metres_of, unique_names
-from ergon.scores.gesture.take_file import Floats, TakeError, opened
+from ergon.scores.gesture.motion import BLOCK_NUMBERS, Motion, metres_of, size_checked, unique_names
+from ergon.scores.gesture.take_file import Floats, TakeError, open_take
 
-_SECTOR = 512
-_DEC = 85
-_ORDERS = {84: "<", _DEC: "<", 86: ">"}  # Intel, DEC, MIPS
-_MANY = 0xFFFF  # largest frame number of the header
-_SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes of a parameter's number, by type
-_READ = {"POINT", "TRIAL"}  # groups of parameters
-_PARAMETERS_MAX = 1 << 17  # bytes: 255 sectors
+_SECTOR_BYTES = 512
+_DEC_PROCESSOR = 85
+_BYTE_ORDER_BY_PROCESSOR = {84: "<", _DEC_PROCESSOR: "<", 86: ">"}  # Intel, DEC, MIPS
+_HEADER_FRAMES_MAX = 0xFFFF  # largest frame number of the header
+_BYTES_BY_TYPE = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes of a parameter's number, by type
+_READ_GROUPS = {"POINT", "TRIAL"}  # groups of parameters
+_PARAMETER_BYTES_MAX = 1 << 17  # bytes: 255 sectors
 
 _Value = tuple[int, tuple[int, ...], bytes]  # type, dimensions, bytes
 
 
-class _Numbers:
+class _NumberFormat:
     """Numbers as the processor of a file writes them."""
 
     def __init__(self, processor: int) -> None:
-        self.order = _ORDERS[processor]
-        self._is_dec = processor == _DEC
+        self.order = _BYTE_ORDER_BY_PROCESSOR[processor]
+        self._is_dec = processor == _DEC_PROCESSOR
 
     def word(self, data: bytes, offset: int) -> int:
         """16 bits without a sign."""
@@ -58,7 +58,7 @@ class _Numbers:
 
 
 @dataclass(frozen=True, slots=True)
-class _Layout:
+class _FrameLayout:
     """How many points and analog values a frame has, how many frames there are, and the scale,
     which is negative for 32-bit numbers.
     """
@@ -89,8 +89,10 @@ class _Layout:
 
 
 def _layouts(
-    header_bytes: bytes, parameter_values: dict[tuple[str, str], _Value], number_format: _Numbers
-) -> list[_Layout]:
+    header_bytes: bytes,
+    parameter_values: dict[tuple[str, str], _Value],
+    number_format: _NumberFormat,
+) -> list[_FrameLayout]:
     """The layouts that the header and the parameters state, that of the header first.
 
     Samples a frame times ANALOG:USED is the number of analog values (C3D.org, 2008, "Analog
@@ -98,16 +100,16 @@ def _layouts(
     """
 
     def finite_number(group: str, name: str) -> float | None:
-        value = _number(parameter_values, group, name, number_format)
+        value = _first_number(parameter_values, group, name, number_format)
         return value if value is not None and math.isfinite(value) and value >= 0 else None
 
-    n = _frames(
+    n = _frame_count(
         number_format.word(header_bytes, 6),
         number_format.word(header_bytes, 8),
         parameter_values,
         number_format,
     )
-    header = _Layout(
+    header = _FrameLayout(
         number_format.word(header_bytes, 2),
         number_format.word(header_bytes, 4),
         n,
@@ -115,50 +117,50 @@ def _layouts(
     )
     point_counts, analog, frame_counts = [header.n_points], [header.n_analog], [n]
     if (used_count := finite_number("POINT", "USED")) is not None:
-        point_counts.append(int(used_count) & _MANY)
+        point_counts.append(int(used_count) & _HEADER_FRAMES_MAX)
     if (used_count := finite_number("ANALOG", "USED")) is not None:
         rates = finite_number("ANALOG", "RATE"), finite_number("POINT", "RATE")
         analog.append(int(used_count) * number_format.word(header_bytes, 18))
         if rates[0] and rates[1]:
-            analog.append(int(used_count) * min(round(rates[0] / rates[1]), _MANY))
+            analog.append(int(used_count) * min(round(rates[0] / rates[1]), _HEADER_FRAMES_MAX))
     if total := finite_number("POINT", "FRAMES"):
         frame_counts.append(int(total))
     scales = [header.scale]
-    scale = _number(parameter_values, "POINT", "SCALE", number_format)
+    scale = _first_number(parameter_values, "POINT", "SCALE", number_format)
     if scale is not None and math.isfinite(scale) and scale * header.scale < 0:
         scales.append(scale)
     candidates = itertools.product(point_counts, analog, frame_counts, scales)
-    return list(dict.fromkeys([header, *itertools.starmap(_Layout, candidates)]))
+    return list(dict.fromkeys([header, *itertools.starmap(_FrameLayout, candidates)]))
 
 
-def _fitting(
-    layouts: list[_Layout], open_file: BufferedReader, start_offset: int, path: Path
-) -> _Layout:
+def _fitting_layout(
+    layouts: list[_FrameLayout], open_file: BufferedReader, start_offset: int, path: Path
+) -> _FrameLayout:
     """The layout that fills the file up to its last sector. Raises TakeError."""
     if len({layout.meaning for layout in layouts}) == 1:
         return layouts[0]
     file_size = os.fstat(open_file.fileno()).st_size
 
-    def left_over(layout: _Layout) -> int:
+    def left_over(layout: _FrameLayout) -> int:
         return file_size - start_offset - layout.n * layout.frame
 
-    def is_followed_by_zeros(layout: _Layout) -> bool:
+    def is_followed_by_zeros(layout: _FrameLayout) -> bool:
         open_file.seek(file_size - left_over(layout))
-        return not any(open_file.read(_SECTOR))
+        return not any(open_file.read(_SECTOR_BYTES))
 
-    fits = [layout for layout in layouts if 0 <= left_over(layout) < _SECTOR]
-    if len({layout.meaning for layout in fits}) > 1:
-        fits = [layout for layout in fits if is_followed_by_zeros(layout)]
-    if len({layout.meaning for layout in fits}) == 1:
-        return fits[0]
-    stated = " or ".join(
+    fitting_layouts = [layout for layout in layouts if 0 <= left_over(layout) < _SECTOR_BYTES]
+    if len({layout.meaning for layout in fitting_layouts}) > 1:
+        fitting_layouts = [layout for layout in fitting_layouts if is_followed_by_zeros(layout)]
+    if len({layout.meaning for layout in fitting_layouts}) == 1:
+        return fitting_layouts[0]
+    stated_layout = " or ".join(
         dict.fromkeys(
             f"{layout.n_points} points with {layout.n_analog} analog values" for layout in layouts
         )
     )
-    count = "several of them fit" if fits else "none of them fits"
+    count = "several of them fit" if fitting_layouts else "none of them fits"
     raise TakeError(
-        f"its header and its parameters disagree: a frame has {stated}, and {count} "
+        f"its header and its parameters disagree: a frame has {stated_layout}, and {count} "
         "the length of the file; write it anew with the program that captured it",
         path,
     )
@@ -166,27 +168,27 @@ def _fitting(
 
 def read(path: Path) -> Motion:
     """The motion in a C3D file. Raises TakeError and OSError."""
-    with opened(path) as open_file:
+    with open_take(path) as open_file:
         file_size = os.fstat(open_file.fileno()).st_size
-        header_bytes = open_file.read(_SECTOR)
-        if len(header_bytes) < _SECTOR or header_bytes[1] != 0x50 or not header_bytes[0]:
+        header_bytes = open_file.read(_SECTOR_BYTES)
+        if len(header_bytes) < _SECTOR_BYTES or header_bytes[1] != 0x50 or not header_bytes[0]:
             raise TakeError("this is not a C3D file", path)
         number_format, parameter_values = _parameters(
-            open_file, _SECTOR * (header_bytes[0] - 1), path
+            open_file, _SECTOR_BYTES * (header_bytes[0] - 1), path
         )
-        rate = _number(parameter_values, "POINT", "RATE", number_format) or number_format.real(
-            header_bytes, 20
-        )
-        start_offset = _SECTOR * (number_format.word(header_bytes, 16) - 1)
+        rate = _first_number(
+            parameter_values, "POINT", "RATE", number_format
+        ) or number_format.real(header_bytes, 20)
+        start_offset = _SECTOR_BYTES * (number_format.word(header_bytes, 16) - 1)
         header, *others = _layouts(header_bytes, parameter_values, number_format)
         if (
             not math.isfinite(header.scale)
             or not header.scale
-            or start_offset < _SECTOR
+            or start_offset < _SECTOR_BYTES
             or header.n < 0
         ):
             raise TakeError("this is not a C3D file that can be read: its header is damaged", path)
-        layout = _fitting([header, *others], open_file, start_offset, path)
+        layout = _fitting_layout([header, *others], open_file, start_offset, path)
     n_points, n, is_real, frame_bytes = layout.n_points, layout.n, layout.is_real, layout.frame
     # POINT:SCALE repeats the header's scale; floating-point numbers are not scaled.
     factor = 1.0 if is_real else layout.scale
@@ -195,34 +197,34 @@ def read(path: Path) -> Motion:
         n_complete = max(0, (file_size - start_offset) // frame_bytes)
         raise TakeError(f"the file is cut: of {n:,} frames {n_complete:,} are there", path)
     is_rate = math.isfinite(rate) and rate > 0
-    metres = metres_of(_text(parameter_values, "POINT", "UNITS").replace("\0", " "))
+    metres = metres_of(_parameter_text(parameter_values, "POINT", "UNITS").replace("\0", " "))
 
     def blocks() -> Iterator[Floats]:
-        with opened(path) as open_file:
+        with open_take(path) as open_file:
             open_file.seek(start_offset)
-            frames_left, frames_max = n, max(1, BLOCK * frame_width // max(frame_bytes, 1))
+            frames_left, frames_max = n, max(1, BLOCK_NUMBERS * frame_width // max(frame_bytes, 1))
             while frames_left:
                 file_bytes = open_file.read(frame_bytes * min(frames_left, frames_max))
                 if len(file_bytes) != frame_bytes * min(frames_left, frames_max):
                     raise TakeError("the file is shorter than its header says", path)
                 frames_left -= len(file_bytes) // frame_bytes
                 yield (
-                    _places(
+                    _point_positions(
                         file_bytes, len(file_bytes) // frame_bytes, n_points, number_format, is_real
                     )
                     * factor
                 )
 
-    labels = _labels(parameter_values, n_points)
+    labels = _point_names(parameter_values, n_points)
     passed_over = [f"{layout.n_analog:,} analog values a frame"] if layout.n_analog else []
-    if groups := sorted({group for group, _ in parameter_values if group} - _READ):
+    if groups := sorted({group for group, _ in parameter_values if group} - _READ_GROUPS):
         passed_over.append(f"parameters of {', '.join(groups)}")
     motion = Motion(labels, n, rate if is_rate else None, metres, blocks, None, tuple(passed_over))
-    return judged(motion, path)
+    return size_checked(motion, path)
 
 
-def _places(
-    file_bytes: bytes, n: int, n_points: int, number_format: _Numbers, is_real: bool
+def _point_positions(
+    file_bytes: bytes, n: int, n_points: int, number_format: _NumberFormat, is_real: bool
 ) -> Floats:
     """Positions (n, points, 3); NaN if the fourth word of a point is negative."""
     if is_real:
@@ -235,13 +237,13 @@ def _places(
 
 def _parameters(
     open_file: BufferedReader, parameters_start: int, path: Path
-) -> tuple[_Numbers, dict[tuple[str, str], _Value]]:
+) -> tuple[_NumberFormat, dict[tuple[str, str], _Value]]:
     """Parameters by the names of their groups and their own."""
     open_file.seek(parameters_start)
-    file_bytes = open_file.read(_PARAMETERS_MAX)
-    if len(file_bytes) < 4 or file_bytes[3] not in _ORDERS:
+    file_bytes = open_file.read(_PARAMETER_BYTES_MAX)
+    if len(file_bytes) < 4 or file_bytes[3] not in _BYTE_ORDER_BY_PROCESSOR:
         raise TakeError("this is not a C3D file that can be read: no parameters", path)
-    number_format = _Numbers(file_bytes[3])
+    number_format = _NumberFormat(file_bytes[3])
     group_names: dict[int, str] = {}
     rows_found: list[tuple[int, str, _Value]] = []
     parameters_start = 4
@@ -263,7 +265,7 @@ def _parameters(
         byte_offset = number_format.word(file_bytes, parameters_start)
         if group_number >= 0x80:
             group_names[0x100 - group_number] = parameter_name
-        elif (value := _value(file_bytes, parameters_start + 2)) is not None:
+        elif (value := _parameter_at(file_bytes, parameters_start + 2)) is not None:
             rows_found.append((group_number, parameter_name, value))
         if not byte_offset:
             break
@@ -273,29 +275,29 @@ def _parameters(
     }
 
 
-def _value(parameter_bytes: bytes, byte_offset: int) -> _Value | None:
+def _parameter_at(parameter_bytes: bytes, byte_offset: int) -> _Value | None:
     """The parameter that begins at an offset; None if it is damaged."""
     if byte_offset + 2 > len(parameter_bytes):
         return None
     value_kind, n_dimensions = struct.unpack_from("bB", parameter_bytes, byte_offset)
     dimensions = tuple(parameter_bytes[byte_offset + 2 : byte_offset + 2 + n_dimensions])
-    value_size = _SIZES.get(value_kind, 0) * math.prod(dimensions)
+    value_size = _BYTES_BY_TYPE.get(value_kind, 0) * math.prod(dimensions)
     byte_offset += 2 + n_dimensions
-    if value_kind not in _SIZES or byte_offset + value_size > len(parameter_bytes):
+    if value_kind not in _BYTES_BY_TYPE or byte_offset + value_size > len(parameter_bytes):
         return None
     return value_kind, dimensions, parameter_bytes[byte_offset : byte_offset + value_size]
 
 
-def _text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:
+def _parameter_text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:
     kind, _, data = values.get((group, name), (0, (), b""))
     return data.decode("latin-1") if kind == -1 else ""
 
 
-def _number(
+def _first_number(
     cell_values: dict[tuple[str, str], _Value],
     group_name: str,
     parameter_name: str,
-    number_format: _Numbers,
+    number_format: _NumberFormat,
 ) -> float | None:
     """The first number of a parameter; two 16-bit integers are one number, the frame count of a
     long file.
@@ -308,26 +310,26 @@ def _number(
     return number_format.word(value_bytes, 0) if value_kind == 2 and len(value_bytes) >= 2 else None
 
 
-def _frames(
+def _frame_count(
     first_frame: int,
     last_frame: int,
     parameter_values: dict[tuple[str, str], _Value],
-    number_format: _Numbers,
+    number_format: _NumberFormat,
 ) -> int:
     """The number of frames; from parameters if it is too large for the header."""
-    if last_frame == _MANY:
-        begin_field = _number(parameter_values, "TRIAL", "ACTUAL_START_FIELD", number_format)
-        end = _number(parameter_values, "TRIAL", "ACTUAL_END_FIELD", number_format)
+    if last_frame == _HEADER_FRAMES_MAX:
+        begin_field = _first_number(parameter_values, "TRIAL", "ACTUAL_START_FIELD", number_format)
+        end = _first_number(parameter_values, "TRIAL", "ACTUAL_END_FIELD", number_format)
         if begin_field and end and math.isfinite(begin_field) and math.isfinite(end):
             return int(end) - int(begin_field) + 1
         for name in ("LONG_FRAMES", "FRAMES"):
-            n = _number(parameter_values, "POINT", name, number_format)
+            n = _first_number(parameter_values, "POINT", name, number_format)
             if n and math.isfinite(n):
                 return int(n)
     return last_frame - first_frame + 1
 
 
-def _labels(parameter_values: dict[tuple[str, str], _Value], n: int) -> tuple[str, ...]:
+def _point_names(parameter_values: dict[tuple[str, str], _Value], n: int) -> tuple[str, ...]:
     """Names of points, (n,)."""
     point_names: list[str] = []
     label_number = 1
@@ -335,7 +337,10 @@ def _labels(parameter_values: dict[tuple[str, str], _Value], n: int) -> tuple[st
         label := ("POINT", "LABELS" if label_number == 1 else f"LABELS{label_number}")
     ) in parameter_values:
         _, dimensions, _ = parameter_values[label]
-        text, width = _text(parameter_values, *label), max(1, dimensions[0] if dimensions else 1)
+        text, width = (
+            _parameter_text(parameter_values, *label),
+            max(1, dimensions[0] if dimensions else 1),
+        )
         point_names += [text[i : i + width].strip(" \0") for i in range(0, len(text), width)]
         label_number += 1
     return unique_names([*point_names, *[""] * n][:n])

@@ -10,13 +10,13 @@ from ergon.notation.clock.meter import Bars, Meter
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture.take_file import TakeError
 
-_Written = TypeVar("_Written")
+_Meter = TypeVar("_Meter")
 
 
 def on_bar_lines(
     path: Path,
-    meters: Iterable[tuple[float, _Written]],
-    read_meter: Callable[[_Written], Meter],
+    meters: Iterable[tuple[float, _Meter]],
+    read_meter: Callable[[_Meter], Meter],
 ) -> tuple[tuple[float, Meter], ...]:
     """Meters by quarter notes from the beginning, each read by `read_meter`, which raises
     TextError.

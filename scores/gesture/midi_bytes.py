@@ -14,7 +14,8 @@ NOTE_OFF, NOTE_ON, KEY_PRESSURE, CONTROLLER = 0x80, 0x90, 0xA0, 0xB0  # kinds of
 PROGRAM, CHANNEL_PRESSURE, PITCH_BEND = 0xC0, 0xD0, 0xE0
 SYSEX, SYSEX_PART, META = 0xF0, 0xF7, 0xFF
 TRACK_NAME, END_OF_TRACK, SET_TEMPO, METER = 0x03, 0x2F, 0x51, 0x58  # kinds of meta events
-_SIZES = {0x8: 2, 0x9: 2, 0xA: 2, 0xB: 2, 0xC: 1, 0xD: 1, 0xE: 2}  # bytes after each status
+# Bytes after each status.
+_DATA_BYTES_BY_STATUS = {0x8: 2, 0x9: 2, 0xA: 2, 0xB: 2, 0xC: 1, 0xD: 1, 0xE: 2}
 _NAME_SIZE = 8  # bytes of a chunk's name and length
 
 
@@ -133,7 +134,7 @@ class MidiBytes:
                 status, byte_offset = byte, byte_offset + 1
             elif not status:
                 raise self.damaged(byte_offset, "data without a status before it")
-            event_size = _SIZES[status >> 4]
+            event_size = _DATA_BYTES_BY_STATUS[status >> 4]
             event_content = self.data[byte_offset : byte_offset + event_size]
             if byte_offset + event_size > track_stop or any(byte & 0x80 for byte in event_content):
                 raise self.damaged(byte_offset, "an event lacks its data")

@@ -36,11 +36,12 @@ def _read(path: Path, channel: int | None, midi_source: MidiSource, _: FileState
         if event.kind == midi_source.kind
         and (not midi_source.numbers or event.number in midi_source.numbers)
     ]
-    moving = [event for event in track_events if channel in (None, event.channel)]
-    if not moving:
-        raise TakeError(_nothing(midi_source, track_events, channel), path, field="by")
-    moving.sort(key=lambda event: event.tick)
-    by_tick = dict(_shares(moving, midi_source))  # the last of several values in a tick
+    moving_events = [event for event in track_events if channel in (None, event.channel)]
+    if not moving_events:
+        raise TakeError(_nothing_message(midi_source, track_events, channel), path, field="by")
+    moving_events.sort(key=lambda event: event.tick)
+    # Of several values in a tick the last one counts.
+    by_tick = dict(_ticks_and_shares(moving_events, midi_source))
     course, share_before = [], None
     for tick, travel_share in by_tick.items():
         if travel_share != share_before:
@@ -51,7 +52,7 @@ def _read(path: Path, channel: int | None, midi_source: MidiSource, _: FileState
     return tuple(course)
 
 
-def _shares(
+def _ticks_and_shares(
     midi_events: Iterable[MidiEvent], midi_source: MidiSource
 ) -> Iterator[tuple[int, float]]:
     """The tick of each event, and the position of the source then.
@@ -75,7 +76,9 @@ def _shares(
         yield midi_event.tick, travel_share
 
 
-def _nothing(midi_source: MidiSource, events: Iterable[MidiEvent], channel: int | None) -> str:
+def _nothing_message(
+    midi_source: MidiSource, events: Iterable[MidiEvent], channel: int | None
+) -> str:
     """Why there is nothing on a channel."""
     channels = sorted({event.channel for event in events})
     if not channels:

@@ -15,10 +15,11 @@ SUFFIXES = (".mid", ".midi", ".rmi")
 SUSTAIN = 64  # the controller of the pedal
 MAX_BYTES = 4_000_000  # a million notes: two seconds to read
 MAX_NOTES = 100_000  # notes that are played
-_OFF, _PEDAL, _ON, _OTHER = range(4)  # kinds of events, in the order in which those of a tick act
+# Kinds of events, in the order in which those of a tick act.
+_OFF_KIND, _PEDAL_KIND, _ON_KIND, _OTHER_KIND = range(4)
 
 
-class _Event(NamedTuple):
+class _ChannelEvent(NamedTuple):
     """An event of a channel: its tick, its kind, and its two numbers."""
 
     tick: int
@@ -78,23 +79,23 @@ def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
     channel_asked = channel_number(path, channel_name)
     midi_bytes = read_bytes(path)
     header = midi_bytes.header()
-    by_channel: dict[int, list[_Event]] = {}
+    by_channel: dict[int, list[_ChannelEvent]] = {}
     with_notes: set[int] = set()
     end_tick, note_count = 0, 0
     for track in header.tracks:
         for track_event in midi_bytes.track(track):
             end_tick = max(end_tick, track_event.tick)
-            note_event = _event(track_event)
-            if note_event.kind == _OTHER:
+            note_event = _channel_event(track_event)
+            if note_event.kind == _OTHER_KIND:
                 continue
-            with_notes |= {track_event.channel} if note_event.kind == _ON else set()
+            with_notes |= {track_event.channel} if note_event.kind == _ON_KIND else set()
             channel_events = by_channel.setdefault(track_event.channel, [])
             if channel_asked is None or track_event.channel == channel_asked:
-                note_count += note_event.kind == _ON
+                note_count += note_event.kind == _ON_KIND
                 if note_count > MAX_NOTES:
                     raise TakeError(f"more than {MAX_NOTES:,} notes are played", path)
                 channel_events.append(note_event)
-    played = [note for events in by_channel.values() for note in _notes(events, end_tick)]
+    played = [note for events in by_channel.values() for note in _notes_of_events(events, end_tick)]
     if not played:
         channel_list = ", ".join(
             str(channel_with_notes) for channel_with_notes in sorted(with_notes)
@@ -116,23 +117,29 @@ def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
     )
 
 
-def _event(message: MidiEvent) -> _Event:
+def _channel_event(message: MidiEvent) -> _ChannelEvent:
     """What a message does to notes."""
     message_number, message_value = message.number, message.content[-1] if message.content else 0
     if message.kind == NOTE_ON:
-        return _Event(message.tick, _ON if message_value else _OFF, message_number, message_value)
+        return _ChannelEvent(
+            message.tick, _ON_KIND if message_value else _OFF_KIND, message_number, message_value
+        )
     if message.kind == NOTE_OFF:
-        return _Event(message.tick, _OFF, message_number, message_value)
+        return _ChannelEvent(message.tick, _OFF_KIND, message_number, message_value)
     is_pedal = message.kind == CONTROLLER and message_number == SUSTAIN
-    return _Event(message.tick, _PEDAL if is_pedal else _OTHER, message_number, message_value)
+    return _ChannelEvent(
+        message.tick, _PEDAL_KIND if is_pedal else _OTHER_KIND, message_number, message_value
+    )
 
 
-def _in_order(event: _Event) -> tuple[int, int]:
+def _tick_order(event: _ChannelEvent) -> tuple[int, int]:
     """What ends at a tick comes before what begins."""
     return event.tick, event.kind
 
 
-def _notes(midi_events: list[_Event], end_tick: int) -> Iterator[tuple[int, int, int, int | None]]:
+def _notes_of_events(
+    midi_events: list[_ChannelEvent], end_tick: int
+) -> Iterator[tuple[int, int, int, int | None]]:
     """The notes of a channel: tick, number, velocity, and for how many ticks each is held.
 
     A note ends with its key; while the pedal (controller 64) is down, where that comes up, or at
@@ -147,17 +154,17 @@ def _notes(midi_events: list[_Event], end_tick: int) -> Iterator[tuple[int, int,
             begin, velocity = notes.pop(number)
             yield begin, number, velocity, tick - begin
 
-    for note_event in sorted(midi_events, key=_in_order):
-        if note_event.kind == _PEDAL:
+    for note_event in sorted(midi_events, key=_tick_order):
+        if note_event.kind == _PEDAL_KIND:
             is_down = note_event.value >= 64
             for note_number in [] if is_down else [*on_pedal]:
                 yield from ended(on_pedal, note_number, note_event.tick)
             continue
         note_number = note_event.number
-        if note_event.kind == _OFF and is_down and note_number in open_notes:
+        if note_event.kind == _OFF_KIND and is_down and note_number in open_notes:
             yield from ended(on_pedal, note_number, note_event.tick)
             on_pedal[note_number] = open_notes.pop(note_number)
-        elif note_event.kind == _OFF:
+        elif note_event.kind == _OFF_KIND:
             yield from ended(open_notes, note_number, note_event.tick)
         else:
             yield from ended(open_notes, note_number, note_event.tick)

@@ -22,11 +22,11 @@ SOURCES = {
     "pressure": "the pressure on the keys (channel pressure)",
     "pressure C4": "the pressure on one key (polyphonic pressure)",
 }
-_HEADS = {"bend": PITCH_BEND, "pressure": CHANNEL_PRESSURE}
-_MIDI_MAX = 127
-_PAIR_MAX = 16383
-_WHEEL_MIDDLE = 8192
-_PAIR = re.compile(r"([0-9]{1,3})(?:/([0-9]{1,3}))?")
+_KINDS_BY_WORD = {"bend": PITCH_BEND, "pressure": CHANNEL_PRESSURE}
+_SEVEN_BIT_MAX = 127
+_FOURTEEN_BIT_MAX = 16383
+_WHEEL_CENTRE = 8192
+_CONTROLLERS_PATTERN = re.compile(r"([0-9]{1,3})(?:/([0-9]{1,3}))?")
 
 
 class MidiSource(NamedTuple):
@@ -43,7 +43,7 @@ class MidiSource(NamedTuple):
             return f"cc {'/'.join(map(str, self.numbers))}"
         if self.kind == KEY_PRESSURE:
             return f"pressure {self.numbers[0]}"
-        return next(word for word, kind in _HEADS.items() if kind == self.kind)
+        return next(word for word, kind in _KINDS_BY_WORD.items() if kind == self.kind)
 
 
 def parse_source(written_text: str) -> MidiSource:
@@ -56,8 +56,8 @@ def parse_source(written_text: str) -> MidiSource:
         )
     if prefix == "pressure" and source_text:
         return MidiSource(KEY_PRESSURE, (note_number(source_text),))
-    if prefix in _HEADS and not source_text:
-        return MidiSource(_HEADS[prefix])
+    if prefix in _KINDS_BY_WORD and not source_text:
+        return MidiSource(_KINDS_BY_WORD[prefix])
     message = (
         f"{quote(written_text)} is not what moves in MIDI: write cc 21, cc 1/33, bend, pressure or "
     )
@@ -66,11 +66,11 @@ def parse_source(written_text: str) -> MidiSource:
 
 def _controllers(controllers_text: str, text_offset: int) -> tuple[int, ...]:
     """`21`, or `1/33`: the controllers of the upper and of the lower seven bits."""
-    match = _PAIR.fullmatch(controllers_text)
+    match = _CONTROLLERS_PATTERN.fullmatch(controllers_text)
     controller_numbers = (
         [int(number) for number in match.groups() if number is not None] if match else []
     )
-    if not controller_numbers or max(controller_numbers) > _MIDI_MAX:
+    if not controller_numbers or max(controller_numbers) > _SEVEN_BIT_MAX:
         message = (
             f"{quote(controllers_text)} is not a controller: write a number from 0 to 127, or two "
             "such "
@@ -88,16 +88,16 @@ def _controllers(controllers_text: str, text_offset: int) -> tuple[int, ...]:
 
 def seven_bit_share(value: int) -> float:
     """The position of a controller or a pressure, from 0 to 1."""
-    return value / _MIDI_MAX
+    return value / _SEVEN_BIT_MAX
 
 
 def pair_share(upper: int, lower: int) -> float:
     """The joint position of two controllers, from 0 to 1."""
-    return (upper << 7 | lower) / _PAIR_MAX
+    return (upper << 7 | lower) / _FOURTEEN_BIT_MAX
 
 
 def wheel_share(wheel_value: int) -> float:
     """The position of the wheel: 0 and 1 at its ends (0 and 16383), one half in its middle."""
-    if wheel_value <= _WHEEL_MIDDLE:
-        return 0.5 * wheel_value / _WHEEL_MIDDLE
-    return 0.5 + 0.5 * (wheel_value - _WHEEL_MIDDLE) / (_PAIR_MAX - _WHEEL_MIDDLE)
+    if wheel_value <= _WHEEL_CENTRE:
+        return 0.5 * wheel_value / _WHEEL_CENTRE
+    return 0.5 + 0.5 * (wheel_value - _WHEEL_CENTRE) / (_FOURTEEN_BIT_MAX - _WHEEL_CENTRE)

@@ -23,9 +23,11 @@ from ergon.scores.gesture.midi_wheels import CONTROLLERS
 from ergon.scores.gesture.take_file import TakeError
 
 MAX_CHANGES = 100_000  # tempos, or meters, that a score takes over
-QUARTER = 500_000  # [us] of a quarter note where a file says no tempo (RP-001, "Set Tempo")
-_MINUTE = 60e6  # [us]
-_LARGEST_UNIT = 6  # a power of two: 1/64
+DEFAULT_QUARTER_MICROSECONDS = (
+    500_000  # [us] of a quarter note where a file says no tempo (RP-001, "Set Tempo")
+)
+_MICROSECONDS_PER_MINUTE = 60e6  # [us]
+_METER_POWER_MAX = 6  # a power of two: 1/64
 # What is counted, by the kind of event, in the order in which it is said: singular and plural.
 NOUNS = {
     m.PITCH_BEND: ("pitch bend", "pitch bends"),
@@ -35,8 +37,8 @@ NOUNS = {
     m.SYSEX: ("system exclusive message", "system exclusive messages"),
     m.CONTROLLER: ("controller value", "controller values"),
 }
-FOLLOWED = (m.PITCH_BEND, m.CHANNEL_PRESSURE, m.KEY_PRESSURE, m.CONTROLLER)  # by automation
-_NUMBERED = (m.CONTROLLER, m.KEY_PRESSURE)
+FOLLOWED_KINDS = (m.PITCH_BEND, m.CHANNEL_PRESSURE, m.KEY_PRESSURE, m.CONTROLLER)  # by automation
+_NUMBERED_KINDS = (m.CONTROLLER, m.KEY_PRESSURE)
 
 
 class MidiMove(NamedTuple):
@@ -108,7 +110,7 @@ class MidiSurvey:
 
     def seconds(self, quarters: float) -> float:
         """The instant of a place of the file, by its own tempos [s]."""
-        starts = [(0.0, QUARTER), *self.tempos]
+        starts = [(0.0, DEFAULT_QUARTER_MICROSECONDS), *self.tempos]
         n_changes = bisect_right(starts, quarters, key=lambda change: change[0])
         ends = [*(start for start, _ in starts[1:n_changes]), quarters]
         pairs = zip(starts[:n_changes], ends, strict=True)
@@ -136,12 +138,12 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
         result.tracks.append(track)
         sounding = Counter[tuple[int, int]]()
         for event in file.track(span):
-            _follow(event, sounding)
+            _follow_note(event, sounding)
             last_tick = max(last_tick, event.tick)
             if event.kind != m.META:
-                _count(event, track, result)
+                _count_move(event, track, result)
             elif event.number == m.TRACK_NAME and not track.name:
-                track.name = _text(event.content)
+                track.name = _decoded_text(event.content)
             elif event.number == m.SET_TEMPO:
                 _note_tempo(event, tempos, result)
             elif event.number == m.METER:
@@ -152,12 +154,12 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
     result.length, result.n_bytes_unread = last_tick / ticks, file.n_unread
     result.n_missing = header.n_missing
     result.n_tempos, result.n_meters = len(tempos), len(meters)
-    result.tempos = [(tick / ticks, micros) for tick, micros in _latest(tempos)]
-    result.meters = [(tick / ticks, *meter) for tick, meter in _latest(meters)]
+    result.tempos = [(tick / ticks, micros) for tick, micros in _last_change_at_each_tick(tempos)]
+    result.meters = [(tick / ticks, *meter) for tick, meter in _last_change_at_each_tick(meters)]
     return result
 
 
-def _follow(event: MidiEvent, sounding: Counter[tuple[int, int]]) -> None:
+def _follow_note(event: MidiEvent, sounding: Counter[tuple[int, int]]) -> None:
     """Count the notes that sound, by channel and number. One key may be down several times."""
     note = event.channel, event.number
     if event.kind == m.NOTE_ON and event.content[1]:
@@ -190,15 +192,15 @@ def _note_meter(
     meters.append((event.tick, (count, power)))
 
 
-def _count(event: MidiEvent, track: MidiTrack, result: MidiSurvey) -> None:
+def _count_move(event: MidiEvent, track: MidiTrack, result: MidiSurvey) -> None:
     if event.kind == m.NOTE_ON and event.content[1]:
         track.notes.setdefault(event.channel, NoteCount()).add(event.number)
     elif event.kind in NOUNS:
-        number = event.number if event.kind in _NUMBERED else 0
+        number = event.number if event.kind in _NUMBERED_KINDS else 0
         result.moves[MidiMove(event.kind, event.channel, number)] += 1
 
 
-def _text(content: bytes) -> str:
+def _decoded_text(content: bytes) -> str:
     """A text of a file, which says no encoding."""
     try:
         return content.decode()
@@ -209,7 +211,7 @@ def _text(content: bytes) -> str:
 _Value = TypeVar("_Value")
 
 
-def _latest(changes: Iterable[tuple[int, _Value]]) -> list[tuple[int, _Value]]:
+def _last_change_at_each_tick(changes: Iterable[tuple[int, _Value]]) -> list[tuple[int, _Value]]:
     """Changes in the order of time; of several at one tick the last, which all others follow."""
     return [*dict(sorted(changes, key=lambda change: change[0])).items()]
 
@@ -226,15 +228,17 @@ def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
 def _tempos(path: Path, state: FileState) -> tuple[tuple[float, float], ...]:
     file, result = _survey(path, state), []
     _check_count(len(file.tempos), "tempos", path)
-    first_tempo = () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, QUARTER),)
+    first_tempo = (
+        () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, DEFAULT_QUARTER_MICROSECONDS),)
+    )
     for quarter, micros in (*first_tempo, *file.tempos):
-        if not micros or not SLOWEST <= _MINUTE / micros <= FASTEST:
+        if not micros or not SLOWEST <= _MICROSECONDS_PER_MINUTE / micros <= FASTEST:
             message = (
                 f"its tempo {quarter:g} quarters after the beginning is {micros} microseconds a "
                 f"quarter; a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm"
             )
             raise TakeError(message, path)
-        result.append((quarter, _MINUTE / micros))
+        result.append((quarter, _MICROSECONDS_PER_MINUTE / micros))
     return tuple(result)
 
 
@@ -257,7 +261,7 @@ def _meters(path: Path, state: FileState) -> tuple[tuple[float, Meter], ...]:
 def _meter(count_and_power: tuple[int, int]) -> Meter:
     """A meter by its beats and the power of two of their note. Raises TextError."""
     count, power = count_and_power
-    if not 1 <= count <= MAX_BEATS or power > _LARGEST_UNIT:
+    if not 1 <= count <= MAX_BEATS or power > _METER_POWER_MAX:
         raise TextError(f"no score has a meter {count}/2^{power}")
     return Meter(count, 2**power, (count,))
 
@@ -267,7 +271,7 @@ def _check_count(count: int, noun: str, path: Path) -> None:
         raise TakeError(f"it has more than {MAX_CHANGES:,} {noun}", path)
 
 
-def passed_over(
+def unused_contents(
     file: MidiSurvey,
     *,
     has_pedal: bool,

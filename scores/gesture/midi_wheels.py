@@ -17,15 +17,16 @@ from ergon.scores.gesture.midi_file import FileState, channel_number, read_bytes
 from ergon.scores.gesture.take_file import TakeError
 
 MAX_POINTS = 100_000  # movements of notes
-_CENTRE = 8192  # middle of the wheel, which has 14 bits
+_WHEEL_CENTRE = 8192  # middle of the wheel, which has 14 bits
 # The controllers that say the range of a wheel, and zones.
-CONTROLLERS = _DATA, _DATA_FINE, _RPN_FINE, _RPN = 6, 38, 100, 101
+CONTROLLERS = _DATA_COARSE, _DATA_FINE, _RPN_FINE, _RPN_COARSE = 6, 38, 100, 101
 _RANGE_PARAMETER, _ZONE_PARAMETER = 0, 6  # registered parameters
-_MASTERS = {1: range(2, 17), 16: range(15, 0, -1)}  # of the zones, with the channels that they take
-_MEMBER_CENTS = 4800.0  # [cents] range of the wheel of a channel in a zone (MPE, section 2.4)
-_MASTER_CENTS = 200.0  # [cents]
+# The master channels of zones, each with the channels that it takes.
+_ZONE_CHANNELS_BY_MASTER = {1: range(2, 17), 16: range(15, 0, -1)}
+_MEMBER_RANGE_CENTS = 4800.0  # [cents] range of the wheel of a channel in a zone (MPE, section 2.4)
+_MASTER_RANGE_CENTS = 200.0  # [cents]
 # Of the events at one tick the wheel and controllers come first: a note begins at its pitch.
-_ORDER = {CONTROLLER: 0, PITCH_BEND: 1, NOTE_ON: 2}
+_KIND_ORDER = {CONTROLLER: 0, PITCH_BEND: 1, NOTE_ON: 2}
 
 # By the number of a note: quarter notes from the beginning, and cents from then on.
 NoteCurves = Mapping[int, tuple[tuple[float, float], ...]]
@@ -47,8 +48,8 @@ def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCu
     file = read_bytes(path)
     header = file.header()
     file_events = [*chain.from_iterable(map(file.track, header.tracks))]
-    file_events = [event for event in file_events if event.kind in _ORDER]
-    file_events.sort(key=lambda event: (event.tick, _ORDER[event.kind]))
+    file_events = [event for event in file_events if event.kind in _KIND_ORDER]
+    file_events.sort(key=lambda event: (event.tick, _KIND_ORDER[event.kind]))
     wheels, curve_points = Wheels(cents), dict[int, dict[float, float]]()
     curve_count = 0
     for wheel_event in file_events:
@@ -121,8 +122,8 @@ class Wheels:
             return
         if event.kind == PITCH_BEND:
             self._wheels[channel].value = (
-                event_content[0] + 128 * event_content[1] - _CENTRE
-            ) / _CENTRE
+                event_content[0] + 128 * event_content[1] - _WHEEL_CENTRE
+            ) / _WHEEL_CENTRE
         elif not self._controlled(channel, *event_content):
             return
         for number in self.notes(channel):
@@ -131,22 +132,25 @@ class Wheels:
     def _controlled(self, channel: int, controller_number: int, controller_value: int) -> bool:
         """Follow a controller; whether it has set the range of a wheel."""
         wheel = self._wheels[channel]
-        if controller_number in (_RPN, _RPN_FINE):
+        if controller_number in (_RPN_COARSE, _RPN_FINE):
             wheel.parameter[controller_number == _RPN_FINE] = controller_value
             return False
         if (
             wheel.parameter == [0, _ZONE_PARAMETER]
-            and controller_number == _DATA
-            and channel in _MASTERS
+            and controller_number == _DATA_COARSE
+            and channel in _ZONE_CHANNELS_BY_MASTER
         ):
             self._set_zone(channel, controller_value)
             return False
-        if wheel.parameter != [0, _RANGE_PARAMETER] or controller_number not in (_DATA, _DATA_FINE):
+        if wheel.parameter != [0, _RANGE_PARAMETER] or controller_number not in (
+            _DATA_COARSE,
+            _DATA_FINE,
+        ):
             return False
         semitones, hundredths = divmod(wheel.range, 100.0)
         wheel.range = (
             controller_value * 100.0 + hundredths
-            if controller_number == _DATA
+            if controller_number == _DATA_COARSE
             else semitones * 100.0 + controller_value
         )
         if channel in self._masters:  # the range of one channel of a zone is that of all
@@ -158,9 +162,9 @@ class Wheels:
     def _set_zone(self, master: int, n_channels: int) -> None:
         """Give a master a number of channels, from its own on; 0 ends the zone."""
         self._masters = {c: m for c, m in self._masters.items() if m != master}
-        channels = list(_MASTERS[master])[: min(n_channels, 15)]
+        channels = list(_ZONE_CHANNELS_BY_MASTER[master])[: min(n_channels, 15)]
         self._masters |= dict.fromkeys(channels, master)
         if channels:
-            self._wheels[master].range = _MASTER_CENTS
+            self._wheels[master].range = _MASTER_RANGE_CENTS
         for channel in channels:
-            self._wheels[channel].range = _MEMBER_CENTS
+            self._wheels[channel].range = _MEMBER_RANGE_CENTS

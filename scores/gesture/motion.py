@@ -21,11 +21,11 @@ from ergon.scores.gesture.points import UNITS_PER_METRE
 from ergon.scores.gesture.take_file import MAX_CHANNELS, MAX_SAMPLES, Floats, TakeError
 
 AXES = ("x", "y", "z", "auto")
-BLOCK = 1 << 18  # numbers that are read at once
-_HIDDEN_MAX = 0.2  # s that a spline runs across
-_STRAIGHT = 0.8  # smallest share of the variance along the line of `auto`
+BLOCK_NUMBERS = 1 << 18  # numbers that are read at once
+_HIDDEN_SECONDS_MAX = 0.2  # s that a spline runs across
+_STRAIGHT_VARIANCE_SHARE_MIN = 0.8  # smallest share of the variance along the line of `auto`
 _NAMES_LISTED_MAX = 8
-_HIDDEN = ("", "NULL")  # cells of a hidden point
+_HIDDEN_WORDS = ("", "NULL")  # cells of a hidden point
 _UNIT_WORDS = {
     **dict.fromkeys(("millimeters", "millimetres", "millimeter", "millimetre"), "mm"),
     **dict.fromkeys(("centimeters", "centimetres", "centimeter", "centimetre"), "cm"),
@@ -60,7 +60,7 @@ def metres_of(unit: str) -> float | None:
     return None if divisor is None else 1 / divisor
 
 
-def judged(motion: Motion, path: Path) -> Motion:
+def size_checked(motion: Motion, path: Path) -> Motion:
     """The motion itself, if its size is one that a take may have. Raises TakeError."""
     if not motion.points:
         raise TakeError("the file holds no points that move", path)
@@ -89,7 +89,7 @@ def positions(
     """
     words = [cell.strip() for column in starts for cell in cells[column : column + 3]]
     try:
-        positions_read = [nan if word.upper() in _HIDDEN else float(word) for word in words]
+        positions_read = [nan if word.upper() in _HIDDEN_WORDS else float(word) for word in words]
     except ValueError:
         raise TakeError("this line is not a row of numbers", path, line_number) from None
     if any(abs(value) > _COORDINATE_MAX for value in positions_read):
@@ -97,7 +97,7 @@ def positions(
     return positions_read
 
 
-def in_blocks(frame_rows: Iterable[list[float]], n: int, path: Path) -> Iterator[Floats]:
+def position_blocks(frame_rows: Iterable[list[float]], n: int, path: Path) -> Iterator[Floats]:
     """Rows of positions as (frames, points, 3). Raises TakeError if the number of rows is not
     `n`.
     """
@@ -106,7 +106,7 @@ def in_blocks(frame_rows: Iterable[list[float]], n: int, path: Path) -> Iterator
     for frame_row in frame_rows:
         row_block.append(frame_row)
         n_rows += 1
-        if len(row_block) * len(frame_row) >= BLOCK:
+        if len(row_block) * len(frame_row) >= BLOCK_NUMBERS:
             yield np.array(row_block).reshape(len(row_block), -1, 3)
             row_block = []
     if row_block:
@@ -115,7 +115,9 @@ def in_blocks(frame_rows: Iterable[list[float]], n: int, path: Path) -> Iterator
         raise TakeError(f"the file says {n:,} frames, and holds {n_rows:,}", path)
 
 
-def chosen(point_names: Sequence[str], channel_name: str | None, path: Path) -> tuple[int, str]:
+def chosen_point_and_axis(
+    point_names: Sequence[str], channel_name: str | None, path: Path
+) -> tuple[int, str]:
     """The index of a point and the axis of a channel. Raises TakeError."""
     listed = ", ".join(point_names[:_NAMES_LISTED_MAX])
     if (n_unlisted := len(point_names) - _NAMES_LISTED_MAX) > 0:
@@ -134,8 +136,7 @@ def chosen(point_names: Sequence[str], channel_name: str | None, path: Path) -> 
         close = name if name in point_names else nearest(name, point_names)
         raise TakeError(
             f"'{channel_name[:60]}' is not a point with an axis ({', '.join(AXES)}); the points "
-            "are "
-            f"{listed}",
+            f"are {listed}",
             path,
             suggestion=f"{close}.x" if close else None,
             field="channel",
@@ -151,7 +152,7 @@ def chosen(point_names: Sequence[str], channel_name: str | None, path: Path) -> 
     return list(point_names).index(point_name), axis_name
 
 
-def scale(scale_of_file: float | None, metre_unit: float | None, path: Path) -> float:
+def metres_per_unit(scale_of_file: float | None, metre_unit: float | None, path: Path) -> float:
     """The length of 1.0 in a file [m], by the file or by `metre_unit`. Raises TakeError."""
     if scale_of_file is not None and metre_unit is not None:
         raise TakeError("the file states its own unit; remove `unit`", path, field="unit")
@@ -175,8 +176,8 @@ def track(
     Time begins with the file, not with the first frame in which the point is seen. Raises
     TakeError.
     """
-    point_index, axis_name = chosen(motion.points, channel, path)
-    metres = scale(motion.metres, metre_unit, path)
+    point_index, axis_name = chosen_point_and_axis(motion.points, channel, path)
+    metres = metres_per_unit(motion.metres, metre_unit, path)
     if motion.rate is not None and rate is not None:
         raise TakeError("the file states its own rate; remove `rate`", path, field="rate")
     hertz = motion.rate if rate is None else rate
@@ -190,29 +191,30 @@ def track(
     seen_frames = np.flatnonzero(np.isfinite(point_positions).all(axis=1))
     if seen_frames.size < 2:
         raise TakeError(f"'{motion.points[point_index][:60]}' is seen in no two frames", path)
-    damage = _hidden(seen_frames, hertz, motion.points[point_index], path)
+    damage = _hidden_note(seen_frames, hertz, motion.points[point_index], path)
     point_positions = point_positions[seen_frames]
     point_positions -= point_positions[0]
     if axis_name == "auto":
-        x = point_positions @ _direction(point_positions, motion.points[point_index], path)
+        x = point_positions @ _path_direction(point_positions, motion.points[point_index], path)
     else:
         x = point_positions[:, AXES.index(axis_name)]
     notes = "; ".join(filter(None, (motion.note, damage)))
     return seen_frames / hertz, x * metres, notes or None
 
 
-def _hidden(seen_frames: NDArray[np.intp], rate: float, point_name: str, path: Path) -> str | None:
+def _hidden_note(
+    seen_frames: NDArray[np.intp], rate: float, point_name: str, path: Path
+) -> str | None:
     """A note on frames in which a point is not seen; None if there are none. Raises TakeError for
     long gaps.
     """
     gaps = np.diff(seen_frames)
     longest = int(gaps.argmax())
-    if (gaps[longest] - 1) / rate > _HIDDEN_MAX:
+    if (gaps[longest] - 1) / rate > _HIDDEN_SECONDS_MAX:
         raise TakeError(
             f"'{point_name[:60]}' is not seen from {(seen_frames[longest] + 1) / rate:.3f} s to "
             f"{seen_frames[longest + 1] / rate:.3f} s; fill the gap in the program that captured "
-            "it, or "
-            "take another point",
+            "it, or take another point",
             path,
         )
     n_hidden = int((gaps - 1).sum())
@@ -221,7 +223,7 @@ def _hidden(seen_frames: NDArray[np.intp], rate: float, point_name: str, path: P
     return f"'{point_name[:60]}' is not seen in {n_hidden:,} frames; a spline runs across them"
 
 
-def _direction(places: Floats, point_name: str, path: Path) -> Floats:
+def _path_direction(places: Floats, point_name: str, path: Path) -> Floats:
     """The direction of the straight line that fits a path best, a unit vector (3,), towards its
     farther end.
     """
@@ -233,12 +235,11 @@ def _direction(places: Floats, point_name: str, path: Path) -> Floats:
     spread = spread / spread_size
     values, vectors = np.linalg.eigh(spread.T @ spread)
     line_share = float(values[-1] / values.sum())
-    if line_share < _STRAIGHT:
+    if line_share < _STRAIGHT_VARIANCE_SHARE_MIN:
         raise TakeError(
             f"'{point_name[:60]}' does not move along a straight line: the nearest one holds "
-            f"{100 * line_share:.0f}% of its variance, and auto needs {100 * _STRAIGHT:.0f}%; "
-            "choose x, "
-            "y or z",
+            f"{100 * line_share:.0f}% of its variance, and auto needs "
+            f"{100 * _STRAIGHT_VARIANCE_SHARE_MIN:.0f}%; choose x, y or z",
             path,
             field="channel",
         )

@@ -9,17 +9,17 @@ import numpy as np
 from ergon._core import Take
 from ergon.scores.gesture.take_file import Floats
 
-CUTOFF = 20.0  # Hz: hands move below; differentiated sensor noise is above
+CUTOFF_HZ = 20.0  # Hz: hands move below; differentiated sensor noise is above
 RATE = 50.0  # times the cutoff: samples a second at which derivatives are taken
-_CUTOFF_MAX = 0.45  # largest cutoff over the sample rate
-_TURN = 0.05  # smallest reversal over the range
-_STRIKE = 3.0  # times the rms of the acceleration
+_CUTOFF_RATIO_MAX = 0.45  # largest cutoff over the sample rate
+_REVERSAL_SHARE_MIN = 0.05  # smallest reversal over the range
+_STRIKE_RMS_RATIO = 3.0  # times the rms of the acceleration
 _FILTER_MEMORY_PERIODS = 4.0  # periods of the cutoff, after which the filter has forgotten
-_EDGE = 4  # samples beyond each end: two for each of two derivatives
+_EDGE_SAMPLES = 4  # samples beyond each end: two for each of two derivatives
 _REVERSAL_SECONDS = 0.01  # s before and after a reversal: its acceleration is the peak there
-_SAL_CUTOFF = 20.0  # Hz: 40π rad/s (Balasubramanian & others, 2012)
-_SAL_PADDED = 64  # times the length of a movement
-_STROKE_MIN, _STROKE_MAX = 0.02, 10.0  # s: strokes whose smoothness is computed
+_ARC_LENGTH_CUTOFF_HZ = 20.0  # Hz: 40π rad/s (Balasubramanian & others, 2012)
+_ARC_LENGTH_PADDING = 64  # times the length of a movement
+_STROKE_SECONDS_MIN, _STROKE_SECONDS_MAX = 0.02, 10.0  # s: strokes whose smoothness is computed
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class MovementStats:
     smoothness: float | None
 
 
-def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStats:
+def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF_HZ) -> MovementStats:
     """Figures of positions x (n,) [m] at rising instants t (n,) [s].
 
     Derivatives are those of the spline that a score would play, after a fourth-order Butterworth
@@ -65,12 +65,12 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
     rate = max(mean_rate, RATE * cutoff)
     n = max(int(duration * rate), 8)
     rate = n / duration
-    smooth = _smooth(t, x, cutoff, cutoff < _CUTOFF_MAX * mean_rate, n)
-    v = _slope(smooth) * rate
-    a = _slope(v) * rate
-    smooth, v = smooth[_EDGE:-_EDGE], v[_EDGE // 2 : -_EDGE // 2]
-    centre, bandwidth = _spread(v, rate)
-    turn_samples = _reversals(smooth)
+    smooth = _smoothed_positions(t, x, cutoff, cutoff < _CUTOFF_RATIO_MAX * mean_rate, n)
+    v = _derivative(smooth) * rate
+    a = _derivative(v) * rate
+    smooth, v = smooth[_EDGE_SAMPLES:-_EDGE_SAMPLES], v[_EDGE_SAMPLES // 2 : -_EDGE_SAMPLES // 2]
+    centre, bandwidth = _spectral_centre_and_width(v, rate)
+    turn_samples = _reversal_samples(smooth)
     near_frames = max(1, round(_REVERSAL_SECONDS * rate))
     peaks = [
         float(np.abs(a[max(0, i - near_frames) : i + near_frames + 1]).max()) for i in turn_samples
@@ -79,7 +79,7 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
     strokes = [
         spectral_arc_length(np.abs(v[i : j + 1]), rate)
         for i, j in zip([0, *turn_samples], [*turn_samples, n], strict=True)
-        if _STROKE_MIN <= (j - i) / rate <= _STROKE_MAX and v[i : j + 1].any()
+        if _STROKE_SECONDS_MIN <= (j - i) / rate <= _STROKE_SECONDS_MAX and v[i : j + 1].any()
     ]
     return MovementStats(
         duration,
@@ -96,27 +96,33 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
         bandwidth,
         np.array(turn_samples) / rate,
         np.array(
-            [i / rate for i, x in zip(turn_samples, peaks, strict=True) if x > _STRIKE * a_rms]
+            [
+                i / rate
+                for i, x in zip(turn_samples, peaks, strict=True)
+                if x > _STRIKE_RMS_RATIO * a_rms
+            ]
         ),
         float(np.median(strokes)) if strokes else None,
     )
 
 
-def _smooth(t: Floats, x: Floats, cutoff: float, is_filtered: bool, n: int) -> Floats:
+def _smoothed_positions(t: Floats, x: Floats, cutoff: float, is_filtered: bool, n: int) -> Floats:
     """Positions (n + 9,) at even instants of the spline through the samples, four of them beyond
     each end.
 
     The samples are extended by point reflection at both ends, for as long as the filter
     remembers.
     """
-    longest = max(_FILTER_MEMORY_PERIODS / cutoff, _EDGE * 2 * float(t[-1]) / n)
+    longest = max(_FILTER_MEMORY_PERIODS / cutoff, _EDGE_SAMPLES * 2 * float(t[-1]) / n)
     n_before = min(len(t) - 1, int(np.searchsorted(t, longest)))
     n_after = min(len(t) - 1, int(np.searchsorted(t[-1] - t[::-1], longest)))
     mirrored_start, mirrored_end = slice(n_before, 0, -1), slice(-2, -2 - n_after, -1)
     longer = np.concatenate([2 * t[0] - t[mirrored_start], t, 2 * t[-1] - t[mirrored_end]])
     x = np.concatenate([2 * x[0] - x[mirrored_start], x, 2 * x[-1] - x[mirrored_end]])
     take = Take(longer - longer[0], x, smooth=cutoff if is_filtered else None)
-    instants = float(t[0] - longer[0]) + np.arange(-_EDGE, n + _EDGE + 1) * (float(t[-1]) / n)
+    instants = float(t[0] - longer[0]) + np.arange(-_EDGE_SAMPLES, n + _EDGE_SAMPLES + 1) * (
+        float(t[-1]) / n
+    )
     return take.positions(np.clip(instants, 0.0, take.duration))
 
 
@@ -127,13 +133,13 @@ def spectral_arc_length(speed: Floats, rate: float) -> float:
     (Balasubramanian, Melendez-Calderon & Burdet, IEEE Transactions on Biomedical Engineering 59,
     2012). The scale of the speed has no effect, nor has rest before and after.
     """
-    n = 1 << int(np.ceil(np.log2(_SAL_PADDED * len(speed))))
-    n_bins = int(_SAL_CUTOFF / rate * n) + 1
+    n = 1 << int(np.ceil(np.log2(_ARC_LENGTH_PADDING * len(speed))))
+    n_bins = int(_ARC_LENGTH_CUTOFF_HZ / rate * n) + 1
     size = np.abs(np.fft.rfft(speed, n))[: n_bins + 1]
     return -float(np.hypot(np.diff(size) / size[0], 1 / n_bins).sum()) if size[0] else 0.0
 
 
-def _slope(x: Floats) -> Floats:
+def _derivative(x: Floats) -> Floats:
     """Derivative in units per sample, exact for polynomials of the fourth degree, (n - 4,)."""
     return (8 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / 12
 
@@ -142,7 +148,7 @@ def _rms(x: Floats) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def _spread(v: Floats, rate: float) -> tuple[float, float]:
+def _spectral_centre_and_width(v: Floats, rate: float) -> tuple[float, float]:
     """Mean of the frequency [Hz] weighted by power, and its standard deviation, under a Hann
     window; 0 at rest.
     """
@@ -155,9 +161,9 @@ def _spread(v: Floats, rate: float) -> tuple[float, float]:
     return centre, float(np.sqrt(power_spectrum @ (frequency - centre) ** 2))
 
 
-def _reversals(x: Floats) -> list[int]:
+def _reversal_samples(x: Floats) -> list[int]:
     """Samples at which a path reverses and then goes back by a part of its range."""
-    room = _TURN * float(np.ptp(x))
+    room = _REVERSAL_SHARE_MIN * float(np.ptp(x))
     if not room:
         return []
     ends = np.flatnonzero(np.diff(np.sign(np.diff(x)))) + 1

@@ -16,8 +16,8 @@ SUFFIXES = (".musicxml", ".mxl", ".xml")
 MAX_BYTES = 16 << 20  # largest file, packed and unpacked
 MAX_ELEMENTS = 1_000_000
 MAX_ENTRIES = 1_000  # entries of a ZIP
-_CONTAINER = "META-INF/container.xml"
-_SCORES = (".musicxml", ".xml")
+_CONTAINER_PATH = "META-INF/container.xml"
+_SCORE_SUFFIXES = (".musicxml", ".xml")
 
 
 def read_root(path: Path) -> Element:
@@ -27,10 +27,10 @@ def read_root(path: Path) -> Element:
         raise TakeError(f"the file has more than {MAX_BYTES >> 20} MB", path)
     try:
         if score_bytes[:2] == b"PK":
-            score_bytes = _unpacked(score_bytes)
-        score_root = _parsed(score_bytes)
+            score_bytes = _root_of_archive(score_bytes)
+        score_root = _root_of_bytes(score_bytes)
         if score_root.tag == "score-timewise":
-            return _by_parts(score_root)
+            return _partwise_root(score_root)
     except XmlError as error:
         raise TakeError(str(error), path) from None
     if score_root.tag != "score-partwise":
@@ -38,15 +38,15 @@ def read_root(path: Path) -> Element:
     return score_root
 
 
-def _parsed(xml_bytes: bytes) -> Element:
+def _root_of_bytes(xml_bytes: bytes) -> Element:
     return parse_xml(xml_bytes, bytes_max=2 * MAX_BYTES, elements_max=MAX_ELEMENTS, has_type=True)
 
 
-def _unpacked(data: bytes) -> bytes:
+def _root_of_archive(data: bytes) -> bytes:
     """The score in a compressed file. Raises XmlError."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as zip_file:
-            return _score(zip_file)
+            return _score_bytes(zip_file)
     except XmlError:
         raise
     # Damaged archives raise errors of many types: of each compression, of names, of numbers.
@@ -54,37 +54,41 @@ def _unpacked(data: bytes) -> bytes:
         raise XmlError(f"this zip file cannot be unpacked: {error}") from None
 
 
-def _score(zip_file: zipfile.ZipFile) -> bytes:
+def _score_bytes(zip_file: zipfile.ZipFile) -> bytes:
     member_names = zip_file.namelist()
     if len(member_names) > MAX_ENTRIES:
         raise XmlError(f"it holds more than {MAX_ENTRIES:,} files")
-    named = _named(_entry(zip_file, _CONTAINER)) if _CONTAINER in member_names else None
+    named = (
+        _named_score(_entry_bytes(zip_file, _CONTAINER_PATH))
+        if _CONTAINER_PATH in member_names
+        else None
+    )
     if named is not None:
         spelled = (name for name in (named, unquote(named)) if name in member_names)
         if (member_name := next(spelled, None)) is None:
             raise XmlError(f"it holds no {named[:80]}")
-        return _entry(zip_file, member_name)
+        return _entry_bytes(zip_file, member_name)
     # Archives of macOS hold a hidden file beside each file, `__MACOSX/._score.xml`.
     scores = [
         name
         for name in member_names
-        if name.endswith(_SCORES)
+        if name.endswith(_SCORE_SUFFIXES)
         and not name.startswith(("META-INF/", "__MACOSX/"))
         and not name.rpartition("/")[2].startswith(".")
     ]
     if not scores:
         raise XmlError("it holds no score")
-    return _entry(zip_file, scores[0])
+    return _entry_bytes(zip_file, scores[0])
 
 
-def _named(container: bytes) -> str | None:
+def _named_score(container: bytes) -> str | None:
     """The first score that a container names; beside it may stand a PDF of the same score."""
     files = parse_xml(container, has_type=True).findall("rootfiles/rootfile")
     scores = [file for file in files if "xml" in file.get("media-type", "xml")]
     return next((file.get("full-path") for file in scores or files), None)
 
 
-def _entry(file: zipfile.ZipFile, entry_name: str) -> bytes:
+def _entry_bytes(file: zipfile.ZipFile, entry_name: str) -> bytes:
     with file.open(entry_name) as entry:
         file_bytes = entry.read(MAX_BYTES + 1)
     if len(file_bytes) > MAX_BYTES:
@@ -92,7 +96,7 @@ def _entry(file: zipfile.ZipFile, entry_name: str) -> bytes:
     return file_bytes
 
 
-def _by_parts(root: Element) -> Element:
+def _partwise_root(root: Element) -> Element:
     """A score by measures as one by parts."""
     score = Element("score-partwise")
     parts_by_id: dict[str, Element] = {}

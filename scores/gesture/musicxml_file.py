@@ -24,7 +24,7 @@ from ergon.scores.gesture.musicxml_notes import Event, Loudness, MeasureContent,
 from ergon.scores.gesture.musicxml_order import TooLongError, played, turns
 from ergon.scores.gesture.take_file import TakeError
 
-_GRID_MAX = 10**40  # parts of a quarter at which bars may begin
+_COMMON_DENOMINATOR_MAX = 10**40  # parts of a quarter at which bars may begin
 
 
 class XmlNote(NamedTuple):
@@ -87,14 +87,14 @@ def read_score(path: Path) -> XmlScore:
 def _read(path: Path, _: FileState) -> XmlScore:
     root = read_root(path)
     try:
-        return _score(root)
+        return _score_of_root(root)
     except TooLongError as error:
         raise TakeError(error.message, path) from None
     except (ValueError, ZeroDivisionError) as error:
         raise TakeError(f"it cannot be understood: {error}", path) from None
 
 
-def _score(score_root: Element) -> XmlScore:
+def _score_of_root(score_root: Element) -> XmlScore:
     ids = [part.get("id", "") for part in score_root.iterfind("part")]
     if (twice := next((name for name, n in Counter(ids).items() if n > 1), None)) is not None:
         raise ValueError(f"two of its parts have the id {twice[:80]!r}")
@@ -102,14 +102,14 @@ def _score(score_root: Element) -> XmlScore:
         score_part.get("id", ""): " ".join((score_part.findtext("part-name") or "").split())[:80]
         for score_part in score_root.iterfind("part-list/score-part")
     }
-    measure_columns = _columns(score_root)
+    measure_columns = _measure_columns(score_root)
     skipped_counts: Counter[str] = Counter()
     meters: list[tuple[int, str]] = []  # index of the measure, text
-    measures_read = _measures(
+    measures_read = _read_measures(
         measure_columns, {name: XmlNotes(skipped_counts) for name in ids}, meters
     )
     played_order = played(turns([list(column.measures.values()) for column in measure_columns]))
-    starts, end_quarter, placed_meters = _bars(measure_columns, played_order, meters)
+    starts, end_quarter, placed_meters = _played_bars(measure_columns, played_order, meters)
     voices: dict[str, list[tuple[Fraction, Event]]] = {name: [] for name in ids}
     tempos: list[tuple[Fraction, float]] = []
     n_notes = 0
@@ -128,14 +128,17 @@ def _score(score_root: Element) -> XmlScore:
         " ".join(work_title.split())[:200],
         float(end_quarter),
         len(played_order),
-        tuple(XmlPart(name, part_names.get(name, ""), tuple(_notes(voices[name]))) for name in ids),
+        tuple(
+            XmlPart(name, part_names.get(name, ""), tuple(_played_notes(voices[name])))
+            for name in ids
+        ),
         tuple((float(quarter), tempo) for quarter, tempo in changes.items()),
         tuple((float(quarter), meter) for quarter, meter in placed_meters),
         dict(skipped_counts),
     )
 
 
-def _columns(root: Element) -> list[_Column]:
+def _measure_columns(root: Element) -> list[_Column]:
     """The measures of all parts, by their places."""
     measure_columns: list[_Column] = []
     for part_element in root.iterfind("part"):
@@ -146,7 +149,7 @@ def _columns(root: Element) -> list[_Column]:
     return measure_columns
 
 
-def _bars(
+def _played_bars(
     measure_columns: Sequence[_Column],
     played_order: Sequence[int],
     meters: Sequence[tuple[int, str]],
@@ -158,22 +161,22 @@ def _bars(
     starts: list[Fraction] = []
     placed_meters: list[tuple[Fraction, str]] = []
     for turn_number, index in enumerate(played_order):
-        measure_column, meter = measure_columns[index], _current(meters, index)
+        measure_column, meter = measure_columns[index], _meter_of_measure(meters, index)
         is_upbeat = turn_number == 0 and measure_column.is_upbeat
         if is_upbeat:
-            measure_start = _length(meter) - measure_column.length
+            measure_start = _bar_quarters(meter) - measure_column.length
         is_whole = is_upbeat or turn_number + 1 == len(played_order)
-        text = _fitted(meter, Fraction(0) if is_whole else measure_column.length)
+        text = _meter_of_length(meter, Fraction(0) if is_whole else measure_column.length)
         if not placed_meters or placed_meters[-1][1] != text:
             placed_meters.append((measure_start if turn_number else Fraction(0), text))
         starts.append(measure_start)
         measure_start += measure_column.length
-        if measure_start.denominator > _GRID_MAX:
+        if measure_start.denominator > _COMMON_DENOMINATOR_MAX:
             raise ValueError("the lengths of its bars fit no common grid")
     return starts, measure_start, placed_meters
 
 
-def _measures(
+def _read_measures(
     measure_columns: Sequence[_Column],
     readers: Mapping[str, XmlNotes],
     meters: list[tuple[int, str]],
@@ -190,7 +193,7 @@ def _measures(
             ):
                 meter = part_content.meter or meter
                 meters.append((measure_index, meter))
-        nominal = _length(meter)
+        nominal = _bar_quarters(meter)
         is_implicit = any(
             m.get("implicit") == "yes" or m.get("number") == "0"
             for m in measure_column.measures.values()
@@ -218,17 +221,17 @@ def _measure_length(
     return max(sounding, nominal) if nominal in lengths else max(lengths, default=Fraction(0))
 
 
-def _current(meters: Sequence[tuple[int, str]], index: int) -> str:
+def _meter_of_measure(meters: Sequence[tuple[int, str]], index: int) -> str:
     """The meter of a measure."""
     n_before = bisect_right(meters, index, key=itemgetter(0))
     return meters[n_before - 1][1] if n_before else "4/4"
 
 
-def _fitted(meter: str, measure_length: Fraction) -> str:
+def _meter_of_length(meter: str, measure_length: Fraction) -> str:
     """The meter of a measure of this length: its own, or that of an incomplete one. A length of 0
     is any.
     """
-    if not measure_length or measure_length == _length(meter):
+    if not measure_length or measure_length == _bar_quarters(meter):
         return meter
     meter_unit = next(
         (unit for unit in (4, 8, 16, 32, 64) if (measure_length * unit / 4).denominator == 1), None
@@ -236,13 +239,13 @@ def _fitted(meter: str, measure_length: Fraction) -> str:
     return meter if meter_unit is None else f"{int(measure_length * meter_unit / 4)}/{meter_unit}"
 
 
-def _length(meter: str) -> Fraction:
+def _bar_quarters(meter: str) -> Fraction:
     """The length of a bar in quarters."""
     beats, _, unit = meter.partition("/")
     return sum(map(int, beats.split("+"))) * Fraction(4, int(unit))
 
 
-def _notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]:
+def _played_notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]:
     """The notes of a part as they are played: ties join, and levels go by hairpins."""
     loudness = Loudness([(start + event.at, event) for start, event in placed_events])
     joined: list[tuple[Fraction, Fraction, Pitch, float | None]] = []

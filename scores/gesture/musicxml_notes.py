@@ -14,21 +14,25 @@ from xml.etree.ElementTree import Element
 
 from ergon.notation.tables import notes
 from ergon.notation.tables.strengths import DYNAMICS
-from ergon.scores.gesture.musicxml_passed import ACCENTS, SHORT, Passed
+from ergon.scores.gesture.musicxml_passed import (
+    ACCENT_ARTICULATIONS,
+    SHORT_ARTICULATIONS,
+    UnplayedCounter,
+)
 
-_GRACE = Fraction(1, 12)  # length of a grace note before the beat, in quarters
-_STEPS = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
+_GRACE_QUARTERS = Fraction(1, 12)  # length of a grace note before the beat, in quarters
+_SEMITONES_BY_LETTER = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
 _LETTERS = "CDEFGAB"
-_SIGNS = {-2: "bb", -1: "b", 0: "", 1: "#", 2: "##"}
-_STEP = 1.0 / (len(DYNAMICS) - 1)  # strength between two dynamic words
-_MEZZO_FORTE = DYNAMICS.index("mf") * _STEP
-_FORTE = 90.0 / 127.0  # `dynamics="100"` as a share of the largest velocity
-_STROKES = {"sf", "sfz", "sffz", "fz", "rf", "rfz"}  # marks that hold for one instant
+_ACCIDENTALS = {-2: "bb", -1: "b", 0: "", 1: "#", 2: "##"}
+_DYNAMIC_STEP = 1.0 / (len(DYNAMICS) - 1)  # strength between two dynamic words
+_MEZZO_FORTE = DYNAMICS.index("mf") * _DYNAMIC_STEP
+_FORTE_VELOCITY_SHARE = 90.0 / 127.0  # `dynamics="100"` as a share of the largest velocity
+_STROKE_DYNAMICS = {"sf", "sfz", "sffz", "fz", "rf", "rfz"}  # marks that hold for one instant
 # Marks of two levels: at their instant, and after it.
-_FALLS = {"fp": ("f", "p"), "pf": ("p", "f")}
-_FALLS |= {"sfp": ("f", "p"), "sfzp": ("f", "p"), "sfpp": ("f", "pp")}
+_FALLING_DYNAMICS = {"fp": ("f", "p"), "pf": ("p", "f")}
+_FALLING_DYNAMICS |= {"sfp": ("f", "p"), "sfzp": ("f", "p"), "sfpp": ("f", "pp")}
 _UNIT_NAMES = "maxima long breve whole half quarter eighth 16th 32nd 64th 128th 256th 512th 1024th"
-_UNITS = {name: Fraction(32, 2**place) for place, name in enumerate(_UNIT_NAMES.split())}
+_QUARTERS_BY_UNIT = {name: Fraction(32, 2**place) for place, name in enumerate(_UNIT_NAMES.split())}
 _DIVISIONS_MAX = 10**15  # smallest common multiple of the divisions of a part
 _NUMBER = re.compile(r"\s*([+-]?[0-9]{1,12}(\.[0-9]{1,12})?)\s*")
 _FIRST_NUMBER = re.compile(r"[0-9]{1,6}(\.[0-9]{1,6})?")
@@ -87,7 +91,7 @@ class XmlNotes:
 
     def __init__(self, passed: Counter[str]) -> None:
         """Start; what nothing plays is counted in `passed`."""
-        self._passed = Passed(passed)
+        self._passed = UnplayedCounter(passed)
         self._divisions = Fraction(1)
         self._multiple = 1
         self._diatonic, self._chromatic = 0, Fraction(0)
@@ -115,10 +119,10 @@ class XmlNotes:
                 begin_beat = onset if is_chord else cursor
                 is_grace, lasting = element.find("grace") is not None, self._duration(element)
                 if not is_chord and not is_grace:
-                    measure_content.events += _before(graces, begin_beat)
+                    measure_content.events += _grace_notes_before(graces, begin_beat)
                     graces = []
                     onset, cursor = begin_beat, cursor + lasting
-                xml_note = self._note(element, begin_beat, _GRACE if is_grace else lasting)
+                xml_note = self._note(element, begin_beat, _GRACE_QUARTERS if is_grace else lasting)
                 if element.find("rest") is None:
                     measure_content.sounding = max(measure_content.sounding, cursor)
                 measure_content.events += self._dynamics(
@@ -130,7 +134,7 @@ class XmlNotes:
                     graces += [] if is_chord and graces else [[]]
                     graces[-1].append(xml_note)
             measure_content.length = max(measure_content.length, cursor)
-        measure_content.events += _before(graces, cursor)
+        measure_content.events += _grace_notes_before(graces, cursor)
         return measure_content
 
     def _duration(self, element: Element) -> Fraction:
@@ -149,7 +153,7 @@ class XmlNotes:
         time = attributes.find("time")
         if time is not None and time.find("beats") is not None:
             pairs = zip(time.iterfind("beats"), time.iterfind("beat-type"), strict=False)
-            measure_content.meter = _meter(
+            measure_content.meter = _meter_text(
                 ["/".join("".join((part.text or "").split()) for part in pair) for pair in pairs]
             )
             if measure_content.meter is None:
@@ -177,7 +181,7 @@ class XmlNotes:
             return None
         ties = {tie.get("type") for tie in note.iterfind("tie")}
         played_marks = {mark.tag for mark in note.iterfind("notations/articulations/*")}
-        if played_marks & SHORT and not ties:
+        if played_marks & SHORT_ARTICULATIONS and not ties:
             lasting /= 2
         loud = number(note.get("dynamics"))
         return Event(
@@ -187,8 +191,8 @@ class XmlNotes:
             note.findtext("voice") or "",
             is_tied_from="stop" in ties,
             is_tied_to="start" in ties,
-            is_accented=bool(played_marks & ACCENTS),
-            strength=None if loud is None else _share(loud),
+            is_accented=bool(played_marks & ACCENT_ARTICULATIONS),
+            strength=None if loud is None else _strength_of_percent(loud),
         )
 
     def _pitch(self, pitch_element: Element | None) -> Pitch | None:
@@ -198,7 +202,7 @@ class XmlNotes:
         octave = None if pitch_element is None else number(pitch_element.findtext("octave"))
         if (
             pitch_element is None
-            or step_letter not in _STEPS
+            or step_letter not in _SEMITONES_BY_LETTER
             or octave is None
             or not -1 <= octave <= 10
         ):
@@ -206,8 +210,8 @@ class XmlNotes:
         alter = number(pitch_element.findtext("alter")) or Fraction(0)
         place = _LETTERS.index(step_letter) + 7 * int(octave)
         moved = place + self._diatonic
-        alter += self._chromatic - (_height(moved) - _height(place))
-        midi_key = 12 + _height(moved) + alter
+        alter += self._chromatic - (_semitones_above_c0(moved) - _semitones_above_c0(place))
+        midi_key = 12 + _semitones_above_c0(moved) + alter
         nearest = math.floor(midi_key + Fraction(1, 2))
         if not 0 <= nearest <= 127:
             return None
@@ -216,7 +220,7 @@ class XmlNotes:
             note_name = notes.name(nearest)
             cents = 100 * (midi_key - nearest)
         else:
-            note_name = f"{_LETTERS[moved % 7]}{_SIGNS[semitones]}{moved // 7}"
+            note_name = f"{_LETTERS[moved % 7]}{_ACCIDENTALS[semitones]}{moved // 7}"
             cents = 100 * (alter - semitones)
         return Pitch(f"{note_name}{float(cents):+g}cents" if cents else note_name, nearest)
 
@@ -232,7 +236,7 @@ class XmlNotes:
         yield from marks
         loud = None if sound_element is None else number(sound_element.get("dynamics"))
         if not marks and loud is not None:
-            yield Event(event_start, level=_share(loud))
+            yield Event(event_start, level=_strength_of_percent(loud))
         for wedge in direction.iterfind("direction-type/wedge"):
             kinds = {"crescendo": 1, "diminuendo": -1, "stop": 0}
             if (swells := kinds.get(wedge.get("type", ""))) is not None:
@@ -242,7 +246,7 @@ class XmlNotes:
     def _tempo(self, direction: Element, sound: Element | None, begin: Fraction) -> Iterator[Event]:
         stated = None if sound is None else sound.get("tempo")
         marks = direction.findall("direction-type/metronome")
-        tempo = number(stated) or next(filter(None, map(_metronome, marks)), None)
+        tempo = number(stated) or next(filter(None, map(_quarters_per_minute, marks)), None)
         if tempo is not None and tempo > 0:
             yield Event(begin, tempo=float(tempo))
         elif marks or stated is not None:
@@ -251,29 +255,29 @@ class XmlNotes:
     def _dynamics(self, groups: Iterable[Element], begin: Fraction) -> list[Event]:
         """The mark of dynamics of a direction or of a note, or none."""
         words = [mark.tag for group in groups for mark in group]
-        mark = next(filter(None, map(_dynamic, words)), None)
+        mark = next(filter(None, map(_dynamic_of_word, words)), None)
         if words and mark is None:
             self._passed.counts["dynamic mark"] += 1
         return [] if mark is None else [replace(mark, at=begin)]
 
 
-def _before(graces: Sequence[Sequence[Event]], main_beat: Fraction) -> Iterator[Event]:
+def _grace_notes_before(graces: Sequence[Sequence[Event]], main_beat: Fraction) -> Iterator[Event]:
     """Grace notes and chords of them, one after the other before an instant."""
     for index, chord in enumerate(graces):
         for grace in chord:
-            yield replace(grace, at=main_beat - (len(graces) - index) * _GRACE)
+            yield replace(grace, at=main_beat - (len(graces) - index) * _GRACE_QUARTERS)
 
 
-def _height(place: int) -> int:
+def _semitones_above_c0(place: int) -> int:
     """Semitones of a natural note above C0."""
-    return 12 * (place // 7) + _STEPS[_LETTERS[place % 7]]
+    return 12 * (place // 7) + _SEMITONES_BY_LETTER[_LETTERS[place % 7]]
 
 
-def _share(percent: Fraction) -> float:
-    return min(1.0, max(0.0, float(percent) / 100.0 * _FORTE))
+def _strength_of_percent(percent: Fraction) -> float:
+    return min(1.0, max(0.0, float(percent) / 100.0 * _FORTE_VELOCITY_SHARE))
 
 
-def _meter(meter_texts: Sequence[str]) -> str | None:
+def _meter_text(meter_texts: Sequence[str]) -> str | None:
     """A meter as a score writes it; of several parts as one sum over their smallest note."""
     if not meter_texts or not all(_METER.fullmatch(text) for text in meter_texts):
         return None
@@ -289,21 +293,23 @@ def _meter(meter_texts: Sequence[str]) -> str | None:
     return f"{'+'.join(beat_groups)}/{smallest_unit}" if sum(map(int, beat_groups)) else None
 
 
-def _dynamic(word: str) -> Event | None:
+def _dynamic_of_word(word: str) -> Event | None:
     """What a mark of dynamics means; None for one that is not known."""
-    if word in _STROKES:
+    if word in _STROKE_DYNAMICS:
         return Event(Fraction(0), is_accented=True)
-    if word in _FALLS:
-        level, then = (DYNAMICS.index(sign) * _STEP for sign in _FALLS[word])
+    if word in _FALLING_DYNAMICS:
+        level, then = (DYNAMICS.index(sign) * _DYNAMIC_STEP for sign in _FALLING_DYNAMICS[word])
         return Event(Fraction(0), level=level, then=then)
     if set(word) <= {"p"} or set(word) <= {"f"}:
         word = word[:3]
-    return Event(Fraction(0), level=DYNAMICS.index(word) * _STEP) if word in DYNAMICS else None
+    return (
+        Event(Fraction(0), level=DYNAMICS.index(word) * _DYNAMIC_STEP) if word in DYNAMICS else None
+    )
 
 
-def _metronome(metronome: Element) -> Fraction | None:
+def _quarters_per_minute(metronome: Element) -> Fraction | None:
     """Quarters a minute of a metronome mark."""
-    beat_unit = _UNITS.get((metronome.findtext("beat-unit") or "").strip())
+    beat_unit = _QUARTERS_BY_UNIT.get((metronome.findtext("beat-unit") or "").strip())
     # The first number of "c. 80" and of "80-84".
     stated = _FIRST_NUMBER.search(metronome.findtext("per-minute") or "")
     if beat_unit is None or stated is None or len(metronome.findall("beat-unit")) != 1:
@@ -337,7 +343,7 @@ class Loudness:
         low_strength = self._level_from(begin)
         low_strength = _MEZZO_FORTE if low_strength is None else low_strength
         mark_place = bisect_right(self._instants, end - Fraction(1, 1024))
-        high_strength = min(1.0, max(0.0, low_strength + direction * _STEP))
+        high_strength = min(1.0, max(0.0, low_strength + direction * _DYNAMIC_STEP))
         if mark_place < len(self._levels) and self._instants[mark_place] <= end + 1:
             high_strength = self._levels[mark_place][1].level or 0.0
         if end > begin:
@@ -366,6 +372,6 @@ class Loudness:
                 note_strength = low + (high - low) * float((beat - begin) / (end - begin))
         if event.is_accented or beat in self._strokes:
             note_strength = min(
-                1.0, (_MEZZO_FORTE if note_strength is None else note_strength) + _STEP
+                1.0, (_MEZZO_FORTE if note_strength is None else note_strength) + _DYNAMIC_STEP
             )
         return note_strength

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element
 
 from ergon.notation.text.errors import TextError
 
-MAX_PLAYED = 20_000  # measures
+MAX_PLAYED_MEASURES = 20_000  # measures
 _PASSES_MAX = 100  # passes of one repeat
 
 
@@ -43,18 +43,20 @@ def turns(measure_columns: Sequence[Sequence[Element]]) -> list[Turns]:
     for measure_number, (part_turns, measures) in enumerate(
         zip(turns_by_measure, measure_columns, strict=True)
     ):
-        opened, closed = _marks(measures, part_turns)
+        opened, closed = _read_marks(measures, part_turns)
         endings = opened or endings
         part_turns.endings = endings
         if closed:
             endings = frozenset()
         if part_turns.passes == 1:  # a repeat without a number of times
             last_ending = max(part_turns.endings, default=1)
-            part_turns.passes = max(2, last_ending + _follows(measure_columns, measure_number))
+            part_turns.passes = max(
+                2, last_ending + _has_next_ending(measure_columns, measure_number)
+            )
     return turns_by_measure
 
 
-def _follows(columns: Sequence[Sequence[Element]], number: int) -> bool:
+def _has_next_ending(columns: Sequence[Sequence[Element]], number: int) -> bool:
     """Whether another ending begins in the next measure."""
     next_column = columns[number + 1] if number + 1 < len(columns) else ()
     return any(
@@ -62,14 +64,14 @@ def _follows(columns: Sequence[Sequence[Element]], number: int) -> bool:
     )
 
 
-def _marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[int], bool]:
+def _read_marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[int], bool]:
     """Read the marks of a measure; the endings that begin in it, and whether endings end."""
     opened: frozenset[int] = frozenset()
     closed = False
     for measure in measures:
         for ending in measure.iterfind("barline/ending"):
             if ending.get("type") == "start":
-                opened = _passes(ending.get("number", ""))
+                opened = _pass_numbers(ending.get("number", ""))
             else:
                 closed = True
         for repeat in measure.iterfind("barline/repeat"):
@@ -80,17 +82,17 @@ def _marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[in
             n_times = int(times) if times.isdigit() and len(times) < 4 else 1
             part_turns.passes = max(part_turns.passes, min(n_times, _PASSES_MAX))
         for sound in (*measure.iterfind("sound"), *measure.iterfind("direction/sound")):
-            _sound(sound, part_turns)
+            _read_sound(sound, part_turns)
     return opened, closed
 
 
-def _passes(text: str) -> frozenset[int]:
+def _pass_numbers(text: str) -> frozenset[int]:
     """The passes of an ending: `1, 2`, and as some programs write them `1.` and `1-3`."""
     ranges = re.findall(r"(?<!\d)(\d{1,2})(?:\s*-\s*(\d{1,2}))?(?!\d)", text)
     return frozenset(n for a, b in ranges for n in range(int(a), int(b or a) + 1))
 
 
-def _sound(sound_element: Element, part_turns: Turns) -> None:
+def _read_sound(sound_element: Element, part_turns: Turns) -> None:
     if sound_element.get("dacapo") == "yes":
         part_turns.jumps_to = "capo"
     part_turns.jumps_to = sound_element.get("dalsegno") or part_turns.jumps_to
@@ -103,14 +105,16 @@ def _sound(sound_element: Element, part_turns: Turns) -> None:
 def played(measures: Sequence[Turns]) -> list[int]:
     """The indices of measures in the order in which they are played. Raises TooLongError."""
     played_measures: list[int] = []
-    for measure_number in _walk(measures):
-        if len(played_measures) >= MAX_PLAYED:
-            raise TooLongError(f"it has more than {MAX_PLAYED:,} measures, with its repeats")
+    for measure_number in _walk_measures(measures):
+        if len(played_measures) >= MAX_PLAYED_MEASURES:
+            raise TooLongError(
+                f"it has more than {MAX_PLAYED_MEASURES:,} measures, with its repeats"
+            )
         played_measures.append(measure_number)
     return played_measures
 
 
-def _walk(measures: Sequence[Turns]) -> Iterator[int]:
+def _walk_measures(measures: Sequence[Turns]) -> Iterator[int]:
     measure_index, section_start, turn_number = 0, 0, 1
     has_jumped = False
     while measure_index < len(measures):

@@ -17,8 +17,8 @@ from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.points import (
     CURVES,
-    POINT,
-    ROW,
+    POINT_PATTERN,
+    ROW_PATTERN,
     curve_word,
     instant,
     metres,
@@ -28,7 +28,7 @@ from ergon.scores.gesture.points import (
 
 MAX_DEPTH = 8  # groups inside groups
 MAX_EVENTS = 500_000  # points after expansion: some 140 MB while they are read
-SAME = 1e-9  # tolerance for rounding: beats, seconds, metres
+ROUNDING_TOLERANCE = 1e-9  # tolerance for rounding: beats, seconds, metres
 
 _TOKEN = re.compile(r"(\()|(\))(?:\s*+\*\s*+([^\s()|]++))?|(\|)|([^\s()|]++)")
 
@@ -53,7 +53,7 @@ class Notation:
     bar_checks: tuple[BarCheck, ...] = ()
 
 
-class _Event(NamedTuple):
+class _TimedEvent(NamedTuple):
     """A point (or, where x is None, a bar check) at a time from the start of its group."""
 
     beats: float
@@ -70,7 +70,7 @@ class _Group:
     def __init__(self, offset: int, events_max: int = MAX_EVENTS) -> None:
         self.offset = offset
         self.events_max = events_max
-        self.events: list[_Event] = []
+        self.events: list[_TimedEvent] = []
         self.beats = 0.0
         self.seconds = 0.0
 
@@ -86,7 +86,9 @@ class _Group:
         self._advance(
             beats, point_seconds, offset + match.start(4), len(point_word) - match.start(4)
         )
-        self.events.append(_Event(beats, point_seconds, x_metres, curve, offset, len(point_word)))
+        self.events.append(
+            _TimedEvent(beats, point_seconds, x_metres, curve, offset, len(point_word))
+        )
 
     def row(self, match: re.Match[str], default: str, offset: int) -> None:
         """Add the point of a table row."""
@@ -98,23 +100,25 @@ class _Group:
         self._advance(beats, point_seconds, row_start, match.end(3) - match.start(1))
         stop = match.end(5) if curve_name is None else match.end(6)
         self.events.append(
-            _Event(beats, point_seconds, x_metres, curve, row_start, stop - match.start(1))
+            _TimedEvent(beats, point_seconds, x_metres, curve, row_start, stop - match.start(1))
         )
 
     def bar_check(self, offset: int) -> None:
-        self.events.append(_Event(self.beats, self.seconds, None, "", offset, 1))
+        self.events.append(_TimedEvent(self.beats, self.seconds, None, "", offset, 1))
 
     def repeat(self, group: "_Group", count: int, offset: int) -> None:
         """Add the events of a closed group `count` times, each from the end of the one before."""
         if len(self.events) + count * len(group.events) > self.events_max:
-            raise TextError(_too_many("this group makes", self.events_max), offset=offset, length=1)
+            raise TextError(
+                _too_many_error("this group makes", self.events_max), offset=offset, length=1
+            )
         if max(self.beats + count * group.beats, self.seconds + count * group.seconds) > MAX_TIME:
             raise TextError("this group lasts too long", offset=offset, length=1)
         for i in range(count):
             beats = self.beats + i * group.beats
             seconds = self.seconds + i * group.seconds
             self.events.extend(
-                _Event(beats + e.beats, seconds + e.seconds, e.x, e.curve, e.offset, e.length)
+                _TimedEvent(beats + e.beats, seconds + e.seconds, e.x, e.curve, e.offset, e.length)
                 for e in group.events
             )
         self.beats += count * group.beats
@@ -125,8 +129,15 @@ class _Group:
     ) -> None:
         # Beats and seconds can be compared only with a tempo; a point that is earlier in both is an
         # error.
-        early = point_beats < self.beats - SAME or point_seconds < self.seconds - SAME
-        if early and point_beats <= self.beats + SAME and point_seconds <= self.seconds + SAME:
+        early = (
+            point_beats < self.beats - ROUNDING_TOLERANCE
+            or point_seconds < self.seconds - ROUNDING_TOLERANCE
+        )
+        if (
+            early
+            and point_beats <= self.beats + ROUNDING_TOLERANCE
+            and point_seconds <= self.seconds + ROUNDING_TOLERANCE
+        ):
             raise TextError(
                 "this point is earlier than the point before it; times must rise",
                 offset=point_offset,
@@ -154,11 +165,11 @@ def parse(text: str, first_curve: str = "smooth", events_max: int = MAX_EVENTS) 
             stack.append(_Group(token_match.start(1), events_max))
         elif closed:
             _no_pending(pending)
-            _close(stack, token_match, count_text)
+            _close_group(stack, token_match, count_text)
         elif bar_sign:
             _need_point(stack, token_match.start(4), bar_sign)
             stack[-1].bar_check(token_match.start(4))
-        elif point := POINT.fullmatch(curve_name):
+        elif point := POINT_PATTERN.fullmatch(curve_name):
             stack[-1].point(point, first_curve, token_match.start(5))
             pending = None
         else:
@@ -170,11 +181,13 @@ def parse(text: str, first_curve: str = "smooth", events_max: int = MAX_EVENTS) 
             first_curve = curve_word(curve_name, word_offset)
             pending = (curve_name, word_offset)
         if len(stack[-1].events) > events_max:
-            raise TextError(_too_many("this notation has", events_max), offset=token_match.start())
+            raise TextError(
+                _too_many_error("this notation has", events_max), offset=token_match.start()
+            )
     _no_pending(pending)
     if len(stack) > 1:
         raise TextError("this group is not closed; write ( … )*4", offset=stack[-1].offset)
-    return _joined(stack[0].events)
+    return _checked_points(stack[0].events)
 
 
 def parse_table(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) -> Notation:
@@ -187,15 +200,15 @@ def parse_table(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) 
     only_group = _Group(0)
     line_offset = 0
     for table_line in text.split("\n"):
-        row_match = ROW.fullmatch(table_line.rstrip("\r"))
+        row_match = ROW_PATTERN.fullmatch(table_line.rstrip("\r"))
         if row_match is None:
             raise row_error(table_line, line_offset)
         if row_match.group(1) is not None:
             only_group.row(row_match, curve, line_offset)
             if len(only_group.events) > events_max:
-                raise TextError(_too_many("this table has", events_max), offset=line_offset)
+                raise TextError(_too_many_error("this table has", events_max), offset=line_offset)
         line_offset += len(table_line) + 1
-    return _joined(only_group.events)
+    return _checked_points(only_group.events)
 
 
 def _need_point(stack: list[_Group], sign_offset: int, sign_word: str) -> None:
@@ -219,7 +232,7 @@ def _no_pending(pending: tuple[str, int] | None) -> None:
         raise TextError(f"'{word}' has no point after it", offset=offset, length=len(word))
 
 
-def _close(stack: list[_Group], token_match: re.Match[str], count_text: str | None) -> None:
+def _close_group(stack: list[_Group], token_match: re.Match[str], count_text: str | None) -> None:
     count_offset = token_match.start(2)
     if len(stack) == 1:
         raise TextError("')' has no '(' before it", offset=count_offset)
@@ -239,11 +252,11 @@ def _close(stack: list[_Group], token_match: re.Match[str], count_text: str | No
     stack[-1].repeat(closed_group, int(count_text), closed_group.offset)
 
 
-def _joined(notation_events: list[_Event]) -> Notation:
+def _checked_points(notation_events: list[_TimedEvent]) -> Notation:
     """Check points against their neighbours, and leave out points that repeat the one before."""
     joined_points: list[Point] = []
     checks: list[BarCheck] = []
-    last_event: _Event | None = None
+    last_event: _TimedEvent | None = None
     notation_events.reverse()
     while notation_events:  # popped, to free memory: there may be a million
         next_event = notation_events.pop()
@@ -253,7 +266,7 @@ def _joined(notation_events: list[_Event]) -> Notation:
             checks.append(BarCheck(check_time, next_event.offset))
             continue
         if last_event is not None and last_event.x is not None:
-            is_still = abs(x - last_event.x) <= SAME
+            is_still = abs(x - last_event.x) <= ROUNDING_TOLERANCE
             if next_event.curve == "hold" and not is_still:
                 raise HoldMovesError(
                     f"'hold' keeps the position {_millimetres(last_event.x)}; "
@@ -265,8 +278,8 @@ def _joined(notation_events: list[_Event]) -> Notation:
             if next_event.curve == "hold":
                 x = joined_points[-1].x  # the engine compares them exactly
             if (
-                abs(check_time[0] - last_event.beats) <= SAME
-                and abs(check_time[1] - last_event.seconds) <= SAME
+                abs(check_time[0] - last_event.beats) <= ROUNDING_TOLERANCE
+                and abs(check_time[1] - last_event.seconds) <= ROUNDING_TOLERANCE
             ):
                 if is_still:
                     continue
@@ -284,7 +297,7 @@ def _joined(notation_events: list[_Event]) -> Notation:
     return Notation(tuple(joined_points), tuple(checks))
 
 
-def _too_many(subject: str, count_max: int) -> str:
+def _too_many_error(subject: str, count_max: int) -> str:
     if count_max > 0:
         return f"{subject} more than {count_max:,} points"
     return f"the gestures of the piece have more than {MAX_EVENTS:,} points together"

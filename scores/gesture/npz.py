@@ -24,13 +24,13 @@ from ergon.scores.gesture.take_file import (
     MAX_SAMPLES,
     Floats,
     TakeError,
-    opened,
+    open_take,
 )
 
-_BLOCK = 1 << 17  # numbers unpacked at once
-_READ_MAX = 1 << 21  # bytes: a block of the largest numbers, or the directory of all members
-_HEADER_MAX = 4096  # bytes of an array's header; usually 128
-_RATIO_MAX = 1032  # deflate's highest ratio: 258 bytes from two bits
+_BLOCK_NUMBERS = 1 << 17  # numbers unpacked at once
+_READ_BYTES_MAX = 1 << 21  # bytes: a block of the largest numbers, or the directory of all members
+_HEADER_BYTES_MAX = 4096  # bytes of an array's header; usually 128
+_COMPRESSION_RATIO_MAX = 1032  # deflate's highest ratio: 258 bytes from two bits
 
 
 class Row(NamedTuple):
@@ -45,14 +45,14 @@ class Row(NamedTuple):
     member: zipfile.ZipInfo
 
 
-class _Bounded(io.BufferedReader):
+class _BoundedFile(io.BufferedReader):
     """A file that refuses large reads, because zipfile trusts the directory size that the file
     declares.
     """
 
     def read(self, size: int | None = -1, /) -> bytes:
         n_bytes = os.fstat(self.fileno()).st_size - self.tell()
-        if min(n_bytes, n_bytes if size is None or size < 0 else size) > _READ_MAX:
+        if min(n_bytes, n_bytes if size is None or size < 0 else size) > _READ_BYTES_MAX:
             raise zipfile.BadZipFile("the directory of the archive is too large")
         return super().read(size)
 
@@ -81,7 +81,7 @@ class Npz:
                     "must be stored or compressed by deflate, as numpy.savez_compressed does"
                 )
                 raise TakeError(f"'{member_name[:40]}' {storage_rule}", path)
-            if zip_member.file_size > _RATIO_MAX * zip_member.compress_size:
+            if zip_member.file_size > _COMPRESSION_RATIO_MAX * zip_member.compress_size:
                 raise TakeError(f"'{member_name[:40]}' has an impossible size", path)
 
     def row(self, index: int) -> Row | None:
@@ -91,7 +91,7 @@ class Npz:
         """
         zip_member, member_name = self._members[index], self.names[index]
         with _as_take_error(self._path), self._archive.open(zip_member) as file:
-            header_file = io.BytesIO(file.read(_HEADER_MAX))
+            header_file = io.BytesIO(file.read(_HEADER_BYTES_MAX))
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")  # warnings of Python's parser mean a bad header
@@ -121,11 +121,11 @@ class Npz:
             open_file.read(row.offset)
             while True:
                 # Read once more at the end, so that zipfile checks the checksum.
-                file_bytes = open_file.read(min(n_values, _BLOCK) * row.dtype.itemsize or 1)
+                file_bytes = open_file.read(min(n_values, _BLOCK_NUMBERS) * row.dtype.itemsize or 1)
                 if not n_values:
                     return
                 block_numbers = np.frombuffer(file_bytes, dtype=row.dtype)
-                if len(block_numbers) != min(n_values, _BLOCK):
+                if len(block_numbers) != min(n_values, _BLOCK_NUMBERS):
                     raise TakeError(f"'{row.name[:40]}' is cut short", self._path)
                 n_values -= len(block_numbers)
                 with np.errstate(all="ignore"):
@@ -141,9 +141,9 @@ class Npz:
 
 
 @contextmanager
-def npz(path: Path) -> Iterator[Npz]:
+def open_npz(path: Path) -> Iterator[Npz]:
     """The arrays of an open file, as a context. Raises TakeError, OSError."""
-    with _Bounded(opened(path).detach()) as open_file:
+    with _BoundedFile(open_take(path).detach()) as open_file:
         file_size = os.fstat(open_file.fileno()).st_size
         with _as_take_error(path):
             archive = zipfile.ZipFile(open_file)

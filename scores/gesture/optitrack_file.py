@@ -10,24 +10,30 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
-from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened, opened_text
+from ergon.scores.gesture.motion import (
+    Motion,
+    position_blocks,
+    positions,
+    size_checked,
+    unique_names,
+)
+from ergon.scores.gesture.take_file import Floats, TakeError, content_lines, open_take, open_text
 
 _FIRST_BYTES = b"Format Version,"
-_METRES = {"meters": 1.0, "centimeters": 0.01, "millimeters": 1e-3}
-_RATES = ("Export Frame Rate", "Capture Frame Rate")
-_COUNTS = ("Total Exported Frames", "Total Frames in Take")
-_HEADER_MAX = 16  # lines before the one that begins with Frame
+_METRES_BY_UNIT = {"meters": 1.0, "centimeters": 0.01, "millimeters": 1e-3}
+_RATE_FIELDS = ("Export Frame Rate", "Capture Frame Rate")
+_COUNT_FIELDS = ("Total Exported Frames", "Total Frames in Take")
+_HEADER_LINES_MAX = 16  # lines before the one that begins with Frame
 
 
 def is_optitrack(path: Path) -> bool:
     """Whether a file begins as files of Motive do. Raises TakeError, OSError."""
-    with opened(path) as file:
+    with open_take(path) as file:
         return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST_BYTES)
 
 
 @dataclass(frozen=True, slots=True)
-class _Rows:
+class _RowLayout:
     """The layout of the frames: their first line, the number of cells in each, and each point's
     first column.
     """
@@ -58,23 +64,30 @@ def read(path: Path) -> Motion:
 
     Raises TakeError and OSError.
     """
-    header, motion_rows = _header(path)
+    header, motion_rows = _read_header(path)
 
     def blocks() -> Iterator[Floats]:
-        return in_blocks(
-            (motion_rows.values(line, line_number) for line, line_number in _frames(motion_rows)),
+        return position_blocks(
+            (
+                motion_rows.values(line, line_number)
+                for line, line_number in _position_rows(motion_rows)
+            ),
             n,
             path,
         )
 
-    count_text = next((header[name] for name in _COUNTS if header.get(name)), None)
-    n = sum(1 for _ in _frames(motion_rows)) if count_text is None else _count(count_text, path)
-    metres = _METRES.get(header.get("Length Units", "").lower())
-    return judged(
+    count_text = next((header[name] for name in _COUNT_FIELDS if header.get(name)), None)
+    n = (
+        sum(1 for _ in _position_rows(motion_rows))
+        if count_text is None
+        else _frame_count(count_text, path)
+    )
+    metres = _METRES_BY_UNIT.get(header.get("Length Units", "").lower())
+    return size_checked(
         Motion(
             unique_names(motion_rows.names),
             n,
-            _rate(header, path),
+            _frame_rate(header, path),
             metres,
             blocks,
             None,
@@ -84,22 +97,22 @@ def read(path: Path) -> Motion:
     )
 
 
-def _frames(frame_rows: _Rows) -> Iterator[tuple[str, int]]:
-    with opened_text(frame_rows.path) as file:
-        for number, line in lines(file, frame_rows.path):
+def _position_rows(frame_rows: _RowLayout) -> Iterator[tuple[str, int]]:
+    with open_text(frame_rows.path) as file:
+        for number, line in content_lines(file, frame_rows.path):
             if number >= frame_rows.first:
                 yield line, number
 
 
-def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
+def _read_header(path: Path) -> tuple[Mapping[str, str], _RowLayout]:
     header_rows: list[list[str]] = []
-    with opened_text(path) as file:
-        for line_number, line in lines(file, path):
-            line_cells = [cell.strip() for cell in _cells(line, path, line_number)]
+    with open_text(path) as file:
+        for line_number, line in content_lines(file, path):
+            line_cells = [cell.strip() for cell in _header_cells(line, path, line_number)]
             if header_rows and line_cells[0] == "Frame":
                 break
             header_rows.append(line_cells)
-            if len(header_rows) > _HEADER_MAX:
+            if len(header_rows) > _HEADER_LINES_MAX:
                 raise TakeError("this file of Motive has no line that begins with Frame", path)
         else:
             raise TakeError("this file of Motive has no line that begins with Frame", path)
@@ -125,12 +138,12 @@ def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
         raise TakeError(
             "this file of Motive has no columns called Position, X, Y, Z", path, line_number
         )
-    return header, _Rows(
+    return header, _RowLayout(
         path, line_number + 1, header_width, [column_names[column] for column in starts], starts
     )
 
 
-def _cells(line_text: str, path: Path, line_number: int) -> list[str]:
+def _header_cells(line_text: str, path: Path, line_number: int) -> list[str]:
     """Cells of a line of the header: a name may be quoted."""
     try:
         return next(csv.reader([line_text], strict=True))
@@ -138,15 +151,15 @@ def _cells(line_text: str, path: Path, line_number: int) -> list[str]:
         raise TakeError("a quotation in this line is not closed", path, line_number) from None
 
 
-def _count(count_text: str, path: Path) -> int:
+def _frame_count(count_text: str, path: Path) -> int:
     if not count_text.isdecimal() or len(count_text) > 9:
         raise TakeError("the number of frames in this file of Motive is not a number", path)
     return int(count_text)
 
 
-def _rate(header: Mapping[str, str], path: Path) -> float | None:
+def _frame_rate(header: Mapping[str, str], path: Path) -> float | None:
     """Frames a second; None where the file does not tell."""
-    rate_text = next((header[name] for name in _RATES if header.get(name)), None)
+    rate_text = next((header[name] for name in _RATE_FIELDS if header.get(name)), None)
     if rate_text is None:
         return None
     try:

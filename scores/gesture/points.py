@@ -17,19 +17,21 @@ UNITS_PER_METRE = {"": 1e3, "mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6, "µm": 1e
 UNITS_PER_BEAT = {"": 1.0, "beat": 1.0, "beats": 1.0}
 UNITS_PER_SECOND = {"s": 1.0, "ms": 1e3}
 
-_POSITION = rf"([+-]?{NUMBER})({UNIT})"
-_TIME = rf"({NUMBER})(?:/({NUMBER}))?({UNIT})"
-POINT = re.compile(rf"{_POSITION}@(\+?){_TIME}")
-ROW = re.compile(rf"\s*+(?:{_TIME}\s++{_POSITION}(?:\s++(\w++))?\s*+)?(?:#.*)?")
-_ONLY_POSITION = re.compile(_POSITION)
-_ONLY_TIME = re.compile(_TIME)
+_POSITION_PATTERN = rf"([+-]?{NUMBER})({UNIT})"
+_TIME_PATTERN = rf"({NUMBER})(?:/({NUMBER}))?({UNIT})"
+POINT_PATTERN = re.compile(rf"{_POSITION_PATTERN}@(\+?){_TIME_PATTERN}")
+ROW_PATTERN = re.compile(
+    rf"\s*+(?:{_TIME_PATTERN}\s++{_POSITION_PATTERN}(?:\s++(\w++))?\s*+)?(?:#.*)?"
+)
+_POSITION_REGEX = re.compile(_POSITION_PATTERN)
+_TIME_REGEX = re.compile(_TIME_PATTERN)
 
 
 def curve_word(curve_name: str, word_offset: int) -> str:
     """Return `curve_name` if it names a curve. Raises TextError."""
     if curve_name in CURVES:
         return curve_name
-    if _ONLY_POSITION.fullmatch(curve_name):
+    if _POSITION_REGEX.fullmatch(curve_name):
         raise TextError(
             f"'{curve_name}' has no time; write {curve_name}@1/4",
             offset=word_offset,
@@ -100,13 +102,13 @@ def point_error(point_word: str, word_offset: int) -> TextError:
             offset=word_offset,
             length=len(point_word),
         )
-    if not _ONLY_POSITION.fullmatch(position_text):
+    if not _POSITION_REGEX.fullmatch(position_text):
         ascii_position = position_text.replace("\u2212", "-")
         return TextError(
             f"'{position_text[:40]}' is not a position such as 6mm",
             offset=word_offset,
             length=len(position_text),
-            suggestion=ascii_position if _ONLY_POSITION.fullmatch(ascii_position) else None,
+            suggestion=ascii_position if _POSITION_REGEX.fullmatch(ascii_position) else None,
         )
     time_offset = word_offset + len(position_text) + 1
     return _time_error(time, time_offset, point_word)
@@ -115,7 +117,7 @@ def point_error(point_word: str, word_offset: int) -> TextError:
 def _time_error(time_text: str, time_offset: int, word: str) -> TextError:
     if not time_text:
         return TextError(f"'{word[:40]}' has no time after its @", offset=time_offset - 1)
-    if time_text.startswith("-") and _ONLY_TIME.fullmatch(time_text[1:]):
+    if time_text.startswith("-") and _TIME_REGEX.fullmatch(time_text[1:]):
         return TextError(
             "a time cannot be negative; `do: [shift -1/8]` plays the gesture earlier",
             offset=time_offset,
@@ -145,14 +147,14 @@ def row_error(line: str, line_offset: int) -> TextError:
             offset=line_offset + first_word.start(),
             length=len(first_word.group()),
         )
-    if not _ONLY_TIME.fullmatch(first_word.group()):
+    if not _TIME_REGEX.fullmatch(first_word.group()):
         return _time_error(first_word.group(), line_offset + first_word.start(), first_word.group())
     if len(word_matches) == 1:
         return TextError(
             "this row has a time and no position", offset=line_offset, length=first_word.end()
         )
     second = word_matches[1]
-    if not _ONLY_POSITION.fullmatch(second.group()):
+    if not _POSITION_REGEX.fullmatch(second.group()):
         return TextError(
             f"'{second.group()[:40]}' is not a position such as 6mm",
             offset=line_offset + second.start(),

@@ -12,18 +12,24 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
-from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened, opened_text
+from ergon.scores.gesture.motion import (
+    Motion,
+    position_blocks,
+    positions,
+    size_checked,
+    unique_names,
+)
+from ergon.scores.gesture.take_file import Floats, TakeError, content_lines, open_take, open_text
 
 _FIRST_WORDS = (b"FILE_VERSION", b"NO_OF_FRAMES")
 _AFTER_NAMES = ("TRAJECTORY_TYPES", "EVENT")
-_LEADING_MAX = 2  # columns before the positions: the number of the frame, its time
-_WIDTHS = {"MARKER_NAMES": 3, "BODY_NAMES": 16}  # columns of each
+_LEADING_COLUMNS_MAX = 2  # columns before the positions: the number of the frame, its time
+_COLUMNS_BY_NAMES_FIELD = {"MARKER_NAMES": 3, "BODY_NAMES": 16}  # columns of each
 
 
 def is_qtm(path: Path) -> bool:
     """Whether a file begins as files of QTM do. Raises TakeError, OSError."""
-    with opened(path) as file:
+    with open_take(path) as file:
         return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST_WORDS)
 
 
@@ -61,21 +67,21 @@ def read(path: Path) -> Motion:
 
     Raises TakeError and OSError.
     """
-    header, layout = _header(path)
-    n = _count(header.get("NO_OF_FRAMES", []), path)
+    header, layout = _read_header(path)
+    n = _frame_count(header.get("NO_OF_FRAMES", []), path)
 
     def blocks() -> Iterator[Floats]:
-        with opened_text(path) as file:
-            numbered_lines = lines(file, path)
+        with open_text(path) as file:
+            numbered_lines = content_lines(file, path)
             positions_read = (
                 layout.values(line, line_number)
                 for line_number, line in numbered_lines
                 if line_number >= layout.first
             )
-            yield from map(_seen, in_blocks(positions_read, n, path))
+            yield from map(_with_gaps, position_blocks(positions_read, n, path))
 
-    rate = _rate(header.get("FREQUENCY", []), path)
-    return judged(
+    rate = _frame_rate(header.get("FREQUENCY", []), path)
+    return size_checked(
         Motion(
             unique_names(layout.names),
             n,
@@ -89,19 +95,19 @@ def read(path: Path) -> Motion:
     )
 
 
-def _header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
+def _read_header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     header: dict[str, list[str]] = {}
-    with opened_text(path) as file:
+    with open_text(path) as file:
         first_row = 0, ""
-        for numbered_line in lines(file, path):
+        for numbered_line in content_lines(file, path):
             label_word, *values = numbered_line[1].split("\t")
-            if header.keys().isdisjoint(_WIDTHS):
+            if header.keys().isdisjoint(_COLUMNS_BY_NAMES_FIELD):
                 header[label_word.strip()] = values
             elif label_word not in _AFTER_NAMES:
                 first_row = numbered_line
                 break
-    name_kind = next((kind for kind in _WIDTHS if kind in header), "MARKER_NAMES")
-    column_count = _WIDTHS[name_kind]
+    name_kind = next((kind for kind in _COLUMNS_BY_NAMES_FIELD if kind in header), "MARKER_NAMES")
+    column_count = _COLUMNS_BY_NAMES_FIELD[name_kind]
     marker_names = [name.strip() for name in header.get(name_kind, ())]
     while marker_names and not marker_names[-1]:
         marker_names.pop()
@@ -115,17 +121,19 @@ def _header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     # Column titles may come first. Every line may end in a tab; then the line of names does too.
     has_titles = any(cell[:1].isalpha() for cell in cells)
     is_tabbed = not header[name_kind][-1].strip()
-    leading = min(max(len(cells) - column_count * len(marker_names) - is_tabbed, 0), _LEADING_MAX)
+    leading = min(
+        max(len(cells) - column_count * len(marker_names) - is_tabbed, 0), _LEADING_COLUMNS_MAX
+    )
     return header, _RowLayout(path, marker_names, row_number + has_titles, leading, column_count)
 
 
-def _count(values: list[str], path: Path) -> int:
+def _frame_count(values: list[str], path: Path) -> int:
     if not values or not values[0].strip().isdecimal() or len(values[0]) > 9:
         raise TakeError("NO_OF_FRAMES in this file of QTM is not a number", path)
     return int(values[0])
 
 
-def _rate(cell_values: list[str], path: Path) -> float | None:
+def _frame_rate(cell_values: list[str], path: Path) -> float | None:
     """The frame rate [Hz]; None if an external clock drives the cameras."""
     if cell_values[:1] == ["EXT"]:
         return None
@@ -138,7 +146,7 @@ def _rate(cell_values: list[str], path: Path) -> float | None:
     return rate
 
 
-def _seen(coordinates: Floats) -> Floats:
+def _with_gaps(coordinates: Floats) -> Floats:
     """The positions, with NaN in place of 0, 0, 0."""
     coordinates[(coordinates == 0).all(axis=2)] = np.nan
     return coordinates

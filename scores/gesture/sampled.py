@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ergon.notation.text.values import Point
 
 
-def sampled(
+def sampled_positions(
     gesture_points: Sequence[Point], beat_seconds: float, rate: float
 ) -> NDArray[np.float64]:
     """Positions (n,) [m], `rate` a second, of points in beats of `beat_seconds` [s]; from 0 to the
@@ -36,12 +36,12 @@ def sampled(
     x = [point.x for point in gesture_points]
     if t[-1] * rate >= MAX_SAMPLES:
         message = f"this gesture has more than {MAX_SAMPLES:,} samples at {rate:g} Hz"
-        raise _wrong(gesture_points, len(gesture_points) - 1, message)
+        raise _raise_at_point(gesture_points, len(gesture_points) - 1, message)
     try:
         timeline.gesture(hand_key, t, x, curves, touch="tracked")  # type: ignore[arg-type]
         simulation = Simulation(network, timeline)
     except EngineError as error:
-        raise _wrong(gesture_points, error.index or 0, error.sentence) from None
+        raise _raise_at_point(gesture_points, error.index or 0, error.sentence) from None
     n = int(t[-1] * rate + 0.5) + 1
     path = np.empty(n)
     no_samples = np.empty((1, 0))
@@ -52,10 +52,10 @@ def sampled(
         except DivergedError:
             index = next((k for k, instant in enumerate(t) if instant * rate >= i + 1), len(t) - 1)
             message = "the path to this point, or on from it, is too fast for any mass"
-            raise _wrong(gesture_points, index, message) from None
+            raise _raise_at_point(gesture_points, index, message) from None
     return path
 
 
-def _wrong(points: Sequence[Point], index: int, message: str) -> TextError:
+def _raise_at_point(points: Sequence[Point], index: int, message: str) -> TextError:
     point = points[min(index, len(points) - 1)]
     return TextError(message, offset=point.offset, length=point.length, code="E308")

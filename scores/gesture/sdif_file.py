@@ -22,19 +22,28 @@ from pathlib import Path
 import numpy as np
 
 from ergon.notation.text.spelling import nearest
-from ergon.scores.gesture.motion import scale
-from ergon.scores.gesture.take_file import MAX_CHANNELS, MAX_SAMPLES, Floats, TakeError, opened
+from ergon.scores.gesture.motion import metres_per_unit
+from ergon.scores.gesture.take_file import MAX_CHANNELS, MAX_SAMPLES, Floats, TakeError, open_take
 
-_FRAME = struct.Struct(">dii")  # time, stream, number of matrices
-_MATRIX = struct.Struct(">4sIII")  # name, type, rows, columns
-_TYPES = {0x0004: ">f4", 0x0008: ">f8", 0x0101: "i1", 0x0102: ">i2", 0x0104: ">i4", 0x0108: ">i8"}
-_TYPES |= {0x0201: "u1", 0x0202: ">u2", 0x0204: ">u4", 0x0208: ">u8"}
-_FRAME_MAX = 1 << 24  # bytes of a frame
+_FRAME_HEADER = struct.Struct(">dii")  # time, stream, number of matrices
+_MATRIX_HEADER = struct.Struct(">4sIII")  # name, type, rows, columns
+_DTYPE_BY_CODE = {
+    0x0004: ">f4",
+    0x0008: ">f8",
+    0x0101: "i1",
+    0x0102: ">i2",
+    0x0104: ">i4",
+    0x0108: ">i8",
+}
+_DTYPE_BY_CODE |= {0x0201: "u1", 0x0202: ">u2", 0x0204: ">u4", 0x0208: ">u8"}
+_FRAME_BYTES_MAX = 1 << 24  # bytes of a frame
 _TEXT_CHUNKS = (b"1NVT", b"1IDS")
-_TEXT_MAX = 1 << 20  # largest text of declarations
-_DECLARED = re.compile(r"1MTD\s+(\S{4})\s*\{([^{}]*)\}")
+_TEXT_BYTES_MAX = 1 << 20  # largest text of declarations
+_DECLARATION_PATTERN = re.compile(r"1MTD\s+(\S{4})\s*\{([^{}]*)\}")
 _STREAMS_LISTED_MAX = 12
-_INSTANT_MAX = 1e9  # [s]; IRCAM's library writes the largest number where a frame has no instant
+_INSTANT_SECONDS_MAX = (
+    1e9  # [s]; IRCAM's library writes the largest number where a frame has no instant
+)
 _KINDS_MAX = 64  # kinds of what is passed over that are counted each
 _TOO_MANY = f"the file has more than {MAX_CHANNELS:,} columns in its matrices"
 
@@ -53,11 +62,11 @@ def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Co
     """All columns of a file by name; what is not a column is counted in `passed_over`. Raises
     TakeError, also if there are more than a take may have.
     """
-    skipped = Counter[str]() if passed_over is None else passed_over
+    skipped_counts = Counter[str]() if passed_over is None else passed_over
     columns_found: dict[_Key, Column] = {}
-    declared: dict[bytes, list[str]] = {}
+    declared_columns: dict[bytes, list[str]] = {}
     n_values = 0
-    for matrix_name, t, stream, matrix in _matrices(path, declared, skipped):
+    for matrix_name, t, stream, matrix in _matrices(path, declared_columns, skipped_counts):
         n_values += matrix.size
         if matrix.size > MAX_CHANNELS:
             raise TakeError(_TOO_MANY, path)
@@ -74,7 +83,7 @@ def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Co
                 known_column.x.append(column_value)
     if not columns_found:
         raise TakeError("the file has no matrices of numbers", path)
-    return _named(columns_found, declared)
+    return _columns_by_name(columns_found, declared_columns)
 
 
 def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tuple[Floats, Floats]:
@@ -94,12 +103,12 @@ def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tup
             suggestion=nearest(channel_name, all_columns),
             field="channel",
         )
-    metres = scale(None, metre_unit, path)
+    metres = metres_per_unit(None, metre_unit, path)
     t, x = np.frombuffer(all_columns[channel_name].t), np.frombuffer(all_columns[channel_name].x)
     return t - t[0], (x - x[0]) * metres
 
 
-def _named(
+def _columns_by_name(
     columns_by_key: dict[_Key, Column], declared: dict[bytes, list[str]]
 ) -> dict[str, Column]:
     streams = {(name, row, column): set[int]() for name, _, row, column in columns_by_key}
@@ -133,23 +142,25 @@ def _matrices(
     """Name, instant, stream and numbers of each matrix; the names of columns go into `declared`,
     and what has no instant or no numbers into `skipped`.
     """
-    with opened(path) as open_file:
+    with open_take(path) as open_file:
         file_size = os.fstat(open_file.fileno()).st_size
         if open_file.read(4) != b"SDIF":
             raise TakeError("this is not an SDIF file", path)
         open_file.seek(4)
-        _body(open_file, file_size, path)
+        _frame_content(open_file, file_size, path)
         while frame_header := open_file.read(4):
-            frame_bytes = _body(open_file, file_size, path)
+            frame_bytes = _frame_content(open_file, file_size, path)
             if frame_header == b"1TYP":
-                _declare(frame_bytes, declared)
+                _read_declarations(frame_bytes, declared)
                 continue
-            if frame_header in _TEXT_CHUNKS or len(frame_bytes) < _FRAME.size:
-                _pass(skipped, f"frame {_printable_name(frame_header)} without columns")
+            if frame_header in _TEXT_CHUNKS or len(frame_bytes) < _FRAME_HEADER.size:
+                _count_skipped(skipped, f"frame {_printable_name(frame_header)} without columns")
                 continue
-            t, stream, matrix_count = _FRAME.unpack_from(frame_bytes)
-            if not (math.isfinite(t) and abs(t) <= _INSTANT_MAX):  # it applies to the whole file
-                _pass(skipped, f"frame {_printable_name(frame_header)} without an instant")
+            t, stream, matrix_count = _FRAME_HEADER.unpack_from(frame_bytes)
+            if not (
+                math.isfinite(t) and abs(t) <= _INSTANT_SECONDS_MAX
+            ):  # it applies to the whole file
+                _count_skipped(skipped, f"frame {_printable_name(frame_header)} without an instant")
                 continue
             if matrix_count < 0:
                 raise TakeError(f"the file has a frame with {matrix_count:,} matrices", path)
@@ -157,7 +168,7 @@ def _matrices(
             yield from ((name, t, stream, x) for name, x in matrices)
 
 
-def _pass(skipped: Counter[str], noun: str) -> None:
+def _count_skipped(skipped: Counter[str], noun: str) -> None:
     """Count what is passed over; a damaged file may have a name for each frame."""
     skipped[noun if noun in skipped or len(skipped) < _KINDS_MAX else "anything else"] += 1
 
@@ -166,20 +177,20 @@ def _printable_name(name: bytes) -> str:
     return name.decode("latin-1")
 
 
-def _body(open_file: BufferedReader, file_size: int, path: Path) -> bytes:
+def _frame_content(open_file: BufferedReader, file_size: int, path: Path) -> bytes:
     """The content of a frame, which follows its size."""
     size_bytes = open_file.read(4)
     body_length = int.from_bytes(size_bytes, "big")
     if len(size_bytes) < 4 or body_length > file_size - open_file.tell():
         raise TakeError("the file ends within a frame", path)
-    if body_length > _FRAME_MAX:
+    if body_length > _FRAME_BYTES_MAX:
         raise TakeError("the file has a frame of more than 16 MB", path)
     return open_file.read(body_length)
 
 
-def _declare(data: bytes, declared: dict[bytes, list[str]]) -> None:
+def _read_declarations(data: bytes, declared: dict[bytes, list[str]]) -> None:
     """Read the names of columns that the file declares: `1MTD XPOS {x, y, z}`."""
-    for name, titles in _DECLARED.findall(data[:_TEXT_MAX].decode("latin-1")):
+    for name, titles in _DECLARATION_PATTERN.findall(data[:_TEXT_BYTES_MAX].decode("latin-1")):
         words = [word.strip() for word in titles.split(",")]
         declared[name.encode("latin-1")] = [word.replace(".", "_") for word in words if word]
 
@@ -188,24 +199,24 @@ def _frame_matrices(
     frame_bytes: bytes, matrix_count: int, path: Path, skipped: Counter[str]
 ) -> Iterator[tuple[bytes, Floats]]:
     """Name and numbers of each matrix of a frame; matrices of other types go into `skipped`."""
-    matrix_offset = _FRAME.size
+    matrix_offset = _FRAME_HEADER.size
     for _ in range(matrix_count):
-        if matrix_offset + _MATRIX.size > len(frame_bytes):
+        if matrix_offset + _MATRIX_HEADER.size > len(frame_bytes):
             raise TakeError("the file has a frame that is too short for its matrices", path)
-        matrix_name, matrix_type, n_rows, n_columns = _MATRIX.unpack_from(
+        matrix_name, matrix_type, n_rows, n_columns = _MATRIX_HEADER.unpack_from(
             frame_bytes, matrix_offset
         )
-        matrix_offset += _MATRIX.size
+        matrix_offset += _MATRIX_HEADER.size
         matrix_bytes = n_rows * n_columns * (matrix_type & 0xFF)
         if matrix_offset + matrix_bytes > len(frame_bytes):
             raise TakeError("the file has a matrix that is longer than its frame", path)
-        if matrix_type in _TYPES and matrix_bytes:
+        if matrix_type in _DTYPE_BY_CODE and matrix_bytes:
             cell_values = np.frombuffer(
-                frame_bytes, _TYPES[matrix_type], n_rows * n_columns, matrix_offset
+                frame_bytes, _DTYPE_BY_CODE[matrix_type], n_rows * n_columns, matrix_offset
             )
             yield matrix_name, cell_values.astype(np.float64).reshape(n_rows, n_columns)
         else:
-            _pass(skipped, f"matrix {_printable_name(matrix_name)} without numbers")
+            _count_skipped(skipped, f"matrix {_printable_name(matrix_name)} without numbers")
         matrix_offset += matrix_bytes + -matrix_bytes % 8  # padded
-    if len(frame_bytes) - matrix_offset >= _MATRIX.size:
-        _pass(skipped, "rest of a frame behind the matrices that it counts")
+    if len(frame_bytes) - matrix_offset >= _MATRIX_HEADER.size:
+        _count_skipped(skipped, "rest of a frame behind the matrices that it counts")

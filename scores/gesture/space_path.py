@@ -63,16 +63,16 @@ def parse(
 
     Raises TextError with the characters at fault.
     """
-    bracket_points = [_brackets(match) for match in _POSITIONS.finditer(path_text)]
+    bracket_points = [_bracketed_positions(match) for match in _POSITIONS.finditer(path_text)]
     n_axes = axes(path_text)
-    _check(path_text, bracket_points, n_axes)
+    _check_positions(path_text, bracket_points, n_axes)
     return tuple(
-        _along(path_text, bracket_points, axis, curve, events_max // n_axes)
+        _axis_notation(path_text, bracket_points, axis, curve, events_max // n_axes)
         for axis in range(n_axes)
     )
 
 
-def _brackets(bracket_match: re.Match[str]) -> _Brackets:
+def _bracketed_positions(bracket_match: re.Match[str]) -> _Brackets:
     position_parts, part_offset_here = [], bracket_match.start(1)
     for part in bracket_match[1].split(","):
         position_parts.append((part_offset_here + len(part) - len(part.lstrip()), part.strip()))
@@ -80,7 +80,7 @@ def _brackets(bracket_match: re.Match[str]) -> _Brackets:
     return _Brackets(bracket_match.start(), bracket_match.end(), tuple(position_parts))
 
 
-def _check(path_text: str, points: Sequence[_Brackets], n_axes: int) -> None:
+def _check_positions(path_text: str, points: Sequence[_Brackets], n_axes: int) -> None:
     """Check that each point has as many positions as the first, two or three, and a time."""
     for bracket_start, bracket_stop, position_texts in points:
         point_text = path_text[bracket_start:bracket_stop]
@@ -103,7 +103,7 @@ def _check(path_text: str, points: Sequence[_Brackets], n_axes: int) -> None:
             raise TextError(message, offset=alone_match.start(), length=len(alone_match[0]))
 
 
-def _along(
+def _axis_notation(
     path_text: str, bracket_points: Sequence[_Brackets], axis: int, curve: str, events_max: int
 ) -> Notation:
     """The notation along one axis, with offsets into the text as written."""

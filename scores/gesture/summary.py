@@ -13,16 +13,16 @@ import numpy as np
 
 from ergon.scores.gesture import bvh_file, c3d_file, optitrack_file, qtm_file, sdif_file, trc_file
 from ergon.scores.gesture.motion import AXES, Motion
-from ergon.scores.gesture.npz import npz
+from ergon.scores.gesture.npz import open_npz
 from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
 from ergon.scores.gesture.table_file import sheet
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     Floats,
     TakeError,
-    falling_time,
     number_in,
-    opened_text,
+    open_text,
+    time_order_error,
 )
 
 
@@ -94,8 +94,8 @@ def summary(path: Path) -> Table:
     return table
 
 
-def _table(path: Path) -> Table:
-    with opened_text(path) as file:
+def _read_table(path: Path) -> Table:
+    with open_text(path) as file:
         try:
             table = sheet(file, path)
             columns = tuple(Column(name) for name in table.names)
@@ -105,23 +105,23 @@ def _table(path: Path) -> Table:
             block: list[list[float]] = []
             n_rows, instant_before = 0, -math.inf
             for number, cells in table.rows:
-                block.append(values := _numbers(table.names, cells, path, number))
+                block.append(values := _row_numbers(table.names, cells, path, number))
                 if not all(map(math.isfinite, values)):
-                    _note_line(columns, values, number)
+                    _note_missing_line(columns, values, number)
                 if time is not None:
                     instant = number_in(cells[time], path, number)
                     if not instant > instant_before:
-                        raise falling_time(instant, instant_before, path, number)
+                        raise time_order_error(instant, instant_before, path, number)
                     instant_before = instant
                 if len(block) * len(columns) >= _BLOCK:
-                    n_rows += _added(columns, block)
-            n_rows += _added(columns, block)
+                    n_rows += _add_rows(columns, block)
+            n_rows += _add_rows(columns, block)
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
-    return Table(n_rows, columns, _mistake(columns))
+    return Table(n_rows, columns, _playing_mistake(columns))
 
 
-def _mistake(columns: Sequence[Column]) -> str | None:
+def _playing_mistake(columns: Sequence[Column]) -> str | None:
     """What keeps a take of a table from being played, if anything does."""
     words = [column.name.partition("[")[0].strip() for column in columns]
     if (repeated_word := next((word for word in words if words.count(word) > 1), None)) is not None:
@@ -143,7 +143,7 @@ def _mistake(columns: Sequence[Column]) -> str | None:
     return None
 
 
-def _numbers(names: Sequence[str], cells: Sequence[str], path: Path, line: int) -> list[float]:
+def _row_numbers(names: Sequence[str], cells: Sequence[str], path: Path, line: int) -> list[float]:
     """The numbers of a row. Raises TakeError, with the column of the cell that is none."""
     for name, cell in zip(names, cells, strict=True):
         try:
@@ -159,14 +159,14 @@ def _numbers(names: Sequence[str], cells: Sequence[str], path: Path, line: int) 
     return [float(cell) for cell in cells]
 
 
-def _note_line(columns: Sequence[Column], values: Sequence[float], line: int) -> None:
+def _note_missing_line(columns: Sequence[Column], values: Sequence[float], line: int) -> None:
     """Note in which line a column first has a value that is not finite."""
     for column, value in zip(columns, values, strict=False):
         if not math.isfinite(value) and column.line_missing is None:
             column.line_missing = line
 
 
-def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
+def _add_rows(columns: Sequence[Column], block: list[list[float]]) -> int:
     """Add some rows to the columns; returns their number."""
     n_rows = len(block)
     for column, values in zip(columns, zip(*block, strict=True), strict=False):
@@ -175,11 +175,11 @@ def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
     return n_rows
 
 
-def _npz(path: Path) -> Table:
+def _summarise_npz(path: Path) -> Table:
     """The number arrays of an npz file; other arrays cannot be played and are left out."""
     columns, passed_over = [], []
     n_rows = 0
-    with npz(path) as arrays:
+    with open_npz(path) as arrays:
         for index in range(len(arrays.names)):
             row = arrays.row(index)
             if row is None or not row.length:
@@ -192,19 +192,19 @@ def _npz(path: Path) -> Table:
                 column.add(block)
             columns.append(column)
             n_rows = max(n_rows, row.length)
-    return Table(n_rows, tuple(columns), _mistake(columns), tuple(passed_over))
+    return Table(n_rows, tuple(columns), _playing_mistake(columns), tuple(passed_over))
 
 
-def _tsv(path: Path) -> Table:
-    return _points(qtm_file.read)(path) if qtm_file.is_qtm(path) else _table(path)
+def _summarise_tsv(path: Path) -> Table:
+    return _points_summariser(qtm_file.read)(path) if qtm_file.is_qtm(path) else _read_table(path)
 
 
-def _csv(path: Path) -> Table:
+def _summarise_csv(path: Path) -> Table:
     is_motive = optitrack_file.is_optitrack(path)
-    return _points(optitrack_file.read)(path) if is_motive else _table(path)
+    return _points_summariser(optitrack_file.read)(path) if is_motive else _read_table(path)
 
 
-def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
+def _points_summariser(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
     """A reader that summarises moving points: three columns each, in metres if the file tells a
     unit.
     """
@@ -227,7 +227,7 @@ def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
     return points
 
 
-def _sdif(path: Path) -> Table:
+def _summarise_sdif(path: Path) -> Table:
     """Columns of an SDIF file. Each has instants of its own; the row count is that of the
     longest.
     """
@@ -251,12 +251,12 @@ def _sdif(path: Path) -> Table:
 
 
 _SUMMARIES: dict[str, Callable[[Path], Table]] = {
-    ".csv": _csv,
-    ".tsv": _tsv,
-    ".npz": _npz,
-    ".c3d": _points(c3d_file.read),
-    ".bvh": _points(bvh_file.read),
-    ".trc": _points(trc_file.read),
-    ".sdif": _sdif,
+    ".csv": _summarise_csv,
+    ".tsv": _summarise_tsv,
+    ".npz": _summarise_npz,
+    ".c3d": _points_summariser(c3d_file.read),
+    ".bvh": _points_summariser(bvh_file.read),
+    ".trc": _points_summariser(trc_file.read),
+    ".sdif": _summarise_sdif,
 }
 SUFFIXES = tuple(_SUMMARIES)

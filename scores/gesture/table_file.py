@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
-from ergon.scores.gesture.take_file import TakeError, lines
+from ergon.scores.gesture.take_file import TakeError, content_lines
 
 _SEPARATORS = ";,\t"
-_QUOTED = re.compile(r'"[^"]*"')
+_QUOTED_PATTERN = re.compile(r'"[^"]*"')
 _STATED_SEPARATOR = re.compile(r'"?sep=(.)"?[,;\t]*', re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?[0-9]*[.,]?[0-9]+([eE][+-]?[0-9]+)?|[+-]?(nan|inf)", re.IGNORECASE)
-_WITH_UNIT = re.compile(r"(.*\S)\s*(?:\((.*)\)|\[(.*)\])")
-_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
+_NAME_WITH_UNIT_PATTERN = re.compile(r"(.*\S)\s*(?:\((.*)\)|\[(.*)\])")
+_THOUSANDS_PATTERN = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
 _UNITS = {unit for unit in (*UNITS_PER_METRE, *UNITS_PER_SECOND) if unit}
 
 
@@ -38,14 +38,14 @@ class Sheet(NamedTuple):
 
 def sheet(file: IO[str], path: Path) -> Sheet:
     """The table in a text, row by row. Raises TakeError, here and in the rows."""
-    numbered = lines(file, path)
-    header_number, header = next(numbered, (1, ""))
+    numbered_lines = content_lines(file, path)
+    header_number, header = next(numbered_lines, (1, ""))
     separator = None
     if stated := _STATED_SEPARATOR.fullmatch(header):
         separator = stated[1]
-        header_number, header = next(numbered, (header_number, ""))
+        header_number, header = next(numbered_lines, (header_number, ""))
     separator = separator or _separator(header)
-    column_names = [name.strip() for name in _cells(header, separator, path, header_number)]
+    column_names = [name.strip() for name in _split_cells(header, separator, path, header_number)]
     while len(column_names) > 1 and not column_names[-1]:
         column_names.pop()  # each line ends with a separator
     if all(map(_NUMBER.fullmatch, column_names)):
@@ -55,14 +55,14 @@ def sheet(file: IO[str], path: Path) -> Sheet:
             path,
             header_number,
         )
-    table_rows = _rows(numbered, len(column_names), separator, path)
+    table_rows = _rows(numbered_lines, len(column_names), separator, path)
     first_row = next(table_rows, None)
-    if first_row is not None and (units := _units(column_names, first_row[1])) is not None:
+    if first_row is not None and (units := _units_of_row(column_names, first_row[1])) is not None:
         pairs = zip(column_names, units, strict=True)
         column_names = [f"{name} [{unit}]" if unit else name for name, unit in pairs]
         first_row = None
     return Sheet(
-        _named(column_names),
+        _names_with_units(column_names),
         header_number,
         table_rows if first_row is None else itertools.chain([first_row], table_rows),
     )
@@ -70,22 +70,24 @@ def sheet(file: IO[str], path: Path) -> Sheet:
 
 def _separator(header: str) -> str:
     """The separator between the columns of a header."""
-    unquoted_header = _QUOTED.sub("", header)
+    unquoted_header = _QUOTED_PATTERN.sub("", header)
     return next((candidate for candidate in _SEPARATORS if candidate in unquoted_header), ",")
 
 
-def _units(column_names: list[str], cells: list[str]) -> list[str] | None:
+def _units_of_row(column_names: list[str], cells: list[str]) -> list[str] | None:
     """The units of a row that has nothing else, below names without units."""
     units = [cell.strip().strip("[]()") for cell in cells]
     is_row = any(units) and all(unit in _UNITS for unit in units if unit)
-    return units if is_row and not any(map(_WITH_UNIT.fullmatch, column_names)) else None
+    return (
+        units if is_row and not any(map(_NAME_WITH_UNIT_PATTERN.fullmatch, column_names)) else None
+    )
 
 
-def _named(column_names: list[str]) -> list[str]:
+def _names_with_units(column_names: list[str]) -> list[str]:
     """The names with their units in brackets, and `t` for a column that is called time."""
     named_columns = []
     for name in column_names:
-        unit_match = _WITH_UNIT.fullmatch(name)
+        unit_match = _NAME_WITH_UNIT_PATTERN.fullmatch(name)
         name_text, unit_text = name, None
         if unit_match and (unit_match[2] is None or unit_match[2].strip() in _UNITS):
             name_text, unit_text = unit_match[1], (unit_match[2] or unit_match[3] or "").strip()
@@ -102,7 +104,7 @@ def _rows(
     numbered: Iterator[tuple[int, str]], column_count: int, separator: str, path: Path
 ) -> Iterator[tuple[int, list[str]]]:
     for line_number, line_text in numbered:
-        line_cells = _cells(line_text, separator, path, line_number)
+        line_cells = _split_cells(line_text, separator, path, line_number)
         if len(line_cells) > column_count and not any(
             cell.strip() for cell in line_cells[column_count:]
         ):
@@ -117,11 +119,13 @@ def _rows(
                 line_number,
             )
         if "," in line_text and (separator != "," or '"' in line_text):
-            line_cells = [_with_point(cell, separator, path, line_number) for cell in line_cells]
+            line_cells = [
+                _with_decimal_point(cell, separator, path, line_number) for cell in line_cells
+            ]
         yield line_number, line_cells
 
 
-def _cells(written_text: str, separator: str, path: Path, line_number: int) -> list[str]:
+def _split_cells(written_text: str, separator: str, path: Path, line_number: int) -> list[str]:
     if '"' not in written_text:
         return written_text.split(separator)
     try:
@@ -130,15 +134,14 @@ def _cells(written_text: str, separator: str, path: Path, line_number: int) -> l
         raise TakeError("a quotation in this line is not closed", path, line_number) from None
 
 
-def _with_point(cell_text: str, separator: str, path: Path, line_number: int) -> str:
+def _with_decimal_point(cell_text: str, separator: str, path: Path, line_number: int) -> str:
     """A number with a decimal comma as one with a point; other cells as they are."""
     if cell_text.count(",") != 1 or "." in cell_text:
         return cell_text
-    if separator == "," and _THOUSANDS.fullmatch(cell_text.strip()):
+    if separator == "," and _THOUSANDS_PATTERN.fullmatch(cell_text.strip()):
         message = (
             f"the comma in '{cell_text.strip()}' may divide thousands or be a decimal comma; write "
-            "a "
-            "point, or no comma"
+            "a point, or no comma"
         )
         raise TakeError(message, path, line_number)
     return cell_text.replace(",", ".")

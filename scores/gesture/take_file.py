@@ -23,7 +23,7 @@ MAX_SAMPLES = 20_000_000  # two hours at 2.8 kHz; what `ergon._core.Take` accept
 MAX_BYTES = 1 << 30  # largest CSV or npz file, and largest unpacked npz file
 MAX_LINE = 65_536  # characters; a thousand channels fit
 MAX_CHANNELS = 1024
-_BLOCK = 1 << 20  # bytes of a text that are looked at together
+_BLOCK_BYTES = 1 << 20  # bytes of a text that are looked at together
 
 
 class TakeError(TextError):
@@ -46,7 +46,7 @@ class TakeError(TextError):
         self.field = field
 
 
-def falling_time(
+def time_order_error(
     row_instant: float, instant_before: float, path: Path, line_number: int
 ) -> TakeError:
     """The mistake of a row [s] that is not later than the row before it [s]."""
@@ -57,7 +57,7 @@ def falling_time(
     return TakeError(f"{message}times must rise from row to row", path, line_number)
 
 
-def opened(path: Path) -> BufferedReader:
+def open_take(path: Path) -> BufferedReader:
     """Open a file for reading, unless it is larger than a take may be. Raises TakeError,
     OSError.
     """
@@ -68,11 +68,11 @@ def opened(path: Path) -> BufferedReader:
     return raw_file
 
 
-def opened_text(path: Path) -> TextIOWrapper:
+def open_text(path: Path) -> TextIOWrapper:
     """Open a text of a stranger: in UTF-8, in UTF-16 with its mark, else in Latin-1. Raises
     TakeError, OSError.
     """
-    raw_file = opened(path)
+    raw_file = open_take(path)
     try:
         encoding = _encoding(raw_file)
         raw_file.seek(0)
@@ -87,7 +87,7 @@ def opened_text(path: Path) -> TextIOWrapper:
 
 def _encoding(raw_file: BufferedReader) -> str | None:
     """How a text is coded; None for bytes that no text has."""
-    byte_block = raw_file.read(_BLOCK)
+    byte_block = raw_file.read(_BLOCK_BYTES)
     if byte_block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     decoder: codecs.IncrementalDecoder = codecs.getincrementaldecoder("utf-8")()
@@ -100,7 +100,7 @@ def _encoding(raw_file: BufferedReader) -> str | None:
         except UnicodeDecodeError:
             is_utf8 = False
             decoder = codecs.getincrementaldecoder("latin-1")()
-        byte_block = raw_file.read(_BLOCK)
+        byte_block = raw_file.read(_BLOCK_BYTES)
     try:
         decoder.decode(b"", final=True)
     except UnicodeDecodeError:
@@ -108,7 +108,7 @@ def _encoding(raw_file: BufferedReader) -> str | None:
     return "utf-8-sig" if is_utf8 else "latin-1"
 
 
-def lines(open_file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
+def content_lines(open_file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
     """The lines of a text file without empty lines and comments, numbered from 1. Raises
     TakeError.
     """

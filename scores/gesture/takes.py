@@ -36,7 +36,7 @@ from ergon.scores.gesture import (
     sdif_file,
     trc_file,
 )
-from ergon.scores.gesture.npz import Npz, npz
+from ergon.scores.gesture.npz import Npz, open_npz
 from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
 from ergon.scores.gesture.table_file import Sheet, sheet
 from ergon.scores.gesture.take_file import (
@@ -44,14 +44,14 @@ from ergon.scores.gesture.take_file import (
     MAX_SAMPLES,
     Floats,
     TakeError,
-    falling_time,
     number_in,
-    opened_text,
+    open_text,
+    time_order_error,
 )
 
 MAX_POSITION = 1e3  # m
 MAX_RATE = 1e6  # Hz
-_PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE  # format tags (RFC 2361)
+_PCM_FORMAT, _FLOAT_FORMAT, _EXTENSIBLE_FORMAT = 1, 3, 0xFFFE  # format tags (RFC 2361)
 _WAV_ORDER: dict[bytes, Literal["little", "big"]] = {
     b"RIFF": "little",
     b"RF64": "little",
@@ -108,22 +108,22 @@ def read(
 def _read_table(
     path: Path, channel: str | None, rate: float | None, metre_unit: float | None
 ) -> Samples:
-    with opened_text(path) as file:
+    with open_text(path) as file:
         try:
             take_table = sheet(file, path)
             table_columns = _columns(take_table.names, path, take_table.line)
-            value_column, x_unit = _chosen(table_columns, channel, path)
+            value_column, x_unit = _chosen_column(table_columns, channel, path)
             divisor = _column_values(take_table, value_column, x_unit, metre_unit, path)
-            timed = "t" in table_columns
+            has_times = "t" in table_columns
             t, t_unit = table_columns.get("t", (value_column, "s"))
-            _check_rate(timed, rate, path)
+            _check_rate(has_times, rate, path)
             ts, xs = array("d"), array("d")
             for line_number, cells in take_table.rows:
                 x = number_in(cells[value_column], path, line_number)
-                if timed:
+                if has_times:
                     row_instant = number_in(cells[t], path, line_number)
                     if ts and not row_instant > ts[-1]:
-                        raise falling_time(row_instant, ts[-1], path, line_number)
+                        raise time_order_error(row_instant, ts[-1], path, line_number)
                     ts.append(row_instant)
                 if len(xs) == MAX_SAMPLES:
                     raise TakeError(
@@ -132,11 +132,13 @@ def _read_table(
                 xs.append(x)
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
-    if timed:
-        point_seconds = np.frombuffer(ts) / _divisor(t_unit or "s", UNITS_PER_SECOND, "time", path)
+    if has_times:
+        point_seconds = np.frombuffer(ts) / _unit_divisor(
+            t_unit or "s", UNITS_PER_SECOND, "time", path
+        )
     else:
         point_seconds = np.arange(len(xs)) / (rate or 1.0)
-    return _checked(point_seconds, np.frombuffer(xs) / divisor, path)
+    return _checked_samples(point_seconds, np.frombuffer(xs) / divisor, path)
 
 
 def _column_values(
@@ -145,13 +147,11 @@ def _column_values(
     """Units of a column in a metre, by its header or by `metre_unit` [m]. Raises TakeError."""
     if stated is not None:
         _check_unit(metre_unit, path)
-        return _divisor(stated, UNITS_PER_METRE, "position", path)
+        return _unit_divisor(stated, UNITS_PER_METRE, "position", path)
     if metre_unit is None:
         message = (
             f"'{take_table.names[column_index][:40]}' has no unit; write a header such as t [s],x "
-            "[mm], "
-            "or "
-            "what 1.0 means, such as unit: 1mm"
+            "[mm], or what 1.0 means, such as unit: 1mm"
         )
         raise TakeError(message, path, take_table.line, field="unit")
     return 1.0 / metre_unit
@@ -179,7 +179,7 @@ def _columns(
     return columns_by_name
 
 
-def _chosen(
+def _chosen_column(
     columns_by_name: Mapping[str, tuple[int, str | None]], channel_name: str | None, path: Path
 ) -> tuple[int, str | None]:
     """The column and unit of a channel, or of the only one."""
@@ -204,7 +204,9 @@ def _chosen(
     return columns_by_name[channel_name]
 
 
-def _divisor(unit_name: str, units_by_name: dict[str, float], quantity: str, path: Path) -> float:
+def _unit_divisor(
+    unit_name: str, units_by_name: dict[str, float], quantity: str, path: Path
+) -> float:
     if not unit_name or unit_name not in units_by_name:
         unit_names = ", ".join(filter(None, units_by_name))
         raise TakeError(
@@ -228,7 +230,7 @@ def _check_unit(unit: float | None, path: Path) -> None:
         raise TakeError("the file states its own unit; remove `unit`", path, field="unit")
 
 
-def _checked(t: Floats, x: Floats, path: Path) -> Samples:
+def _checked_samples(t: Floats, x: Floats, path: Path) -> Samples:
     for name, values in (("t", t), ("x", x)):
         if not (finite := np.isfinite(values)).all():
             raise TakeError(f"sample {int(finite.argmin()) + 1} of {name} is not finite", path)
@@ -248,11 +250,11 @@ def _read_wav(
 ) -> Samples:
     import soundfile  # 80 ms that a score without WAV takes need not spend
 
-    patches = _judge_wav(path)
+    patches = _wav_patches(path)
     try:
         with (
             open_regular(path) as raw,
-            soundfile.SoundFile(_Mended(raw, patches) if patches else path) as sound_file,
+            soundfile.SoundFile(_PatchedFile(raw, patches) if patches else path) as sound_file,
         ):
             _check_rate(True, rate, path)
             channels_by_name = {str(i + 1): (i, "m") for i in range(sound_file.channels)}
@@ -262,7 +264,7 @@ def _read_wav(
                 sound_file.frames > MAX_SAMPLES
             ):  # declared length; the samples read are bounded below
                 raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
-            column_index, _ = _chosen(channels_by_name, channel, path)
+            column_index, _ = _chosen_column(channels_by_name, channel, path)
             block_frames = max(1, (1 << 20) // sound_file.channels)
             sample_blocks = []
             n_samples = 0
@@ -274,7 +276,7 @@ def _read_wav(
                     raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
                 sample_blocks.append(value_block[:, column_index].copy())
             x = np.concatenate(sample_blocks) if sample_blocks else np.empty(0)
-            return _checked(
+            return _checked_samples(
                 np.arange(len(x)) / float(sound_file.samplerate), x * (metre_unit or 1.0), path
             )
     except soundfile.LibsndfileError as error:
@@ -283,7 +285,7 @@ def _read_wav(
         ) from None
 
 
-class _Mended:
+class _PatchedFile:
     """A WAV file with some of its bytes replaced, as libsndfile reads it."""
 
     def __init__(self, file: BinaryIO, patches: dict[int, bytes]) -> None:
@@ -308,7 +310,7 @@ class _Mended:
         return bytes(file_bytes)
 
 
-def _judge_wav(path: Path) -> dict[int, bytes]:
+def _wav_patches(path: Path) -> dict[int, bytes]:
     """The bytes to replace for libsndfile, by their offsets. Raises TakeError.
 
     It gives no error if a file ends before its samples do, and it decodes any content whatever
@@ -331,9 +333,9 @@ def _judge_wav(path: Path) -> dict[int, bytes]:
             if chunk_name == b"fmt ":
                 chunk_content = raw_file.read(min(chunk_length, 40))
                 tag = int.from_bytes(chunk_content[:2], byte_order)
-                if tag == _EXTENSIBLE:
+                if tag == _EXTENSIBLE_FORMAT:
                     tag = int.from_bytes(chunk_content[24:26], byte_order)
-                if tag not in (_PCM, _FLOAT):
+                if tag not in (_PCM_FORMAT, _FLOAT_FORMAT):
                     raise TakeError(f"this WAV file is coded (format {tag}); PCM is read", path)
             elif chunk_name == b"data" and tag is not None:
                 patches = {0: b"RF64"} if header[:4] == b"BW64" else {}
@@ -352,25 +354,27 @@ def _judge_wav(path: Path) -> dict[int, bytes]:
 def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     _check_unit(unit, path)
     column_headers = {"t": "t [s]"}
-    with npz(path) as arrays:
+    with open_npz(path) as arrays:
         headers = [n if "[" in n else column_headers.get(n, f"{n} [m]") for n in arrays.names]
         columns_by_name = _columns(headers, path, None)
-        column_index, x_unit = _chosen(columns_by_name, channel, path)
+        column_index, x_unit = _chosen_column(columns_by_name, channel, path)
         timed = "t" in columns_by_name
         _check_rate(timed, rate, path)
-        x = _array(arrays, column_index, path) / _divisor(
+        x = _read_array(arrays, column_index, path) / _unit_divisor(
             x_unit or "m", UNITS_PER_METRE, "position", path
         )
         if not timed:
-            return _checked(np.arange(len(x)) / (rate or 1.0), x, path)
+            return _checked_samples(np.arange(len(x)) / (rate or 1.0), x, path)
         t_column, t_unit = columns_by_name["t"]
-        t = _array(arrays, t_column, path) / _divisor(t_unit or "s", UNITS_PER_SECOND, "time", path)
+        t = _read_array(arrays, t_column, path) / _unit_divisor(
+            t_unit or "s", UNITS_PER_SECOND, "time", path
+        )
     if len(t) != len(x):
         raise TakeError(f"{len(t):,} times and {len(x):,} positions", path)
-    return _checked(t, x, path)
+    return _checked_samples(t, x, path)
 
 
-def _array(arrays: Npz, column_index: int, path: Path) -> Floats:
+def _read_array(arrays: Npz, column_index: int, path: Path) -> Floats:
     array_row = arrays.row(column_index)
     if array_row is None:
         raise TakeError(f"'{arrays.names[column_index][:40]}' is not a row of numbers", path)
@@ -389,16 +393,16 @@ def _read_recording(
     axis = (
         0
         if channel_name is None and len(recording.axes) == 1
-        else _axis(recording, channel_name, path)
+        else _recorded_axis(recording, channel_name, path)
     )
     ticks = recording.ticks()
     # Time counts from the recording's beginning, which may lie in the middle of a piece.
     t = (ticks - ticks[:1]).astype(np.float64) * recording.frames / recording.rate
     x = np.ascontiguousarray(recording.positions()[:, axis])
-    return _checked(t, x, path)._replace(damage=recording.damage)
+    return _checked_samples(t, x, path)._replace(damage=recording.damage)
 
 
-def _axis(recording: _core.Recording, channel_name: str | None, path: Path) -> int:
+def _recorded_axis(recording: _core.Recording, channel_name: str | None, path: Path) -> int:
     """The axis with a name: its own, or that of its player or key if they have only one axis."""
     axes_by_name = {name: (i, "m") for i, name in enumerate(recording.names)}
     if channel_name not in axes_by_name:
@@ -407,36 +411,36 @@ def _axis(recording: _core.Recording, channel_name: str | None, path: Path) -> i
         ]
         if len(indices) == 1:
             return indices[0]
-    return _chosen(axes_by_name, channel_name, path)[0]
+    return _chosen_column(axes_by_name, channel_name, path)[0]
 
 
 _Reader = Callable[[Path, str | None, float | None, float | None], Samples]
 
 
 def _read_tsv(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
-    read_rows = _captured(qtm_file.read) if qtm_file.is_qtm(path) else _read_table
+    read_rows = _capture_reader(qtm_file.read) if qtm_file.is_qtm(path) else _read_table
     return read_rows(path, channel, rate, unit)
 
 
 def _read_csv(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     is_motive = optitrack_file.is_optitrack(path)
-    read_rows = _captured(optitrack_file.read) if is_motive else _read_table
+    read_rows = _capture_reader(optitrack_file.read) if is_motive else _read_table
     return read_rows(path, channel, rate, unit)
 
 
 def _read_sdif(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     _check_rate(True, rate, path)
-    return _checked(*sdif_file.track(path, channel, unit), path)
+    return _checked_samples(*sdif_file.track(path, channel, unit), path)
 
 
-def _captured(opening: Callable[[Path], motion.Motion]) -> _Reader:
+def _capture_reader(opening: Callable[[Path], motion.Motion]) -> _Reader:
     """A reader of a format of motion capture."""
 
     def read_points(
         path: Path, channel: str | None, rate: float | None, unit: float | None
     ) -> Samples:
         t, x, damage = motion.track(opening(path), channel, rate, unit, path)
-        return _checked(t, x, path)._replace(damage=damage)
+        return _checked_samples(t, x, path)._replace(damage=damage)
 
     return read_points
 
@@ -447,8 +451,8 @@ _READERS: dict[str, _Reader] = {
     ".tsv": _read_tsv,
     ".wav": _read_wav,
     ".npz": _read_npz,
-    ".c3d": _captured(c3d_file.read),
-    ".bvh": _captured(bvh_file.read),
-    ".trc": _captured(trc_file.read),
+    ".c3d": _capture_reader(c3d_file.read),
+    ".bvh": _capture_reader(bvh_file.read),
+    ".trc": _capture_reader(trc_file.read),
     ".sdif": _read_sdif,
 }

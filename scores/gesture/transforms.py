@@ -17,12 +17,12 @@ from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.points import instant, metres
 
-NOW = Time()
-NO_OTHERS: Mapping[str, str] = {}
-LARGEST = 1e4  # of a scale or stretch
+NO_TIME = Time()
+NO_OTHER_VERBS: Mapping[str, str] = {}
+FACTOR_MAX = 1e4  # of a scale or stretch
 # A jittered point keeps a tenth of the way to its neighbour free, so that order survives a rubato.
-JITTER_ROOM = 0.45
-SAME = 1e-9  # [s]: tolerance for rounding of instants
+JITTER_SHARE_MAX = 0.45
+SAME_SECONDS = 1e-9  # [s]: tolerance for rounding of instants
 
 _TIME = re.compile(rf"({NUMBER})(?:/({NUMBER}))?({UNIT})")
 _POSITION = re.compile(rf"({NUMBER})({UNIT})")
@@ -50,7 +50,7 @@ class Transform:
 
     word: str
     amount: float = 1.0
-    time: Time = NOW
+    time: Time = NO_TIME
     x: float = 0.0
     offset: int = 0
     length: int = 1
@@ -78,7 +78,7 @@ class TakeTransform:
     scale: float = 1.0
     stretch: float = 1.0
     reverse: bool = False
-    shift: Time = NOW
+    shift: Time = NO_TIME
     front: float = 0.0
     back: float = 0.0
 
@@ -89,7 +89,7 @@ class _TransformResult(NamedTuple):
 
 
 def parse_do(
-    written_text: str, text_start: int = 0, other_verbs: Mapping[str, str] = NO_OTHERS
+    written_text: str, text_start: int = 0, other_verbs: Mapping[str, str] = NO_OTHER_VERBS
 ) -> Transform:
     """Read one transformation, such as `scale 0.5` or `jitter 4ms 0.2mm`.
 
@@ -210,11 +210,11 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
 
 
 def _scale(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
-    return _TransformResult(tuple(_moved(p, p.at, p.x * t.amount) for p in points))
+    return _TransformResult(tuple(_moved_point(p, p.at, p.x * t.amount) for p in points))
 
 
 def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformResult:
-    return _TransformResult(tuple(_moved(p, p.at, 0.0 - p.x) for p in points))
+    return _TransformResult(tuple(_moved_point(p, p.at, 0.0 - p.x) for p in points))
 
 
 def _stretch(
@@ -222,7 +222,7 @@ def _stretch(
 ) -> _TransformResult:
     s = t.lengthening
     return _TransformResult(
-        tuple(_moved(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in gesture_points)
+        tuple(_moved_point(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in gesture_points)
     )
 
 
@@ -231,13 +231,13 @@ def _shift(
 ) -> _TransformResult:
     return _TransformResult(
         tuple(
-            _moved(p, Time(p.at.beats + t.time.beats, p.at.seconds + t.time.seconds), p.x)
+            _moved_point(p, Time(p.at.beats + t.time.beats, p.at.seconds + t.time.seconds), p.x)
             for p in gesture_points
         )
     )
 
 
-def _from(
+def _start_from(
     gesture_points: tuple[Point, ...], t: Transform, _: Chance, beat_seconds: float
 ) -> _TransformResult:
     """Leave out the points before an instant, which becomes the start; the last point stays.
@@ -248,11 +248,11 @@ def _from(
     later_indices = (
         i
         for i, p in enumerate(gesture_points)
-        if p.at.beats * beat_seconds + p.at.seconds >= start_seconds - SAME
+        if p.at.beats * beat_seconds + p.at.seconds >= start_seconds - SAME_SECONDS
     )
     first_time = next(later_indices, None)
     if first_time is None:
-        end = _moved(gesture_points[-1], NOW, gesture_points[-1].x)
+        end = _moved_point(gesture_points[-1], NO_TIME, gesture_points[-1].x)
         return _TransformResult(
             (end,), "from: the start lies after the last point, so only the last position remains"
         )
@@ -261,7 +261,7 @@ def _from(
         for p in gesture_points[first_time:]
     ]
     moved = [
-        _moved(p, new_time, p.x)
+        _moved_point(p, new_time, p.x)
         for p, new_time in zip(gesture_points[first_time:], new_times, strict=True)
     ]
     return _TransformResult((replace(moved[0], curve=gesture_points[0].curve), *moved[1:]))
@@ -299,8 +299,8 @@ def _jitter(
 ) -> _TransformResult:
     """Move every point but the first by a draw in time, then one in position.
 
-    A point moves at most JITTER_ROOM of the way to a neighbour, so that a tenth of the way stays
-    between them. A hold keeps the moved position of the point before it.
+    A point moves at most JITTER_SHARE_MAX of the way to a neighbour, so that a tenth of the way
+    stays between them. A hold keeps the moved position of the point before it.
     """
     reach = t.time.beats * beat_seconds + t.time.seconds
     clock = [p.at.beats * beat_seconds + p.at.seconds for p in gesture_points]
@@ -308,13 +308,13 @@ def _jitter(
     for i in range(1, len(gesture_points)):
         moved_point = gesture_points[i]
         dt, dx = chance.uniform(-1.0, 1.0) * reach, chance.uniform(-1.0, 1.0) * t.x
-        earliest = -JITTER_ROOM * (clock[i] - clock[i - 1])
+        earliest = -JITTER_SHARE_MAX * (clock[i] - clock[i - 1])
         dt = max(dt, earliest)
         if i + 1 < len(gesture_points):
-            dt = min(dt, JITTER_ROOM * (clock[i + 1] - clock[i]))
+            dt = min(dt, JITTER_SHARE_MAX * (clock[i + 1] - clock[i]))
         x = moved[-1].x if moved_point.curve == "hold" else moved_point.x + dx
         moved.append(
-            _moved(moved_point, Time(moved_point.at.beats, moved_point.at.seconds + dt), x)
+            _moved_point(moved_point, Time(moved_point.at.beats, moved_point.at.seconds + dt), x)
         )
     return _TransformResult(tuple(moved))
 
@@ -351,51 +351,51 @@ def _quantise(
     )
 
 
-def _moved(p: Point, at: Time, x: float) -> Point:
+def _moved_point(p: Point, at: Time, x: float) -> Point:
     return Point(at, x, p.curve, p.offset, p.length)
 
 
-def _ratio(ratio_word: str, word_offset: int, example: str) -> float:
+def _read_ratio(ratio_word: str, word_offset: int, example: str) -> float:
     ratio_match = _RATIO.fullmatch(ratio_word)
     if ratio_match is None:
-        raise _misread(ratio_word, word_offset, "a number", example)
+        raise _misread_error(ratio_word, word_offset, "a number", example)
     divisor = 1.0 if ratio_match[3] is None else float(ratio_match[3])
-    read_value = float(ratio_match[2]) / divisor if divisor else LARGEST * 2
-    if not read_value <= LARGEST:
+    read_value = float(ratio_match[2]) / divisor if divisor else FACTOR_MAX * 2
+    if not read_value <= FACTOR_MAX:
         raise TextError(
             f"'{ratio_word[:40]}' is too large", offset=word_offset, length=len(ratio_word)
         )
     return -read_value if ratio_match[1] == "-" else read_value
 
 
-def _positive(read_word: str, word_offset: int, example: str) -> float:
-    read_value = _ratio(read_word, word_offset, example)
+def _read_positive_time(read_word: str, word_offset: int, example: str) -> float:
+    read_value = _read_ratio(read_word, word_offset, example)
     if read_value <= 0.0:
         raise TextError("this must be above 0", offset=word_offset, length=len(read_word))
     return read_value
 
 
-def _span(read_word: str, word_offset: int, example: str) -> Time:
+def _read_span(read_word: str, word_offset: int, example: str) -> Time:
     text_match = _TIME.fullmatch(read_word)
     if text_match is None:
-        raise _misread(read_word, word_offset, "a time", example)
+        raise _misread_error(read_word, word_offset, "a time", example)
     return Time(*instant(text_match[1], text_match[2], text_match[3], word_offset))
 
 
 def _signed_span(word: str, offset: int, example: str) -> Time:
     sign = word[:1] if word[:1] in ("+", "-") else ""
-    time = _span(word[len(sign) :], offset + len(sign), example)
+    time = _read_span(word[len(sign) :], offset + len(sign), example)
     return Time(-time.beats, -time.seconds) if sign == "-" else time
 
 
-def _reach(read_word: str, word_offset: int, example: str) -> float:
+def _read_reach(read_word: str, word_offset: int, example: str) -> float:
     text_match = _POSITION.fullmatch(read_word)
     if text_match is None:
-        raise _misread(read_word, word_offset, "a distance", example)
+        raise _misread_error(read_word, word_offset, "a distance", example)
     return metres(text_match[1], text_match[2], word_offset)
 
 
-def _misread(read_word: str, word_offset: int, kind: str, example: str) -> TextError:
+def _misread_error(read_word: str, word_offset: int, kind: str, example: str) -> TextError:
     return TextError(
         f"'{read_word[:40]}' is not {kind}; write for instance {example}",
         offset=word_offset,
@@ -403,35 +403,37 @@ def _misread(read_word: str, word_offset: int, kind: str, example: str) -> TextE
     )
 
 
-_Act = Callable[[tuple[Point, ...], Transform, Chance, float], _TransformResult]
-_Read = Callable[[str, int, str], float | Time]
+_ApplyTransform = Callable[[tuple[Point, ...], Transform, Chance, float], _TransformResult]
+_ReadArgument = Callable[[str, int, str], float | Time]
 
 
 class _Verb(NamedTuple):
     """How a transformation is written, and the function that applies it."""
 
     example: str
-    arguments: tuple[tuple[str, _Read], ...]
-    act: _Act
+    arguments: tuple[tuple[str, _ReadArgument], ...]
+    act: _ApplyTransform
 
 
 _VERBS = {
-    "scale": _Verb("scale 0.5", (("amount", _ratio),), _scale),
-    "from": _Verb("from 4", (("time", _span),), _from),
-    "stretch": _Verb("stretch 2", (("amount", _positive),), _stretch),
+    "scale": _Verb("scale 0.5", (("amount", _read_ratio),), _scale),
+    "from": _Verb("from 4", (("time", _read_span),), _start_from),
+    "stretch": _Verb("stretch 2", (("amount", _read_positive_time),), _stretch),
     "mirror": _Verb("mirror", (), _mirror),
     "reverse": _Verb("reverse", (), _reverse),
-    "jitter": _Verb("jitter 4ms 0.2mm", (("time", _span), ("x", _reach)), _jitter),
+    "jitter": _Verb("jitter 4ms 0.2mm", (("time", _read_span), ("x", _read_reach)), _jitter),
     "shift": _Verb("shift 1/8", (("time", _signed_span),), _shift),
-    "quantise": _Verb("quantise 1/8", (("amount", _positive),), _quantise),
+    "quantise": _Verb("quantise 1/8", (("amount", _read_positive_time),), _quantise),
     "rev": _Verb("rev", (), _reverse),
-    "fast": _Verb("fast 2", (("amount", _positive),), _stretch),
-    "slow": _Verb("slow 2", (("amount", _positive),), _stretch),
+    "fast": _Verb("fast 2", (("amount", _read_positive_time),), _stretch),
+    "slow": _Verb("slow 2", (("amount", _read_positive_time),), _stretch),
 }
 # Those that rhythms have too: without `do` before it, such a word may be the name of a gesture.
 _RHYTHM_WORDS = ("rev", "fast", "slow")
-_SINGLE_HAND = "it is in one place at a time, and a path is played once; let another player play it"
-_NO_STROKES = "it has no strokes; write its points"
+_SINGLE_HAND_REASON = (
+    "it is in one place at a time, and a path is played once; let another player play it"
+)
+_NO_STROKES_REASON = "it has no strokes; write its points"
 # Words that rhythms and phrases have, and what a gesture or a take has for them.
 _RHYTHM_VERBS = {
     "late": "write shift 1/8, in beats",
@@ -442,8 +444,10 @@ _RHYTHM_VERBS = {
     "mask": "write rests between names: knock ~ knock knock",
     "cat": "write the names one after another: knock lean",
     "transpose": "it has no pitch; transpose the instrument",
-    **dict.fromkeys(("off", "superimpose", "echo", "ply", "stack", "jux"), _SINGLE_HAND),
-    **dict.fromkeys(("legato", "tremolo", "roll", "grace", "arp", "rolled", "strum"), _NO_STROKES),
+    **dict.fromkeys(("off", "superimpose", "echo", "ply", "stack", "jux"), _SINGLE_HAND_REASON),
+    **dict.fromkeys(
+        ("legato", "tremolo", "roll", "grace", "arp", "rolled", "strum"), _NO_STROKES_REASON
+    ),
 }
 # Words that change some of the rounds that a player plays.
 _ROUND_WORDS = (
@@ -457,7 +461,7 @@ _ROUND_WORDS = (
     "rarely",
     "degrade",
 )
-ARGUMENTS = {word: len(verb.arguments) for word, verb in _VERBS.items()}
-ARITY = {word: count for word, count in ARGUMENTS.items() if word not in _RHYTHM_WORDS}
+ARGUMENT_COUNTS = {word: len(verb.arguments) for word, verb in _VERBS.items()}
+ARITY = {word: count for word, count in ARGUMENT_COUNTS.items() if word not in _RHYTHM_WORDS}
 EXAMPLES = {word: verb.example for word, verb in _VERBS.items()}
 MEANINGS = {word: f"a transformation, such as {example}" for word, example in EXAMPLES.items()}

@@ -15,16 +15,16 @@ from pathlib import Path
 
 from ergon.scores.gesture.motion import (
     Motion,
-    in_blocks,
-    judged,
     metres_of,
+    position_blocks,
     positions,
+    size_checked,
     unique_names,
 )
-from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, opened_text
+from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, content_lines, open_text
 
 _FIRST_WORD = "PathFileType"
-_LEADING = 2  # columns before the positions: the number of the frame, its instant
+_LEADING_COLUMNS = 2  # columns before the positions: the number of the frame, its instant
 _RATE_MAX = 1e6  # Hz
 _RATE_TOLERANCE = (
     0.05  # part of a frame by which the first instants may differ from the stated rate
@@ -32,7 +32,7 @@ _RATE_TOLERANCE = (
 
 
 @dataclass(frozen=True, slots=True)
-class _Head:
+class _FileHead:
     """The fields of the head, the names of the markers, and the line before the frames."""
 
     fields: dict[str, str]
@@ -45,30 +45,32 @@ def read(path: Path) -> Motion:
 
     Raises TakeError and OSError.
     """
-    header = _head(path)
-    n, n_markers = (_count(header, name, path) for name in ("NumFrames", "NumMarkers"))
+    header = _read_head(path)
+    n, n_markers = (_frame_count(header, name, path) for name in ("NumFrames", "NumMarkers"))
     if n_markers != len(header.names):
         message = f"its head says {n_markers:,} markers, and names {len(header.names):,}"
         raise TakeError(message, path, header.line)
-    rate = _rate(header, path)
+    rate = _frame_rate(header, path)
     metres = metres_of(header.fields.get("Units", ""))
 
     def blocks() -> Iterator[Floats]:
-        return in_blocks(
-            (_values(cells, path, line) for line, cells in _rows(header, path)), n, path
+        return position_blocks(
+            (_cell_numbers(cells, path, line) for line, cells in _frame_rows(header, path)), n, path
         )
 
     names = unique_names(header.names)
-    return judged(Motion(names, n, rate, metres, blocks), path)
+    return size_checked(Motion(names, n, rate, metres, blocks), path)
 
 
-def _head(path: Path) -> _Head:
-    with _text(path) as file:
-        numbered = lines(file, path)
+def _read_head(path: Path) -> _FileHead:
+    with _file_text(path) as file:
+        numbered = content_lines(file, path)
         first_number, header_fields, header_values, markers, axis_fields = (
             next(numbered, (0, "")) for _ in range(5)
         )
-    marker_names = [name.strip() for name in markers[1].split("\t")[_LEADING:] if name.strip()]
+    marker_names = [
+        name.strip() for name in markers[1].split("\t")[_LEADING_COLUMNS:] if name.strip()
+    ]
     if (
         not first_number[1].startswith(_FIRST_WORD)
         or not markers[1].startswith("Frame#")
@@ -82,22 +84,25 @@ def _head(path: Path) -> _Head:
         raise TakeError(f"the file has more than {MAX_CHANNELS:,} points", path)
     cells = (text.split("\t") for _, text in (header_fields, header_values))
     pairs = zip(*cells, strict=False)
-    return _Head(
+    return _FileHead(
         {name.strip(): value.strip() for name, value in pairs}, marker_names, axis_fields[0]
     )
 
 
-def _rows(header: _Head, path: Path) -> Iterator[tuple[int, list[str]]]:
+def _frame_rows(header: _FileHead, path: Path) -> Iterator[tuple[int, list[str]]]:
     """The cells of each frame, with their line. Raises TakeError."""
-    row_width = _LEADING + 3 * len(header.names)
-    with _text(path) as file:
-        for line_number, row_text in lines(file, path):
+    row_width = _LEADING_COLUMNS + 3 * len(header.names)
+    with _file_text(path) as file:
+        for line_number, row_text in content_lines(file, path):
             if line_number <= header.line:
                 continue
             line_cells = [cell.strip() for cell in row_text.split("\t")]
             if len(line_cells) == row_width + 1 and not line_cells[-1]:  # a tab may come last
                 line_cells.pop()
-            if _LEADING <= len(line_cells) < row_width and (row_width - len(line_cells)) % 3 == 0:
+            if (
+                _LEADING_COLUMNS <= len(line_cells) < row_width
+                and (row_width - len(line_cells)) % 3 == 0
+            ):
                 line_cells += [""] * (
                     row_width - len(line_cells)
                 )  # an editor cut the blanks of hidden markers
@@ -109,29 +114,29 @@ def _rows(header: _Head, path: Path) -> Iterator[tuple[int, list[str]]]:
             yield line_number, line_cells
 
 
-def _values(cells: list[str], path: Path, line: int) -> list[float]:
-    return positions(cells, range(_LEADING, len(cells), 3), path, line)
+def _cell_numbers(cells: list[str], path: Path, line: int) -> list[float]:
+    return positions(cells, range(_LEADING_COLUMNS, len(cells), 3), path, line)
 
 
-def _text(path: Path) -> TextIOWrapper:
-    return opened_text(path)
+def _file_text(path: Path) -> TextIOWrapper:
+    return open_text(path)
 
 
-def _count(header: _Head, field_name: str, path: Path) -> int:
+def _frame_count(header: _FileHead, field_name: str, path: Path) -> int:
     field_text = header.fields.get(field_name, "")
     if not field_text.isdecimal() or len(field_text) > 9:
         raise TakeError(f"{field_name} in the head of this file is not a number", path)
     return int(field_text)
 
 
-def _rate(header: _Head, path: Path) -> float:
+def _frame_rate(header: _FileHead, path: Path) -> float:
     """The frame rate [Hz], which the instants of the first two frames must have. Raises
     TakeError.
     """
-    rate = _number(header.fields.get("DataRate", ""))
+    rate = _number_of_text(header.fields.get("DataRate", ""))
     if not 0 < rate <= _RATE_MAX:
         raise TakeError("DataRate in the head of this file is not a number above 0", path)
-    instants = [_number(cells[1]) for _, cells in islice(_rows(header, path), 2)]
+    instants = [_number_of_text(cells[1]) for _, cells in islice(_frame_rows(header, path), 2)]
     frame_step = instants[1] - instants[0] if len(instants) == 2 else 1 / rate
     if not abs(frame_step * rate - 1) <= _RATE_TOLERANCE:
         message = (
@@ -142,7 +147,7 @@ def _rate(header: _Head, path: Path) -> float:
     return rate
 
 
-def _number(text: str) -> float:
+def _number_of_text(text: str) -> float:
     try:
         return float(text)
     except ValueError:

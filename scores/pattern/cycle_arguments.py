@@ -28,7 +28,7 @@ Argument = int | float | str | Fraction | Repeats
 
 _RATIO = re.compile(r"([0-9]+(?:\.[0-9]+)?)(?:/([0-9]+(?:\.[0-9]+)?))?")
 _INTERVAL = re.compile(r"([+-]?[0-9]{1,5}(?:\.[0-9]{1,6})?)(st|cents?)")
-_BEATS: Mapping[str, bool] = {
+_BEAT_BY_WORD: Mapping[str, bool] = {
     "t": True,
     "x": True,
     "1": True,
@@ -72,7 +72,7 @@ def ratio(word: str) -> Fraction | None:
     return Fraction(ratio_match[1]) / divisor if divisor else None
 
 
-def _ratio(low_ratio: Fraction, high_bound: int) -> Callable[[str], Fraction | None]:
+def _ratio_reader(low_ratio: Fraction, high_bound: int) -> Callable[[str], Fraction | None]:
     """A reader of numbers from `low_ratio` to `high_bound`."""
 
     def read(word: str) -> Fraction | None:
@@ -82,7 +82,7 @@ def _ratio(low_ratio: Fraction, high_bound: int) -> Callable[[str], Fraction | N
     return read
 
 
-def _count(low_bound: int, high_bound: int) -> Callable[[str], int | None]:
+def _count_reader(low_bound: int, high_bound: int) -> Callable[[str], int | None]:
     """A reader of numbers without fractions."""
 
     def read(word: str) -> int | None:
@@ -92,7 +92,7 @@ def _count(low_bound: int, high_bound: int) -> Callable[[str], int | None]:
     return read
 
 
-def _semitones(typed_word: str) -> float | None:
+def _read_semitones(typed_word: str) -> float | None:
     """The semitones of `-5st`, `50cents`, `3/2` or `x1.5`; whole ones of `st` as an integer, for
     they are keys of a scale.
     """
@@ -115,21 +115,21 @@ def _semitones(typed_word: str) -> float | None:
     return semitones if abs(semitones) <= MAX_SEMITONES else None
 
 
-def _amount(high: int) -> Callable[[str], float | None]:
+def _amount_reader(high: int) -> Callable[[str], float | None]:
     """A reader of numbers from 0 that need not be exact."""
-    read = _ratio(Fraction(0), high)
+    read = _ratio_reader(Fraction(0), high)
     return lambda word: None if (value := read(word)) is None else float(value)
 
 
-def _count_or_rate(typed_word: str) -> int | Repeats | None:
+def _read_repeats(typed_word: str) -> int | Repeats | None:
     """`8`, or `12Hz`."""
     if not typed_word.endswith("Hz"):
-        return _count(1, MAX_NUMBER)(typed_word)
-    value = _ratio(_SMALLEST, MAX_RATE)(typed_word.removesuffix("Hz"))
+        return _count_reader(1, MAX_NUMBER)(typed_word)
+    value = _ratio_reader(_FACTOR_MIN, MAX_RATE)(typed_word.removesuffix("Hz"))
     return None if value is None else Repeats(float(value))
 
 
-def _seconds(typed_word: str) -> float | None:
+def _read_seconds(typed_word: str) -> float | None:
     """`20ms` or `-0.02s`, up to a second either way, and not nothing."""
     second_units = 1000 if typed_word.endswith("ms") else 1
     read_value = ratio(typed_word.removeprefix("-").removesuffix("s").removesuffix("m"))
@@ -138,7 +138,7 @@ def _seconds(typed_word: str) -> float | None:
     return float(-read_value / second_units if typed_word[0] == "-" else read_value / second_units)
 
 
-def _part(typed_word: str) -> Fraction | None:
+def _read_signed_share(typed_word: str) -> Fraction | None:
     """A share from -1 to 1, and not nothing."""
     read_value = ratio(typed_word.removeprefix("-"))
     if read_value is None or not 0 < read_value <= 1:
@@ -146,46 +146,53 @@ def _part(typed_word: str) -> Fraction | None:
     return -read_value if typed_word[0] == "-" else read_value
 
 
-_SMALLEST = Fraction(1, MAX_NUMBER)
+_FACTOR_MIN = Fraction(1, MAX_NUMBER)
 
-COUNT = Reader(f"a number from 1 to {MAX_NUMBER:,}", _count(1, MAX_NUMBER))
-FROM_ZERO = Reader(f"a number from 0 to {MAX_NUMBER:,}", _count(0, MAX_NUMBER))
-COPIES = Reader(f"a number of copies from 1 to {MAX_COPIES}", _count(1, MAX_COPIES))
-STEPS = Reader(f"a number of steps from 1 to {MAX_STEPS}", _count(1, MAX_STEPS))
-SPEED = Reader(f"a factor from 1/{MAX_NUMBER} to {MAX_NUMBER:,}", _ratio(_SMALLEST, MAX_NUMBER))
-TIME = Reader("a share of a cycle", _ratio(Fraction(0), MAX_NUMBER))
-SHARE = Reader("a share of a slice from 0 to 1", _ratio(Fraction(0), 1))
-PROBABILITY = Reader("a probability from 0 to 1", _amount(1))
-FACTOR = Reader(f"a factor from 0 to {MAX_FACTOR}", _amount(MAX_FACTOR))
+COUNT = Reader(f"a number from 1 to {MAX_NUMBER:,}", _count_reader(1, MAX_NUMBER))
+FROM_ZERO = Reader(f"a number from 0 to {MAX_NUMBER:,}", _count_reader(0, MAX_NUMBER))
+COPIES = Reader(f"a number of copies from 1 to {MAX_COPIES}", _count_reader(1, MAX_COPIES))
+STEPS = Reader(f"a number of steps from 1 to {MAX_STEPS}", _count_reader(1, MAX_STEPS))
+SPEED = Reader(
+    f"a factor from 1/{MAX_NUMBER} to {MAX_NUMBER:,}", _ratio_reader(_FACTOR_MIN, MAX_NUMBER)
+)
+TIME = Reader("a share of a cycle", _ratio_reader(Fraction(0), MAX_NUMBER))
+SHARE = Reader("a share of a slice from 0 to 1", _ratio_reader(Fraction(0), 1))
+PROBABILITY = Reader("a probability from 0 to 1", _amount_reader(1))
+FACTOR = Reader(f"a factor from 0 to {MAX_FACTOR}", _amount_reader(MAX_FACTOR))
 LENGTH = Reader(
-    f"a share of the time until the next stroke, up to {MAX_LENGTH}", _ratio(_SMALLEST, MAX_LENGTH)
+    f"a share of the time until the next stroke, up to {MAX_LENGTH}",
+    _ratio_reader(_FACTOR_MIN, MAX_LENGTH),
 )
-STEP = Reader("a share of a cycle from 1/1000 to 1", _ratio(_SMALLEST, 1))
+STEP = Reader("a share of a cycle from 1/1000 to 1", _ratio_reader(_FACTOR_MIN, 1))
 REPEATS = Reader(
-    f"a number of strokes from 1 to {MAX_NUMBER:,}, or a rate up to {MAX_RATE}Hz", _count_or_rate
+    f"a number of strokes from 1 to {MAX_NUMBER:,}, or a rate up to {MAX_RATE}Hz", _read_repeats
 )
-SWELL = Reader(f"a factor from 1/{MAX_NUMBER} to {MAX_FACTOR}", _ratio(_SMALLEST, MAX_FACTOR))
-SECONDS = Reader("a time up to a second, such as 20ms or -20ms", _seconds)
-PART = Reader("a share of the length from -1 to 1 without 0", _part)
+SWELL = Reader(
+    f"a factor from 1/{MAX_NUMBER} to {MAX_FACTOR}", _ratio_reader(_FACTOR_MIN, MAX_FACTOR)
+)
+SECONDS = Reader("a time up to a second, such as 20ms or -20ms", _read_seconds)
+PART = Reader("a share of the length from -1 to 1 without 0", _read_signed_share)
 ORDER = Reader(
     f"an order of notes: {', '.join(ORDERS)}",
     lambda word: word if word in ORDERS else None,
     tuple(ORDERS),
 )
-SEMITONES = Reader(f"an interval such as -5st, 50cents or 3/2, up to {MAX_SEMITONES}st", _semitones)
+SEMITONES = Reader(
+    f"an interval such as -5st, 50cents or 3/2, up to {MAX_SEMITONES}st", _read_semitones
+)
 
 
 def parse_beats(text: str, start: int, first_number: int) -> Cycles[bool]:
     """Read a rhythm of `t` and `f`; only the beats that are true are events. Raises TextError."""
-    return having(bool, parse(text, _beat, start, first_number))
+    return having(bool, parse(text, _read_beat, start, first_number))
 
 
-def _beat(typed_word: str, word_offset: int) -> bool:
-    named_beat = _BEATS.get(typed_word)
+def _read_beat(typed_word: str, word_offset: int) -> bool:
+    named_beat = _BEAT_BY_WORD.get(typed_word)
     if named_beat is None:
         message = (
             f"{quote(typed_word)} is not a beat; write t for a beat, and ~ or f for a rest: t ~ t t"
         )
-        suggestion = nearest(typed_word, _BEATS)
+        suggestion = nearest(typed_word, _BEAT_BY_WORD)
         raise TextError(message, offset=word_offset, length=len(typed_word), suggestion=suggestion)
     return named_beat

@@ -30,8 +30,9 @@ from ergon.scores.pattern.rhythm import Euclid
 Change = Callable[[Cycles[V]], Cycles[V]]
 
 HALF = Fraction(1, 2)
-_WALKS = 256  # voices whose paths are remembered
-_COPIES = 1 << 40  # between the operators of one copy of a pattern and those of the next
+_WALKS_CACHED = 256  # voices whose paths are remembered
+# From the numbers of operators in one copy of a pattern to those in the next.
+_OPERATOR_NUMBERS_PER_COPY = 1 << 40
 
 
 # --- which pattern, which events, with which chances ---------------------------------------------
@@ -53,13 +54,13 @@ def renumbered(number_shift: int, changed_pattern: Cycles[V]) -> Cycles[V]:
         return changed_pattern
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return changed_pattern.query(begin, end, _renumbered(chance, number_shift))
+        return changed_pattern.query(begin, end, _renumbered_chance(chance, number_shift))
 
     return node(query, (changed_pattern,), changed_pattern.cost)
 
 
-@lru_cache(_WALKS)
-def _renumbered(chance: Chance, shift: int) -> Chance:
+@lru_cache(_WALKS_CACHED)
+def _renumbered_chance(chance: Chance, shift: int) -> Chance:
     """The draws of operators whose numbers are `shift` higher; the same function each time."""
     return lambda number, instant: chance(number + shift, instant)
 
@@ -216,7 +217,7 @@ def walk(walk_number: int, cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
     """
 
     def query(query_begin: Fraction, query_end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        path = _path(chance, walk_number, len(cycle_patterns))
+        path = _drawn_walk(chance, walk_number, len(cycle_patterns))
         fragments_made: list[Fragment[V]] = []
         for cycle, low_instant, high_instant in by_cycle(query_begin, query_end):
             for turn in range(len(path), abs(cycle) + 1):
@@ -235,8 +236,8 @@ def walk(walk_number: int, cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
     return node(query, cycle_patterns, sum(part.cost for part in cycle_patterns))
 
 
-@lru_cache(_WALKS)
-def _path(chance: Chance, number: int, count: int) -> array[int]:
+@lru_cache(_WALKS_CACHED)
+def _drawn_walk(chance: Chance, number: int, count: int) -> array[int]:
     """The part of a walk that has been drawn so far: each is drawn from its beginning."""
     return array("H", [0])
 
@@ -265,7 +266,9 @@ def echo(
     return stack([changed_pattern, *(copy(turn) for turn in range(1, echo_count))])
 
 
-def euclid(rhythm: Euclid, changed_pattern: Cycles[V], copy: int = _COPIES) -> Cycles[V]:
+def euclid(
+    rhythm: Euclid, changed_pattern: Cycles[V], copy: int = _OPERATOR_NUMBERS_PER_COPY
+) -> Cycles[V]:
     """The pattern within each pulse of a Euclidean rhythm; other steps are rests.
 
     The operators of each pulse are numbered `copy` higher than those of the pulse before.
@@ -289,7 +292,7 @@ def struct(rhythm: Cycles[W], changed_pattern: Cycles[V]) -> Cycles[V]:
             for value in changed_pattern.query(beat.start, beat.stop, chance)
         ]
 
-    return _combined(query, rhythm, changed_pattern)
+    return _onsets_within(query, rhythm, changed_pattern)
 
 
 def mask(openings: Cycles[W], changed_pattern: Cycles[V]) -> Cycles[V]:
@@ -305,10 +308,10 @@ def mask(openings: Cycles[W], changed_pattern: Cycles[V]) -> Cycles[V]:
                     fragments_made.append(fragment)
         return fragments_made
 
-    return _combined(query, openings, changed_pattern)
+    return _onsets_within(query, openings, changed_pattern)
 
 
-def _combined(
+def _onsets_within(
     query: Callable[[Fraction, Fraction, Chance], list[Fragment[V]]],
     rhythm: Cycles[W],
     changed_pattern: Cycles[V],

@@ -14,7 +14,7 @@ from ergon.scores.pattern.phrasing_table import PHRASING
 from ergon.scores.pattern.rhythm import Euclid
 from ergon.scores.pattern.struck import Struck
 
-_THIRD = Fraction(1, 3)  # default delay of `swing`, in slices: that of a triplet
+_DEFAULT_SWING_SHARE = Fraction(1, 3)  # default delay of `swing`, in slices: that of a triplet
 
 
 # --- what each does -----------------------------------------------------------------------------
@@ -22,7 +22,7 @@ _THIRD = Fraction(1, 3)  # default delay of `swing`, in slices: that of a triple
 
 def _swing(t: CycleTransform, part: Pattern) -> Pattern:
     *amount, slices = t.values
-    return act.swing(amount[0] if amount else _THIRD, slices, part)
+    return act.swing(amount[0] if amount else _DEFAULT_SWING_SHARE, slices, part)
 
 
 def _check_euclid(pulses: int, steps: int, _: int = 0) -> str | None:
@@ -65,22 +65,31 @@ def _sometimes(amount: float | None) -> Callable[[CycleTransform, Pattern], Patt
     return change
 
 
-_COUNT = ((read.COUNT,),)
-_SPEED = ((read.SPEED,),)
-_TIME = ((read.TIME,),)
-_PROBABILITY = ((), (read.PROBABILITY,))
+_COUNT_ARGUMENTS = ((read.COUNT,),)
+_SPEED_ARGUMENTS = ((read.SPEED,),)
+_TIME_ARGUMENTS = ((read.TIME,),)
+_PROBABILITY_ARGUMENTS = ((), (read.PROBABILITY,))
 
-TABLE: Mapping[str, Form] = {
+FORM_BY_WORD: Mapping[str, Form] = {
     "rev": Form("each cycle backwards", "rev", lambda t, p: act.rev(p)),
     "palindrome": Form(
         "every second cycle backwards", "palindrome", lambda t, p: act.palindrome(p)
     ),
-    "fast": Form("so many times as fast", "fast 2", lambda t, p: fast(t.value, p), _SPEED),
-    "slow": Form("so many times as slow", "slow 2", lambda t, p: slow(t.value, p), _SPEED),
-    "early": Form(
-        "earlier by a share of a cycle", "early 1/8", lambda t, p: early(t.value, p), _TIME
+    "fast": Form(
+        "so many times as fast", "fast 2", lambda t, p: fast(t.value, p), _SPEED_ARGUMENTS
     ),
-    "late": Form("later by a share of a cycle", "late 1/8", lambda t, p: late(t.value, p), _TIME),
+    "slow": Form(
+        "so many times as slow", "slow 2", lambda t, p: slow(t.value, p), _SPEED_ARGUMENTS
+    ),
+    "early": Form(
+        "earlier by a share of a cycle",
+        "early 1/8",
+        lambda t, p: early(t.value, p),
+        _TIME_ARGUMENTS,
+    ),
+    "late": Form(
+        "later by a share of a cycle", "late 1/8", lambda t, p: late(t.value, p), _TIME_ARGUMENTS
+    ),
     "swing": Form(
         "the second half of each of so many slices of a cycle later, by a third of a slice "
         "or the share before the number",
@@ -92,26 +101,26 @@ TABLE: Mapping[str, Form] = {
         "each stroke so many times within its time",
         "ply 2",
         lambda t, p: act.ply(t.value, p),
-        _COUNT,
+        _COUNT_ARGUMENTS,
     ),
     "iter": Form(
         "each cycle begins one of so many shares later in the rhythm than the one before",
         "iter 4",
         lambda t, p: act.iterate(t.value, p),
-        _COUNT,
+        _COUNT_ARGUMENTS,
     ),
     "chunk": Form(
         "a change of one of so many shares of a cycle: the first, then the second, and so on",
         "chunk 4 ply 2",
         lambda t, p: act.chunk(t.value, t.change, p),
-        _COUNT,
+        _COUNT_ARGUMENTS,
         True,
     ),
     "every": Form(
         "a change of the first of every so many cycles",
         "every 4 rev",
         lambda t, p: act.every(t.value, t.change, p),
-        _COUNT,
+        _COUNT_ARGUMENTS,
         True,
     ),
     "whenmod": Form(
@@ -125,7 +134,7 @@ TABLE: Mapping[str, Form] = {
         "a change of half of the strokes, or of the share before it, by chance",
         "sometimes 0.3 transpose 12st",
         _sometimes(None),
-        _PROBABILITY,
+        _PROBABILITY_ARGUMENTS,
         True,
     ),
     "often": Form(
@@ -144,13 +153,13 @@ TABLE: Mapping[str, Form] = {
         "without half of the strokes, or the share after it, by chance",
         "degrade 0.4",
         lambda t, p: act.degrade(t.number, t.value, p),
-        _PROBABILITY,
+        _PROBABILITY_ARGUMENTS,
     ),
     "off": Form(
         "together with a changed copy, later by a share of a cycle",
         "off 1/8 transpose 12st",
         lambda t, p: act.off(t.value, t.change, p),
-        _TIME,
+        _TIME_ARGUMENTS,
         True,
     ),
     "superimpose": Form(
@@ -190,4 +199,4 @@ TABLE: Mapping[str, Form] = {
     "scale": Form("stronger by a factor", "scale 0.5", _scale, ((read.FACTOR,),)),
     **PHRASING,
 }
-MEANINGS = {word: f"{form.line}, such as {form.example}" for word, form in TABLE.items()}
+MEANINGS = {word: f"{form.line}, such as {form.example}" for word, form in FORM_BY_WORD.items()}

@@ -11,14 +11,15 @@ from ergon.notation.text.spelling import nearest
 from ergon.scores.pattern import cycle_arguments as read
 from ergon.scores.pattern.chain_parser import ChainParser
 from ergon.scores.pattern.cycle_forms import CycleTransform, Form, apply
-from ergon.scores.pattern.cycle_table import TABLE
+from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.cycles import Cycles
 
 __all__ = ["apply", "parse_transforms"]
 
 MAX_TEXT = 4_000  # characters
 MAX_TRANSFORMS = 32
-_NUMBERS = 1 << 24  # more than the operators of a text: each transformation has as many numbers
+# More than the operators of a text: each transformation has as many numbers.
+_OPERATOR_NUMBERS_PER_TRANSFORM = 1 << 24
 
 # Words of other languages and of gestures, with ours.
 _SUGGESTED_WORDS = {
@@ -42,13 +43,13 @@ _SUGGESTED_WORDS = {
     "flam": "grace",
     "tremolando": "tremolo",
 }
-_NO_SOUND_FILE = "a stroke makes its sound anew, and there is no recording to change"
-_REFUSED_WORDS = {
+_NO_SOUND_FILE_REASON = "a stroke makes its sound anew, and there is no recording to change"
+_REASON_BY_REFUSED_WORD = {
     "jux": "a struck body sounds where it is, and strokes have no sides; use superimpose",
     "pan": "a struck body sounds where it is; move it by the route of its instrument",
-    "chop": f"{_NO_SOUND_FILE}; use ply",
-    "striate": f"{_NO_SOUND_FILE}; use ply",
-    "speed": f"{_NO_SOUND_FILE}; use transpose or fast",
+    "chop": f"{_NO_SOUND_FILE_REASON}; use ply",
+    "striate": f"{_NO_SOUND_FILE_REASON}; use ply",
+    "speed": f"{_NO_SOUND_FILE_REASON}; use transpose or fast",
 }
 
 
@@ -80,14 +81,14 @@ class _Parser(ChainParser[CycleTransform]):
         """One transformation, with what it takes."""
         self.peek()
         begin_place, typed_word = self.place, self.word()
-        transform_form = TABLE.get(typed_word)
+        transform_form = FORM_BY_WORD.get(typed_word)
         if transform_form is None:
             raise self.unknown(typed_word)
         self.count += 1
         if self.count > MAX_TRANSFORMS:
             message = f"a pattern has at most {MAX_TRANSFORMS} transformations; remove some"
             raise self.mistake(message, begin_place, len(typed_word))
-        first_number = self.count * _NUMBERS
+        first_number = self.count * _OPERATOR_NUMBERS_PER_TRANSFORM
         self.place += len(typed_word)
         transform_values = self.values(transform_form, begin_place, typed_word)
         if transform_form.takes_rhythm:
@@ -129,14 +130,14 @@ class _Parser(ChainParser[CycleTransform]):
 
     def unknown(self, word: str) -> TextError:
         """The mistake of a word that is no transformation."""
-        verb_names = ", ".join(TABLE)
+        verb_names = ", ".join(FORM_BY_WORD)
         if not word:
             message = f"a transformation is missing here; known are {verb_names}"
             last_offset = len(self.text[: self.place].rstrip()) - 1
             return self.mistake(message, self.place if self.peek() else max(0, last_offset))
-        if word in _REFUSED_WORDS:
-            message = f"{quote(word)} is not a transformation here: {_REFUSED_WORDS[word]}"
+        if word in _REASON_BY_REFUSED_WORD:
+            message = f"{quote(word)} is not a transformation here: {_REASON_BY_REFUSED_WORD[word]}"
             return self.mistake(message, self.place, len(word))
         message = f"unknown transformation {quote(word)}; known are {verb_names}"
-        suggestion = _SUGGESTED_WORDS.get(word) or nearest(word, TABLE)
+        suggestion = _SUGGESTED_WORDS.get(word) or nearest(word, FORM_BY_WORD)
         return self.mistake(message, self.place, len(word), suggestion)

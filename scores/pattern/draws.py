@@ -14,8 +14,8 @@ from threading import Lock
 
 from ergon import _core
 
-_WALKS = 256  # walks that are kept: each must be drawn from its beginning
-_WALKING = Lock()
+_WALKS_CACHED = 256  # walks that are kept: each must be drawn from its beginning
+_WALK_LOCK = Lock()
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +47,8 @@ class Draws:
         """
         if item_count == 1:
             return 0
-        path = _walk(self.seed, self.who, site, item_count)
-        with _WALKING:
+        path = _drawn_walk(self.seed, self.who, site, item_count)
+        with _WALK_LOCK:
             while len(path) <= turn_index:
                 step = _drawn_index(self._chance("walk", site, len(path)), 3) - 1
                 position = path[-1] + step
@@ -75,7 +75,7 @@ def _drawn_index(chance: _core.Chance, count: int) -> int:
     return min(int(chance.uniform(0.0, float(count))), count - 1)
 
 
-@lru_cache(maxsize=_WALKS)
-def _walk(seed: int, owner: str, site: int, count: int) -> array[int]:
+@lru_cache(maxsize=_WALKS_CACHED)
+def _drawn_walk(seed: int, owner: str, site: int, count: int) -> array[int]:
     """The part of a walk that has been drawn so far."""
     return array("H", [0])

@@ -21,12 +21,13 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
 
 Choice = Literal["in turn", "choose", "walk", "shuffle"]
-WAYS: tuple[Choice, ...] = get_args(Choice)[1:]  # those with a keyword; `in turn` is the default
+# Ways to choose that have a keyword; `in turn` is the default.
+CHOICE_WORDS: tuple[Choice, ...] = get_args(Choice)[1:]
 
 REST = "~"
 MAX_DEPTH = 8  # groups inside groups, as in the notation of gestures
 MAX_PLACES = 10_000  # places of a round
-_TOO_MANY = f"this pattern has more than {MAX_PLACES:,} places in a round"
+_TOO_MANY_MESSAGE = f"this pattern has more than {MAX_PLACES:,} places in a round"
 
 _TOKEN = re.compile(r"(\()|(\)|[^\s()*]+)(?:\s*+\*\s*+([^\s()]*+))?|(\*)")
 
@@ -71,18 +72,19 @@ class Group:
                 yield group_item
 
 
-Called = Callable[[str, int], str | tuple[str, ...]]
+ReadName = Callable[[str, int], str | tuple[str, ...]]
 
 
-class _Open(NamedTuple):
+class _OpenBracket(NamedTuple):
     """A bracket that is not closed yet."""
 
     offset: int
     way: list[Choice]
-    items: list[tuple[Leaf | _Open, int | None, int]]  # each with its count, and where it begins
+    # Each with its count and the offset of its first character.
+    items: list[tuple[Leaf | _OpenBracket, int | None, int]]
 
 
-def parse(pattern_text: str, called: Called | None = None) -> Group:
+def parse(pattern_text: str, called: ReadName | None = None) -> Group:
     """Read a pattern; `called` returns the name or names that a word at an offset stands for.
 
     Without `called` words are names of gestures and takes. Raises TextError with the characters
@@ -90,10 +92,10 @@ def parse(pattern_text: str, called: Called | None = None) -> Group:
     """
     called = called or name_of
     stripped_text = pattern_text.strip()
-    if stripped_text in WAYS:  # the name of a gesture
+    if stripped_text in CHOICE_WORDS:  # the name of a gesture
         called_name = called(stripped_text, pattern_text.index(stripped_text))
-        return plain(called_name if isinstance(called_name, str) else stripped_text)
-    stack = [_Open(0, ["in turn"], [])]
+        return single_name_pattern(called_name if isinstance(called_name, str) else stripped_text)
+    stack = [_OpenBracket(0, ["in turn"], [])]
     for token_match in _TOKEN.finditer(pattern_text):
         opened, typed_word, item_count, star = token_match.groups()
         open_group = stack[-1]
@@ -104,44 +106,46 @@ def parse(pattern_text: str, called: Called | None = None) -> Group:
             if len(stack) > MAX_DEPTH:
                 message = f"groups are nested more than {MAX_DEPTH} deep"
                 raise TextError(message, offset=token_match.start())
-            stack.append(_Open(token_match.start(), ["in turn"], []))
+            stack.append(_OpenBracket(token_match.start(), ["in turn"], []))
             continue
-        repeat_count = None if item_count is None else _count(item_count, token_match.start(3))
+        repeat_count = (
+            None if item_count is None else _repetition_count(item_count, token_match.start(3))
+        )
         if typed_word != ")":
-            choice = _choice(typed_word)
+            choice = _choice_of_sign(typed_word)
             if choice is not None and not open_group.items and open_group.way == ["in turn"]:
                 open_group.way[:] = [choice]
                 continue
             word_offset = token_match.start(2)
-            leaves = _leaves(typed_word, word_offset, called)
+            leaves = _leaves_of_word(typed_word, word_offset, called)
             if (repeat_count or 1) * len(leaves) > MAX_PLACES:
-                raise TextError(_TOO_MANY, offset=word_offset, length=len(typed_word))
+                raise TextError(_TOO_MANY_MESSAGE, offset=word_offset, length=len(typed_word))
             for _ in range(repeat_count or 1):  # several names of one word are repeated together
                 open_group.items.extend((leaf, None, word_offset) for leaf in leaves)
             continue
         if len(stack) == 1:
             raise TextError("')' has no '(' before it", offset=token_match.start(2))
-        _not_empty(stack.pop())
+        _check_not_empty(stack.pop())
         stack[-1].items.append((open_group, repeat_count, open_group.offset))
     if len(stack) > 1:
         raise TextError("this group is not closed; write ( … )", offset=stack[-1].offset)
-    _not_empty(stack[0], len(pattern_text))
+    _check_not_empty(stack[0], len(pattern_text))
     return _GroupBuilder().group(stack[0], 1)
 
 
-def plain(name: str) -> Group:
+def single_name_pattern(name: str) -> Group:
     """The pattern of one name."""
     return Group("in turn", (Leaf(name),), 0, 1, 1, 1)
 
 
-def _choice(word: str) -> Choice | None:
-    return next((order_word for order_word in WAYS if order_word == word), None)
+def _choice_of_sign(word: str) -> Choice | None:
+    return next((order_word for order_word in CHOICE_WORDS if order_word == word), None)
 
 
-def _leaves(typed_word: str, word_offset: int, name_reader: Called) -> list[Leaf]:
+def _leaves_of_word(typed_word: str, word_offset: int, name_reader: ReadName) -> list[Leaf]:
     if typed_word == REST:
         return [Leaf(None)]
-    if typed_word in WAYS:
+    if typed_word in CHOICE_WORDS:
         message = (
             f"'{typed_word}' must be at the beginning of a pattern or a group: ({typed_word} knock "
             "lean)"
@@ -155,12 +159,12 @@ def name_of(leaf_word: str, word_offset: int) -> str:
     """The word, if it may be the name of a gesture or a take. Raises TextError."""
     if not all(NAME.fullmatch(part) for part in leaf_word.split(".")):
         message = f"'{leaf_word[:40]}' is not the name of a gesture or a take"
-        suggestion = nearest(leaf_word, WAYS)
+        suggestion = nearest(leaf_word, CHOICE_WORDS)
         raise TextError(message, offset=word_offset, length=len(leaf_word), suggestion=suggestion)
     return leaf_word
 
 
-def _count(count_text: str, word_offset: int) -> int:
+def _repetition_count(count_text: str, word_offset: int) -> int:
     if not re.fullmatch(r"[0-9]{1,5}", count_text) or not 1 <= int(count_text) <= MAX_PLACES:
         message = (
             f"'{count_text[:40]}' is not a number of repetitions; write knock*2 or (knock lean)*2"
@@ -169,7 +173,7 @@ def _count(count_text: str, word_offset: int) -> int:
     return int(count_text)
 
 
-def _not_empty(empty_group: _Open, group_length: int = 1) -> None:
+def _check_not_empty(empty_group: _OpenBracket, group_length: int = 1) -> None:
     if not empty_group.items:
         choice = empty_group.way[0]
         subject = "this group" if choice == "in turn" else f"'{choice}'"
@@ -186,7 +190,7 @@ class _GroupBuilder:
         self.sites = 0
         self.places = 0
 
-    def group(self, open_group: _Open, span: int | None) -> Group:
+    def group(self, open_group: _OpenBracket, span: int | None) -> Group:
         """A group that takes `span` steps; None: as many as it has."""
         choice, site = open_group.way[0], self.sites
         self.sites += 1
@@ -199,7 +203,7 @@ class _GroupBuilder:
                 else:
                     group_items.append(self.group(open_item, None if item_count else 1))
                 if self.places > MAX_PLACES:
-                    raise TextError(_TOO_MANY, offset=word_offset)
+                    raise TextError(_TOO_MANY_MESSAGE, offset=word_offset)
         if choice in ("choose", "walk"):
             steps, places = 1, max(item.places for item in group_items)
         else:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.order import Group, Leaf
-from ergon.scores.pattern.rhythm import EVEN, Euclid, swung
-from ergon.scores.pattern.turns import Occasion, Turn, due, iterations
+from ergon.scores.pattern.rhythm import EVEN_SWING, Euclid, swung
+from ergon.scores.pattern.turns import Occasion, Turn, iterations, transforms_due
 
 _ROUNDS_CACHED = 1024  # kept for each line
 
@@ -27,7 +27,7 @@ class Pattern:
 
     order: Group
     euclid: Euclid | None = None
-    swing: float = EVEN
+    swing: float = EVEN_SWING
     chance: float | None = None
     turns: tuple[Turn, ...] = ()
     skip: int = 0
@@ -91,7 +91,11 @@ class PlaceSequence:
         self._steps = lru_cache(_ROUNDS_CACHED)(self._split)
         # By how many names each round begins later than the round before.
         self.later = sum(pattern_order.places // shares for shares in iterations(pattern.turns))
-        self._steady = _split(_places(pattern_order, None, 0)) if pattern_order.is_steady else None
+        self._steady = (
+            _steps_of_places(_places_of_order(pattern_order, None, 0))
+            if pattern_order.is_steady
+            else None
+        )
 
     def step(self, place: int) -> tuple[int, float]:
         """The step of the line in which a place is, and how far into the step."""
@@ -156,7 +160,7 @@ class PlaceSequence:
         def draw(rule: int, probability: float) -> bool:
             return self.draws.changes(probability, draw_number, rule)
 
-        return tuple(due(turns, Occasion(self.round(place), self._share(place), draw)))
+        return tuple(transforms_due(turns, Occasion(self.round(place), self._share(place), draw)))
 
     def _share(self, place: int) -> float:
         """How much of its round is over where a place begins, from 0 to 1."""
@@ -170,13 +174,13 @@ class PlaceSequence:
         return tuple(_names(self.pattern.order, self.draws, turn))
 
     def _split(self, turn: int) -> Sequence[tuple[int, float]]:
-        return _split(self._round(turn))
+        return _steps_of_places(self._round(turn))
 
     def _drawn(self, turn: int) -> Sequence[Place]:
-        return tuple(_places(self.pattern.order, self.draws, turn))
+        return tuple(_places_of_order(self.pattern.order, self.draws, turn))
 
 
-def _split(places: Iterable[Place]) -> Sequence[tuple[int, float]]:
+def _steps_of_places(places: Iterable[Place]) -> Sequence[tuple[int, float]]:
     """The step of a round in which each place is, and how far into the step."""
     return tuple((int(place.at), float(place.at - int(place.at))) for place in places)
 
@@ -202,7 +206,7 @@ def _names(order_item: Leaf | Group, draws: Draws, turn_index: int) -> Iterator[
         yield from _names(order_item.items[item_index], draws, turn_index)
 
 
-def _places(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:
+def _places_of_order(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:
     """Every place of a round; without draws only the instants are valid, not the names."""
     return _places_of(order, Fraction(0), Fraction(order.steps), draws, turn)
 

@@ -18,15 +18,15 @@ from typing import Any
 from ergon import _core
 from ergon.scores.pattern.cycle_operations import ply
 from ergon.scores.pattern.cycles import Chance, Cycles, Fragment, mapped, node, stack
-from ergon.scores.pattern.struck import Repeats, Struck, by_pitch, single_notes
+from ergon.scores.pattern.struck import Repeats, Struck, single_notes, sorted_by_pitch
 
 Pattern = Cycles[Struck]
 
-FARTHEST = 8  # cycles in which the next stroke of a line is looked for
+NEXT_STROKE_CYCLES_MAX = 8  # cycles in which the next stroke of a line is looked for
 _CYCLES_SEARCHED = 4  # cycles: where strokes are near, those around an instant say what follows it
 _CYCLES_CACHED = 32  # cycles whose beginnings are: each is asked for by the cycles before it
-_MANY = 100  # notes
-_INSTANT = Fraction(1, 64)  # of a cycle: which strokes begin at an instant is seen in less
+_CHORD_NOTES_MAX = 100  # notes
+_INSTANT_CYCLES = Fraction(1, 64)  # of a cycle: which strokes begin at an instant is seen in less
 
 
 # --- length -------------------------------------------------------------------------------------
@@ -46,8 +46,8 @@ def legato(length_factor: Fraction, changed_pattern: Pattern) -> Pattern:
         fragments_made = []
         for fragment in changed_pattern.query(begin, end, chance):
             first_begin, last_end, struck_line = fragment.begin, fragment.end, fragment.what.line
-            following = first_begin + FARTHEST
-            for cycle in range(first_begin // 1, first_begin // 1 + FARTHEST + 1):
+            following = first_begin + NEXT_STROKE_CYCLES_MAX
+            for cycle in range(first_begin // 1, first_begin // 1 + NEXT_STROKE_CYCLES_MAX + 1):
                 instants = onsets(cycle, chance).get(struck_line, ())
                 number = bisect_right(instants, first_begin)
                 if number < len(instants):
@@ -149,7 +149,7 @@ Spread = Callable[
 and end, and the begin and end of what is seen of it."""
 
 
-def _chords(
+def _with_chords_spread(
     spread: Spread, changed_pattern: Pattern, cost: int, leaves: Iterable[Struck]
 ) -> Pattern:
     """The pattern with each chord spread; a single note is a chord too."""
@@ -167,7 +167,7 @@ def _chords(
             )
             if first_instant < query_begin:
                 chord_parts = changed_pattern.query(
-                    first_instant, min(last_instant, first_instant + _INSTANT), chance
+                    first_instant, min(last_instant, first_instant + _INSTANT_CYCLES), chance
                 )
             chord_notes = [
                 f.what
@@ -175,7 +175,7 @@ def _chords(
                 if f.start == f.begin == first_instant and f.end == last_instant
             ]
             for low_instant, high_instant, struck_note in spread(
-                by_pitch(chord_notes), first_instant, last_instant, chord_start, chord_stop
+                sorted_by_pitch(chord_notes), first_instant, last_instant, chord_start, chord_stop
             ):
                 if low_instant < chord_stop and high_instant > chord_start:
                     fragments_made.append(
@@ -192,11 +192,11 @@ def _chords(
     return Cycles(query, cost, 1 + changed_pattern.depth, tuple(dict.fromkeys(leaves)))
 
 
-def _notes(part: Pattern) -> Iterator[Struck]:
+def _note_count(part: Pattern) -> Iterator[Struck]:
     return chain.from_iterable(map(single_notes, part.leaves))
 
 
-def _largest(part: Pattern) -> int:
+def _largest_chord(part: Pattern) -> int:
     """The number of notes of the largest chord that is one word."""
     return max((len(single_notes(leaf)) for leaf in part.leaves), default=1)
 
@@ -229,10 +229,11 @@ def arp(note_order: str, step_length: Fraction | None, changed_pattern: Pattern)
             yield low_instant, high, ordered_notes[turn % len(ordered_notes)]
             turn, low_instant = turn + 1, low_instant + note_width
 
-    times = ceil(len(ORDERS[note_order](range(_MANY))) / _MANY)  # for which an order has each note
-    many = times * _largest(changed_pattern) if step_length is None else ceil(1 / step_length)
-    return _chords(
-        spread, changed_pattern, changed_pattern.cost * (1 + many), _notes(changed_pattern)
+    # So many turns of the chord that the order has each note.
+    times = ceil(len(ORDERS[note_order](range(_CHORD_NOTES_MAX))) / _CHORD_NOTES_MAX)
+    many = times * _largest_chord(changed_pattern) if step_length is None else ceil(1 / step_length)
+    return _with_chords_spread(
+        spread, changed_pattern, changed_pattern.cost * (1 + many), _note_count(changed_pattern)
     )
 
 
@@ -252,11 +253,11 @@ def rolled(span_share: Fraction, changed_pattern: Pattern) -> Pattern:
             )
             yield low, last_instant, _joined(note, turn)
 
-    return _chords(
+    return _with_chords_spread(
         spread,
         changed_pattern,
-        changed_pattern.cost * (1 + _largest(changed_pattern)),
-        _notes(changed_pattern),
+        changed_pattern.cost * (1 + _largest_chord(changed_pattern)),
+        _note_count(changed_pattern),
     )
 
 
@@ -270,13 +271,16 @@ def strum(step_seconds: float, changed_pattern: Pattern) -> Pattern:
             onset_delay = note.delay + turn * abs(step_seconds)
             yield first_instant, last_instant, _joined(replace(note, delay=onset_delay), turn)
 
-    leaves = [*_notes(changed_pattern)]
+    leaves = [*_note_count(changed_pattern)]
     latest = max((leaf.delay for leaf in leaves), default=0.0) + abs(step_seconds) * (
         len(leaves) - 1
     )
     delayed = [replace(leaf, delay=latest) for leaf in leaves]  # a bound of what chords will have
-    return _chords(
-        spread, changed_pattern, changed_pattern.cost * (1 + _largest(changed_pattern)), delayed
+    return _with_chords_spread(
+        spread,
+        changed_pattern,
+        changed_pattern.cost * (1 + _largest_chord(changed_pattern)),
+        delayed,
     )
 
 
@@ -284,7 +288,7 @@ def _joined(note: Struck, turn: int) -> Struck:
     return replace(note, part_of="before") if turn and note.part_of is None else note
 
 
-def _converge(notes: Sequence[Any]) -> list[Any]:
+def _converging(notes: Sequence[Any]) -> list[Any]:
     """The lowest, the highest, the second lowest, and so on to the middle."""
     pairs = zip(notes, reversed(notes), strict=True)
     return [note for pair in pairs for note in pair][: len(notes)]
@@ -300,7 +304,7 @@ def _with_lowest_note(notes: Sequence[Any]) -> list[Any]:
     return [played_note for note in notes[1:] for played_note in (notes[0], note)]
 
 
-def _back(notes: Sequence[Any]) -> list[Any]:
+def _forward_and_back(notes: Sequence[Any]) -> list[Any]:
     """Notes forward and backward, without the last and the first again."""
     return [*notes[:-1], *notes[:0:-1]]
 
@@ -308,15 +312,15 @@ def _back(notes: Sequence[Any]) -> list[Any]:
 ORDERS: Mapping[str, Callable[[Sequence[Any]], Sequence[Any]]] = {
     "up": lambda n: n,
     "down": lambda n: n[::-1],
-    "updown": _back,
-    "downup": lambda n: _back(n[::-1]),
+    "updown": _forward_and_back,
+    "downup": lambda n: _forward_and_back(n[::-1]),
     "up&down": lambda n: [*n, *n[::-1]],
     "down&up": lambda n: [*n[::-1], *n],
-    "converge": _converge,
-    "diverge": lambda n: _converge(n)[::-1],
-    "disconverge": lambda n: [*_converge(n), *_converge(n)[-2::-1]],
+    "converge": _converging,
+    "diverge": lambda n: _converging(n)[::-1],
+    "disconverge": lambda n: [*_converging(n), *_converging(n)[-2::-1]],
     "pinkyup": _with_top_note,
-    "pinkyupdown": lambda n: _back(_with_top_note(n)),
+    "pinkyupdown": lambda n: _forward_and_back(_with_top_note(n)),
     "thumbup": _with_lowest_note,
-    "thumbupdown": lambda n: _back(_with_lowest_note(n)),
+    "thumbupdown": lambda n: _forward_and_back(_with_lowest_note(n)),
 }

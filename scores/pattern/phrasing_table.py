@@ -11,8 +11,9 @@ from ergon.scores.pattern.cycle_forms import CycleTransform, Form, Pattern
 from ergon.scores.pattern.struck import Repeats
 
 _GRACE_IMPULSE_RATIO = 0.5  # the impulse of a grace note, as a factor of that of its stroke
-_SWELL = (Fraction(1, 4), Fraction(1))  # the factors of the first and the last stroke of a roll
-_QUARTER = Fraction(1, 4)  # default share of a chord's length for `rolled`
+# The factors of the first and the last stroke of a roll.
+_DEFAULT_SWELL_FACTORS = (Fraction(1, 4), Fraction(1))
+_DEFAULT_ROLL_SHARE = Fraction(1, 4)  # default share of a chord's length for `rolled`
 
 
 def _tremolo(t: CycleTransform, part: Pattern) -> Pattern:
@@ -23,7 +24,9 @@ def _tremolo(t: CycleTransform, part: Pattern) -> Pattern:
 
 def _roll(t: CycleTransform, changed_pattern: Pattern) -> Pattern:
     strokes, *factors = t.values
-    first_level, last_level = [float(factor) for factor in [*factors, *_SWELL[len(factors) :]]]
+    first_level, last_level = [
+        float(factor) for factor in [*factors, *_DEFAULT_SWELL_FACTORS[len(factors) :]]
+    ]
     if isinstance(strokes, Repeats):
         return act.repeated(strokes._replace(first=first_level, last=last_level), changed_pattern)
     return act.tremolo(strokes, changed_pattern, first_level, last_level)
@@ -79,7 +82,7 @@ PHRASING: Mapping[str, Form] = {
     "rolled": Form(
         "the notes of each chord begin one after another in a quarter of its time, or a share",
         "rolled 1/8",
-        lambda t, p: act.rolled(t.values[0] if t.values else _QUARTER, p),
+        lambda t, p: act.rolled(t.values[0] if t.values else _DEFAULT_ROLL_SHARE, p),
         ((), (read.PART,)),
     ),
     "strum": Form(

@@ -11,7 +11,7 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.numbers import stripped
 
 MAX_STEPS = 256  # steps of a Euclidean rhythm
-EVEN = 0.5  # the share of the first of two steps that are not swung
+EVEN_SWING = 0.5  # the share of the first of two steps that are not swung
 _EUCLID = re.compile(r"([0-9]{1,4})\s+([0-9]{1,4})(?:\s+rotate\s+([0-9]{1,4}))?")
 _LEVEL_MIN, _LEVEL_MAX = 0.25, 0.9
 
@@ -26,7 +26,7 @@ class Euclid:
 
     def positions(self) -> tuple[int, ...]:
         """The steps that are pulses, rising, from 0."""
-        return _positions(self)
+        return _bjorklund_positions(self)
 
 
 def parse_euclid(text: str) -> Euclid:
@@ -66,7 +66,7 @@ def swung(step_index: int, share_into: float, swing_share: float) -> float:
     """Where a point of a step is, if the first of every two steps takes the share `swing_share` of
     both.
     """
-    if swing_share == EVEN:
+    if swing_share == EVEN_SWING:
         return step_index + share_into
     pair_start = step_index - step_index % 2
     if step_index % 2:
@@ -75,7 +75,7 @@ def swung(step_index: int, share_into: float, swing_share: float) -> float:
 
 
 @lru_cache(maxsize=64)
-def _positions(rhythm: Euclid) -> tuple[int, ...]:
+def _bjorklund_positions(rhythm: Euclid) -> tuple[int, ...]:
     """Bjorklund's algorithm: append the left-over groups to the others, one each, until at most one
     is left over.
     """

@@ -14,7 +14,7 @@ MAX_DIGITS = 8  # digits of a number, since exact fractions grow
 NUMBER = re.compile(r"[0-9]+(?:\.[0-9]+)?")
 _EUCLID = re.compile(r"\(\s*([0-9]{1,4})\s*,\s*([0-9]{1,4})\s*(?:,\s*([0-9]{1,4})\s*)?\)")
 # Signs that change the step before them, each with an example.
-_EXAMPLES = {
+_EXAMPLE_BY_SIGN = {
     "*": "kick*2",
     "/": "kick/2",
     "@": "kick@3",
@@ -45,13 +45,14 @@ class Scanner:
         number_begin = self.place
         sign_match = NUMBER.match(self.text, number_begin)
         if sign_match is None:
-            message = f"'{sign}' needs a plain number directly after it: {_EXAMPLES[sign]}"
+            message = f"'{sign}' needs a plain number directly after it: {_EXAMPLE_BY_SIGN[sign]}"
             raise self.mistake(message, number_begin - 1)
         self.place = sign_match.end()
         sign_length = self.place - number_begin
         if re.match(r"[\w.]", self.text[self.place : self.place + 1]):
             message = (
-                f"a space must follow the number {quote(sign_match.group())}: {_EXAMPLES[sign]}"
+                f"a space must follow the number {quote(sign_match.group())}: "
+                f"{_EXAMPLE_BY_SIGN[sign]}"
             )
             raise self.mistake(message, self.place)
         sign_value = Fraction(sign_match.group())
@@ -60,7 +61,9 @@ class Scanner:
         elif sign == "?" and sign_value > 1:
             message = "'?' is followed by a probability from 0 to 1: kick?0.3"
         elif sign_value == 0 and sign != "?":
-            message = f"'{sign}' needs a number above 0: {_EXAMPLES[sign]}; a rest is written ~"
+            message = (
+                f"'{sign}' needs a number above 0: {_EXAMPLE_BY_SIGN[sign]}; a rest is written ~"
+            )
         elif sign_value > MAX_NUMBER:
             message = f"numbers of a rhythm are at most {MAX_NUMBER:,}"
         else:
@@ -85,10 +88,10 @@ class Scanner:
     def unknown(self, sign: str) -> TextError:
         """The mistake of a sign that does not begin a step."""
         if sign == "%":
-            message = f"'%' follows braces without a space: {_EXAMPLES[sign]}"
+            message = f"'%' follows braces without a space: {_EXAMPLE_BY_SIGN[sign]}"
             return self.mistake(message, self.place)
-        if sign in _EXAMPLES:
-            message = f"'{sign}' follows a step without a space: {_EXAMPLES[sign]}"
+        if sign in _EXAMPLE_BY_SIGN:
+            message = f"'{sign}' follows a step without a space: {_EXAMPLE_BY_SIGN[sign]}"
             return self.mistake(message, self.place)
         if sign == ")":
             message = "')' has no '(' before it; steps are grouped by [ … ], ( ) is for kick(3,8)"

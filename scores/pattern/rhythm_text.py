@@ -44,8 +44,8 @@ MAX_BRACKETS = 32  # inside one another
 
 _HITS_AND_DOTS = re.compile(r"[xX.\s-]+")
 WORD = re.compile(r"[^\W_][\w#'+:-]*(?:\.[\w#'+:-]+)*")
-_CLOSING = {"[": "]", "<": ">", "{": "}"}
-_OPENING = {close: opened for opened, close in _CLOSING.items()}
+_CLOSING_BY_OPENING = {"[": "]", "<": ">", "{": "}"}
+_OPENING_BY_CLOSING = {close: opened for opened, close in _CLOSING_BY_OPENING.items()}
 
 
 def parse(
@@ -116,7 +116,7 @@ class _Parser(Scanner, Generic[V]):
             step_lines.append(self.line())
         self.close()
         line_lengths = [sum((step.weight for step in line), Fraction(0)) for line in step_lines]
-        line_patterns = [_sequence(line) for line in step_lines]
+        line_patterns = [_sequence_of_steps(line) for line in step_lines]
         if open_sign == "<" and separator != "|":
             line_patterns = [
                 slow(length, part) for length, part in zip(line_lengths, line_patterns, strict=True)
@@ -153,16 +153,19 @@ class _Parser(Scanner, Generic[V]):
         if not end_sign and not opened:
             return
         if not end_sign:
-            message = f"this '{opened}' is not closed; write {opened} … {_CLOSING[opened]}"
+            message = (
+                f"this '{opened}' is not closed; write {opened} … {_CLOSING_BY_OPENING[opened]}"
+            )
             raise self.mistake(message, self.open[-1])
         if not opened:
-            message = f"'{end_sign}' has no '{_OPENING[end_sign]}' before it; "
-            raise self.mistake(f"{message}write {_OPENING[end_sign]} … {end_sign}", self.place)
-        if end_sign != _CLOSING[opened]:
-            message = (
-                f"'{end_sign}' does not close the '{opened}' before it; write {_CLOSING[opened]}"
+            message = f"'{end_sign}' has no '{_OPENING_BY_CLOSING[end_sign]}' before it; "
+            raise self.mistake(
+                f"{message}write {_OPENING_BY_CLOSING[end_sign]} … {end_sign}", self.place
             )
-            raise self.mistake(message, self.place, suggestion=_CLOSING[opened])
+        if end_sign != _CLOSING_BY_OPENING[opened]:
+            closing_sign = _CLOSING_BY_OPENING[opened]
+            message = f"'{end_sign}' does not close the '{opened}' before it; write {closing_sign}"
+            raise self.mistake(message, self.place, suggestion=closing_sign)
         self.open.pop()
         self.place += 1
 
@@ -193,7 +196,7 @@ class _Parser(Scanner, Generic[V]):
             raise self.mistake(message, max(0, end_place - 1))
         if len(step_groups) == 1:
             return step_groups[0]
-        return [_grouped(steps) for steps in step_groups]
+        return [_step_of_group(steps) for steps in step_groups]
 
     def dot(self, steps: list[_Step[V]]) -> None:
         """Read a dot that groups steps."""
@@ -247,7 +250,7 @@ class _Parser(Scanner, Generic[V]):
             cycles = pure(self.read(word_match.group(), self.start + step_begin))
         elif first_sign == "~":
             self.place += 1
-        elif first_sign in _CLOSING:
+        elif first_sign in _CLOSING_BY_OPENING:
             if len(self.open) == MAX_BRACKETS:
                 message = f"at most {MAX_BRACKETS} brackets are inside one another; remove some"
                 raise self.mistake(message, step_begin)
@@ -292,12 +295,14 @@ class _Parser(Scanner, Generic[V]):
         return cycles
 
 
-def _sequence(steps: Sequence[_Step[V]]) -> Cycles[V]:
+def _sequence_of_steps(steps: Sequence[_Step[V]]) -> Cycles[V]:
     return sequence([(renumbered(step.shift, step.base), step.weight) for step in steps])
 
 
-def _grouped(steps: Sequence[_Step[V]]) -> _Step[V]:
+def _step_of_group(steps: Sequence[_Step[V]]) -> _Step[V]:
     first_step, last_step = steps[0], steps[-1]
     return _Step(
-        _sequence(steps), first_step.first + first_step.shift, last_step.stop + last_step.shift
+        _sequence_of_steps(steps),
+        first_step.first + first_step.shift,
+        last_step.stop + last_step.shift,
     )

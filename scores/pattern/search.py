@@ -9,12 +9,14 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 
 
-def n_before(beats: Sequence[float], beat: float) -> int:
+def count_before(beats: Sequence[float], beat: float) -> int:
     """The number of `beats`, which rise, that lie before `beat`."""
-    return first_from(beats.__getitem__, len(beats), beat)
+    return first_index_from(beats.__getitem__, len(beats), beat)
 
 
-def first_from(value_of_index: Callable[[int], float], item_count: int, least_value: float) -> int:
+def first_index_from(
+    value_of_index: Callable[[int], float], item_count: int, least_value: float
+) -> int:
     """The first index below `item_count` at which `value_of_index` is not below `least_value`.
 
     `value_of_index` must rise with the index; the search begins where linear interpolation puts

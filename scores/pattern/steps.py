@@ -15,10 +15,10 @@ from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.order import Leaf
 from ergon.scores.pattern.pattern import PlaceSequence
-from ergon.scores.pattern.rhythm import EVEN
-from ergon.scores.pattern.search import first_from
+from ergon.scores.pattern.rhythm import EVEN_SWING
+from ergon.scores.pattern.search import first_index_from
 
-_TOO_MANY = f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures"
+_TOO_MANY_MESSAGE = f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures"
 
 
 class Steps(Sequence[float]):
@@ -90,7 +90,7 @@ class Steps(Sequence[float]):
         return self.beat(place_number)
 
 
-def steps(
+def line_steps(
     tempo: TempoMap,
     begin_beat: float,
     course: PlaceSequence,
@@ -117,19 +117,19 @@ def steps(
     if every is not None:
         if not every.is_some:
             raise TextError("'every' must be above 0")
-        beat_of_place = _even(tempo, begin_beat, course, every)
+        beat_of_place = _even_steps(tempo, begin_beat, course, every)
     else:
-        beat_of_place = _end_to_end(
+        beat_of_place = _consecutive_steps(
             tempo, begin_beat, course, length, min(count_max, room + 1), until
         )
     if until is not None:
         stop = until - SAME
-        count_max = first_from(beat_of_place, min(count_max, room + 1), stop)
+        count_max = first_index_from(beat_of_place, min(count_max, room + 1), stop)
     if count_max > room:
-        raise TextError(_TOO_MANY)
+        raise TextError(_TOO_MANY_MESSAGE)
 
     def again(other_course: PlaceSequence) -> Steps:
-        return steps(
+        return line_steps(
             tempo,
             begin_beat,
             other_course,
@@ -143,7 +143,7 @@ def steps(
     return Steps(course, beat_of_place, count_max, again)
 
 
-def _even(
+def _even_steps(
     tempo: TempoMap, begin_beat: float, course: PlaceSequence, step_length: Length
 ) -> Callable[[int], float]:
     """Steps of the length `step_length`; if places are skipped, the first one that is left begins
@@ -157,7 +157,7 @@ def _even(
     return beat
 
 
-def _end_to_end(
+def _consecutive_steps(
     tempo: TempoMap,
     begin_beat: float,
     course: PlaceSequence,
@@ -172,7 +172,9 @@ def _end_to_end(
         length_found = (
             length_of_name(item.name) if isinstance(item, Leaf) and item.name is not None else None
         )
-        is_mixed = pattern_order.way != "in turn" or course.later or course.pattern.swing != EVEN
+        is_mixed = (
+            pattern_order.way != "in turn" or course.later or course.pattern.swing != EVEN_SWING
+        )
         if is_mixed or length_found is None:
             raise TextError(
                 "the length of a step is missing; write `every`, for instance every 1",

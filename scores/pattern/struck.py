@@ -89,18 +89,18 @@ def single_notes(struck_word: Struck) -> tuple[Struck, ...]:
     return tuple(replace(struck_word, word=f"{note}{colon}{level}") for note in chord)
 
 
-def by_pitch(chord: Sequence[Struck]) -> list[Struck]:
+def sorted_by_pitch(chord: Sequence[Struck]) -> list[Struck]:
     """The single notes of strokes, from the lowest to the highest, each once; in the order of
     writing if any is no note.
     """
     distinct_notes = list(dict.fromkeys(note for struck in chord for note in single_notes(struck)))
-    pitches = {struck: _pitch(struck) for struck in distinct_notes}
+    pitches = {struck: _pitch_of_word(struck) for struck in distinct_notes}
     if None in pitches.values():
         return distinct_notes
     return sorted(distinct_notes, key=lambda struck: pitches[struck] or 0.0)
 
 
-def _pitch(struck_word: Struck) -> float | None:
+def _pitch_of_word(struck_word: Struck) -> float | None:
     note = note_of(name_of(struck_word))
     if note is None:
         return None

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.scores.gesture.transforms import ARGUMENTS, EXAMPLES, Transform, parse_do
+from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, EXAMPLES, Transform, parse_do
 from ergon.scores.pattern.chain_parser import ChainParser
 from ergon.scores.pattern.cycle_forms import HALF
-from ergon.scores.pattern.cycle_table import TABLE
+from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.cycle_transforms import MAX_TRANSFORMS
 from ergon.scores.pattern.turns import Rule, Turn, iterations
 
@@ -38,7 +38,7 @@ def _sometimes(probability: float = HALF) -> Rule:
     return Rule("sometimes", (float(probability),))
 
 
-FORMS: Mapping[str, TurnForm] = {
+TURN_FORMS: Mapping[str, TurnForm] = {
     "palindrome": TurnForm(
         "every second round backwards", "palindrome", lambda: Rule("whenmod", (2, 1))
     ),
@@ -82,12 +82,12 @@ FORMS: Mapping[str, TurnForm] = {
     ),
 }
 # Transformations that change what is played without another one behind them.
-_DONE: Mapping[str, tuple[Transform, ...]] = {
+_TRANSFORMS_BY_WORD: Mapping[str, tuple[Transform, ...]] = {
     "palindrome": (Transform("rev"),),
     "degrade": (),
     "iter": (),
 }
-_KNOWN_RULES = {word: form.example for word, form in FORMS.items()}
+_EXAMPLE_BY_WORD = {word: form.example for word, form in TURN_FORMS.items()}
 
 
 def parse_chain(text: str) -> tuple[Change, ...]:
@@ -119,7 +119,7 @@ def parse_first(
 
 def is_turn(text: str) -> bool:
     """Whether a transformation changes only some of what is played."""
-    return next(iter(text.split()), "") in FORMS
+    return next(iter(text.split()), "") in TURN_FORMS
 
 
 def as_turns(chain: Iterable[Change]) -> tuple[tuple[Transform, ...], tuple[Turn, ...]]:
@@ -170,19 +170,19 @@ class _Parser(ChainParser[Change]):
         """One transformation, with what it takes."""
         self.peek()
         begin_place, typed_word = self.place, self.word()
-        change_form = FORMS.get(typed_word)
+        change_form = TURN_FORMS.get(typed_word)
         if change_form is None:
             return self.gesture_transform()
         self.count += 1
         if self.count > MAX_TRANSFORMS:
             message = f"a line has at most {MAX_TRANSFORMS} transformations of rounds; remove some"
             raise self.mistake(message, begin_place, len(typed_word))
-        form_with_example = replace(TABLE[typed_word], example=change_form.example)
+        form_with_example = replace(FORM_BY_WORD[typed_word], example=change_form.example)
         self.place += len(typed_word)
         rule = change_form.rule(*self.values(form_with_example, begin_place, typed_word))
         inner_change = (
-            _DONE[typed_word]
-            if typed_word in _DONE
+            _TRANSFORMS_BY_WORD[typed_word]
+            if typed_word in _TRANSFORMS_BY_WORD
             else self.inner(form_with_example, begin_place, typed_word)
         )
         if any(True for _ in iterations(turn for turn in inner_change if isinstance(turn, Turn))):
@@ -200,13 +200,13 @@ class _Parser(ChainParser[Change]):
         transform_text = match.group() if match else ""
         if self.others is not None:
             word_matches = [*_WORD.finditer(transform_text)]
-            count = 1 + ARGUMENTS.get(word_matches[0].group(), 0) if word_matches else 0
+            count = 1 + ARGUMENT_COUNTS.get(word_matches[0].group(), 0) if word_matches else 0
             value_words = takewhile(self.is_value, word_matches[1:count])
             words_taken = [*word_matches[:1], *value_words]
             transform_text = transform_text[: words_taken[-1].end()] if words_taken else ""
         begin = self.place
         self.place += len(transform_text)
-        return parse_do(transform_text, self.start + begin, _KNOWN_RULES)
+        return parse_do(transform_text, self.start + begin, _EXAMPLE_BY_WORD)
 
     def is_value(self, word: re.Match[str]) -> bool:
         """Whether a word may be a value of a transformation."""
@@ -216,4 +216,4 @@ class _Parser(ChainParser[Change]):
         """The word of a transformation, and an example of it."""
         begin = transform.offset - self.start
         word = self.text[begin:].split()[0].rstrip(",()")
-        return word, FORMS[word].example if word in FORMS else EXAMPLES[word]
+        return word, TURN_FORMS[word].example if word in TURN_FORMS else EXAMPLES[word]

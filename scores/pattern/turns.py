@@ -13,14 +13,14 @@ from math import floor
 from typing import NamedTuple
 
 from ergon.notation.text.errors import TextError
-from ergon.scores.gesture.transforms import ARGUMENTS, Transform, parse_do
+from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, Transform, parse_do
 
 ORDINAL = re.compile(r"([0-9]{1,4})(?:st|nd|rd|th)")
 _CLAUSE = re.compile(rf"\s*+(?:{ORDINAL.pattern})\s++do(?:\s++|$)")
 _NEXT = re.compile(rf"(?<=\s)every\s+(?={ORDINAL.pattern}(?:\s|$))")
 _OMIT_EMPTY = {"hash_omits_empty": True}
 # One transformation: from its word up to a comma or to the word of the next transformation.
-_RULE_WORDS = "|".join(ARGUMENTS)
+_RULE_WORDS = "|".join(ARGUMENT_COUNTS)
 _TRANSFORM = re.compile(rf"[^\s,]+(?:\s+(?!(?:{_RULE_WORDS})(?:[\s,]|$))[^\s,]+)*")
 
 
@@ -67,31 +67,31 @@ class Occasion(NamedTuple):
     draw: Callable[[int, float], bool]
 
 
-_RULES: Mapping[str, Callable[[Rule, Occasion], bool]] = {
+_RULE_TESTS: Mapping[str, Callable[[Rule, Occasion], bool]] = {
     "every": lambda rule, occasion: occasion.round % rule.values[0] == 0,
     "whenmod": lambda rule, occasion: occasion.round % rule.values[0] >= rule.values[1],
     "chunk": lambda rule, occasion: (
-        floor(occasion.share * rule.values[0] + _ROUNDING) == occasion.round % rule.values[0]
+        floor(occasion.share * rule.values[0] + _SHARE_TOLERANCE) == occasion.round % rule.values[0]
     ),
     "sometimes": lambda rule, occasion: occasion.draw(rule.number, rule.values[0]),
     "iter": lambda *_: True,  # see `iterations`
 }
-_ROUNDING = 1e-9
+_SHARE_TOLERANCE = 1e-9
 
 
-def due(turns: Iterable[Turn], occasion: Occasion) -> Iterator[Transform | None]:
+def transforms_due(turns: Iterable[Turn], occasion: Occasion) -> Iterator[Transform | None]:
     """The transformations of a place, left to right; None where one leaves the place out."""
     for place_turn in turns:
         rule = place_turn.rule
         if (occasion.round + 1) % place_turn.nth or not (
-            rule is None or _RULES[rule.word](rule, occasion)
+            rule is None or _RULE_TESTS[rule.word](rule, occasion)
         ):
             continue
         if place_turn.leaves_out:
             yield None
         for inner in place_turn.do:
             if isinstance(inner, Turn):
-                yield from due((inner,), occasion)
+                yield from transforms_due((inner,), occasion)
             else:
                 yield inner
 
@@ -108,13 +108,13 @@ def numbered(turns: Iterable[Turn], numbers: Iterator[int] | None = None) -> tup
     its own.
     """
     numbers = numbers or count(1)
-    return tuple([_numbered(turn, numbers) for turn in turns])
+    return tuple([_with_rule_number(turn, numbers) for turn in turns])
 
 
-def _numbered(turn: Turn, turn_numbers: Iterator[int]) -> Turn:
+def _with_rule_number(turn: Turn, turn_numbers: Iterator[int]) -> Turn:
     rule = turn.rule and replace(turn.rule, number=next(turn_numbers))
     do = [
-        _numbered(transform, turn_numbers) if isinstance(transform, Turn) else transform
+        _with_rule_number(transform, turn_numbers) if isinstance(transform, Turn) else transform
         for transform in turn.do
     ]
     return replace(turn, do=tuple(do), rule=rule)
@@ -131,12 +131,12 @@ def parse(pattern_text: str, text_start: int = 0) -> tuple[Turn, ...]:
         clause = pattern_text[
             clause_offset : next_match.start() if next_match else len(pattern_text)
         ]
-        parsed_turns.append(_clause(clause, text_start + clause_offset))
+        parsed_turns.append(_parse_clause(clause, text_start + clause_offset))
         clause_offset = next_match.end() if next_match else 0
     return tuple(parsed_turns)
 
 
-def _clause(pattern_text: str, text_start: int) -> Turn:
+def _parse_clause(pattern_text: str, text_start: int) -> Turn:
     sign_match = _CLAUSE.match(pattern_text)
     if sign_match is None or int(sign_match[1]) == 0:
         message = f"'{pattern_text.strip()[:40]}' is not written like 4th do mirror"

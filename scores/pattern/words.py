@@ -13,17 +13,17 @@ from typing import NamedTuple
 from ergon.notation.tables.strengths import is_level
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
-from ergon.scores.gesture.transforms import ARGUMENTS, ARITY
+from ergon.scores.gesture.transforms import ARGUMENT_COUNTS, ARITY
 from ergon.scores.pattern.order import Group, name_of
 from ergon.scores.pattern.order import parse as parse_order
 from ergon.scores.pattern.turn_chain import Change, parse_first
 from ergon.scores.pattern.turns import ORDINAL
 from ergon.scores.pattern.turns import parse as parse_turns
 
-Called = Callable[[str, int], str]
+ReadName = Callable[[str, int], str]
 
 # Options, each with an example of its value; None for a flag.
-OPTIONS = {
+OPTION_EXAMPLES = {
     "at": "A",
     "every": "1",
     "times": "8",
@@ -41,10 +41,10 @@ OPTIONS = {
     "layer": None,
 }
 # The option that is written `every 4th do mirror`: it has no keyword of its own.
-NTH = "nth"
+NTH_OPTION = "nth"
 # Options of a pattern that may also be names of gestures: the first word of a play is a name.
 _PATTERN_WORDS = ("chance", "euclid", "swing", "skip")
-_KNOWN_WORDS = (*OPTIONS, "do", *ARITY)
+_KNOWN_WORDS = (*OPTION_EXAMPLES, "do", *ARITY)
 _SIGNS = frozenset(",()*~")  # signs that a single name does not have
 _WORD = re.compile(r",|[^\s,]+")
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
@@ -78,14 +78,15 @@ class Row:
     play: PlayWords
 
 
-def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) -> PlayWords:
+def parse(pattern_text: str, text_start: int = 0, called: ReadName | None = None) -> PlayWords:
     """Read a play; `called` returns the name that a word at an offset stands for.
 
     Raises TextError with offsets into the text plus `text_start`.
     """
     placed_words = [Word(w.group(), w.start()) for w in _WORD.finditer(pattern_text)]
     if not placed_words or (
-        placed_words[0].text in (*OPTIONS, "do", ",") and placed_words[0].text not in _PATTERN_WORDS
+        placed_words[0].text in (*OPTION_EXAMPLES, "do", ",")
+        and placed_words[0].text not in _PATTERN_WORDS
     ):
         raise TextError(
             "the gesture or take is missing; write for instance knock every 1",
@@ -103,7 +104,9 @@ def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) 
         ",",
     ):
         words_stop += 1
-    what_word, play_order = _order(pattern_text, placed_words[:words_stop], text_start, called)
+    what_word, play_order = _play_and_pattern(
+        pattern_text, placed_words[:words_stop], text_start, called
+    )
     chain: list[Change] = []
     wanting: str | None = None  # a `do` or a comma that a transformation must follow
     i = words_stop
@@ -125,12 +128,12 @@ def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) 
                 ),
             )
         elif option_word == "do" or (
-            option_word == "," and chain and placed_words[i - 1].text not in OPTIONS
+            option_word == "," and chain and placed_words[i - 1].text not in OPTION_EXAMPLES
         ):
             wanting, i = option_word, i + 1
-        elif option_word in OPTIONS:
-            option_name, i, option_value = _value(
-                pattern_text, placed_words, i, text_start, OPTIONS, option_word
+        elif option_word in OPTION_EXAMPLES:
+            option_name, i, option_value = _option_value(
+                pattern_text, placed_words, i, text_start, OPTION_EXAMPLES, option_word
             )
             if option_name in placed_options:
                 raise TextError(
@@ -139,7 +142,7 @@ def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) 
                     length=len(option_word),
                 )
             placed_options[option_name] = Word(option_value.text, text_start + option_value.offset)
-        elif OPTIONS.get(placed_words[i - 1].text, "") is None:
+        elif OPTION_EXAMPLES.get(placed_words[i - 1].text, "") is None:
             flag = placed_words[i - 1].text
             raise TextError(
                 f"'{flag}' takes no value; remove '{option_word[:40]}'",
@@ -147,7 +150,7 @@ def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) 
                 length=len(option_word),
             )
         else:
-            raise _unknown(placed_words[i], text_start)
+            raise _unknown_word_error(placed_words[i], text_start)
     if wanting is not None:
         last_word = placed_words[-1]
         raise TextError(
@@ -155,18 +158,20 @@ def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) 
             offset=text_start + last_word.offset,
             length=len(last_word.text),
         )
-    if NTH in placed_options:
-        parse_turns(placed_options[NTH].text, placed_options[NTH].offset)
+    if NTH_OPTION in placed_options:
+        parse_turns(placed_options[NTH_OPTION].text, placed_options[NTH_OPTION].offset)
     return PlayWords(what_word, placed_options, tuple(chain), play_order)
 
 
-def _order(
-    play_text: str, placed_words: list[Word], text_start: int, name_reader: Called | None
+def _play_and_pattern(
+    play_text: str, placed_words: list[Word], text_start: int, name_reader: ReadName | None
 ) -> tuple[Word, Group | None]:
     """What is played, and its pattern unless it is one name."""
     for word_before, word in pairwise(placed_words):
         if word.text[0].isdigit():  # a value: the word before it is a misspelt option
-            raise _unknown(word if word_before is placed_words[0] else word_before, text_start)
+            raise _unknown_word_error(
+                word if word_before is placed_words[0] else word_before, text_start
+            )
     first_word, last_word = placed_words[0], placed_words[-1]
     order_word = Word(
         play_text[first_word.offset : last_word.offset + len(last_word.text)],
@@ -174,7 +179,7 @@ def _order(
     )
     if len(placed_words) == 1 and not _SIGNS & set(order_word.text):
         return order_word, None
-    make: Called = name_reader or (lambda word, _: word)
+    make: ReadName = name_reader or (lambda word, _: word)
 
     def name(word: str, offset: int) -> str:
         return make(name_of(word, offset), order_word.offset + offset)
@@ -205,16 +210,16 @@ def parse_strikes(
         option_word, word_offset = placed_words[i]
         if option_word not in examples_by_word:
             if "impulse" not in examples_by_word or not _is_worded_level(option_word):
-                raise _unknown(placed_words[i], 0, examples_by_word)
+                raise _unknown_word_error(placed_words[i], 0, examples_by_word)
             # A level may stand behind the options, without its keyword.
-            option_name, i, option_value = _value(
+            option_name, i, option_value = _option_value(
                 pattern_text, placed_words, i - 1, 0, examples_by_word, "impulse"
             )
         else:
-            option_name, i, option_value = _value(
+            option_name, i, option_value = _option_value(
                 pattern_text, placed_words, i, 0, examples_by_word, option_word
             )
-        if option_name == NTH:
+        if option_name == NTH_OPTION:
             message = (
                 f"'every {option_value.text.split()[0]}' changes every so many plays of a gesture; "
             )
@@ -235,7 +240,7 @@ def _is_worded_level(typed_word: str) -> bool:
     return is_level(typed_word) and any(map(str.isalpha, typed_word))
 
 
-def _value(
+def _option_value(
     pattern_text: str,
     placed_words: list[Word],
     i: int,
@@ -254,7 +259,7 @@ def _value(
         value_stop = _end_of_turns(placed_words, i)
         first_word, last_word = value_words[0], placed_words[value_stop - 1]
         return (
-            NTH,
+            NTH_OPTION,
             value_stop,
             Word(
                 pattern_text[first_word.offset : last_word.offset + len(last_word.text)],
@@ -291,7 +296,7 @@ def _value(
     )
 
 
-def _unknown(
+def _unknown_word_error(
     unknown_word: Word, text_start: int, known_words: Iterable[str] = _KNOWN_WORDS
 ) -> TextError:
     return TextError(
@@ -312,7 +317,7 @@ def rows(table_text: str) -> Iterator[tuple[str, int]]:
         row_offset += len(table_line) + 1
 
 
-def parse_row(row_text: str, row_offset: int = 0, name_reader: Called | None = None) -> Row:
+def parse_row(row_text: str, row_offset: int = 0, name_reader: ReadName | None = None) -> Row:
     """Read the first cell and the words of a play. Raises TextError, at places + `row_offset`."""
     row_cells = row_text.split()
     first_cell = row_cells[0]
@@ -366,7 +371,7 @@ def _end_of_turns(placed_words: list[Word], first_turn: int) -> int:
 def _end_of_transform(placed_words: list[Word], first_word: int) -> int:
     """The index after the transformation that begins at word `first_word`, with its arguments."""
     words_stop = first_word + 1
-    limit = words_stop + ARGUMENTS.get(placed_words[first_word].text, 0)
+    limit = words_stop + ARGUMENT_COUNTS.get(placed_words[first_word].text, 0)
     while words_stop < min(limit, len(placed_words)) and placed_words[words_stop].text not in (
         *_KNOWN_WORDS,
         ",",

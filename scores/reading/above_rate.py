@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ergon.instruments import following, proxies
 from ergon.instruments.model import Instrument, Module, Target
-from ergon.instruments.module_kinds import LINKS
+from ergon.instruments.module_kinds import LINK_KINDS
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.memory import Memory
 
@@ -37,11 +37,11 @@ def without_modes_above(
     for instrument_name in transposed:
         pitched = instruments.get(instrument_name)
         if pitched is not None and pitched.ca_rate is None and not pitched.space:
-            high_modes = {m.name: f for m in pitched.modules if (f := _frequency(m)) > rate / 2.0}
+            high_modes = {m.name: f for m in pitched.modules if (f := _cell_hertz(m)) > rate / 2.0}
             too_high |= {instrument_name: high_modes} if high_modes else {}
     if not too_high:
         return instruments
-    joined = {*used, *_joined(instruments)}
+    joined = {*used, *_modules_joined_elsewhere(instruments)}
     thinned_instruments, reported = dict(instruments), dict[str, list[tuple[str, float]]]()
     for instrument_name, high_modes in too_high.items():
         thinned_names = frozenset(
@@ -49,7 +49,7 @@ def without_modes_above(
         )
         if (
             thinned_names
-            and (thinner := _without(instruments[instrument_name], thinned_names, memory))
+            and (thinner := _without_modules(instruments[instrument_name], thinned_names, memory))
             is not None
         ):
             thinned_instruments[instrument_name] = thinner
@@ -64,17 +64,17 @@ def without_modes_above(
     return thinned_instruments
 
 
-def _frequency(module: Module) -> float:
+def _cell_hertz(module: Module) -> float:
     """The frequency of a CEL [Hz]; 0 of what has none."""
     return float(module.fields.get("f") or 0.0) if module.kind == "CEL" else 0.0
 
 
-def _joined(instruments: Mapping[str, Instrument]) -> Iterator[_ModuleKey]:
+def _modules_joined_elsewhere(instruments: Mapping[str, Instrument]) -> Iterator[_ModuleKey]:
     """The modules that other instruments join, and those that something follows."""
     for entry_name, instrument in instruments.items():
         for module in instrument.modules:
             for target in _ends(module):
-                if target.part != entry_name or module.kind not in LINKS:
+                if target.part != entry_name or module.kind not in LINK_KINDS:
                     yield target.part, target.module
 
 
@@ -84,7 +84,7 @@ def _ends(module: Module) -> list[Target]:
     return end_targets + (proxies.targets(module.fields) if module.kind == "PROXY" else [])
 
 
-def _without(
+def _without_modules(
     instrument: Instrument, removed_names: Collection[str], memory: Memory | None
 ) -> Instrument | None:
     """An instrument without some modules; None if an output would have nothing left to hear."""

@@ -10,8 +10,8 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 from ergon.instruments.model import Instrument, Module
-from ergon.instruments.module_kinds import KINDS, LINKS
-from ergon.instruments.transpose import is_interval, is_slow, parse_interval
+from ergon.instruments.module_kinds import KINDS, LINK_KINDS
+from ergon.instruments.transpose import is_interval, keeps_pitch, parse_interval
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
@@ -19,14 +19,14 @@ from ergon.notation.text.errors import TextError, quote, with_article
 from ergon.scores.pattern.values import Amount, ReadAmount
 
 # By the kind of a module; a generator changes as a whole.
-PARAMETERS: Mapping[str, tuple[str, ...]] = {
+GLIDE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     **{name: kind.gliding for name, kind in KINDS.items() if kind.gliding},
     "INSTRUMENT": ("f",),
 }
-ALL = tuple(dict.fromkeys(chain.from_iterable(PARAMETERS.values())))
+ALL_PARAMETERS = tuple(dict.fromkeys(chain.from_iterable(GLIDE_PARAMETERS.values())))
 # Fields that a factor of the pitch does not scale: an instrument that has one cannot glide as a
 # whole.
-_STIFFENING = ("hardening", "stretching")
+_STIFFENING_FIELDS = ("hardening", "stretching")
 
 
 class Automatable(NamedTuple):
@@ -89,17 +89,17 @@ def pitched_module(owner: Any) -> Module | None:
     return Module("", "INSTRUMENT", {"f": owner.pitch, "modules": owner.modules}, owner.place)
 
 
-def moved(owner: Instrument) -> list[Module]:
+def transposed_modules(owner: Instrument) -> list[Module]:
     """The modules whose pitch moves with that of the instrument: those that `transpose` moves."""
-    able = PARAMETERS.keys() - {"INSTRUMENT"}
+    able = GLIDE_PARAMETERS.keys() - {"INSTRUMENT"}
     return [
         module
         for module in owner.modules
-        if module.kind in able and not is_slow(module.kind, module.fields)
+        if module.kind in able and not keeps_pitch(module.kind, module.fields)
     ]
 
 
-def _stays(part_module: Module) -> str | None:
+def _glide_obstacle(part_module: Module) -> str | None:
     """Why an instrument with this module cannot glide as a whole; None if it can."""
     if part_module.kind == "LNL" and (part_module.fields["law"] or part_module.fields["points"]):
         return (
@@ -110,26 +110,25 @@ def _stays(part_module: Module) -> str | None:
         return f"its MODES {part_module.name} do not change while they play"
     if part_module.fields.get("contact") == "magic":
         return f"the magic contact {part_module.name} chooses its own K and Z"
-    for field_name in _STIFFENING:
+    for field_name in _STIFFENING_FIELDS:
         if part_module.fields.get(field_name):
             return (
                 f"`{field_name}` of its {part_module.kind} {part_module.name} does not change "
-                "while it "
-                "plays"
+                "while it plays"
             )
     return None
 
 
 def refusal(part_module: Module, parameter_name: str, *, is_ca: bool) -> str | None:
     """Why a parameter of a module cannot change while it plays; None if it can."""
-    known_parameters = PARAMETERS.get(part_module.kind, ())
+    known_parameters = GLIDE_PARAMETERS.get(part_module.kind, ())
     if part_module.kind == "INSTRUMENT" and not is_ca and parameter_name == "f":
-        reason = next(filter(None, map(_stays, part_module.fields["modules"])), None)
+        reason = next(filter(None, map(_glide_obstacle, part_module.fields["modules"])), None)
         return reason and f"cannot glide as a whole: {reason}; glide its modules"
     if is_ca:
         return "has algorithmic values, which stay as they are; only values in SI units change"
     if not known_parameters:
-        able = ", ".join(kind for kind in PARAMETERS if kind != "INSTRUMENT")
+        able = ", ".join(kind for kind in GLIDE_PARAMETERS if kind != "INSTRUMENT")
         return (
             f"is {with_article(part_module.shown_kind)}, which does not change while it plays; "
             f"{able} do"
@@ -150,7 +149,7 @@ def refusal(part_module: Module, parameter_name: str, *, is_ca: bool) -> str | N
         if not isinstance(t60, float):
             several = "has a t60 for each of several frequencies, which stay as they are"
             return f"{several}; a single t60 may change"
-    if part_module.kind in LINKS and not part_module.fields.get(parameter_name):
+    if part_module.kind in LINK_KINDS and not part_module.fields.get(parameter_name):
         return f"has no {parameter_name} of its own that could change; write one above 0"
     return None
 
@@ -160,9 +159,9 @@ def reader(part_module: Module, parameter_name: str, *, is_one_of_many: bool = F
     instrument have that module.
     """
     if is_one_of_many and parameter_name == "f":
-        return amount_reader(_only_interval, parameter_name)
+        return amount_reader(_parse_interval_or_factor, parameter_name)
     if part_module.kind == "BANK":
-        return amount_reader(_only_factor, parameter_name)
+        return amount_reader(_parse_factor, parameter_name)
     if parameter_name in ("f", "t60"):
         return amount_reader(
             (k.PITCH if parameter_name == "f" else k.DURATION).parse, parameter_name
@@ -187,16 +186,18 @@ def amount_reader(read_number: Callable[[str], float], parameter: str) -> ReadAm
     return amount
 
 
-def _only_factor(text: str) -> float:
+def _parse_factor(text: str) -> float:
     message = f"{quote(text)}: the members of a BANK have values of their own; write a factor, x1.5"
     raise TextError(message, length=max(1, len(text)), code="E201")
 
 
-def _only_interval(text: str) -> float:
+def _parse_interval_or_factor(text: str) -> float:
     """Refuse a pitch where every note has a pitch of its own. Raises TextError."""
     message = f"{quote(text)}: the notes have pitches of their own; write an interval, 2st, or x1.5"
     raise TextError(message, length=max(1, len(text)), code="E201")
 
 
-FACTOR = Text(_only_factor, "a factor, such as x1.5")
-INTERVAL_OR_FACTOR = Text(_only_interval, "an interval, such as 2st, or a factor, such as x1.5")
+FACTOR = Text(_parse_factor, "a factor, such as x1.5")
+INTERVAL_OR_FACTOR = Text(
+    _parse_interval_or_factor, "an interval, such as 2st, or a factor, such as x1.5"
+)

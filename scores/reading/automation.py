@@ -21,7 +21,7 @@ from ergon.scores.gesture.midi_course import Course
 from ergon.scores.gesture.midi_source import SOURCES, parse_source
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
-from ergon.scores.pattern.steps import Steps, steps
+from ergon.scores.pattern.steps import Steps, line_steps
 from ergon.scores.pattern.values import Amount, ReadAmount, parse_values
 from ergon.scores.reading.curves import CurvePoint, is_curve, parse_curve
 from ergon.scores.reading.midi_uses import MidiUses
@@ -88,7 +88,7 @@ class Automation:
         until_beat = None if self.until is None else tempo.resolve(self.until)
         place_sequence = PlaceSequence(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
         begin = tempo.resolve(self.at)
-        return steps(
+        return line_steps(
             tempo, begin, place_sequence, every=self.every, times=self.times, until=until_beat
         )
 
@@ -149,7 +149,7 @@ _SET_NAMES = ("to", "over", "curve", *_PATTERN_NAMES)
 _FILE_NAMES = ("from", "channel", "by", "start")
 _LFO_NAMES = ("range", "period", "shape", "phase")
 # By what an entry is called: the fields that it needs, and those that it may not have.
-_FIELDS = {
+_FIELDS_BY_KIND = {
     "set": (("to",), (*_FILE_NAMES, *_LFO_NAMES)),
     "from": (("from", "by", "range"), (*_SET_NAMES, "period", "shape", "phase")),
     "lfo": (("range", "period"), (*_FILE_NAMES, *_SET_NAMES)),
@@ -166,7 +166,7 @@ def check(automation_values: Values) -> bool:
         return False
     is_file = written_kinds[0] == "set" and bool(automation_values.written("from"))
     written_kind = "from" if is_file else written_kinds[0]
-    needs, contrary_fields = _FIELDS[written_kind]
+    needs, contrary_fields = _FIELDS_BY_KIND[written_kind]
     for field_name in needs:
         if not automation_values.written(field_name):
             automation_values.error(
@@ -217,26 +217,29 @@ def build_automation(
     try:
         if fields.written("from"):
             range_ends = parse_with_names(
-                _node(fields, "range"), lambda text: parse_range(text, read_amount)
+                _field_node(fields, "range"), lambda text: parse_range(text, read_amount)
             )
-            moves = _moves(range_ends, parameter_name, midi.course(fields), fields)
+            moves = _glide_values(range_ends, parameter_name, midi.course(fields), fields)
             if not moves:  # a mistake of the file was reported
                 return None
         elif fields.written("set") and is_curve(fields["to"]):
             curve_points = parse_with_names(
-                _node(fields, "to"), lambda text: parse_curve(text, read_amount)
+                _field_node(fields, "to"), lambda text: parse_curve(text, read_amount)
             )
         elif fields["over"] is not None:
             node = fields.nodes["to"]
             value = (literal(node) if isinstance(node, Scalar) else None) or fields["to"]
-            curve_points = (CurvePoint(Time(), _final_amount(value, read_amount), fields["curve"]),)
+            curve_points = (
+                CurvePoint(Time(), _parse_final_amount(value, read_amount), fields["curve"]),
+            )
             if not fields["over"].is_some:
                 fields.error("E202", "automation: a glide takes a time above 0", "over")
                 return None
         elif fields.written("set"):
             is_pitch = parameter_name == "f"
             value_order, amounts = parse_with_names(
-                _node(fields, "to"), lambda text: parse_values(text, read_amount, is_pitch=is_pitch)
+                _field_node(fields, "to"),
+                lambda text: parse_values(text, read_amount, is_pitch=is_pitch),
             )
             pattern = pattern_of(cast("PatternValues", fields.by_name), value_order)
             if fields["every"] is None and pattern.euclid is None:
@@ -249,7 +252,7 @@ def build_automation(
                 return None
         else:
             low_amount, high_amount = parse_with_names(
-                _node(fields, "range"), lambda text: parse_range(text, read_amount)
+                _field_node(fields, "range"), lambda text: parse_range(text, read_amount)
             )
             swing = Swing(
                 low_amount, high_amount, fields["period"], fields["shape"], fields["phase"]
@@ -258,7 +261,7 @@ def build_automation(
                 fields.error("E202", "automation: the period must be above 0", "period")
                 return None
     except TextError as error:
-        fields.context.text_error(error, _node(fields, range_name), range_name)
+        fields.context.text_error(error, _field_node(fields, range_name), range_name)
         return None
     return Automation(
         automated_target,
@@ -278,7 +281,7 @@ def build_automation(
     )
 
 
-def _moves(
+def _glide_values(
     range_ends: tuple[Amount, Amount], parameter_name: str, course: Course, section_values: Values
 ) -> tuple[tuple[Length, Amount], ...]:
     """The values of a parameter whose ends are those of a controller, from a place of its file on.
@@ -311,13 +314,13 @@ def _moves(
     )
 
 
-def _node(values: Values, name: str) -> Scalar:
+def _field_node(values: Values, name: str) -> Scalar:
     node = values.nodes[name]
     assert isinstance(node, Scalar)
     return node
 
 
-def _final_amount(glide_text: str, read_amount: ReadAmount) -> Amount:
+def _parse_final_amount(glide_text: str, read_amount: ReadAmount) -> Amount:
     """The value that a glide ends with. Raises TextError."""
     words = glide_text.split()
     if len(words) > 1:
@@ -344,7 +347,7 @@ def parse_range(range_text: str, read_amount: ReadAmount) -> tuple[Amount, Amoun
     range_ends = []
     for end_text in (low_text, high_text):
         try:
-            is_ratio = _is_bare(low_text) and _is_bare(high_text)
+            is_ratio = _has_no_unit(low_text) and _has_no_unit(high_text)
             range_ends.append(
                 Amount(q.quantity(end_text, q.RATIO), is_factor=True)
                 if is_ratio
@@ -356,5 +359,5 @@ def parse_range(range_text: str, read_amount: ReadAmount) -> tuple[Amount, Amoun
     return range_ends[0], range_ends[1]
 
 
-def _is_bare(word: str) -> bool:
+def _has_no_unit(word: str) -> bool:
     return all(character in "0123456789.eE+-/" for character in word)

@@ -38,7 +38,8 @@ class AutomationTargets:
         target_name = values["set"] or values["lfo"]
         module_path, _, parameter_name = str(target_name).rpartition(".")
         is_family = (
-            parameter_name in automatable.ALL and self.part_names.family(module_path) is not None
+            parameter_name in automatable.ALL_PARAMETERS
+            and self.part_names.family_and_rest(module_path) is not None
         )
         if is_family:
             note_modules = self._played_notes(Name(module_path, target_name.place))
@@ -66,7 +67,7 @@ class AutomationTargets:
         """The modules on which the meaning of an entry depends; None if it depends on which notes
         of an instrument a piece plays, or on a file.
         """
-        if change.moves or self.part_names.family(change.target.text) is not None:
+        if change.moves or self.part_names.family_and_rest(change.target.text) is not None:
             return None
         return change.modules
 
@@ -96,7 +97,7 @@ class AutomationTargets:
         """The notes of an instrument that the piece plays, or a module of each; reports an
         instrument of which it plays none.
         """
-        names, instruments = self.part_names.members(module_path), self.matter.instruments
+        names, instruments = self.part_names.member_names(module_path), self.matter.instruments
         candidates = (automatable.named_module(str(name), {}, instruments) for name in names)
         played = [
             automatable_module
@@ -116,7 +117,7 @@ class AutomationTargets:
         """The module of a name; reports a name without one."""
         keys_by_name, instruments = self.matter.keys, self.matter.instruments
         automatable_module = automatable.named_module(module_path, keys_by_name, instruments)
-        if automatable_module is None and module_path and parameter in automatable.ALL:
+        if automatable_module is None and module_path and parameter in automatable.ALL_PARAMETERS:
             # Find the target of `module_path`, or report what is wrong with it.
             module_target = self.part_names.target(
                 Name(module_path, name.place), "mat", "automation"
@@ -135,7 +136,7 @@ class AutomationTargets:
                 self.collector.error("E304", message, name.place)
                 return None
         if automatable_module is None:
-            words = ", ".join(automatable.ALL)
+            words = ", ".join(automatable.ALL_PARAMETERS)
             message = f"automation: {quote(name)} is not a parameter that changes ({words})"
             self.collector.error("E301", message, name.place, help=_level_help(name))
         return automatable_module

@@ -9,8 +9,8 @@ from typing import Any, cast
 
 from ergon.common.foreign_files import foreign_form
 from ergon.instruments.model import Module, Target
-from ergon.instruments.read import module
-from ergon.instruments.read import modules as read_modules
+from ergon.instruments.read import make_module
+from ergon.instruments.read import read_modules as read_modules
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Values
@@ -21,7 +21,7 @@ from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import Files
 from ergon.scores.gesture import notation, note_files, space_path, take_file
-from ergon.scores.pattern.order import Group, plain
+from ergon.scores.pattern.order import Group, single_name_pattern
 from ergon.scores.pattern.values import Amount, parse_values
 from ergon.scores.reading import calibration
 from ergon.scores.reading.automatable import amount_reader
@@ -30,9 +30,9 @@ from ergon.scores.reading.patterns import PATTERN_FIELDS, PatternValues, pattern
 from ergon.scores.reading.piece import Hit, Strikes, TempoEntry
 from ergon.scores.reading.playing import Coupling, Gesture, Key, Player, SoundInput, TakeFile
 from ergon.scores.reading.playing_options import OptionValues, playing_options
-from ergon.scores.reading.sweep_fields import passing
+from ergon.scores.reading.sweep_fields import read_passing
 
-START = Position()
+BEGINNING = Position()
 
 
 def has_single(values: Values, *groups: tuple[str, ...]) -> bool:
@@ -132,9 +132,9 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
     return {"": parsed[0]} if len(parsed) == 1 else dict(zip(AXES, parsed, strict=False))
 
 
-_HIGHPASS = 20.0  # of an input [Hz]
-_GLIDE = 0.02  # from one value by OSC to the next [s]
-_GLIDE_MAX = 60.0  # [s]
+_INPUT_HIGHPASS_HZ = 20.0  # of an input [Hz]
+_INPUT_GLIDE_SECONDS = 0.02  # from one value by OSC to the next [s]
+_INPUT_GLIDE_SECONDS_MAX = 60.0  # [s]
 _INPUT_NAMES = ("gain", "highpass", "clamp", "glide")
 _MIDI_NAMES = ("velocity", "depth", "curve")
 _NOT_OF_INPUTS = (*_MIDI_NAMES, "trim", "smooth", "rate", "unit")
@@ -144,7 +144,7 @@ def take(values: Values, files: Files) -> TakeFile | None:
     """A take; its file must exist, and its content is read when it is played."""
     v, label = values, f"{values.context.label('file')}: "
     if v.written("input"):
-        return _input(v, files, label)
+        return _sound_input(v, files, label)
     for name in v.written(*_INPUT_NAMES):
         v.error("E111", f"{v.context.label(name)}: belongs to a take with `input`", name)
     if v["file"] is None:
@@ -180,7 +180,7 @@ def take(values: Values, files: Files) -> TakeFile | None:
     )
 
 
-def _input(v: Values, files: Files, label: str) -> TakeFile | None:
+def _sound_input(v: Values, files: Files, label: str) -> TakeFile | None:
     """An input; missing fields and those that do not belong to it are reported."""
     for name in v.written(*_NOT_OF_INPUTS):
         v.error("E111", f"{v.context.label(name)}: an input has no {name}; remove it", name)
@@ -215,13 +215,13 @@ def _input(v: Values, files: Files, label: str) -> TakeFile | None:
     elif v["channel"] is not None:
         message = f"{v.context.label('channel')}: is of a file, and the input has none; remove it"
         v.error("E111", message, "channel")
-    highpass = _HIGHPASS if v["highpass"] is None else v["highpass"]
-    glide = _GLIDE if v["glide"] is None else v["glide"]
+    highpass = _INPUT_HIGHPASS_HZ if v["highpass"] is None else v["highpass"]
+    glide = _INPUT_GLIDE_SECONDS if v["glide"] is None else v["glide"]
     for name in v.written("highpass" if is_osc else "glide"):
         source_noun = "an input by OSC" if is_osc else "an input of the sound card"
         v.error("E111", f"{v.context.label(name)}: {source_noun} has no {name}; remove it", name)
-    if glide > _GLIDE_MAX:
-        message = f"{v.context.label('glide')}: the longest glide is {_GLIDE_MAX:g} s"
+    if glide > _INPUT_GLIDE_SECONDS_MAX:
+        message = f"{v.context.label('glide')}: the longest glide is {_INPUT_GLIDE_SECONDS_MAX:g} s"
         v.error("E202", message, "glide")
     return TakeFile(
         name=v.context.name,
@@ -270,8 +270,7 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         v.error(
             "E111",
             f"{v.context.label(contrary_fields[0])}: strikes by chance have no steps; write "
-            "`every` instead "
-            "of `rate`",
+            "`every` instead of `rate`",
             contrary_fields[0],
         )
     if (contrary_fields := v.written("notes", "chance", "swing", "skip")) and not v.written(
@@ -287,25 +286,25 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
             "write `every`, or `rate` for strikes by chance"
         )
         v.error("E103", message, many[0])
-    order = plain(v.context.name)
+    order = single_name_pattern(v.context.name)
     notes: Mapping[str, Amount] = {}
     if v["notes"] is not None:
         node = v.nodes["notes"]
         assert isinstance(node, Scalar)
         try:
-            order, notes = parse_with_names(node, _pitches)
+            order, notes = parse_with_names(node, _value_pattern)
         except TextError as error:
             v.context.text_error(error, node, "notes")
     has_pattern = v.written(*PATTERN_FIELDS, "notes")
     written = cast("PatternValues", v.by_name)
     pattern = pattern_of(written, order) if has_pattern else None
-    strikes_without_notes = _bare_strikes(v, to)
+    strikes_without_notes = _common_strikes(v, to)
     return replace(
         strikes_without_notes, span=v["for"], rate=v["rate"], pattern=pattern, notes=notes
     )
 
 
-def _bare_strikes(v: Values, to: tuple[Target, ...]) -> Strikes:
+def _common_strikes(v: Values, to: tuple[Target, ...]) -> Strikes:
     """Strikes with what every kind of them may have."""
     return Strikes(
         name=v.context.name,
@@ -339,13 +338,13 @@ def rhythm_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     if values.written("for") and values.written("until"):
         message = f"{values.context.label('until')}: `for` is written too; keep one of the two"
         values.error("E111", message, "until")
-    return replace(_bare_strikes(values, to), span=values["for"])
+    return replace(_common_strikes(values, to), span=values["for"])
 
 
 def passing_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     """Strikes by a sweep or along a path, on the targets that their names reach."""
     _check_force(values)
-    return replace(_bare_strikes(values, to), length=values["for"], passing=passing(values))
+    return replace(_common_strikes(values, to), length=values["for"], passing=read_passing(values))
 
 
 def _is_at_start(read: notation.Notation, source: str, text: Scalar) -> notation.Notation:
@@ -359,7 +358,7 @@ def _is_at_start(read: notation.Notation, source: str, text: Scalar) -> notation
     return replace(read, points=points, bar_checks=checks)
 
 
-def _pitches(text: str) -> tuple[Group, Mapping[str, Amount]]:
+def _value_pattern(text: str) -> tuple[Group, Mapping[str, Amount]]:
     return parse_values(text, amount_reader(k.PITCH.parse, "f"), is_pitch=True)
 
 
@@ -370,7 +369,7 @@ def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Stri
     return Strikes(
         name=v.context.name,
         to=tuple(targets),
-        at=v["at"] or START,
+        at=v["at"] or BEGINNING,
         until=v["until"],
         every=v["every"],
         times=v["times"],
@@ -400,13 +399,15 @@ def coupling(values: Values, number: int) -> Coupling | None:
     if not isinstance(link, Values) or len(v["couple"]) != 2:
         return None
     a, b = v["couple"]
-    link_module = module(f"duet{number}", v.kind, link)
+    link_module = make_module(f"duet{number}", v.kind, link)
     until = v["until"]
-    begin = v["at"] or START
-    return Coupling(link_module, _unresolved(a), _unresolved(b), begin, until, v.node.place)
+    begin = v["at"] or BEGINNING
+    return Coupling(
+        link_module, _unresolved_target(a), _unresolved_target(b), begin, until, v.node.place
+    )
 
 
-def _unresolved(name: Any) -> Target:
+def _unresolved_target(name: Any) -> Target:
     return Target(str(name), "", 0, 1, str(name), name.place)
 
 
@@ -414,4 +415,4 @@ def tempo(values: Values, tempos: tuple[tuple[float, float], ...] = ()) -> Tempo
     """A line of `tempo:`, with the tempos of the file that it names."""
     bpm, end = values["bpm"] or (None, None)
     place, over, meter = values.node.place, values["over"], values["meter"]
-    return TempoEntry(values["at"] or START, bpm, end, over, meter, place, tempos)
+    return TempoEntry(values["at"] or BEGINNING, bpm, end, over, meter, place, tempos)

@@ -14,11 +14,11 @@ from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.reading import mixing, tones
 from ergon.scores.reading.build import has_single
-from ergon.scores.reading.measured_tables import LAYOUT
+from ergon.scores.reading.measured_tables import LAYOUT_RECORD
 from ergon.scores.reading.outputs import Accuracy, Master, Mix, RenderSpec, Route
 from ergon.space import directions
 
-_BITS: dict[str, Literal[16, 24, "float"]] = {"16": 16, "24": 24, "float": "float"}
+_BITS_BY_WORD: dict[str, Literal[16, 24, "float"]] = {"16": 16, "24": 24, "float": "float"}
 
 
 def layout(name: str, folder: Path, asked_place: Place, files: Files) -> Layout | None:
@@ -26,20 +26,20 @@ def layout(name: str, folder: Path, asked_place: Place, files: Files) -> Layout 
     document = files.required(name, folder, asked_place)
     if document is None or document.root is None:
         return None
-    layout_values = LAYOUT.read(document.root, "", Context(files.collector, "a layout"))
+    layout_values = LAYOUT_RECORD.read(document.root, "", Context(files.collector, "a layout"))
     if layout_values is MISSING:
         return None
     speakers = tuple(
         _speaker(speaker) for speaker in layout_values["speakers"] if speaker is not MISSING
     )
     is_equidistant = layout_values["project"] == "equidistant"
-    outputs = _outputs(layout_values, len(layout_values["speakers"]))
+    outputs = _loudspeaker_outputs(layout_values, len(layout_values["speakers"]))
     return Layout(
         Path(document.file), speakers, is_equidistant, layout_values["title"] or "", outputs
     )
 
 
-def _outputs(layout_values: Values, n_speakers: int) -> tuple[int, ...]:
+def _loudspeaker_outputs(layout_values: Values, n_speakers: int) -> tuple[int, ...]:
     """The output of each loudspeaker; empty where they follow one another."""
     output_numbers = tuple(
         output for output in layout_values["outputs"] or () if output is not MISSING
@@ -107,7 +107,7 @@ def mix(section_values: Values | None, files: Files) -> Mix:
     master_of_mix = None
     if isinstance(master, Values):
         master_values = master
-        fade = mixing.fade(master_values["fade"])
+        fade = mixing.fade_points(master_values["fade"])
         master_of_mix = Master(
             master_values["normalise"],
             master_values["limit"],
@@ -140,9 +140,9 @@ def _route(values: Values) -> Route:
         route_values["gain"],
         route_values["highpass"],
         route_source.place,
-        mixing.pan(route_values["pan"]),
+        mixing.pan_gains(route_values["pan"]),
         mixing.sends(route_values["send"], route_values.nodes.get("send")),
-        mixing.fade(route_values["fade"]),
+        mixing.fade_points(route_values["fade"]),
         route_values["radiate"],
         route_values["level"],
         None,
@@ -192,7 +192,7 @@ def render(render_values: Values | None, files: Files) -> RenderSpec:
                 "file",
                 suggestion=with_ending(render_values["file"]),
             )
-    bits = _BITS[render_values["bits"]]
+    bits = _BITS_BY_WORD[render_values["bits"]]
     return RenderSpec(
         render_values["file"],
         bits,

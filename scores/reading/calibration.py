@@ -12,12 +12,12 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context, Name
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
-from ergon.scores.reading.measured_tables import CALIBRATION
+from ergon.scores.reading.measured_tables import CALIBRATION_RECORD
 
-_SIGMA_T60 = 3.0 * log(10.0)  # σ·T60
+_SIGMA_TIMES_T60 = 3.0 * log(10.0)  # σ·T60
 # The end of travel under a key that no spring carries: its least stiffness [N/m], and the largest
 # distance by which the weight may press it in [m].
-_END_STIFFNESS, _END_YIELD_MAX = 20e3, 20e-6
+_TRAVEL_END_STIFFNESS, _TRAVEL_END_YIELD_MAX = 20e3, 20e-6
 
 
 def measured_values(key_values: Values, files: Files) -> Values | None:
@@ -28,7 +28,7 @@ def measured_values(key_values: Values, files: Files) -> Values | None:
     document = files.required(key_values["calib"], folder, key_values.place_of("calib"))
     if document is None or document.root is None:
         return None
-    measured = CALIBRATION.read(
+    measured = CALIBRATION_RECORD.read(
         document.root, "", Context(key_values.context.collector, "a calibration")
     )
     return None if measured is MISSING else measured
@@ -50,7 +50,7 @@ def with_measured_fields(key_values: Values, measured: Values) -> Values:
         sources_by_field |= {"rest": "rest", "X0": "rest"}
     for field_name, source_field in sources_by_field.items():
         node = key_values.nodes.get(field_name)
-        is_own = node is not None and has_place and _inside(node.place, key_values)
+        is_own = node is not None and has_place and _lies_in(node.place, key_values)
         if source_field in measured.by_name and not is_own:
             module_fields[field_name], module_nodes[field_name] = (
                 measured.by_name[source_field],
@@ -123,10 +123,10 @@ def key_modules(
             return (cel,)
     built_modules = [replace(cel, fields={**cel.fields, "M": moving_mass})]
     for number, mode in enumerate(key_modes, 1):
-        built_modules += _mode(f"mode {number}", mode, cel)
-    built_modules += _dry(measured)
+        built_modules += _mode_modules(f"mode {number}", mode, cel)
+    built_modules += _dry_friction(measured)
     if travel_end is not None:
-        built_modules += _weight(measured, travel_end, cel)
+        built_modules += _weight_and_rest(measured, travel_end, cel)
     return tuple(built_modules)
 
 
@@ -139,8 +139,8 @@ def key_constants(measured: Values) -> tuple[float, float, float | None] | None:
     return max(0.0, moving_mass - sum(mode["M"] for mode in modes)), damping, measured["delay"]
 
 
-def _mode(mode_name: str, mode_values: Values, cel: Module) -> tuple[Module, Module]:
-    omega, sigma = 2.0 * pi * mode_values["f"], _SIGMA_T60 / mode_values["t60"]
+def _mode_modules(mode_name: str, mode_values: Values, cel: Module) -> tuple[Module, Module]:
+    omega, sigma = 2.0 * pi * mode_values["f"], _SIGMA_TIMES_T60 / mode_values["t60"]
     mass = mode_values["M"]
     point_fields = {"M": mass, "X0": cel.fields["X0"], "V0": cel.fields["V0"]}
     spring = {"K": mass * omega * omega, "Z": 2.0 * mass * sigma, "rest": 0.0}
@@ -151,7 +151,7 @@ def _mode(mode_name: str, mode_values: Values, cel: Module) -> tuple[Module, Mod
     )
 
 
-def _dry(measured: Values) -> tuple[Module, ...]:
+def _dry_friction(measured: Values) -> tuple[Module, ...]:
     friction_level, static, stiffness = (measured[name] for name in ("dry", "static", "presliding"))
     if not friction_level:
         return ()
@@ -172,13 +172,13 @@ def _dry(measured: Values) -> tuple[Module, ...]:
     return with_ground_point(Module("dry", "DRY", friction_fields, friction_place))
 
 
-def _weight(measured: Values, travel_end: float, cel: Module) -> tuple[Module, ...]:
+def _weight_and_rest(measured: Values, travel_end: float, cel: Module) -> tuple[Module, ...]:
     """The weight of a key, and the end of travel on which it rests still: a critically damped
     contact.
     """
     key_weight, weight_place = measured["weight"], measured.place_of("weight")
     contact_force = abs(key_weight + (cel.fields["K"] or 0.0) * travel_end)
-    stiffness = max(_END_STIFFNESS, contact_force / _END_YIELD_MAX)
+    stiffness = max(_TRAVEL_END_STIFFNESS, contact_force / _TRAVEL_END_YIELD_MAX)
     contact_position = travel_end + math.copysign(contact_force / stiffness, key_weight)
     key_name, stop_name = Name("", weight_place), Name("end of travel", weight_place)
     contact = {
@@ -201,7 +201,7 @@ def _weight(measured: Values, travel_end: float, cel: Module) -> tuple[Module, .
     )
 
 
-def _inside(written_place: Place, values: Values) -> bool:
+def _lies_in(written_place: Place, values: Values) -> bool:
     """Whether a place lies in the node of these values, not in a node that `like` brought in."""
     node = values.node
     first_place, last_place = node.place, node.document.place(max(node.start, node.end - 1))

@@ -23,15 +23,15 @@ from ergon.scores.reading.above_rate import without_modes_above
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.automation_targets import AutomationTargets
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
-from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
+from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, included_play
 from ergon.scores.reading.known_entries import KnownEntries
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.matter import PartsReader
 from ergon.scores.reading.note_targets import NoteTargets
 from ergon.scores.reading.piece import Hit, Piece, Strikes
 from ergon.scores.reading.playing import Coupling, Play, Player
-from ergon.scores.reading.routing import routed
-from ergon.scores.reading.schedule import schedule
+from ergon.scores.reading.routing import routed_mix
+from ergon.scores.reading.schedule import start_beats
 from ergon.scores.reading.struck_tuning import in_tuning
 from ergon.scores.reading.times import Times
 from ergon.scores.reading.uses import Names, Uses
@@ -74,13 +74,13 @@ class Checker:
         )
         players = {v.context.name: self._player(v) for v in self._section_values("players")}
         written_mix = build_mix.mix(score["mix"], self.uses.files)
-        mix = routed(written_mix, self.matter.by_name, self.part_names)
+        mix = routed_mix(written_mix, self.matter.by_name, self.part_names)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led(memory, score_file)
         included = self._included(score_times, len(duet))
         for struck in chain(strikes, *(included_piece.strikes for _, included_piece in included)):
             for target in struck.to:
-                self.part_names.bring(target)
+                self.part_names.add_modules_of_struck(target)
         self.matter.look_up()
         automation_targets = AutomationTargets(self.matter, self.part_names, self.uses.midi)
         for struck in strikes:
@@ -132,7 +132,7 @@ class Checker:
         begins = score_times.check(score, piece)
         if self.collector.has_errors():
             return piece
-        return replace(piece, starts=schedule(piece, begins, score_times.known, self.collector))
+        return replace(piece, starts=start_beats(piece, begins, score_times.known, self.collector))
 
     def _computable(
         self,
@@ -203,7 +203,7 @@ class Checker:
             piece = self.uses.pieces[file_name]
             if self.collector.has_errors():
                 continue
-            played_include = played(piece, include_entry, n_links, self.collector)
+            played_include = included_play(piece, include_entry, n_links, self.collector)
             n_links += len(played_include.duet)
             n_lines += len(played_include)
             if n_lines > MAX_INCLUDED:
@@ -231,7 +231,7 @@ class Checker:
 
     def _reach_included(self, piece: Piece, prefix: str) -> None:
         name_prefix = f"{prefix}." if prefix else ""
-        self.part_names.reached |= {
+        self.part_names.referenced_parts |= {
             name_prefix + name for name in (*piece.keys, *piece.instruments)
         }
         for name in (*piece.gestures, *piece.takes):
@@ -249,7 +249,7 @@ class Checker:
         if player.key not in keys:
             message = f"{key_label}: no key is called {quote(player.key)}"
             player_values.error("E301", message, "key", word=player.key, names=tuple(keys))
-        self.part_names.reached.add(player.key)
+        self.part_names.referenced_parts.add(player.key)
         if isinstance(player.standin, Name):
             self.gestures_and_takes.reach(player.standin, player_values.context.label("standin"))
         return player
@@ -299,7 +299,7 @@ class Checker:
 
     def _strikes_by_kind(self, strike_values: Values) -> Strikes | None:
         strikes_kind = melodies.kind_of(strike_values)
-        if strikes_kind in melodies.MELODIES:
+        if strikes_kind in melodies.MELODY_KINDS:
             phrases = self._phrases()
             phrase = phrases.get(strike_values["play"]) if strikes_kind == "play" else None
             take = phrase if isinstance(phrase, Values) and melodies.is_midi(phrase) else None
@@ -309,7 +309,7 @@ class Checker:
             if phrase_hits is not None and take is not None and self._has_press(phrase_hits[0]):
                 self.uses.midi.press(take)
             if phrase_hits is not None and not self._has_quarters and isinstance(phrase, Values):
-                phrase_hits = melodies.in_quarters(phrase, *phrase_hits)
+                phrase_hits = melodies.in_quarter_notes(phrase, *phrase_hits)
             if phrase_hits is None:
                 return None
             melody = self._melody(build.melody(strike_values, *phrase_hits), strike_values)
@@ -322,7 +322,9 @@ class Checker:
         target_names = strike_values["to"] or ()
         if strike_values["along"] is not None and not strikes_kind:
             return self._along_direction(strike_values, target_names, strikes_label)
-        targets_by_name = [self.part_names.struck(name, strikes_label) for name in target_names]
+        targets_by_name = [
+            self.part_names.struck_targets(name, strikes_label) for name in target_names
+        ]
         if not all(targets_by_name):
             return None
         strike_targets = tuple(chain.from_iterable(targets_by_name))
@@ -353,7 +355,7 @@ class Checker:
         if (
             strikes_built.notes
             and target_names
-            and all(self.part_names.family(name) for name in target_names)
+            and all(self.part_names.family_and_rest(name) for name in target_names)
         ):
             voices = NoteTargets(self.part_names, target_names)
             strikes_built = melodies.strikes_of_pattern(
@@ -399,7 +401,7 @@ class Checker:
             return strikes
         reaches = {}
         for strike_target in strikes.to:
-            reach = self.part_names.sure_reach(strike_target, error_label)
+            reach = self.part_names.required_impulse_range(strike_target, error_label)
             if reach is None:
                 return None
             reaches[strike_target.part] = reach
@@ -525,8 +527,7 @@ class Checker:
         ):
             message = (
                 f"{strikes_label}: members of {quote(strike_target.text)} have no pitch each, as "
-                "those of "
-                "a BANK "
+                "those of a BANK "
             )
             message += "have; choose a sweep that needs no pitch: outward or rightward"
             self.collector.error("E304", message, strike_target.place)
@@ -544,14 +545,16 @@ class Checker:
             heads = {part for name in name_counts for part in accumulate(name.split("."), _joined)}
         if memory is not None:
             memory.hold(f"led {file_name}", None, (automation_section, name_counts, heads))
-        self.part_names.reached |= heads & self.matter.by_name.keys()
+        self.part_names.referenced_parts |= heads & self.matter.by_name.keys()
 
     def _struck_modules(
         self, strikes: Strikes, strike_values: Values
     ) -> tuple[tuple[str, str], ...] | None:
         """The modules on which strikes depend; None for those that depend on more."""
         names = strike_values["to"] or ()
-        if melodies.kind_of(strike_values) or any(self.part_names.family(name) for name in names):
+        if melodies.kind_of(strike_values) or any(
+            self.part_names.family_and_rest(name) for name in names
+        ):
             return None
         return tuple({(target.part, target.module) for target in strikes.to})
 
@@ -585,7 +588,7 @@ class Checker:
             coupling_built.link, laws, values.by_name[values.kind], coupling_label, self.collector
         )
         if "gap" in coupling_link.fields:
-            gap = spread.gaps(coupling_link, 1, coupling_label, self.collector)
+            gap = spread.contact_gaps(coupling_link, 1, coupling_label, self.collector)
             coupling_link = replace(coupling_link, fields={**coupling_link.fields, "gap": gap})
         return replace(coupling_built, link=coupling_link, a=first_key, b=second_key)
 

@@ -6,22 +6,22 @@ from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes
 from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.order import Group, Leaf
-from ergon.scores.pattern.rhythm import EVEN
+from ergon.scores.pattern.rhythm import EVEN_SWING
 from ergon.scores.pattern.rhythm_text import WORD
-from ergon.scores.reading.phrased import phrased
+from ergon.scores.reading.phrased import rhythm_of_phrase
 from ergon.scores.reading.piece import Strikes
-from ergon.scores.reading.rhythms import HERE, Rhythm
+from ergon.scores.reading.rhythms import ANY_WORD, Rhythm
 
-NO_CYCLES = "melodies, sweeps and strikes by chance have no cycle to transform"
+NO_CYCLES_REASON = "melodies, sweeps and strikes by chance have no cycle to transform"
 # Ways of a pattern to take one of its items in each round, as brackets of a rhythm.
 _BY_CHANCE = {"choose": "[{}]", "walk": "<{}>"}
-_NOT_WRITTEN = (
+_UNSUPPORTED_CHOICE_MESSAGE = (
     "`{}` plays all of its items in each round, in a new order; a rhythm has one of them by chance "
     "([c4 | e4]) or a walk (<c4 | e4>)"
 )
 
 
-def clocked(strikes: Strikes) -> Rhythm:
+def rhythm_of_clock(strikes: Strikes) -> Rhythm:
     """Strikes by the clock, of a pattern or a phrase, as a rhythm whose words strike nothing yet.
 
     A cycle is a round of the pattern or the phrase, or the time of one strike. Raises TextError if
@@ -29,22 +29,22 @@ def clocked(strikes: Strikes) -> Rhythm:
     """
     pattern, step_length = strikes.pattern, strikes.every
     if strikes.hits and strikes.length is not None:
-        return phrased(strikes)
+        return rhythm_of_phrase(strikes)
     if (
         strikes.is_melody
         or strikes.passing is not None
         or strikes.rate is not None
         or (pattern is None and step_length is None)
     ):
-        raise TextError(f'{NO_CYCLES}; write {strikes.name} = "…" for a rhythm')
+        raise TextError(f'{NO_CYCLES_REASON}; write {strikes.name} = "…" for a rhythm')
     fields = {"mass": strikes.mass, "along": strikes.along, "skip": pattern and pattern.skip}
     for field, value in fields.items():
         if value:
             raise TextError(f"strikes with `{field}` cannot be written as a rhythm")
     if pattern is None:
-        rhythm_text, step_count = _each(strikes), 1
+        rhythm_text, step_count = _single_strike_text(strikes), 1
     else:
-        rhythm_text, step_count = _text(pattern.order, strikes)
+        rhythm_text, step_count = _pattern_text(pattern.order, strikes)
         if pattern.euclid is not None:
             if step_count > 1:
                 raise TextError(
@@ -65,7 +65,7 @@ def clocked(strikes: Strikes) -> Rhythm:
             )
             if step_count > 1:
                 raise TextError("`chance` of a pattern cannot be written as a rhythm; use degrade")
-        if pattern.swing != EVEN:
+        if pattern.swing != EVEN_SWING:
             raise TextError("`swing` of a pattern cannot be written as a rhythm; use do swing")
     return Rhythm(
         rhythm_text,
@@ -75,12 +75,12 @@ def clocked(strikes: Strikes) -> Rhythm:
     )
 
 
-def _each(strikes: Strikes) -> str:
+def _single_strike_text(strikes: Strikes) -> str:
     """The text of one strike in each cycle, with its level if levels come in turn."""
     levels = strikes.levels
     if levels is None or len(levels.steps) == 1:
-        return HERE
-    level_words = [f"{HERE}:{level.written}" for level in levels.steps]
+        return ANY_WORD
+    level_words = [f"{ANY_WORD}:{level.written}" for level in levels.steps]
     if levels.is_line or not all(map(WORD.fullmatch, level_words)):
         message = (
             "a line of levels, or one that chance draws in turn, cannot be written as a rhythm"
@@ -89,26 +89,26 @@ def _each(strikes: Strikes) -> str:
     return f"<{' '.join(level_words)}>"
 
 
-def _text(pattern_order: Group, strikes: Strikes) -> tuple[str, int]:
+def _pattern_text(pattern_order: Group, strikes: Strikes) -> tuple[str, int]:
     """A pattern as a rhythm text, and how many steps it takes."""
     if not strikes.voices and any(leaf.name in strikes.notes for leaf in pattern_order.leaves()):
         raise TextError("notes of a CEL without `notes` cannot be written as a rhythm")
-    item_words = [_item(item, strikes) for item in pattern_order.items]
+    item_words = [_item_text(item, strikes) for item in pattern_order.items]
     if pattern_order.way in _BY_CHANCE:
         return _BY_CHANCE[pattern_order.way].format("|".join(item_words)), 1
     if pattern_order.way != "in turn":
-        raise TextError(_NOT_WRITTEN.format(pattern_order.way))
+        raise TextError(_UNSUPPORTED_CHOICE_MESSAGE.format(pattern_order.way))
     return " ".join(item_words), pattern_order.steps
 
 
-def _item(order_item: Leaf | Group, strikes: Strikes) -> str:
+def _item_text(order_item: Leaf | Group, strikes: Strikes) -> str:
     weight_text = f"@{order_item.span}" if order_item.span != 1 else ""
     if isinstance(order_item, Leaf):
-        name = HERE if strikes.voices == {} else notes.scale_step(order_item.name or "")
+        name = ANY_WORD if strikes.voices == {} else notes.scale_step(order_item.name or "")
         return f"{'~' if order_item.name is None else name}{weight_text}"
-    inner = [_item(part, strikes) for part in order_item.items]
+    inner = [_item_text(part, strikes) for part in order_item.items]
     if order_item.way in _BY_CHANCE:
         return _BY_CHANCE[order_item.way].format("|".join(inner)) + weight_text
     if order_item.way != "in turn":
-        raise TextError(_NOT_WRITTEN.format(order_item.way))
+        raise TextError(_UNSUPPORTED_CHOICE_MESSAGE.format(order_item.way))
     return f"[{' '.join(inner)}]{weight_text}"

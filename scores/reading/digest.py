@@ -54,12 +54,12 @@ def is_same(first_value: Any, second_value: Any) -> bool:
         field_names = [
             f.name
             for f in fields(first_value)
-            if f.name not in _NOT_VALUES.get(type(first_value), ())
+            if f.name not in _UNHASHED_FIELDS.get(type(first_value), ())
         ]
         return all(
             is_same(getattr(first_value, name), getattr(second_value, name)) for name in field_names
         )
-    return [*_chunks(first_value)] == [*_chunks(second_value)]
+    return [*_hash_chunks(first_value)] == [*_hash_chunks(second_value)]
 
 
 _matter_fields = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
@@ -72,12 +72,12 @@ def digest_of(digested_value: Any) -> str:
     A file that is read while rendering counts by its content.
     """
     sha = hashlib.sha256()
-    for chunk in _chunks(digested_value):
+    for chunk in _hash_chunks(digested_value):
         sha.update(chunk)
     return sha.hexdigest()
 
 
-_NOT_VALUES = {  # places and texts do not count
+_UNHASHED_FIELDS = {  # places and texts do not count
     Point: ("offset", "length"),
     Transform: ("offset", "length"),
     Gesture: ("bar_checks", "written"),
@@ -101,9 +101,9 @@ _NOT_VALUES = {  # places and texts do not count
 
 # Type names in a digest do not change, because recordings and frozen parts carry digests of earlier
 # versions.
-_HASHED_AS: Mapping[type, str] = {PlayingOptions: "Manner"}
+_HASHED_TYPE_NAMES: Mapping[type, str] = {PlayingOptions: "Manner"}
 # Nor do names and values of fields: how strongly something is struck was a pair of impulses.
-_HASHED_FIELDS: Mapping[tuple[type, str], str] = {
+_HASHED_FIELD_NAMES: Mapping[tuple[type, str], str] = {
     (Strikes, "levels"): "impulse",
     (Hit, "level"): "impulse",
     (Automation, "begin_place"): "at_place",
@@ -111,7 +111,7 @@ _HASHED_FIELDS: Mapping[tuple[type, str], str] = {
 }
 
 
-def _hashed(hashed_value: Any) -> Any:
+def _hashed_levels(hashed_value: Any) -> Any:
     """What a digest has in place of levels: a pair of impulses, where that is what they are."""
     if isinstance(hashed_value, Levels) and len(hashed_value.steps) == 1:
         hashed_value = hashed_value.steps[0]
@@ -120,7 +120,7 @@ def _hashed(hashed_value: Any) -> Any:
     return hashed_value
 
 
-def _earlier(earlier_value: Any) -> Any:
+def _fields_hashed(earlier_value: Any) -> Any:
     """The fields of a module, without fields that were added later and have their defaults."""
     if not isinstance(earlier_value, Mapping):
         return earlier_value
@@ -131,36 +131,40 @@ def _earlier(earlier_value: Any) -> Any:
     }
 
 
-def _chunks(hashed_value: Any) -> Iterator[bytes]:
+def _hash_chunks(hashed_value: Any) -> Iterator[bytes]:
     """A value as unambiguous bytes: every item says its type, every group its size."""
     if is_dataclass(hashed_value) and not isinstance(hashed_value, type):
         if isinstance(hashed_value, (Place, Scalar)):
             return
-        skipped = _NOT_VALUES.get(type(hashed_value), ())
-        yield b"{" + _HASHED_AS.get(type(hashed_value), type(hashed_value).__name__).encode()
+        skipped = _UNHASHED_FIELDS.get(type(hashed_value), ())
+        yield (
+            b"{" + _HASHED_TYPE_NAMES.get(type(hashed_value), type(hashed_value).__name__).encode()
+        )
         for value_field in fields(hashed_value):
             field_chunks = getattr(hashed_value, value_field.name)
             is_omitted = (value_field.metadata.get("hash_omits_empty") and not field_chunks) or (
                 value_field.metadata.get("hash_omits_none") and field_chunks is None
             )
             if value_field.name not in skipped and not is_omitted:
-                field_name = _HASHED_FIELDS.get((type(hashed_value), value_field.name))
+                field_name = _HASHED_FIELD_NAMES.get((type(hashed_value), value_field.name))
                 yield f".{field_name or value_field.name}=".encode()
                 if field_name:
-                    field_chunks = _hashed(field_chunks)
-                yield from _chunks(
-                    _earlier(field_chunks) if isinstance(hashed_value, Module) else field_chunks
+                    field_chunks = _hashed_levels(field_chunks)
+                yield from _hash_chunks(
+                    _fields_hashed(field_chunks)
+                    if isinstance(hashed_value, Module)
+                    else field_chunks
                 )
         yield b"}"
     elif isinstance(hashed_value, Mapping):
         yield b"m%d" % len(hashed_value)
         for key in sorted(hashed_value):
-            yield from _chunks(key)
-            yield from _chunks(hashed_value[key])
+            yield from _hash_chunks(key)
+            yield from _hash_chunks(hashed_value[key])
     elif isinstance(hashed_value, (tuple, list)):
         yield b"l%d" % len(hashed_value)
         for item in hashed_value:
-            yield from _chunks(item)
+            yield from _hash_chunks(item)
     elif isinstance(hashed_value, Path):
         yield b"p" + (
             file_digest(hashed_value) if hashed_value.is_file() else hashlib.sha256().digest()

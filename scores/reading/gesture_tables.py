@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.instruments.transpose import INTERVAL
+from ergon.instruments.transpose import INTERVAL_SHAPE
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
@@ -15,11 +15,11 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.scores.gesture.points import CURVES
 from ergon.scores.reading.playing_options import DO, GESTURE_FIELDS
 
-CURVE = choice(*CURVES)
+CURVE_SHAPE = choice(*CURVES)
 
 
 @dataclass(frozen=True)
-class Raw(Shape):
+class UnreadText(Shape):
     """A text that is read later, when the fields beside it are known."""
 
     what: str
@@ -37,13 +37,17 @@ class Raw(Shape):
         return self.what
 
 
-GESTURE = Record(
+GESTURE_RECORD = Record(
     "gesture",
     "a narrative gesture: a notation alone, or these fields",
     (
-        Field("notation", Raw("points x@t, such as 0mm@0 smooth 6mm@1/8"), "points in one line"),
-        Field("points", Raw("a table below '|': rows of t, x and a curve"), "points in rows"),
-        Field("curve", CURVE, "the way into points without a curve word", "smooth"),
+        Field(
+            "notation", UnreadText("points x@t, such as 0mm@0 smooth 6mm@1/8"), "points in one line"
+        ),
+        Field(
+            "points", UnreadText("a table below '|': rows of t, x and a curve"), "points in rows"
+        ),
+        Field("curve", CURVE_SHAPE, "the way into points without a curve word", "smooth"),
         Field("like", Reference("a gesture", ("gestures",)), "begin with another gesture"),
         Field("do", DO, "transformations, left to right (after those of `like`)"),
         *GESTURE_FIELDS,
@@ -58,8 +62,8 @@ class GestureShape(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if not isinstance(node, Scalar) or node.is_empty:
-            return GESTURE.read(node, name, context)
-        gesture_values = Values(GESTURE, node, context)
+            return GESTURE_RECORD.read(node, name, context)
+        gesture_values = Values(GESTURE_RECORD, node, context)
         # A literal block ('|') without '@' is a table of points.
         field = "points" if node.style == "|" and "@" not in node.text else "notation"
         gesture_values.by_name[field] = gesture_values.nodes[field] = node
@@ -67,7 +71,7 @@ class GestureShape(Shape):
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
-        return Either(Raw(""), GESTURE).schema()
+        return Either(UnreadText(""), GESTURE_RECORD).schema()
 
     def words(self) -> str:
         """In words."""
@@ -75,11 +79,11 @@ class GestureShape(Shape):
 
     def chosen(self, node: Node) -> Shape:
         """The table of fields, unless the node is a notation alone."""
-        return self if isinstance(node, Scalar) and not node.is_empty else GESTURE
+        return self if isinstance(node, Scalar) and not node.is_empty else GESTURE_RECORD
 
 
 OSC = "osc"  # an input whose values come by OSC
-TAKE = Record(
+TAKE_RECORD = Record(
     "take",
     "a captured movement",
     (
@@ -105,7 +109,11 @@ TAKE = Record(
             shown="the only one; of notes all",
         ),
         Field("velocity", k.IMPULSES, "impulses of the softest and the hardest note of MIDI"),
-        Field("bend", INTERVAL, "how far the pitch wheel of MIDI goes where its file says nothing"),
+        Field(
+            "bend",
+            INTERVAL_SHAPE,
+            "how far the pitch wheel of MIDI goes where its file says nothing",
+        ),
         Field("depth", k.TRAVEL, "how far such notes press a key that plays them"),
         Field("curve", VELOCITY_CURVE, "how strong a MIDI note of a velocity is", shown="even"),
         Field("trim", k.TRIM, "the part that is used; its beginning becomes time 0"),

@@ -10,7 +10,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
 from ergon.scores.reading import build, melodies, midi_gesture
 from ergon.scores.reading.playing import Gesture, TakeFile
-from ergon.scores.reading.uses import Entry, Names, Uses, called
+from ergon.scores.reading.uses import Entry, Names, Uses, with_name
 
 
 class GesturesAndTakes:
@@ -84,7 +84,7 @@ class GesturesAndTakes:
         if name not in self.takes and isinstance(entry.values, Values):
             take_built = build.take(entry.values, self._uses.files)
             if take_built is not None and not melodies.is_midi(entry.values):
-                self.takes[name] = called(take_built, name)
+                self.takes[name] = with_name(take_built, name)
 
     def _gesture(self, name: str, entry: Entry) -> None:
         if name not in self._gestures_by_name:
@@ -118,8 +118,10 @@ class GesturesAndTakes:
             self.take(name, entry)
             self._uses.midi.play(entry.values, has_lengths=False)
             files, room = self._uses.files, self._room
-            self._keep(name, midi_gesture.gesture(entry.values, files, room, self.has_quarters))
+            self._keep(
+                name, midi_gesture.gesture_of_take(entry.values, files, room, self.has_quarters)
+            )
 
     def _keep(self, name: str, gesture: Gesture | None) -> None:
-        self._gestures_by_name[name] = called(gesture, name) if gesture else None
+        self._gestures_by_name[name] = with_name(gesture, name) if gesture else None
         self._room -= len(gesture.points) if gesture else 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from ergon.instruments.model import Target
-from ergon.instruments.transpose import INTERVAL, Interval
+from ergon.instruments.transpose import INTERVAL_SHAPE, Interval
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import value_kinds as k
@@ -23,16 +23,16 @@ from ergon.scores.reading.rhythms import retargeted
 
 MAX_INCLUDED = 200_000  # lines of parts, strikes, automation and couplings of a piece
 # Sections of an included file that are ignored: those of the including score hold.
-YIELDING = ("tempo", "rates")
+YIELDING_SECTIONS = ("tempo", "rates")
 
-INCLUDE = Record(
+INCLUDE_RECORD = Record(
     "include",
     "what another score plays, with all that it names",
     (
         Field("file", k.PATH, "the score, relative to this one", required=True),
         Field("at", k.WHEN, "where its beginning is", shown="the beginning"),
         Field("as", Reference("a prefix for its names, such as v2"), "prefix of its names"),
-        Field("transpose", INTERVAL, "how much higher its instruments sound; needs `as`"),
+        Field("transpose", INTERVAL_SHAPE, "how much higher its instruments sound; needs `as`"),
     ),
     meant={"score": "file"},
     lone={"file": r"(\S+\.ya?ml)"},
@@ -92,7 +92,7 @@ def includes(score: Values) -> list[Include]:
     return entries_read
 
 
-def transposed(part_values: Any, include: Include) -> Any:
+def transposed_values(part_values: Any, include: Include) -> Any:
     """An instrument moved by the `transpose` of an include, after its own `transpose`."""
     interval: Interval | None = include.values["transpose"]
     if interval is None or not isinstance(part_values, Values):
@@ -100,21 +100,21 @@ def transposed(part_values: Any, include: Include) -> Any:
     member_interval = part_values["transpose"] if "transpose" in part_values.by_name else None
     moved_fields = {
         **part_values.by_name,
-        "transpose": member_interval.then(interval) if member_interval else interval,
+        "transpose": member_interval.plus(interval) if member_interval else interval,
     }
     nodes = {**part_values.nodes, "transpose": include.values.nodes["transpose"]}
     return replace(part_values, by_name=moved_fields, nodes=nodes)
 
 
-def played(piece: Piece, include: Include, first_link: int, collector: Collector) -> Played:
+def included_play(piece: Piece, include: Include, first_link: int, collector: Collector) -> Played:
     """What a piece plays, from the position of an include on and under its prefix.
 
     `first_link` is the number of couplings before. Reports pitches that cannot be transposed.
     """
     _check_pitches(piece, include, collector)
-    named = _named(include.prefix)
-    moved = _moved(include.at, piece.tempo_map)
-    until_position = _or_none(moved)
+    named = _prefixer(include.prefix)
+    moved = _position_mover(include.at, piece.tempo_map)
+    until_position = _optional(moved)
 
     included_copy = _Copy(named, moved, until_position)
     players = {
@@ -135,7 +135,7 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
             until=until_position(item.until),
             pattern=None
             if item.pattern is None
-            else replace(item.pattern, order=_renamed(item.pattern.order, named)),
+            else replace(item.pattern, order=_renamed_order(item.pattern.order, named)),
         )
         for item in piece.parts
     )
@@ -228,11 +228,11 @@ def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None
         collector.error("E304", message, transpose_place, help=help)
 
 
-def _named(prefix: str) -> Callable[[str], str]:
+def _prefixer(prefix: str) -> Callable[[str], str]:
     return (lambda name: f"{prefix}.{name}") if prefix else lambda name: name
 
 
-def _moved(start_position: Position, tempo: TempoMap) -> Callable[[Position], Position]:
+def _position_mover(start_position: Position, tempo: TempoMap) -> Callable[[Position], Position]:
     """A function from positions of a file, in its own bars and marks, to beats and seconds after
     `start_position`.
     """
@@ -249,13 +249,15 @@ def _moved(start_position: Position, tempo: TempoMap) -> Callable[[Position], Po
     return moved
 
 
-def _or_none(moved: Callable[[Position], Position]) -> Callable[[Position | None], Position | None]:
+def _optional(
+    moved: Callable[[Position], Position],
+) -> Callable[[Position | None], Position | None]:
     return lambda value: None if value is None else moved(value)
 
 
-def _renamed(pattern_order: Group, named: Callable[[str], str]) -> Group:
+def _renamed_order(pattern_order: Group, named: Callable[[str], str]) -> Group:
     renamed_items = tuple(
-        _renamed(item, named)
+        _renamed_order(item, named)
         if isinstance(item, Group)
         else item
         if item.name is None

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ergon.instruments.module_kinds import LINKS, tables
+from ergon.instruments.module_kinds import LINK_KINDS, tables
 from ergon.instruments.read import MODULES_DOC, module_table
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import Reference, choice
 
-KEY = Record(
+KEY_RECORD = Record(
     "key",
     "a force-feedback key (TGR), real or emulated: a mass with spring and viscosity, or a network",
     (
@@ -39,7 +39,7 @@ KEY = Record(
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="rates: gesture"),
     ),
 )
-PLAYER = Record(
+PLAYER_RECORD = Record(
     "player",
     "a hand on a key",
     (
@@ -64,7 +64,7 @@ def _without_between(table: Record) -> Record:
     return replace(table, fields=tuple(f for f in table.fields if f.name not in ("to", "between")))
 
 
-COUPLING = Record(
+COUPLING_RECORD = Record(
     "coupling",
     "a link through which two keys act on each other",
     (
@@ -72,6 +72,6 @@ COUPLING = Record(
         Field("at", k.WHEN, "beginning of the link", shown="the beginning"),
         Field("until", k.WHEN, "end of the link", shown="the end"),
     ),
-    kinds={name: _without_between(table) for name, table in tables("si", LINKS).items()},
+    kinds={name: _without_between(table) for name, table in tables("si", LINK_KINDS).items()},
     kind_required=True,
 )

@@ -72,7 +72,7 @@ class KnownEntries:
             module for module, state in earlier.states.items() if states_now[module] != state
         }
         if earlier.section is section and not changed and None not in earlier.known:
-            names.reached |= {part for part, _ in earlier.uses if owner(part) is not None}
+            names.referenced_parts |= {part for part, _ in earlier.uses if owner(part) is not None}
             return earlier.meanings
         section_entries = tuple(section.values() if isinstance(section, Mapping) else section)
         replaced = changed_part(earlier.entries, section_entries)
@@ -106,7 +106,7 @@ class KnownEntries:
         states = {
             w: states_now[w] if w in states_now else _module_state(w, names, owner) for w in uses
         }
-        names.reached |= {part for part, _ in uses if owner(part) is not None}
+        names.referenced_parts |= {part for part, _ in uses if owner(part) is not None}
         is_new_alone = len(unknown) == len(replaced.now) and len(earlier.meanings) == len(
             earlier.entries
         )

@@ -8,18 +8,18 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from ergon.instruments.model import Module
-from ergon.instruments.module_kinds import LINKS
-from ergon.instruments.names import Part, PartNames
+from ergon.instruments.module_kinds import LINK_KINDS
+from ergon.instruments.names import PartContents, PartNames
 from ergon.instruments.rules import ModuleRules
 from ergon.notation.text.memory import Memory
 
 # Kinds of which a name needs to know no more than that they are there.
-_SIMPLE = frozenset(("MAS", "CEL", "SOL", *LINKS))
+_SELF_CONTAINED_KINDS = frozenset(("MAS", "CEL", "SOL", *LINK_KINDS))
 # Kinds that depend on more than the modules that they name, or on modules before them.
-_SPECIAL = frozenset(("ENX", "ENF", "LNL", "PROXY", "SURFACE"))
+_DEPENDENT_KINDS = frozenset(("ENX", "ENF", "LNL", "PROXY", "SURFACE"))
 
 
-class _Module(NamedTuple):
+class _KnownModule(NamedTuple):
     """A module as `written` and with its names looked up, the parts that it reaches, and those in
     which its names were looked for.
     """
@@ -30,7 +30,7 @@ class _Module(NamedTuple):
     searched: frozenset[str]
 
 
-class _Part(NamedTuple):
+class _KnownPart(NamedTuple):
     """The modules of a part, with what they depend on: the kinds of its modules (`kinds`), and the
     parts that they reach, itself included.
 
@@ -38,7 +38,7 @@ class _Part(NamedTuple):
     """
 
     kinds: list[Any]
-    modules: Mapping[str, _Module]
+    modules: Mapping[str, _KnownModule]
     parts: Mapping[str, object]
     reached: frozenset[str]
     resolved: tuple[Module, ...] | None
@@ -49,7 +49,7 @@ class _Part(NamedTuple):
 
 
 def resolve_names(
-    owning_part: Part,
+    owning_part: PartContents,
     part_names: PartNames,
     make_rules: Callable[[], ModuleRules],
     memory: Memory | None,
@@ -60,17 +60,17 @@ def resolve_names(
 
     `parts_by_name` are all keys and instruments by name.
     """
-    is_known = owning_part.axes == 1 and memory is not None and not part_names.broken
+    is_known = owning_part.axes == 1 and memory is not None and not part_names.refused_parts
     module_names = tuple(owning_part.modules)  # an act that is played may bring more
     condition = (
         tuple(parts_by_name),
         owning_part.prefix,
-        owning_part.selves,
-        owning_part.struck,
-        owning_part.broken,
+        owning_part.self_names,
+        owning_part.struck_mat,
+        owning_part.refused_modules,
         module_names,
     )
-    part_before: _Part | None = None
+    part_before: _KnownPart | None = None
     if is_known and memory is not None:
         part_before = memory.held(f"modules {owning_part.name}", condition)
     if (
@@ -78,11 +78,13 @@ def resolve_names(
         and part_before.resolved is not None
         and part_before.is_same(parts_by_name)
     ):
-        part_names.reached |= part_before.reached
+        part_names.referenced_parts |= part_before.reached
         return part_before.resolved
     modules_written = owning_part.modules.values()
-    module_kinds = [(m.name, m.kind) if m.kind in _SIMPLE else m for m in modules_written]
-    entries_before: Mapping[str, _Module] = {}
+    module_kinds = [
+        (m.name, m.kind) if m.kind in _SELF_CONTAINED_KINDS else m for m in modules_written
+    ]
+    entries_before: Mapping[str, _KnownModule] = {}
     if part_before is not None and part_before.kinds == module_kinds:
         unchanged_parts = {
             name
@@ -94,36 +96,38 @@ def resolve_names(
             for name, entry in part_before.modules.items()
             if entry.searched <= unchanged_parts and entry.written is owning_part.modules.get(name)
         }
-    reached, searched, rules = part_names.reached, part_names.searched, make_rules()
-    entries_now: dict[str, _Module] = {}
+    reached, searched, rules = part_names.referenced_parts, part_names.searched_parts, make_rules()
+    entries_now: dict[str, _KnownModule] = {}
     for module_name, written_module in owning_part.modules.items():
         known_entry = entries_before.get(module_name)
         if known_entry is None:
-            part_names.reached, part_names.searched = set(), set()
+            part_names.referenced_parts, part_names.searched_parts = set(), set()
             n_reports = part_names.collector.n_reports
             resolved = rules.resolved(written_module)
             reached_and_searched = (
-                frozenset(part_names.reached),
-                frozenset(part_names.searched - {owning_part.name}),
+                frozenset(part_names.referenced_parts),
+                frozenset(part_names.searched_parts - {owning_part.name}),
             )
-            known_entry = _Module(written_module, resolved, *reached_and_searched)
+            known_entry = _KnownModule(written_module, resolved, *reached_and_searched)
             is_known &= part_names.collector.n_reports == n_reports
         entries_now[module_name] = known_entry
     all_reached = frozenset[str]().union(*(entry.reached for entry in entries_now.values()))
-    part_names.reached, part_names.searched = reached | all_reached, searched
+    part_names.referenced_parts, part_names.searched_parts = reached | all_reached, searched
     resolved_modules = tuple(
         [entry.resolved for entry in entries_now.values() if entry.resolved is not None]
     )
     if is_known and memory is not None:
         searched_parts = frozenset[str]().union(*(entry.searched for entry in entries_now.values()))
         lasting_entries = {
-            name: entry for name, entry in entries_now.items() if entry.written.kind not in _SPECIAL
+            name: entry
+            for name, entry in entries_now.items()
+            if entry.written.kind not in _DEPENDENT_KINDS
         }
         needed = {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)}
         complete = resolved_modules if len(lasting_entries) == len(entries_now) else None
         memory.hold(
             f"modules {owning_part.name}",
             condition,
-            _Part(module_kinds, lasting_entries, needed, all_reached, complete),
+            _KnownPart(module_kinds, lasting_entries, needed, all_reached, complete),
         )
     return resolved_modules

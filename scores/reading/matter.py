@@ -11,10 +11,10 @@ from ergon.instruments import modal, rules
 from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module
 from ergon.instruments.module_kinds import member_count
-from ergon.instruments.names import Family, Part, PartNames
-from ergon.instruments.read import instrument
+from ergon.instruments.names import NoteFamily, PartContents, PartNames
+from ergon.instruments.read import make_instrument
 from ergon.instruments.space import mesh_file
-from ergon.instruments.transpose import moved, named_pitch
+from ergon.instruments.transpose import named_pitch, transposed_value
 from ergon.notation.tables import tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.named_values import named_amounts
@@ -29,7 +29,7 @@ from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.known_modules import resolve_names
 from ergon.scores.reading.playing import Key
 from ergon.scores.reading.rates import Rates
-from ergon.scores.reading.uses import Entry, Names, Uses, called
+from ergon.scores.reading.uses import Entry, Names, Uses, with_name
 
 _Item = TypeVar("_Item")
 _Part = TypeVar("_Part", Key, Instrument)
@@ -81,7 +81,7 @@ class PartsReader:
                     continue
                 resolved_values, selves = self._uses.resolved(section_name, named_entry)
                 if resolved_values is None:
-                    self._part_names.broken.add(part_name)
+                    self._part_names.refused_parts.add(part_name)
                     continue
                 tuned = self._uses.tuning_of(named_entry) if section_name == "instruments" else None
                 if tuned is not None:
@@ -96,7 +96,7 @@ class PartsReader:
         self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
     ) -> None:
         values = self._with_files(values)
-        part_object = called(self._read_part(section, name, entry, values), name)
+        part_object = with_name(self._read_part(section, name, entry, values), name)
         struck_module = part_object.struck if isinstance(part_object, Key) else None
         modules_by_name = {module.name: module for module in part_object.modules}
         broken = frozenset(values["modules"] or {}).difference(modules_by_name)
@@ -104,13 +104,15 @@ class PartsReader:
         if isinstance(part_object, Instrument):
             axis_count, acts = part_object.axes, {act.name: act for act in part_object.acts}
         if values.written("out") and "out" not in values.by_name:
-            self._part_names.broken.add(name)
-        self._part_names.parts[name] = Part(
+            self._part_names.refused_parts.add(name)
+        self._part_names.parts[name] = PartContents(
             name, modules_by_name, struck_module, entry.prefix, broken, selves, axis_count, acts
         )
         if acts:
             label = values.context.label("ready")
-            self._part_names.bring_ready(self._part_names.parts[name], values["ready"] or (), label)
+            self._part_names.add_modules_of_acts(
+                self._part_names.parts[name], values["ready"] or (), label
+            )
         self._written[name] = entry, values
         self.by_name[name] = part_object
 
@@ -126,13 +128,15 @@ class PartsReader:
             if not isinstance(body_values, Values):
                 return owner_values
             if owner_values.kind in ("BANK", "MODES") and body_values.written("modes"):
-                body_read = modal.from_file(body_values, read, moved, self._collector)
+                body_read = modal.with_modes_of_file(
+                    body_values, read, transposed_value, self._collector
+                )
             elif owner_values.kind == "MESH" and body_values.written("file"):
-                body_read = mesh_file.from_file(body_values, read, self._collector)
+                body_read = mesh_file.with_mesh_of_file(body_values, read, self._collector)
             elif owner_values.kind == "BUT" and isinstance(
                 wall := body_values.by_name.get("mesh"), Values
             ):
-                wall = mesh_file.from_file(wall, read, self._collector)
+                wall = mesh_file.with_mesh_of_file(wall, read, self._collector)
                 body_read = replace(body_values, by_name={**body_values.by_name, "mesh": wall})
             else:
                 return owner_values
@@ -156,7 +160,7 @@ class PartsReader:
         """Make an instrument for each note, with the note in its name: `string.F3`."""
         note_names = values["notes"]
         if note_names is None:
-            self._part_names.broken.add(name)
+            self._part_names.refused_parts.add(name)
             return
         if named_pitch(values) is None:
             refusal_reason = "its modules have no named pitch; write `f`, at which they are written"
@@ -165,10 +169,10 @@ class PartsReader:
             # A field that was refused, which is reported already, may have said it.
             if not (self._collector.has_errors() and _is_refused(values)):
                 values.error("E103", f"{values.context.label('notes')}: {refusal_reason}", "notes")
-            self._part_names.broken.add(name)
+            self._part_names.refused_parts.add(name)
             return
         parts = {pitch(note) or 0.0: f"{name}.{note}" for note in note_names}
-        family = self._part_names.families[name] = Family(parts, tuning.written())
+        family = self._part_names.families[name] = NoteFamily(parts, tuning.written())
         for note_word, member in (values["members"] or {}).items():
             if family.note(note_word) is None:
                 message = f"{values.context.label('members')}: it has no note {quote(note_word)}"
@@ -228,7 +232,7 @@ class PartsReader:
         """
         memory = self._uses.files.memory
         if memory is None:
-            return instrument(values)
+            return make_instrument(values)
         memory_key = f"read {values.context.name} {values.node.document.file}"
         modules_before: dict[Hashable, Any] = memory.held(memory_key, amounts_key) or {}
         modules_now: dict[Hashable, Any] = {}
@@ -242,14 +246,14 @@ class PartsReader:
                 modules_now[module_key] = recalled_module
             return recalled_module
 
-        result = instrument(values, recall)
+        result = make_instrument(values, recall)
         memory.hold(memory_key, amounts_key, modules_now)
         return result
 
     def look_up(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""
         todo = [n for n, (entry, _) in self._written.items() if entry.brought is None]
-        todo += sorted(self._part_names.reached - set(todo))
+        todo += sorted(self._part_names.referenced_parts - set(todo))
         parts_done: set[str] = set()
         mat_total = 0
         while todo:
@@ -277,7 +281,7 @@ class PartsReader:
                 acts = tuple(
                     self._part_names.resolved_act(named_part, a) for a in named_part.acts.values()
                 )
-                resolved_outputs = rules.outputs(
+                resolved_outputs = rules.resolved_outputs(
                     named_part, part_built.outputs, self._part_names, self._layout
                 )
                 step_frames = self._rates.instrument_step_frames(part_values)
@@ -290,7 +294,7 @@ class PartsReader:
                         acts=acts,
                     )
                 )
-            todo += sorted(self._part_names.reached - parts_done)
+            todo += sorted(self._part_names.referenced_parts - parts_done)
             if mat_total > MAX_MATS:
                 message = f"the piece has more than {MAX_MATS:,} masses"
                 self._collector.error("E105", message, part_built.place)
@@ -337,13 +341,15 @@ class PartsReader:
         memory.hold(f"part {part.name}", (part.modules,), part)
         return part
 
-    def _resolved(self, part: Part, takes: dict[str, Entry]) -> tuple[Module, ...]:
+    def _resolved(self, part: PartContents, takes: dict[str, Entry]) -> tuple[Module, ...]:
         """The modules of a part with their names looked up."""
         named_entry, part_values = self._written[part.name]
 
         def make_rules() -> rules.ModuleRules:
             laws = self.laws(tuple(part.modules.values()), named_entry.home)
-            return rules.ModuleRules(part, self._part_names, laws, takes, _bodies(part_values))
+            return rules.ModuleRules(
+                part, self._part_names, laws, takes, _written_fields(part_values)
+            )
 
         memory = self._uses.files.memory
         return resolve_names(part, self._part_names, make_rules, memory, self.by_name)
@@ -358,7 +364,7 @@ class PartsReader:
                 "which is not a MAS or CEL of the key"
             )
             names_of = tuple(n for n, m in modules_by_name.items() if m.kind in ("MAS", "CEL"))
-            if key.struck and key.struck not in self._part_names.parts[key.name].broken:
+            if key.struck and key.struck not in self._part_names.parts[key.name].refused_modules:
                 self._collector.error(
                     "E301", message, struck_place, word=key.struck, names=names_of
                 )
@@ -390,7 +396,7 @@ class PartsReader:
         return build_mix.layout(name, folder, place, self._uses.files)
 
 
-def _bodies(instrument_values: Values) -> dict[str, Values]:
+def _written_fields(instrument_values: Values) -> dict[str, Values]:
     """The fields of each module as written, to report places inside laws."""
     bodies_by_name = {
         name: body.by_name[body.kind]

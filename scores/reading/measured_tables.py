@@ -7,10 +7,10 @@ from ergon.notation.tables.compound import Either, ListOf
 from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import Text, choice
 from ergon.notation.text.errors import TextError, quote
-from ergon.scores.reading.mix_tables import CHANNEL, MAX_CHANNELS
+from ergon.scores.reading.mix_tables import CHANNEL_SHAPE, MAX_CHANNELS
 
 
-def version(version_text: str) -> str:
+def parse_version(version_text: str) -> str:
     """The format version, 1."""
     if version_text != "1":
         message = (
@@ -22,7 +22,7 @@ def version(version_text: str) -> str:
     return version_text
 
 
-_MODE = Record(
+_MODE_RECORD = Record(
     "mode",
     "a part of a key that swings on it",
     (
@@ -31,11 +31,11 @@ _MODE = Record(
         Field("t60", k.DURATION, "decay by 60 dB", required=True),
     ),
 )
-CALIBRATION = Record(
+CALIBRATION_RECORD = Record(
     "calibration",
     "a key as measured",
     (
-        Field("ergon", Text(version, "1", "^1$"), "version of the format"),
+        Field("ergon", Text(parse_version, "1", "^1$"), "version of the format"),
         Field("M", k.MASS, "mass", required=True),
         Field("K", k.STIFFNESS, "stiffness", required=True),
         Field("Z", k.DAMPING, "viscosity", required=True),
@@ -47,7 +47,7 @@ CALIBRATION = Record(
         Field("static", k.FORCE, "dry friction near rest"),
         Field("static_speed", k.SPEED, "speed at which it has fallen towards `dry` by 1/e"),
         Field("delay", k.PAUSE, "delay of the motor's force"),
-        Field("modes", ListOf(_MODE), "parts that swing on the key"),
+        Field("modes", ListOf(_MODE_RECORD), "parts that swing on the key"),
         Field("noise", k.POSITION, "rms of the sensor's noise"),
         Field("correlations", ListOf(k.TITLE), "of each figure with those before it"),
         Field("takes", ListOf(k.TITLE), "SHA-256 of the takes that it was measured by"),
@@ -57,7 +57,7 @@ CALIBRATION = Record(
         ),
     ),
 )
-SPEAKER = Record(
+SPEAKER_RECORD = Record(
     "loudspeaker",
     "where a loudspeaker is, as seen from the middle",
     (
@@ -66,11 +66,11 @@ SPEAKER = Record(
         Field("r", k.DISTANCE, "how far away", 1.0, shown="1m"),
     ),
 )
-LAYOUT = Record(
+LAYOUT_RECORD = Record(
     "layout",
     "where loudspeakers are",
     (
-        Field("ergon", Text(version, "1", "^1$"), "version of the format"),
+        Field("ergon", Text(parse_version, "1", "^1$"), "version of the format"),
         Field("title", k.TITLE, "for the reader"),
         Field(
             "project",
@@ -80,13 +80,15 @@ LAYOUT = Record(
         ),
         Field(
             "speakers",
-            ListOf(Either(mapping=SPEAKER, sequence=ListOf(k.POSITION, 2, 3)), 1, MAX_CHANNELS),
+            ListOf(
+                Either(mapping=SPEAKER_RECORD, sequence=ListOf(k.POSITION, 2, 3)), 1, MAX_CHANNELS
+            ),
             "[x, y] or [x, y, z] of each, in metres, or {az, el, r}",
             required=True,
         ),
         Field(
             "outputs",
-            ListOf(CHANNEL, 1, MAX_CHANNELS),
+            ListOf(CHANNEL_SHAPE, 1, MAX_CHANNELS),
             "the output of each; without them the loudspeakers are at the outputs 1, 2, 3 …",
         ),
     ),

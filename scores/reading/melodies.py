@@ -28,23 +28,49 @@ from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.melody import Row
 from ergon.scores.reading.note_targets import NoteTargets
-from ergon.scores.reading.phrase_changes import transformed
+from ergon.scores.reading.phrase_changes import transformed_rows
 from ergon.scores.reading.phrase_do import phrase_do
 from ergon.scores.reading.phrase_rows import phrase_rows, with_levels
 from ergon.scores.reading.piece import Hit, Strikes
 
-_STRENGTH = ("impulse", "lasts")
-_PASSING = ("to", "at", "for", "every", "times", "until", "chance", "mass", "speed", *_STRENGTH)
+_STRENGTH_FIELDS = ("impulse", "lasts")
+_PASSING_FIELDS = (
+    "to",
+    "at",
+    "for",
+    "every",
+    "times",
+    "until",
+    "chance",
+    "mass",
+    "speed",
+    *_STRENGTH_FIELDS,
+)
 _FIELDS_BY_KIND = {
-    "entries": ("entries", "to", "until", *_STRENGTH),
-    "play": ("play", "to", "at", "every", "times", "until", "transpose", "do", *_STRENGTH),
-    "sweep": ("sweep", *_PASSING),
-    "path": ("path", "width", *_PASSING),
-    "rhythm": ("rhythm", "to", "at", "for", "until", "times", "skip", "cycle", "do", *_STRENGTH),
+    "entries": ("entries", "to", "until", *_STRENGTH_FIELDS),
+    "play": ("play", "to", "at", "every", "times", "until", "transpose", "do", *_STRENGTH_FIELDS),
+    "sweep": ("sweep", *_PASSING_FIELDS),
+    "path": ("path", "width", *_PASSING_FIELDS),
+    "rhythm": (
+        "rhythm",
+        "to",
+        "at",
+        "for",
+        "until",
+        "times",
+        "skip",
+        "cycle",
+        "do",
+        *_STRENGTH_FIELDS,
+    ),
 }
-_NEEDED = {"entries": ("entries",), "play": ("play", "at"), "rhythm": ("rhythm", "at")}
-_NEEDED |= dict.fromkeys(("sweep", "path"), ("to", "at", "for"))
-MELODIES = ("entries", "play")
+_REQUIRED_FIELDS_BY_KIND = {
+    "entries": ("entries",),
+    "play": ("play", "at"),
+    "rhythm": ("rhythm", "at"),
+}
+_REQUIRED_FIELDS_BY_KIND |= dict.fromkeys(("sweep", "path"), ("to", "at", "for"))
+MELODY_KINDS = ("entries", "play")
 # Fields that only strikes of one kind have.
 _FIELDS_OF_ONE_KIND = {"transpose": "play", "width": "path", "cycle": "rhythm"}
 
@@ -59,7 +85,7 @@ def has_required_fields(strike_fields: Values) -> bool:
     not.
     """
     strike_values, strikes_kind = strike_fields, kind_of(strike_fields)
-    needed = _NEEDED.get(strikes_kind, ("to", "at"))
+    needed = _REQUIRED_FIELDS_BY_KIND.get(strikes_kind, ("to", "at"))
     for field_name in needed:
         if field_name not in strike_values.nodes:
             message = (
@@ -97,7 +123,7 @@ def hits_of(
     if kind_of(strike_values) == "entries":
         voices = NoteTargets(part_names, strike_values["to"] or ())
         rows = with_levels(strike_values["entries"], strike_values["impulse"])
-        return _hits(rows, voices, error_label), None
+        return _hits_of_rows(rows, voices, error_label), None
     phrase = phrases.get(strike_values["play"])
     if not isinstance(phrase, Values):
         if strike_values["play"] not in phrases:
@@ -113,13 +139,13 @@ def hits_of(
     if do is None:
         return None
     voices = NoteTargets(part_names, notes_in(phrase, strike_values))
-    played_hits = played(phrase, strike_values, do[0], voices, files, phrases)
+    played_hits = played_rows(phrase, strike_values, do[0], voices, files, phrases)
     if not (strike_values.written("to", "transpose", "do") or is_midi(phrase)):
         error_label = phrase.context.label("")  # mistakes in names belong to the phrase
     return (
         None
         if played_hits is None
-        else (_hits(played_hits[0], played_hits[1], error_label), played_hits[2])
+        else (_hits_of_rows(played_hits[0], played_hits[1], error_label), played_hits[2])
     )
 
 
@@ -128,7 +154,7 @@ def notes_in(phrase: Values, values: Values) -> tuple[Name, ...]:
     return values["to"] or (() if is_midi(phrase) else phrase["to"] or ())
 
 
-def in_quarters(
+def in_quarter_notes(
     phrase: Values, phrase_hits: tuple[Hit, ...], phrase_length: Length | None
 ) -> tuple[tuple[Hit, ...], Length | None]:
     """The hits of strikes, and their length. Those of a MIDI file count in quarter notes, which
@@ -148,7 +174,7 @@ def in_quarters(
     return tuple(hits_in_quarters), phrase_length and quarters(phrase_length)
 
 
-def played(
+def played_rows(
     phrase: Values,
     strike_values: Values,
     chain: Iterable[Transform],
@@ -168,7 +194,7 @@ def played(
             rows = tuple(replace(row, level=None) for row in rows)
         rows = with_levels(rows, strike_values["impulse"])
         if voices.has_act(PRESS):
-            rows = (*rows, *_pressed(phrase, score_files))
+            rows = (*rows, *_pressure_rows(phrase, score_files))
     else:
         rows_of_phrase = phrase_rows(phrase, phrases, voices, strike_values["impulse"])
         if rows_of_phrase is None:
@@ -186,7 +212,7 @@ def played(
         )
         return None
     try:
-        rows, phrase_length = transformed(rows, phrase_length, chain, voices.mirrored)
+        rows, phrase_length = transformed_rows(rows, phrase_length, chain, voices.mirrored)
     except TextError as error:
         strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
@@ -247,7 +273,7 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
     for midi_note in take_notes.notes:
         note_level: Level | None = curve.level(midi_note.velocity)
         if impulse is not None:
-            note_level = Level(*(between(midi_note.velocity, impulse, curve),) * 2)
+            note_level = Level(*(value_of_velocity(midi_note.velocity, impulse, curve),) * 2)
         elif midi_note.word is not None and take["curve"] is None:
             strength = midi_note.strength
             note_level = None if strength is None else Level(strength, strength, is_strength=True)
@@ -261,7 +287,7 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
     return tuple(note_rows), Length(beats=take_notes.length)
 
 
-def _pressed(take: Values, files: Files) -> Iterator[Row]:
+def _pressure_rows(take: Values, files: Files) -> Iterator[Row]:
     """What the pressure on the keys of a MIDI file plays: the act called `press`, as on a keyboard.
 
     Reports pressures that cannot be read.
@@ -282,13 +308,13 @@ def _pressed(take: Values, files: Files) -> Iterator[Row]:
         yield Row(start, note_names, level, file_place, lasting=lasting, act=PRESS)
 
 
-def between(velocity: int, value_range: tuple[float, float], curve: Curve) -> float:
+def value_of_velocity(velocity: int, value_range: tuple[float, float], curve: Curve) -> float:
     """The value between two ends for a velocity from 1 to 127, computed in exact fractions."""
     low, high = (Fraction(repr(end)) for end in value_range)
     return float(low + (high - low) * curve.share(velocity, 1))
 
 
-def _hits(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) -> tuple[Hit, ...]:
+def _hits_of_rows(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) -> tuple[Hit, ...]:
     phrase_hits: list[Hit] = []
     collector = voices.part_names.collector
     n_reports = collector.n_reports
@@ -305,14 +331,14 @@ def _hits(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) -> tuple
             phrase_row.jitter,
         )
         strike_targets = voices.targets(phrase_row, strikes_label)
-        if any(voices.part_names.has_end(target) for target in strike_targets):
+        if any(voices.part_names.ends_with_note(target) for target in strike_targets):
             phrase_hit = replace(phrase_hit, lasting=phrase_row.lasting)
         if not row_level.is_strength:
             phrase_hits.append(replace(phrase_hit, to=strike_targets))
             continue
         by_reach: dict[ImpulseRange, list[Target]] = {}
         for strike_target in strike_targets:
-            reach = voices.part_names.sure_reach(strike_target, strikes_label)
+            reach = voices.part_names.required_impulse_range(strike_target, strikes_label)
             if reach is not None:
                 by_reach.setdefault(reach, []).append(strike_target)
         phrase_hits += [

@@ -25,7 +25,7 @@ MAX_ROWS = 100_000  # rows of one melody
 _ZERO_LENGTH = Length()
 MAX_CHORD = 256  # names of one strike
 _WORD = re.compile(r"\S+")
-_HELP = "an entry says `what` is struck; `to`, beside `entries`, is whose notes they are"
+_ENTRY_HELP = "an entry says `what` is struck; `to`, beside `entries`, is whose notes they are"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class WhatShape(Reference):
             if not isinstance(item_node, Scalar):
                 return wrong_shape(self, item_node, name, context)
             for word in _WORD.finditer(item_node.text):
-                struck_name = _struck(word.group(), word.start(), item_node, name, context)
+                struck_name = _struck_name(word.group(), word.start(), item_node, name, context)
                 if struck_name is None:
                     return MISSING
                 struck_names.append(struck_name)
@@ -86,7 +86,7 @@ def _is_impulse(last_word: str, text_node: Scalar, *, is_alone: bool) -> bool:
         return not is_alone or not has_name(last_word, text_node.document)
 
 
-def _struck(
+def _struck_name(
     struck_word: str, word_start: int, text_node: Scalar, field_name: str, context: Context
 ) -> Name | None:
     """The name that a word strikes: the word itself, or the note that it stands for."""
@@ -99,52 +99,52 @@ def _struck(
     return Name(note or struck_word, text_node.place_at(word_start, len(struck_word)))
 
 
-class Swelling(NamedTuple):
+class SwellingLevel(NamedTuple):
     """A level, and whether it leads to the next one that is written: `p ->`."""
 
     level: Level
     swells: bool
 
 
-def _swelling(text: str) -> Swelling:
+def _parse_swelling(text: str) -> SwellingLevel:
     word = text.rstrip()
     swells = word.endswith("->")
-    return Swelling(LEVEL.parse(word[:-2].rstrip() if swells else text), swells)
+    return SwellingLevel(LEVEL.parse(word[:-2].rstrip() if swells else text), swells)
 
 
-SWELLING = replace(
+SWELLING_SHAPE = replace(
     LEVEL,
-    parse=_swelling,
+    parse=_parse_swelling,
     what=f"{LEVEL.what}; p -> leads to the next one",
     pattern=f"{(LEVEL.pattern or '$')[:-1]}( *->)?$",
 )
 
 
-def _row(values: Values) -> Row:
+def _row_of_values(values: Values) -> Row:
     level, swells = values["impulse"] or (None, False)
     return Row(values["at"], values["what"], level, values.node.place, swells=swells)
 
 
-def _entry(position_kind: Text, doc: str) -> Record:
+def _entry_record(position_kind: Text, doc: str) -> Record:
     entry_fields = (
         Field("at", position_kind, doc, required=True),
         Field("what", WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
-        Field("impulse", SWELLING, "how strongly", shown="that of the strike before"),
+        Field("impulse", SWELLING_SHAPE, "how strongly", shown="that of the strike before"),
     )
-    doc, foreign = "a strike of a melody: a note, a chord, a module", {"to": _HELP}
+    doc, foreign = "a strike of a melody: a note, a chord, a module", {"to": _ENTRY_HELP}
     return Record(
         "strike",
         doc,
         entry_fields,
-        _row,
+        _row_of_values,
         foreign=foreign,
         meant=MEANT["strike"],
         elsewhere=ELSEWHERE["strike"],
     )
 
 
-ENTRY = _entry(k.WHEN, "where in the piece")
-PHRASE_ENTRY = _entry(k.LENGTH, "how long after the beginning of the phrase")
+ENTRY_RECORD = _entry_record(k.WHEN, "where in the piece")
+PHRASE_ENTRY_RECORD = _entry_record(k.LENGTH, "how long after the beginning of the phrase")
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ class Entries(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if isinstance(node, document.Sequence):
-            return _checked(ListOf(self.entry, 1, MAX_ROWS).read(node, name, context), context)
+            return _checked_rows(ListOf(self.entry, 1, MAX_ROWS).read(node, name, context), context)
         if not isinstance(node, Scalar) or node.is_empty:
             return wrong_shape(self, node, name, context)
         entries_read, is_broken = [], False
@@ -170,7 +170,7 @@ class Entries(Shape):
         if not entries_read and not is_broken:
             context.error("E106", f"{context.label(name)}: the table has no row", node.place)
             return MISSING
-        return MISSING if is_broken else _checked(tuple(entries_read), context)
+        return MISSING if is_broken else _checked_rows(tuple(entries_read), context)
 
     def _row(self, row: str, offset: int, node: Scalar, context: Context) -> Row | None:
         cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
@@ -190,7 +190,9 @@ class Entries(Shape):
             message = "a row has a time, what is struck and an impulse, such as 1|1  D3 F3  2mNs"
             context.error("E204", message, node.place_at(position_start, len(position_text)))
             return None
-        struck_names = [_struck(word, place, node, "what", context) for word, place in option_cells]
+        struck_names = [
+            _struck_name(word, place, node, "what", context) for word, place in option_cells
+        ]
         if row_time is MISSING or impulse is MISSING or None in struck_names:
             return None
         struck_valid = tuple(name for name in struck_names if name is not None)
@@ -224,11 +226,11 @@ class Entries(Shape):
 
     def words(self) -> str:
         """In words."""
-        example = "1|1" if self.entry is ENTRY else "1/2"
+        example = "1|1" if self.entry is ENTRY_RECORD else "1/2"
         return f"a list of strikes, or a table below '|' with rows such as {example}  D3 F3  2mNs"
 
 
-def _checked(phrase_rows: Any, context: Context) -> Any:
+def _checked_rows(phrase_rows: Any, context: Context) -> Any:
     """Rows, unless one swells to no level, or to one of another kind."""
     if phrase_rows is MISSING:
         return MISSING
@@ -247,7 +249,7 @@ def _checked(phrase_rows: Any, context: Context) -> Any:
         if swell_end is None:
             message = "`->` leads to the next level, and no entry after this one has a level"
         elif swell_end.is_strength != phrase_row.level.is_strength or not (
-            _is_one(phrase_row.level) and _is_one(swell_end)
+            _is_single_level(phrase_row.level) and _is_single_level(swell_end)
         ):
             message = "`->` leads from one level to another of its kind, such as p -> and f"
         else:
@@ -257,5 +259,5 @@ def _checked(phrase_rows: Any, context: Context) -> Any:
     return phrase_rows
 
 
-def _is_one(level: Level) -> bool:
+def _is_single_level(level: Level) -> bool:
     return level.low == level.high and level.factor == 1.0

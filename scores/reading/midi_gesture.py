@@ -9,14 +9,14 @@ from ergon.notation.tables.velocities import EVEN, Curve
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.midi_file import MidiNote
-from ergon.scores.reading.melodies import between, midi_notes
+from ergon.scores.reading.melodies import midi_notes, value_of_velocity
 from ergon.scores.reading.playing import NO_OPTIONS, Gesture
 
 _APPROACH_QUARTERS = 0.125  # [quarters] from rest to the depth of a note, and back
 _APPROACH_SHARE_MAX = 0.45  # largest share of the time to the next note
 
 
-def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gesture | None:
+def gesture_of_take(take: Values, files: Files, room: int, has_quarters: bool) -> Gesture | None:
     """The gesture of a MIDI take with at most `room` points; None if an error was reported.
 
     Its times are in quarter notes. They count as beats if the piece `has_quarters` in all meters.
@@ -30,7 +30,7 @@ def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gestur
     take_notes = midi_notes(take, files)
     if take_notes is None:
         return None
-    gesture_points = _points(
+    gesture_points = _key_points(
         take_notes.notes, take["depth"], take["curve"] or EVEN, take_notes.length
     )
     if len(gesture_points) > room:
@@ -42,7 +42,7 @@ def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gestur
     return Gesture(name, gesture_points, (), (), NO_OPTIONS, place, in_quarters=not has_quarters)
 
 
-def _points(
+def _key_points(
     notes: Sequence[MidiNote], depth: tuple[float, float], curve: Curve, take_length: float
 ) -> tuple[Point, ...]:
     """The key is at rest except within `_APPROACH_QUARTERS` of each note; of simultaneous notes the
@@ -71,7 +71,7 @@ def _points(
                 0.0,
                 "hold",
             )
-        add(note_instant, between(hardest[note_instant], depth, curve), "smooth")
+        add(note_instant, value_of_velocity(hardest[note_instant], depth, curve), "smooth")
         add(
             note_instant
             + min(_APPROACH_QUARTERS, _APPROACH_SHARE_MAX * (instant_after - note_instant)),

@@ -14,16 +14,15 @@ from ergon.notation.text.values import Place
 from ergon.scores.gesture.midi_course import Course, read_course
 from ergon.scores.gesture.midi_file import channel_number
 from ergon.scores.gesture.midi_source import MidiSource
-from ergon.scores.gesture.midi_survey import MidiMove, MidiSurvey, passed_over, plural, survey
+from ergon.scores.gesture.midi_survey import MidiMove, MidiSurvey, plural, survey, unused_contents
 from ergon.scores.gesture.musicxml_file import read_score
 from ergon.scores.gesture.note_files import is_musicxml
 from ergon.scores.gesture.take_file import TakeError
 
 _Times = TypeVar("_Times")
 _WHEN_UNUSED = (
-    "nothing is wrong if the score does without them; `tempo: {from: FILE}`, `meter: "
-    "{from: FILE}`, "
-    "`bend` of the take, automation with `by` and acts called `press` use such events"
+    "nothing is wrong if the score does without them; `tempo: {from: FILE}`, `meter: {from: "
+    "FILE}`, `bend` of the take, automation with `by` and acts called `press` use such events"
 )
 
 
@@ -191,7 +190,7 @@ def _passed_over(midi_survey: MidiSurvey, use: _Use) -> Iterator[str]:
         noun = "channel" if len(channels) == 1 else "channels"
         count = plural(sum(unplayed.values()), ("note", "notes"))
         yield f"{count} of {noun} {', '.join(channels)}"
-    yield from passed_over(
+    yield from unused_contents(
         midi_survey,
         has_pedal=use.has_lengths,
         has_tempo=use.has_tempo,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ergon.instruments.playing import LOUDNESS
+from ergon.instruments.playing import LOUDNESS_SHAPE
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
@@ -16,7 +16,7 @@ from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
 MAX_CHANNELS = 1024
 
 
-def _channels(channels_text: str) -> Any:
+def _parse_channels(channels_text: str) -> Any:
     if channels_text.strip()[:1].isalpha() and channels_text != "nearest":
         message = (
             f"{quote(channels_text)} is not a channel: channels are numbers from 1 (1 and 2 are "
@@ -27,16 +27,16 @@ def _channels(channels_text: str) -> Any:
             channels_text.strip()
         )
         raise TextError(message, length=len(channels_text), suggestion=suggestion, code="E201")
-    return "nearest" if channels_text == "nearest" else (CHANNEL.parse(channels_text),)
+    return "nearest" if channels_text == "nearest" else (CHANNEL_SHAPE.parse(channels_text),)
 
 
-CHANNEL = k.integer(1, MAX_CHANNELS, "1")
+CHANNEL_SHAPE = k.integer(1, MAX_CHANNELS, "1")
 _TARGET_SHAPE = Either(
-    scalar=Text(_channels, "a channel from 1, or nearest", "^([0-9]+|nearest)$"),
-    sequence=ListOf(CHANNEL, 1, MAX_CHANNELS),
+    scalar=Text(_parse_channels, "a channel from 1, or nearest", "^([0-9]+|nearest)$"),
+    sequence=ListOf(CHANNEL_SHAPE, 1, MAX_CHANNELS),
 )
-ROOM = mixing.room_table(ListOf(CHANNEL, 1, MAX_CHANNELS, single=True))
-ROUTE = Record(
+ROOM_RECORD = mixing.room_table(ListOf(CHANNEL_SHAPE, 1, MAX_CHANNELS, single=True))
+ROUTE_RECORD = Record(
     "route",
     "from an instrument to loudspeakers",
     (
@@ -54,21 +54,23 @@ ROUTE = Record(
             required=True,
         ),
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
-        Field("level", LOUDNESS, "loudness of a stroke at mf, from which `gain` counts"),
+        Field("level", LOUDNESS_SHAPE, "loudness of a stroke at mf, from which `gain` counts"),
         Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),
         Field("lowpass", k.HERTZ, "second-order low-pass"),
-        Field("lowshelf", tones.SHELF, "a gain of all below a frequency"),
-        Field("highshelf", tones.SHELF, "a gain of all above a frequency"),
-        Field("delay", tones.DELAY, "how much later it is heard, or with echoes"),
-        Field("pan", mixing.PAN, "place between two channels, by constant power; or its points"),
-        Field("send", mixing.SENDS, "rooms by name, each with a level"),
-        Field("fade", mixing.FADE, "levels at positions of the piece"),
-        Field("radiate", mixing.RADIATION, "as a disc in a wall, heard at a distance"),
+        Field("lowshelf", tones.SHELF_RECORD, "a gain of all below a frequency"),
+        Field("highshelf", tones.SHELF_RECORD, "a gain of all above a frequency"),
+        Field("delay", tones.DELAY_SHAPE, "how much later it is heard, or with echoes"),
+        Field(
+            "pan", mixing.PAN_SHAPE, "place between two channels, by constant power; or its points"
+        ),
+        Field("send", mixing.SENDS_SHAPE, "rooms by name, each with a level"),
+        Field("fade", mixing.FADE_SHAPE, "levels at positions of the piece"),
+        Field("radiate", mixing.RADIATION_SHAPE, "as a disc in a wall, heard at a distance"),
     ),
     meant=MEANT["route"],
     elsewhere=ELSEWHERE["route"],
 )
-MASTER = Record(
+MASTER_RECORD = Record(
     "master",
     "all channels together",
     (
@@ -79,31 +81,31 @@ MASTER = Record(
             "level of 0.1 mm, 1 m/s, 10,000 m/s², 10 mN and 1 Pa, or SI: that of one unit is 0 dB",
             shown="-20dB",
         ),
-        Field("loudness", LOUDNESS, "loudness of the whole piece, peaks up to -1 dBTP"),
+        Field("loudness", LOUDNESS_SHAPE, "loudness of the whole piece, peaks up to -1 dBTP"),
         Field("normalise", k.GAIN, "level of the highest peak of the whole piece"),
         Field("limit", k.GAIN, "ceiling of the limiter"),
-        Field("fade", mixing.FADE, "levels at positions of the piece"),
+        Field("fade", mixing.FADE_SHAPE, "levels at positions of the piece"),
     ),
 )
-MIX = Record(
+MIX_RECORD = Record(
     "mix",
     "loudspeakers and the ways to them",
     (
-        Field("channels", CHANNEL, "how many", shown="as many as the routes need"),
+        Field("channels", CHANNEL_SHAPE, "how many", shown="as many as the routes need"),
         Field("layout", k.PATH, "a file that says where loudspeakers are"),
-        Field("route", ListOf(ROUTE, single=True), "from instruments to channels"),
-        Field("rooms", NamesOf(ROOM, "room"), "rooms that routes send to"),
-        Field("master", MASTER, "all channels together"),
+        Field("route", ListOf(ROUTE_RECORD, single=True), "from instruments to channels"),
+        Field("rooms", NamesOf(ROOM_RECORD, "room"), "rooms that routes send to"),
+        Field("master", MASTER_RECORD, "all channels together"),
     ),
 )
-RENDER = Record(
+RENDER_RECORD = Record(
     "render",
     "the file that is written",
     (
         Field("file", k.PATH, "its name, relative to the score, in its folder"),
         Field("bits", choice("16", "24", "float"), "sample format", "24"),
         Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", "auto"),
-        Field("channels", CHANNEL, "as in the mix"),
+        Field("channels", CHANNEL_SHAPE, "as in the mix"),
     ),
     meant=MEANT["render"],
     elsewhere=ELSEWHERE["render"],

@@ -17,9 +17,9 @@ from ergon.notation.text import document
 from ergon.notation.text.document import Node
 from ergon.notation.text.values import Place
 
-SOUND = 343.0  # [m/s]
-AIR = 1.204  # density [kg/m³]
-_FLAT = 200.0, 6000.0  # frequencies for a room with a single t60 [Hz]
+SPEED_OF_SOUND = 343.0  # [m/s]
+AIR_DENSITY = 1.204  # density [kg/m³]
+_SINGLE_T60_FREQUENCIES = 200.0, 6000.0  # frequencies for a room with a single t60 [Hz]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +58,11 @@ class Radiation:
     @property
     def gain(self) -> float:
         """Pressure [Pa] for an acceleration of 1 m/s²."""
-        return AIR * self.radius * self.radius / (2.0 * self.distance)
+        return AIR_DENSITY * self.radius * self.radius / (2.0 * self.distance)
 
     def delay(self, rate: float) -> int:
         """Frames that the sound takes."""
-        return int(self.distance / SOUND * rate + 0.5)
+        return int(self.distance / SPEED_OF_SOUND * rate + 0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ def room_table(to: Shape) -> Record:
     )
 
 
-RADIATION = Record(
+RADIATION_SHAPE = Record(
     "radiation",
     "a disc in a wall, heard at a distance",
     (
@@ -119,7 +119,7 @@ def _fade_point(point_values: Values) -> Any:
     )
 
 
-FADE = ListOf(
+FADE_SHAPE = ListOf(
     Record(
         "point of a fade",
         "a level at a position of the piece",
@@ -133,7 +133,7 @@ FADE = ListOf(
     least=1,
     single=True,
 )
-SENDS = NamesOf(k.GAIN, "room")
+SENDS_SHAPE = NamesOf(k.GAIN, "room")
 
 
 def _pan_point(point_values: Values) -> Any:
@@ -143,7 +143,7 @@ def _pan_point(point_values: Values) -> Any:
     return PanPoint(point_values["at"], point_values["pan"], is_smooth, point_values.place_of("at"))
 
 
-_PAN_POINT = Record(
+_PAN_POINT_RECORD = Record(
     "point of a pan",
     "a place between two channels at a position of the piece",
     (
@@ -153,15 +153,15 @@ _PAN_POINT = Record(
     ),
     _pan_point,
 )
-PAN = Either(k.PAN, _PAN_POINT, ListOf(_PAN_POINT, least=1))
+PAN_SHAPE = Either(k.PAN, _PAN_POINT_RECORD, ListOf(_PAN_POINT_RECORD, least=1))
 
 
-def fade(value: Any) -> Fade:
+def fade_points(value: Any) -> Fade:
     """The points that were read."""
     return tuple(point for point in value or () if isinstance(point, FadePoint))
 
 
-def pan(pan_value: Any) -> tuple[float, float] | None:
+def pan_gains(pan_value: Any) -> tuple[float, float] | None:
     """Gains of the two channels by constant power: -1 is the first one alone, 1 the second. None
     for a pan that moves.
     """
@@ -188,16 +188,16 @@ def sends(sends_value: Any, node: Node | None) -> tuple[tuple[Name, float], ...]
 
 def rooms(rooms_read: Any) -> tuple[Room, ...]:
     """The rooms that were read."""
-    return tuple(_rooms(rooms_read or {}))
+    return tuple(_make_room(rooms_read or {}))
 
 
-def _rooms(rooms_read: Mapping[str, object]) -> Iterator[Room]:
+def _make_room(rooms_read: Mapping[str, object]) -> Iterator[Room]:
     for room_name, room_values in rooms_read.items():
         if not isinstance(room_values, Values) or room_values["t60"] is None:
             continue
         t60 = room_values["t60"]
         if isinstance(t60, float):
-            decay_pairs = (_FLAT[0], t60), (_FLAT[1], t60)
+            decay_pairs = (_SINGLE_T60_FREQUENCIES[0], t60), (_SINGLE_T60_FREQUENCIES[1], t60)
         elif len(t60) == 2:
             decay_pairs = t60
         else:

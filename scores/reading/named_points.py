@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ergon.instruments.model import Target
-from ergon.instruments.names import Part, PartNames
+from ergon.instruments.names import PartContents, PartNames
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.spelling import nearest
@@ -14,12 +14,14 @@ def named_point(piece: Piece, point_text: str) -> Target:
     """The masses that a name reaches: a key, `bell.m`, `string.s.12`. Raises TextError."""
     collector = Collector()
     parts_by_name = {
-        name: Part(name, {module.name: module for module in key.modules}, struck=key.struck)
+        name: PartContents(
+            name, {module.name: module for module in key.modules}, struck_mat=key.struck
+        )
         for name, key in piece.keys.items()
     }
     for name, instrument in piece.instruments.items():
         key = {module.name: module for module in instrument.modules}
-        parts_by_name[name] = Part(name, key, axes=instrument.axes)
+        parts_by_name[name] = PartContents(name, key, axes=instrument.axes)
     point_target = PartNames(collector, parts_by_name).target(
         Name(point_text, piece.place), "mats", ""
     )

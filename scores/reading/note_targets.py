@@ -58,8 +58,8 @@ class NoteTargets:
 
     def has_act(self, act: str) -> bool:
         """Whether a note of the instruments has an act that lasts as long as a note."""
-        members = (member for name in self.to for member in self.part_names.members(name))
-        return any(True for member in members for _ in self.part_names.drawn_act(member, act))
+        members = (member for name in self.to for member in self.part_names.member_names(name))
+        return any(True for member in members for _ in self.part_names.drawn_act_name(member, act))
 
     def targets(self, row: Row, label: str) -> tuple[Target, ...]:
         """The MATs that a row strikes; reports what cannot be reached."""
@@ -71,7 +71,7 @@ class NoteTargets:
             member_names = [
                 name
                 for struck_name in member_names
-                for name in self.part_names.drawn_act(struck_name, row.act)
+                for name in self.part_names.drawn_act_name(struck_name, row.act)
             ]
         return tuple(target for name in member_names for target in self._reached(name, label))
 
@@ -83,7 +83,7 @@ class NoteTargets:
                 Target(t.part, t.module, t.first, t.count, t.text, target_name.place)
                 for t in known_targets
             ]
-        targets_struck = self.part_names.struck(target_name, strikes_label)
+        targets_struck = self.part_names.struck_targets(target_name, strikes_label)
         if targets_struck:  # without targets each row reports them
             self._known[target_name] = targets_struck
         return targets_struck
@@ -102,7 +102,7 @@ class NoteTargets:
             return []
         names_read = []
         for to in self.to:
-            family = self.part_names.family(to)
+            family = self.part_names.family_and_rest(to)
             if family is None:
                 message = f"{label}: {quote(to)} has no notes; write `notes` in the instrument"
                 if self.part_names.is_known(to):

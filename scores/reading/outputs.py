@@ -12,7 +12,7 @@ from ergon.scores.reading.digest_marks import OMIT_EMPTY
 from ergon.scores.reading.mixing import Fade, PanPath, Radiation, Room
 from ergon.scores.reading.tones import Echo, Tone
 
-REFERENCE = 0.1  # share of full scale, -20 dBFS; see Output.reference
+REFERENCE_RATIO = 0.1  # share of full scale, -20 dBFS; see Output.reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class Mix:
         if master is not None and master.reference is not None:
             return None if master.reference == "SI" else master.reference
         is_levelled = master is not None and master.is_levelled
-        return None if is_measured and not is_levelled else REFERENCE
+        return None if is_measured and not is_levelled else REFERENCE_RATIO
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,18 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ergon.instruments.transpose import Interval, base_at_pitch, instrument_at_note, pitch
+from ergon.instruments.transpose import (
+    Interval,
+    base_at_pitch,
+    instrument_at_note,
+    transposed_frequency,
+)
 from ergon.notation.tables import notes
 from ergon.notation.tables.fields import Values
 
 # Groups of fields that exclude each other: writing one group removes the others of the base (K for
 # f, a table for a line).
-_EXCLUSIVE: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
+_EXCLUSIVE_FIELDS: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
     "key": ((("K", "Z"), ("f", "t60"), ("modules", "struck")),),
     "gesture": ((("notation",), ("points",)),),
     "CEL": ((("K", "Z"), ("f", "t60")),),
@@ -24,7 +29,7 @@ _EXCLUSIVE: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
     "PLATE": ((("radius",), ("sides",)), (("K", "Z"), ("f", "t60"))),
     "MODES": ((("modes",), ("f", "t60", "places")),),
 }
-_LAW = ("law", "damping", "points")
+_LAW_FIELDS = ("law", "damping", "points")
 
 
 def overlay_fields(base_values: Values, member_values: Values) -> Values:
@@ -32,7 +37,7 @@ def overlay_fields(base_values: Values, member_values: Values) -> Values:
 
     An `f` of one's own is moved by one's own `transpose`; that of the base is moved already.
     """
-    hidden = _hidden(member_values, member_values.record.noun) | {"transpose"}
+    hidden = _hidden_fields(member_values, member_values.record.noun) | {"transpose"}
     if member_values.written("notes"):  # members of the base have no meaning for other notes
         hidden.add("members")
     body = member_values.by_name.get(member_values.kind)
@@ -46,13 +51,13 @@ def overlay_fields(base_values: Values, member_values: Values) -> Values:
     module_nodes = {name: node for name, node in base_values.nodes.items() if name not in hidden}
     for field_name, field_value in member_values.by_name.items():
         if field_name == "modules" and isinstance(module_fields.get(field_name), dict):
-            field_value = _modules(module_fields[field_name], field_value)
+            field_value = _merged_modules(module_fields[field_name], field_value)
         elif field_name == "do" and field_name in module_fields:
             field_value = (*module_fields[field_name], *field_value)
         elif field_name == member_values.kind == base_values.kind and isinstance(
             field_value, Values
         ):
-            field_value = _fields(field_name, module_fields.get(field_name), field_value)
+            field_value = _merged_fields(field_name, module_fields.get(field_name), field_value)
         elif field_name == "members" and isinstance(module_fields.get(field_name), dict):
             field_value = {**module_fields[field_name], **field_value}
         elif (
@@ -61,7 +66,7 @@ def overlay_fields(base_values: Values, member_values: Values) -> Values:
             and "transpose" in member_values.by_name
         ):
             field_value = tuple(
-                pitch(pitch_value, member_values.by_name["transpose"])
+                transposed_frequency(pitch_value, member_values.by_name["transpose"])
                 for pitch_value in field_value
             )
         module_fields[field_name] = field_value
@@ -79,7 +84,7 @@ def overlay_fields(base_values: Values, member_values: Values) -> Values:
     )
 
 
-def member(values: Values, note_height: float) -> Values | None:
+def fields_of_note(values: Values, note_height: float) -> Values | None:
     """The fields that are written for one note of an instrument, by its pitch."""
     for word, member_values in (values["members"] or {}).items():
         if notes.pitch(word) == note_height:
@@ -96,10 +101,10 @@ def shifted_note(
     """
     base_values, member_values = (
         instrument_at_note(instrument_values, note_name),
-        member(instrument_values, notes.pitch(note_name) or 0.0),
+        fields_of_note(instrument_values, notes.pitch(note_name) or 0.0),
     )
     if member_values is not None:
-        interval = both(interval, member_values.by_name.get("transpose"))
+        interval = interval_sum(interval, member_values.by_name.get("transpose"))
         member_values = replace(
             member_values,
             by_name={n: value for n, value in member_values.by_name.items() if n != "transpose"},
@@ -114,16 +119,18 @@ def shifted_note(
     return base_at_pitch(base_values, asking, is_root=True)
 
 
-def both(first_interval: Interval | None, second_interval: Interval | None) -> Interval | None:
+def interval_sum(
+    first_interval: Interval | None, second_interval: Interval | None
+) -> Interval | None:
     """Two intervals, one after the other."""
     if first_interval is None or second_interval is None:
         return first_interval or second_interval
-    return first_interval.then(second_interval)
+    return first_interval.plus(second_interval)
 
 
-def _hidden(member: Values, field_name: str) -> set[str]:
+def _hidden_fields(member: Values, field_name: str) -> set[str]:
     hidden: set[str] = set()
-    for groups in _EXCLUSIVE.get(field_name, ()):
+    for groups in _EXCLUSIVE_FIELDS.get(field_name, ()):
         if any(member.written(*group) for group in groups):
             for group in groups:
                 if not member.written(*group):
@@ -131,7 +138,9 @@ def _hidden(member: Values, field_name: str) -> set[str]:
     return hidden
 
 
-def _modules(base: Mapping[str, object], member_modules: Mapping[str, object]) -> dict[str, object]:
+def _merged_modules(
+    base: Mapping[str, object], member_modules: Mapping[str, object]
+) -> dict[str, object]:
     merged = dict(base)
     for module_name, module_body in member_modules.items():
         base_module = base.get(module_name)
@@ -140,7 +149,7 @@ def _modules(base: Mapping[str, object], member_modules: Mapping[str, object]) -
             and isinstance(base_module, Values)
             and module_body.kind == base_module.kind
         ):
-            merged_fields = _fields(
+            merged_fields = _merged_fields(
                 module_body.kind,
                 base_module.by_name.get(module_body.kind),
                 module_body.by_name[module_body.kind],
@@ -150,11 +159,14 @@ def _modules(base: Mapping[str, object], member_modules: Mapping[str, object]) -
     return merged
 
 
-def _fields(module_kind: str, base_fields: Any, member_fields: Any) -> Any:
+def _merged_fields(module_kind: str, base_fields: Any, member_fields: Any) -> Any:
     """The fields of one module over those of a base module of the same kind."""
     if not isinstance(base_fields, Values) or not isinstance(member_fields, Values):
         return member_fields
-    hidden, free = _hidden(member_fields, module_kind), {**base_fields.free, **member_fields.free}
+    hidden, free = (
+        _hidden_fields(member_fields, module_kind),
+        {**base_fields.free, **member_fields.free},
+    )
     if module_kind == "PLATE":  # one of the fields that set its pitch is dropped
         sets = "tension" if base_fields.written("tension") else "thickness"
         hidden |= (
@@ -165,8 +177,10 @@ def _fields(module_kind: str, base_fields: Any, member_fields: Any) -> Any:
             if member_fields.written("tension", "thickness") and base_fields.written("material")
             else set()
         )
-    if module_kind == "LNL" and member_fields.written(*_LAW):  # another law has other constants
-        hidden, free = {*_LAW, *base_fields.free, "interval"}, dict(member_fields.free)
+    if module_kind == "LNL" and member_fields.written(
+        *_LAW_FIELDS
+    ):  # another law has other constants
+        hidden, free = {*_LAW_FIELDS, *base_fields.free, "interval"}, dict(member_fields.free)
     if module_kind == "BUT" and member_fields["contact"] == "magic":
         hidden = {"K", "Z", "clamp"}
     merged_fields = {

@@ -17,7 +17,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern import words
-from ergon.scores.pattern.order import Group, name_of, parse, plain
+from ergon.scores.pattern.order import Group, name_of, parse, single_name_pattern
 from ergon.scores.pattern.pattern import Pattern, iteration_mistake
 from ergon.scores.pattern.turn_chain import Change, as_turns
 from ergon.scores.pattern.turns import numbered
@@ -52,16 +52,18 @@ class _EntryValues(PatternValues, OptionValues, total=False):
     do: tuple[Change, ...]
 
 
-def _play(play_values: Values) -> Play:
+def _play_of_values(play_values: Values) -> Play:
     if play_values.written("rate"):
         _unused_rate(play_values.context, play_values.place_of("rate"))
     until_place = play_values.place_of("until") if play_values.written("until") else None
     played: Played = play_values["play"] or Played("", None, play_values.place)
     written = cast("_EntryValues", play_values.by_name)
-    return _entry(written, play_values.context, played, play_values.place_of("at"), until_place)
+    return _play_of_entry(
+        written, play_values.context, played, play_values.place_of("at"), until_place
+    )
 
 
-def _entry(
+def _play_of_entry(
     entry_values: _EntryValues,
     context: Context,
     played: Played,
@@ -71,7 +73,7 @@ def _entry(
     do, turns = as_turns(entry_values.get("do", ()))
     if turns:
         entry_values = {**entry_values, "nth": numbered((*entry_values.get("nth", ()), *turns))}
-    pattern = pattern_of(entry_values, played.order or plain(played.text))
+    pattern = pattern_of(entry_values, played.order or single_name_pattern(played.text))
     if mistake := iteration_mistake(pattern):
         context.error("E305", f"{quote(played.text)}: {mistake}", played.place)
     only = next(pattern.leaves(), None) if pattern.is_plain else None
@@ -79,7 +81,7 @@ def _entry(
         player=context.name,
         what=played.text if only is None else only.name or "",
         at=entry_values["at"],
-        every=_spaced(pattern, entry_values.get("every"), do),
+        every=_repetition_length(pattern, entry_values.get("every"), do),
         times=entry_values.get("times"),
         until=entry_values.get("until"),
         do=do,
@@ -91,7 +93,9 @@ def _entry(
     )
 
 
-def _spaced(pattern: Pattern, step_length: Length | None, do: Iterable[Transform]) -> Length | None:
+def _repetition_length(
+    pattern: Pattern, step_length: Length | None, do: Iterable[Transform]
+) -> Length | None:
     """The time between repetitions, which `fast` and `slow` change; None where a gesture's own
     length says it.
     """
@@ -131,12 +135,14 @@ class _PlayedShape(Reference):
         return Played(" ".join(table_text.split()), play_order, node.place)
 
 
-_PLAYED = _PlayedShape(
+_PLAYED_SHAPE = _PlayedShape(
     "a gesture or a take, or several, such as knock lean knock", ("gestures", "takes")
 )
-_TURNS = Text(parse_turns, "transformations of some rounds, such as 4th do mirror", has_values=True)
+_TURNS_SHAPE = Text(
+    parse_turns, "transformations of some rounds, such as 4th do mirror", has_values=True
+)
 _WHEN_FIELD = Field("at", k.WHEN, "when it begins", required=True)
-_OPTIONS = (
+_OPTION_FIELDS = (
     Field("every", k.LENGTH, "time between repetitions or steps", shown="its own length"),
     Field(
         "times",
@@ -146,24 +152,24 @@ _OPTIONS = (
     ),
     Field("until", k.WHEN, "position from which on no repetition begins"),
     *PATTERN_TABLE,
-    Field("nth", _TURNS, "transformations of every nth round"),
+    Field("nth", _TURNS_SHAPE, "transformations of every nth round"),
     *ENTRY_FIELDS,
     Field("rate", k.RATE, "not used; the rate of the key is"),
 )
-PLAY = Record(
+PLAY_RECORD = Record(
     "part entry",
     "a gesture or take, when, how often and how",
     (
         _WHEN_FIELD,
-        Field("play", _PLAYED, "what is played: a name or a pattern", required=True),
-        *_OPTIONS,
+        Field("play", _PLAYED_SHAPE, "what is played: a name or a pattern", required=True),
+        *_OPTION_FIELDS,
         Field("do", PLAY_DO, "transformations, left to right"),
     ),
-    _play,
+    _play_of_values,
     meant={"repeat": "times"},
 )
 # The shape that reads each word's value, here and at the prompt.
-SHAPES = {f.name: f.shape for f in (_WHEN_FIELD, *_OPTIONS)}
+OPTION_SHAPES = {f.name: f.shape for f in (_WHEN_FIELD, *_OPTION_FIELDS)}
 
 
 @dataclass(frozen=True)
@@ -241,7 +247,7 @@ def _row(row_text: str, text_offset: int, text_node: Scalar, context: Context) -
         if is_block
         else _place(what_words, text_node)
     )
-    return _entry(
+    return _play_of_entry(
         cast("_EntryValues", entry_fields),
         context,
         Played(Name(row_text, place), parsed_row.play.order, place),
@@ -255,7 +261,7 @@ def _place(word: words.Word, node: Scalar) -> Place:
 
 
 def _option(option_name: str, option_word: words.Word, text_node: Scalar, context: Context) -> Any:
-    shape = SHAPES.get(option_name)
+    shape = OPTION_SHAPES.get(option_name)
     if not isinstance(shape, Text):
         context.error(
             "E108", f"{option_name!r} is not built yet for a part", _place(option_word, text_node)
@@ -269,4 +275,4 @@ def _option(option_name: str, option_word: words.Word, text_node: Scalar, contex
         return MISSING
 
 
-PART = Part(ListOf(PLAY))
+PART_SHAPE = Part(ListOf(PLAY_RECORD))

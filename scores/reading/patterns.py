@@ -10,23 +10,23 @@ from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Text
 from ergon.scores.pattern.order import Group
 from ergon.scores.pattern.pattern import Pattern
-from ergon.scores.pattern.rhythm import EVEN, Euclid, parse_euclid, parse_swing
+from ergon.scores.pattern.rhythm import EVEN_SWING, Euclid, parse_euclid, parse_swing
 from ergon.scores.pattern.turns import Turn
 
-_EUCLID = Text(
+_EUCLID_SHAPE = Text(
     parse_euclid,
     "pulses and steps, such as 3 8 or 3 8 rotate 2",
     "^[0-9]+ +[0-9]+( +rotate +[0-9]+)?$",
     has_values=True,
 )
-_SWING = Text(parse_swing, "a share of two steps, such as 0.6, 2/3 or 60%", is_value=True)
-_SKIP = k.integer(0, MAX_OCCURRENCES, "5")
+_SWING_SHAPE = Text(parse_swing, "a share of two steps, such as 0.6, 2/3 or 60%", is_value=True)
+_SKIP_SHAPE = k.integer(0, MAX_OCCURRENCES, "5")
 # Rhythm and chance of the places of a pattern; gestures and strikes have the same fields.
 PATTERN_TABLE = (
     Field("chance", k.CHANCE, "chance of each place of the pattern", shown="1"),
-    Field("euclid", _EUCLID, "a Euclidean rhythm: pulses and steps", shown="every step"),
-    Field("swing", _SWING, "share that the first of two steps takes of both", shown="0.5"),
-    Field("skip", _SKIP, "places that are left out at the beginning", shown="0"),
+    Field("euclid", _EUCLID_SHAPE, "a Euclidean rhythm: pulses and steps", shown="every step"),
+    Field("swing", _SWING_SHAPE, "share that the first of two steps takes of both", shown="0.5"),
+    Field("skip", _SKIP_SHAPE, "places that are left out at the beginning", shown="0"),
 )
 PATTERN_FIELDS = tuple(field.name for field in PATTERN_TABLE)
 
@@ -46,7 +46,7 @@ def pattern_of(pattern_values: PatternValues, pattern_order: Group) -> Pattern:
     return Pattern(
         pattern_order,
         euclid=pattern_values.get("euclid"),
-        swing=pattern_values.get("swing", EVEN),
+        swing=pattern_values.get("swing", EVEN_SWING),
         chance=pattern_values.get("chance"),
         turns=pattern_values.get("nth", ()),
         skip=pattern_values.get("skip", 0),

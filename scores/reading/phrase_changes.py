@@ -27,7 +27,7 @@ def length_of(phrase_rows: Sequence[Row], written_length: Length | None) -> Leng
     return Length(beats=floor(last_beat) + 1.0)
 
 
-def transformed(
+def transformed_rows(
     phrase_rows: Sequence[Row],
     phrase_length: Length,
     chain: Iterable[Transform],
@@ -39,9 +39,9 @@ def transformed(
         if transform.word == "mirror":
             rows_out = tuple(mirrored(row, rows_out[0]) for row in rows_out)
             continue
-        act = _ACTS.get(transform.word)
+        act = _CHANGE_BY_WORD.get(transform.word)
         if act is None:
-            transform_names = ", ".join([*_ACTS, "mirror"])
+            transform_names = ", ".join([*_CHANGE_BY_WORD, "mirror"])
             message = (
                 f"'{transform.word}' moves the points of a gesture; a phrase has {transform_names}"
             )
@@ -57,27 +57,27 @@ def transformed(
     return rows_out, phrase_length
 
 
-def _scale(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _scale_levels(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     for row in rows:
         yield replace(row, level=row.level and row.level.scaled(t.amount))
 
 
-def _stretch(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _stretch_times(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     for row in rows:
         lasting = row.lasting and row.lasting.times(t.amount)
-        yield replace(row, at=_length(row).times(t.amount), lasting=lasting)
+        yield replace(row, at=_row_length(row).times(t.amount), lasting=lasting)
 
 
-def _shift(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _shift_times(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     for phrase_row in rows:
-        length = _length(phrase_row)
+        length = _row_length(phrase_row)
         beats, seconds = length.beats + t.time.beats, length.seconds + t.time.seconds
         yield replace(phrase_row, at=Length(length.bars, beats, seconds))
 
 
-def _reverse(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _reverse_rows(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     """The rows in reverse order, within the same time span."""
-    row_lengths = [(a.bars, a.beats, a.seconds) for a in map(_length, phrase_rows)]
+    row_lengths = [(a.bars, a.beats, a.seconds) for a in map(_row_length, phrase_rows)]
     if sum(any(unit) for unit in zip(*row_lengths, strict=True)) > 1:
         message = "'reverse' needs entries in one unit: all in beats, in bars or in seconds"
         raise TextError(message, offset=t.offset, length=t.length)
@@ -92,9 +92,9 @@ def _reverse(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
         )
 
 
-def _quantise(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _quantise_times(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     for phrase_row in rows:
-        row_length = _length(phrase_row)
+        row_length = _row_length(phrase_row)
         if row_length.bars or row_length.seconds:
             message = "'quantise' moves beats; the entries of this phrase are in bars or seconds"
             raise TextError(message, offset=t.offset, length=t.length)
@@ -103,12 +103,12 @@ def _quantise(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
         )
 
 
-def _from(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _start_from(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     """Rows from an instant on, which becomes the beginning; every row has its own impulse
     already.
     """
     for phrase_row in phrase_rows:
-        later_length = _length_after(_length(phrase_row), t)
+        later_length = _length_after(_row_length(phrase_row), t)
         if min(later_length.beats, later_length.seconds) >= 0.0:
             yield replace(phrase_row, at=later_length)
 
@@ -122,7 +122,7 @@ def _length_after(length_before: Length, t: Transform) -> Length:
     return Length(0.0, length_before.beats - t.time.beats, length_before.seconds - t.time.seconds)
 
 
-def _jitter(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _jitter_times(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     if t.x:
         message = "a phrase has instants and no positions to move; write jitter 4ms 0mm"
         raise TextError(message, offset=t.offset, length=t.length)
@@ -130,17 +130,17 @@ def _jitter(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
         yield replace(row, jitter=Length(0.0, t.time.beats, t.time.seconds))
 
 
-def _length(row: Row) -> Length:
+def _row_length(row: Row) -> Length:
     assert isinstance(row.at, Length)
     return row.at
 
 
-_ACTS: Mapping[str, Callable[[Sequence[Row], Transform], Iterator[Row]]] = {
-    "scale": _scale,
-    "stretch": _stretch,
-    "reverse": _reverse,
-    "shift": _shift,
-    "quantise": _quantise,
-    "from": _from,
-    "jitter": _jitter,
+_CHANGE_BY_WORD: Mapping[str, Callable[[Sequence[Row], Transform], Iterator[Row]]] = {
+    "scale": _scale_levels,
+    "stretch": _stretch_times,
+    "reverse": _reverse_rows,
+    "shift": _shift_times,
+    "quantise": _quantise_times,
+    "from": _start_from,
+    "jitter": _jitter_times,
 }

@@ -11,7 +11,7 @@ from ergon.notation.tables.named_values import parse_with_names
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.gesture.transforms import ARITY, MEANINGS, Transform, parse_do
-from ergon.scores.pattern.cycle_table import TABLE
+from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 
 
@@ -27,7 +27,7 @@ def split_do(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Transform,
         stop = chain_text.find(",", part_start)
         part_text = chain_text[part_start : stop if stop >= 0 else len(chain_text)]
         word = next(iter(part_text.split()), "")
-        if is_rhythm or (word in TABLE and word not in ARITY):
+        if is_rhythm or (word in FORM_BY_WORD and word not in ARITY):
             parse_transforms(chain_text[part_start:], part_start)
             return tuple(chain), chain_text[part_start:].strip()
         chain.append(parse_do(part_text, part_start))
@@ -35,7 +35,7 @@ def split_do(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Transform,
     return tuple(chain), ""
 
 
-def _entries_do(chain_text: str) -> tuple[Transform, ...]:
+def _parse_entries_do(chain_text: str) -> tuple[Transform, ...]:
     """The transformations of a phrase itself. Raises TextError for those of rhythms."""
     chain, rhythm = split_do(chain_text)
     if rhythm:
@@ -48,27 +48,27 @@ def _entries_do(chain_text: str) -> tuple[Transform, ...]:
     return chain
 
 
-def _entry_do(entry_text: str) -> Transform:
-    chain = _entries_do(entry_text)
+def _parse_entry_do(entry_text: str) -> Transform:
+    chain = _parse_entries_do(entry_text)
     if len(chain) != 1:
         message = f"{quote(entry_text)} is not one transformation; write one in each item of a list"
         raise TextError(message, length=len(entry_text))
     return chain[0]
 
 
-_EXAMPLE = "such as stretch 2, reverse"
+_EXAMPLE_TEXT = "such as stretch 2, reverse"
 # The `do` of a phrase.
 DO = Either(
     scalar=Text(
-        _entries_do,
-        f"transformations, {_EXAMPLE}",
+        _parse_entries_do,
+        f"transformations, {_EXAMPLE_TEXT}",
         types=("string",),
         has_values=True,
         meanings=MEANINGS,
     ),
     sequence=ListOf(
         Text(
-            _entry_do,
+            _parse_entry_do,
             "a transformation, such as reverse",
             types=("string",),
             has_values=True,

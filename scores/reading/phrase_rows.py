@@ -13,9 +13,9 @@ from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading.melody import MAX_ROWS, Row
 from ergon.scores.reading.note_targets import NoteTargets
-from ergon.scores.reading.phrase_changes import length_of, transformed
+from ergon.scores.reading.phrase_changes import length_of, transformed_rows
 
-_DEEPEST = 20  # phrases inside one another
+_PHRASE_DEPTH_MAX = 20  # phrases inside one another
 
 
 def phrase_rows(
@@ -51,8 +51,10 @@ def phrase_rows(
             )
             phrase.context.error("E302", f"{message}these entries", phrase_row.place)
             return None
-        if len(path) > _DEEPEST:
-            message = f"{phrase.context.label('')}: phrases are nested more than {_DEEPEST} deep"
+        if len(path) > _PHRASE_DEPTH_MAX:
+            message = (
+                f"{phrase.context.label('')}: phrases are nested more than {_PHRASE_DEPTH_MAX} deep"
+            )
             phrase.context.error("E105", message, phrase_row.place)
             return None
         entry_levels = None if row_written.level is None else Levels((row_written.level,))
@@ -62,9 +64,10 @@ def phrase_rows(
         inner_rows, named_length = named_rows
         assert isinstance(phrase_row.at, Length)
         rows += (
-            _moved(inner_row, phrase_row.at, phrase_values, voices) for inner_row in inner_rows
+            _row_within_phrase(inner_row, phrase_row.at, phrase_values, voices)
+            for inner_row in inner_rows
         )
-        inner_end = _later(inner_end, phrase_row.at, named_length)
+        inner_end = _later_end(inner_end, phrase_row.at, named_length)
         if len(rows) > MAX_ROWS:
             message = f"{phrase.context.label('')} has more than {MAX_ROWS:,} strikes"
             phrase.context.error("E105", message, phrase_row.place)
@@ -80,13 +83,13 @@ def phrase_rows(
         phrase.error("E103", message, "entries")
         return None
     try:
-        return transformed(rows, length_here, phrase["do"] or (), voices.mirrored)
+        return transformed_rows(rows, length_here, phrase["do"] or (), voices.mirrored)
     except TextError as error:
         phrase.error("E306", f"{phrase.context.label('do')}: {error.message}", "do")
         return None
 
 
-def _later(end_beat: float | None, begin_length: Length, length: Length) -> float | None:
+def _later_end(end_beat: float | None, begin_length: Length, length: Length) -> float | None:
     """The later end of two, in beats; None if one is not in beats."""
     lengths = (begin_length, length)
     if end_beat is None or any(row_length.bars or row_length.seconds for row_length in lengths):
@@ -94,7 +97,9 @@ def _later(end_beat: float | None, begin_length: Length, length: Length) -> floa
     return max(end_beat, begin_length.beats + length.beats)
 
 
-def _moved(phrase_row: Row, begin_beat: Length, phrase: Values, voices: NoteTargets) -> Row:
+def _row_within_phrase(
+    phrase_row: Row, begin_beat: Length, phrase: Values, voices: NoteTargets
+) -> Row:
     """A strike of a phrase that begins somewhere in another; its notes are those of its own `to`,
     where that is not the other's.
     """
@@ -129,10 +134,10 @@ def with_levels(rows: Sequence[Row], strike_levels: Levels | None) -> tuple[Row,
         )
         if is_pattern and phrase_row.level is None:
             level_before = None  # the next row has the next level of the pattern
-    return tuple(_swollen(rows, leveled_rows))
+    return tuple(_with_swells(rows, leveled_rows))
 
 
-def _swollen(rows_written: Sequence[Row], rows: Sequence[Row]) -> Iterator[Row]:
+def _with_swells(rows_written: Sequence[Row], rows: Sequence[Row]) -> Iterator[Row]:
     """Rows whose levels go evenly, strike by strike, from each that swells to the next level that
     is written.
     """

@@ -17,8 +17,8 @@ from ergon.scores.pattern.rhythm_text import WORD
 from ergon.scores.reading.piece import Hit, Strikes
 from ergon.scores.reading.rhythms import Rhythm
 
-_PARTS = 10_000  # finest grid of entries in a beat or a second
-_FINE = 1_000  # large weights are written with so many parts
+_CYCLE_PARTS_MAX = 10_000  # finest grid of entries in a beat or a second
+_CYCLE_PARTS_FINE = 1_000  # large weights are written with so many parts
 _ROUNDING = 1e-9
 
 
@@ -30,19 +30,21 @@ class _Notes(NamedTuple):
     words: tuple[str, ...]
 
 
-def phrased(strikes: Strikes) -> Rhythm:
+def rhythm_of_phrase(strikes: Strikes) -> Rhythm:
     """A phrase that strikes play, as a rhythm whose words strike nothing yet.
 
     Raises TextError if it has entries that a rhythm has not.
     """
     assert strikes.length is not None
     cycle = strikes.every or strikes.length
-    unit = _unit(cycle, strikes.hits)
-    total = _exact(getattr(cycle, unit))
-    return Rhythm(_text(list(_notes(strikes.hits, unit, total)), total), "", cycle, {})
+    unit = _length_unit(cycle, strikes.hits)
+    total = _exact_fraction(getattr(cycle, unit))
+    return Rhythm(
+        _rhythm_text(list(_notes_of_round(strikes.hits, unit, total)), total), "", cycle, {}
+    )
 
 
-def _unit(cycle: Length, hits: Sequence[Hit]) -> str:
+def _length_unit(cycle: Length, hits: Sequence[Hit]) -> str:
     """The field of `Length` in which everything is written."""
     lengths = [cycle, *(length for hit in hits for length in (hit.at, hit.lasting))]
     units_used = {
@@ -54,8 +56,8 @@ def _unit(cycle: Length, hits: Sequence[Hit]) -> str:
     return units_used.pop()
 
 
-def _exact(exact_value: float) -> Fraction:
-    exact = Fraction(exact_value).limit_denominator(_PARTS)
+def _exact_fraction(exact_value: float) -> Fraction:
+    exact = Fraction(exact_value).limit_denominator(_CYCLE_PARTS_MAX)
     if abs(float(exact) - exact_value) > _ROUNDING * max(1.0, abs(exact_value)):
         raise TextError(
             f"{exact_value!r} is no simple fraction, as steps of a rhythm are; use quantise"
@@ -63,13 +65,15 @@ def _exact(exact_value: float) -> Fraction:
     return exact
 
 
-def _notes(hits: Sequence[Hit], length_unit: str, round_length: Fraction) -> Iterator[_Notes]:
+def _notes_of_round(
+    hits: Sequence[Hit], length_unit: str, round_length: Fraction
+) -> Iterator[_Notes]:
     """The notes of a round in order; those without an end last until the next ones."""
     notes_by_span: dict[tuple[Fraction, Fraction | None], dict[str, None]] = {}
     for phrase_hit in hits:
         if phrase_hit.jitter != Length():
             raise TextError("a rhythm has exact instants and no jitter; leave one of the two out")
-        note_begin = _exact(getattr(phrase_hit.at, length_unit))
+        note_begin = _exact_fraction(getattr(phrase_hit.at, length_unit))
         if not 0 <= note_begin < round_length:
             message = (
                 f"{quote(phrase_hit.what)} lies outside the round that is repeated; a rhythm "
@@ -77,9 +81,13 @@ def _notes(hits: Sequence[Hit], length_unit: str, round_length: Fraction) -> Ite
             )
             raise TextError(f"{message}a round that has all of its entries")
         lasting = (
-            None if phrase_hit.lasting is None else _exact(getattr(phrase_hit.lasting, length_unit))
+            None
+            if phrase_hit.lasting is None
+            else _exact_fraction(getattr(phrase_hit.lasting, length_unit))
         )
-        struck = dict.fromkeys(_word(name, phrase_hit.level) for name in phrase_hit.what.split())
+        struck = dict.fromkeys(
+            _word_text(name, phrase_hit.level) for name in phrase_hit.what.split()
+        )
         notes_by_span.setdefault((note_begin, lasting), {}).update(struck)
     begins = sorted({begin for begin, _ in notes_by_span})
     following = dict(zip(begins, [*begins[1:], round_length], strict=True))
@@ -91,8 +99,8 @@ def _notes(hits: Sequence[Hit], length_unit: str, round_length: Fraction) -> Ite
             yield _Notes(note_begin, end, tuple(note_words))
 
 
-def _word(name: str, level: Level) -> str:
-    level_word = f"{tuning.spelled(name)}:{_level(level)}"
+def _word_text(name: str, level: Level) -> str:
+    level_word = f"{tuning.spelled(name)}:{_level_text(level)}"
     if not WORD.fullmatch(level_word):
         raise TextError(
             f"{quote(level_word)} is no word of a rhythm; write one level, such as mf or 2mNs"
@@ -100,7 +108,7 @@ def _word(name: str, level: Level) -> str:
     return level_word
 
 
-def _level(written_level: Level) -> str:
+def _level_text(written_level: Level) -> str:
     """A level as short as it can be written."""
     if (
         written_level.is_strength
@@ -116,7 +124,7 @@ def _level(written_level: Level) -> str:
     return written_level.written
 
 
-def _text(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
+def _rhythm_text(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
     """Steps in as many lines as notes sound at the same time."""
     note_lines: list[list[_Notes]] = []
     for notes_group in round_notes:
@@ -125,10 +133,10 @@ def _text(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
             note_lines.append([notes_group])
         else:
             free_line.append(notes_group)
-    return ", ".join(_line(line, round_length) for line in note_lines)
+    return ", ".join(_line_text(line, round_length) for line in note_lines)
 
 
-def _line(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
+def _line_text(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
     weighted_steps: list[tuple[str, Fraction]] = []
     last_end = Fraction(0)
     for notes_begin, notes_end, notes_words in round_notes:
@@ -146,9 +154,9 @@ def _line(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
     parts = lcm(*(width.denominator for _, width in weighted_steps))
     step_weights = [int(width * parts) for _, width in weighted_steps]
     step_weights = [weight // gcd(*step_weights) for weight in step_weights]
-    if max(step_weights) > MAX_NUMBER * _FINE:
+    if max(step_weights) > MAX_NUMBER * _CYCLE_PARTS_FINE:
         raise TextError("the entries lie too unevenly for a rhythm; use quantise")
-    scale = 1 if max(step_weights) <= MAX_NUMBER else _FINE
+    scale = 1 if max(step_weights) <= MAX_NUMBER else _CYCLE_PARTS_FINE
     return " ".join(
         word if weight == scale else f"{word}@{weight / scale:.12g}"
         for (word, _), weight in zip(weighted_steps, step_weights, strict=True)

@@ -16,7 +16,7 @@ from ergon.notation.tables.tuning import Tuning, tuning_of_path
 from ergon.notation.text.values import Place
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
-from ergon.scores.pattern.steps import Steps, steps
+from ergon.scores.pattern.steps import Steps, line_steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.digest_marks import OMIT_EMPTY, OMIT_NONE
@@ -226,7 +226,9 @@ class Strikes:
         tempo = piece.tempo_map
         begin, stop = tempo.resolve(self.at), self.stop(tempo)
         place_sequence = PlaceSequence(self.pattern, Draws(piece.seed, self.who))
-        return steps(tempo, begin, place_sequence, every=self.every, times=self.times, until=stop)
+        return line_steps(
+            tempo, begin, place_sequence, every=self.every, times=self.times, until=stop
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from ergon.scores.pattern import turn_chain
 from ergon.scores.reading.playing import NO_OPTIONS, Ergons, PlayingOptions, Touch
 
 HAND_WORDS = MEANINGS | {
-    word: f"{form.line}, such as {form.example}" for word, form in turn_chain.FORMS.items()
+    word: f"{form.line}, such as {form.example}" for word, form in turn_chain.TURN_FORMS.items()
 }
 DO = Either(
     scalar=Text(

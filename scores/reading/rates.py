@@ -5,7 +5,7 @@ numbers.
 from __future__ import annotations
 
 from ergon.notation.tables.fields import Values
-from ergon.scores.reading.sections import RATE
+from ergon.scores.reading.sections import DEFAULT_RATE_HZ
 
 _TOLERANCE = 1e-6  # relative tolerance: rates are written with few digits
 
@@ -21,10 +21,10 @@ class Rates:
         rate above it.
         """
         rates = score["rates"]
-        self.audio: float = rates["audio"] if rates else RATE
+        self.audio: float = rates["audio"] if rates else DEFAULT_RATE_HZ
         is_said = rates is not None and rates.written("gesture")
         self.gesture = _rate_divisor(self.audio, rates, "gesture") if is_said else 1
-        self.motion = _motion(self.audio, rates) if rates else None
+        self.motion = _motion_rate(self.audio, rates) if rates else None
 
     def key_step_frames(self, values: Values) -> int:
         """Frames between two steps of a key's springs; 1: at every frame."""
@@ -38,7 +38,7 @@ class Rates:
         return _rate_divisor(self.audio, values, "rate") if values.written("rate") else None
 
 
-def _motion(audio: float, rates: Values) -> float | None:
+def _motion_rate(audio: float, rates: Values) -> float | None:
     """The lowest rate of parts that are only seen; None if none is written, or if an error was
     reported.
     """

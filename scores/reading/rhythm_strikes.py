@@ -17,16 +17,16 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place
 from ergon.scores.pattern.struck import Struck, key_of, name_of, notes_of
 from ergon.scores.reading import build
-from ergon.scores.reading.clocked import clocked
+from ergon.scores.reading.clocked import rhythm_of_clock
 from ergon.scores.reading.melody import Row
 from ergon.scores.reading.note_targets import NoteTargets
 from ergon.scores.reading.phrase_do import rhythm_do
 from ergon.scores.reading.piece import Strikes
 from ergon.scores.reading.rhythms import (
-    HERE,
+    ANY_WORD,
     Rhythm,
     Voice,
-    compiled,
+    compiled_rhythm,
     level_of,
 )
 
@@ -59,7 +59,7 @@ def transformed_strikes(
     None if an error was reported.
     """
     try:
-        rhythm = clocked(strikes)
+        rhythm = rhythm_of_clock(strikes)
     except TextError as error:
         strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
@@ -94,7 +94,7 @@ def _with_words(
     strikes_label, rhythm = f"strikes {quote(strike_values.context.name)}", strikes.rhythm
     assert rhythm is not None
     try:
-        leaves = compiled(rhythm.text, do).leaves
+        leaves = compiled_rhythm(rhythm.text, do).leaves
     except TextError as error:  # the transformations make it too large
         strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
@@ -104,7 +104,7 @@ def _with_words(
         is_strength = (
             level_of(leaf) or strike_levels.steps[0]
         ).is_strength or strike_levels.has_strengths
-        voice = _voice(
+        voice = _voice_of_word(
             leaf, place_of_word(leaf), note_targets, strikes_label, is_strength=is_strength
         )
         if voice is None:
@@ -115,7 +115,7 @@ def _with_words(
     return replace(strikes, to=tuple(to), levels=strike_levels, rhythm=rhythm)
 
 
-def _voice(
+def _voice_of_word(
     leaf: Struck,
     word_place: Place,
     note_targets: NoteTargets,
@@ -139,11 +139,11 @@ def _voice(
         collector.error("E306", f"{strikes_label}: {error.message}", word_place)
         return None
     strike_targets: Iterable[Target]
-    if leaf_name == HERE and note_targets.to:
+    if leaf_name == ANY_WORD and note_targets.to:
         strike_targets = [
             t
             for name in note_targets.to
-            for t in note_targets.part_names.struck(name, strikes_label)
+            for t in note_targets.part_names.struck_targets(name, strikes_label)
         ]
     else:
         strike_targets = note_targets.targets(
@@ -151,7 +151,11 @@ def _voice(
         )
     by_reach: dict[ImpulseRange | None, list[Target]] = {}
     for target in strike_targets:
-        reach = note_targets.part_names.sure_reach(target, strikes_label) if is_strength else None
+        reach = (
+            note_targets.part_names.required_impulse_range(target, strikes_label)
+            if is_strength
+            else None
+        )
         by_reach.setdefault(reach, []).append(target)
     if collector.n_reports > n_reports:
         return None

@@ -31,7 +31,7 @@ from ergon.scores.pattern.phrasing import swell
 from ergon.scores.pattern.rhythm_text import WORD, line_begins, parse
 from ergon.scores.pattern.struck import Struck, key_of, name_of, note_of, notes_of
 
-HERE = "x"  # the word for what `to` names
+ANY_WORD = "x"  # the word for what `to` names
 LONGEST_CYCLES = 8.0  # longest note [cycles] that earlier cycles are searched for
 _SAME_STROKE = 1e-9  # tolerance, in strokes, for a rate times a length
 MAX_CYCLES = 200_000  # cycles of one rhythm: more than two days at one a second
@@ -98,19 +98,19 @@ class Rhythm:
         cycles: range,
     ) -> Iterator[Stroke]:
         """The strokes of some cycles, in order; `draws` are the seed and who plays."""
-        cycles_source = _cycles_of(self.text, self.do, self.tuning, *draws)
+        cycles_source = _cycle_events(self.text, self.do, self.tuning, *draws)
         for turn in cycles:
             cycle_begin, cycle_end = (self.begin(tempo, start, n) for n in (turn, turn + 1))
             cycle_number = self.first + turn
             events = cycles_source(cycle_number)
             strokes: list[_Placed] = []
-            for event, loud in zip(events, _levels(events, levels), strict=True):
+            for event, loud in zip(events, _levels_of_events(events, levels), strict=True):
                 share, span, lasting, struck_word = event
                 stroke_beat, duration = (
                     cycle_begin + share * (cycle_end - cycle_begin),
                     lasting * (cycle_end - cycle_begin),
                 )
-                strokes += _placed(
+                strokes += _placed_strokes(
                     tempo,
                     stroke_beat,
                     span * (cycle_end - cycle_begin),
@@ -119,8 +119,8 @@ class Rhythm:
                     loud,
                 )
                 if len(strokes) > MAX_EVENTS:
-                    raise TextError(_TOO_MANY)
-            strokes.sort(key=_BEAT)
+                    raise TextError(_TOO_MANY_MESSAGE)
+            strokes.sort(key=_BEAT_OF)
             for index, (stroke_beat, duration, struck_word, loud) in enumerate(strokes):
                 yield Stroke(
                     stroke_beat,
@@ -143,20 +143,20 @@ class Rhythm:
 
     def late(self) -> tuple[int, float]:
         """How much later than in its cycle a stroke may begin: in cycles and in seconds."""
-        return _late(self.text, self.do, self.tuning)
+        return _latest_delay(self.text, self.do, self.tuning)
 
 
 _CYCLES_SAMPLED = 8  # cycles from which the number of strokes is estimated
 _PLAIN_LEVELS = Levels((MEZZO_FORTE,))
-_TOO_MANY = (
+_TOO_MANY_MESSAGE = (
     f"a cycle of the rhythm would have more than {MAX_EVENTS:,} strokes; repeat them less often"
 )
 # A stroke's beat, how long it sounds in beats, what it strikes and how strongly.
 _Placed = tuple[float, float, Struck, Level]
-_BEAT = itemgetter(0)
+_BEAT_OF = itemgetter(0)
 
 
-def _levels(cycle_events: Sequence[_CycleEvent], levels: Levels) -> Iterator[Level]:
+def _levels_of_events(cycle_events: Sequence[_CycleEvent], levels: Levels) -> Iterator[Level]:
     """The level of each event: what its word says, else one of the levels in turn.
 
     What is part of a stroke has the stroke's level: of the nearest with its word before or after.
@@ -176,7 +176,7 @@ def _levels(cycle_events: Sequence[_CycleEvent], levels: Levels) -> Iterator[Lev
         yield loud.scaled(struck_word.factor) if struck_word.factor != 1.0 else loud
 
 
-def _placed(
+def _placed_strokes(
     tempo: TempoMap,
     stroke_beat: float,
     stroke_span: float,
@@ -194,7 +194,7 @@ def _placed(
     begin_seconds, end = tempo.seconds(stroke_beat), tempo.seconds(stroke_beat + stroke_span)
     repeat_count = max(1, ceil((end - begin_seconds) * rate - _SAME_STROKE))
     if repeat_count > MAX_EVENTS:
-        raise TextError(_TOO_MANY)
+        raise TextError(_TOO_MANY_MESSAGE)
     for turn in range(repeat_count):
         repeat_beat = tempo.beats(begin_seconds + turn / rate) if turn else stroke_beat
         stop_seconds = (
@@ -215,8 +215,8 @@ def _placed(
 
 
 @lru_cache(256)
-def _late(text: str, do: str, tuned: Tuning | None) -> tuple[int, float]:
-    leaves = compiled_in(text, do, tuned).leaves
+def _latest_delay(text: str, do: str, tuned: Tuning | None) -> tuple[int, float]:
+    leaves = compiled_in_tuning(text, do, tuned).leaves
     cycles = int(LONGEST_CYCLES) if any(leaf.repeats for leaf in leaves) else 0
     return cycles, max((leaf.delay for leaf in leaves), default=0.0)
 
@@ -227,17 +227,17 @@ def level_of(struck: Struck) -> Level | None:
     return LEVEL.parse(text) if colon else None  # the parser keeps its results
 
 
-def compiled(rhythm_text: str, do: str) -> Cycles[Struck]:
+def compiled_rhythm(rhythm_text: str, do: str) -> Cycles[Struck]:
     """The cycles of a text after its transformations, in the tuning of the file that is read.
 
     Raises TextError, with offsets into the text, or into the transformations once the text itself
     has been read.
     """
-    return compiled_in(rhythm_text, do, tuning.written())
+    return compiled_in_tuning(rhythm_text, do, tuning.written())
 
 
 @lru_cache(_RHYTHMS_CACHED)
-def compiled_in(rhythm_text: str, do: str, tuned: Tuning | None) -> Cycles[Struck]:
+def compiled_in_tuning(rhythm_text: str, do: str, tuned: Tuning | None) -> Cycles[Struck]:
     """The cycles of a text after its transformations, in a tuning. Raises TextError."""
     begins = line_begins(rhythm_text)
 
@@ -250,11 +250,11 @@ def compiled_in(rhythm_text: str, do: str, tuned: Tuning | None) -> Cycles[Struc
 
 
 @lru_cache(_RHYTHMS_CACHED)
-def _cycles_of(
+def _cycle_events(
     rhythm_text: str, do: str, tuned: Tuning | None, seed: int, owner: str
 ) -> Callable[[int], list[_CycleEvent]]:
     """The events of a cycle by its number; those that were asked for are remembered."""
-    cycles, chance = compiled_in(rhythm_text, do, tuned), chance_from(seed, owner)
+    cycles, chance = compiled_in_tuning(rhythm_text, do, tuned), chance_from(seed, owner)
     events_by_cycle: dict[int, list[_CycleEvent]] = {}
 
     def events(cycle_number: int) -> list[_CycleEvent]:
@@ -307,7 +307,7 @@ def check_text(rhythm_text: str) -> str:
 
     Raises TextError.
     """
-    for struck_leaf in compiled(rhythm_text, "").leaves:
+    for struck_leaf in compiled_rhythm(rhythm_text, "").leaves:
         try:
             notes_of(name_of(struck_leaf))
         except TextError as error:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import sqrt
 
-from ergon.instruments.kinds.outputs import MOVEMENTS
+from ergon.instruments.kinds.outputs import MOVEMENT_NAMES
 from ergon.instruments.model import Instrument
 from ergon.instruments.names import PartNames
 from ergon.notation.tables.quantities import ratio_of
@@ -17,7 +17,9 @@ from ergon.scores.reading.outputs import Mix, Route
 from ergon.scores.reading.playing import Key
 
 
-def routed(mix: Mix, parts_by_name: Mapping[str, Key | Instrument], part_names: PartNames) -> Mix:
+def routed_mix(
+    mix: Mix, parts_by_name: Mapping[str, Key | Instrument], part_names: PartNames
+) -> Mix:
     """A mix whose routes name instruments of `parts_by_name`, as `part_names` knows them."""
     is_relative = mix.reference() is not None
     for route in mix.routes if not is_relative else ():
@@ -28,17 +30,19 @@ def routed(mix: Mix, parts_by_name: Mapping[str, Key | Instrument], part_names: 
     note_routes = (
         note_route for route in mix.routes for note_route in _note_routes(route, part_names)
     )
-    routes_read = (_route(route, parts_by_name, part_names, mix.rooms) for route in note_routes)
+    routes_read = (
+        _checked_route(route, parts_by_name, part_names, mix.rooms) for route in note_routes
+    )
     return replace(mix, routes=tuple(route for route in routes_read if route is not None))
 
 
 def _note_routes(route: Route, part_names: PartNames) -> Iterable[Route]:
     """A route, or one from each note of an instrument that has notes."""
     name = Name(part_names.spelled(route.part), route.place)
-    return (replace(route, part=member_name) for member_name in part_names.members(name))
+    return (replace(route, part=member_name) for member_name in part_names.member_names(name))
 
 
-def _route(
+def _checked_route(
     route: Route,
     parts_by_name: Mapping[str, Key | Instrument],
     part_names: PartNames,
@@ -52,7 +56,7 @@ def _route(
         part_path, _, out = part_path.rpartition(".")
     instrument = parts_by_name.get(part_path)
     if not isinstance(instrument, Instrument):
-        if part_path not in part_names.broken:
+        if part_path not in part_names.refused_parts:
             message = f"route: no instrument is called {quote(route.part)}"
             names = tuple(
                 name
@@ -63,7 +67,7 @@ def _route(
             part_names.collector.error("E301", message, route.place, word=word, names=names)
         return None
     names = tuple(output.name for output in instrument.outputs)
-    if part_path in part_names.broken:
+    if part_path in part_names.refused_parts:
         return None
     if not names or (out is not None and out not in names):
         message = f"route: {quote(part_path)} has no output" + (f" {quote(out)}" if out else "")
@@ -71,13 +75,13 @@ def _route(
         part_names.collector.error(
             "E301", message, route.place, word=str(route.part), names=output_names
         )
-    part_names.reached.add(part_path)
-    levelled = _levelled(replace(route, part=part_path, out=out), instrument, part_names)
+    part_names.referenced_parts.add(part_path)
+    levelled = _route_with_level(replace(route, part=part_path, out=out), instrument, part_names)
     _check_route(levelled, instrument, rooms, part_names)
     return levelled
 
 
-def _levelled(route: Route, instrument: Instrument, part_names: PartNames) -> Route:
+def _route_with_level(route: Route, instrument: Instrument, part_names: PartNames) -> Route:
     """A route with the ratio that leads to its level: the channels share the power."""
     if route.level is None:
         return route
@@ -105,14 +109,14 @@ def _check_route(
                 "E301", message, room_name.place, word=room_name, names=room_names
             )
     outputs_routed = [out for out in instrument.outputs if route.out in (None, out.name)]
-    silent_output = next((out for out in outputs_routed if not out.traits.radiates), None)
+    silent_output = next((out for out in outputs_routed if not out.kind_facts.radiates), None)
     if route.radiation is not None and silent_output is not None:
         message = (
             f"route: `radiate` takes an acceleration, and {route.part} gives {silent_output.kind}"
         )
         help = "listen by SOA: the pressure of a small source is proportional to its acceleration"
         part_names.collector.error("E304", message, route.place, help=help)
-    force_kinds = [out.kind for out in outputs_routed if not out.traits.is_movement]
+    force_kinds = [out.kind for out in outputs_routed if not out.kind_facts.is_movement]
     if route.to == "nearest" and any(
         not out.is_movement and out.nearest is None for out in outputs_routed
     ):
@@ -121,5 +125,5 @@ def _check_route(
             "route: `nearest` needs masses, which have positions, and "
             f"{route.part} gives {quantity}"
         )
-        help = f"name channels, `to: [1, 2]`, or listen to masses by {MOVEMENTS}"
+        help = f"name channels, `to: [1, 2]`, or listen to masses by {MOVEMENT_NAMES}"
         part_names.collector.error("E304", message, route.place, help=help)

@@ -13,7 +13,7 @@ from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import MidpointChance, Transform, apply, apply_to_take
-from ergon.scores.pattern.steps import steps
+from ergon.scores.pattern.steps import line_steps
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.playing import Gesture, Play
@@ -25,7 +25,7 @@ _NO_LOSSES: tuple[str, ...] = ()
 MAX_STRIKES = 2_000_000  # strikes in a piece: some 340 MB
 
 
-def schedule(
+def start_beats(
     piece: Piece, begins: Sequence[float], known_plays: KnownPlays, collector: Collector
 ) -> tuple[Sequence[float] | None, ...]:
     """Beats on which each line of the parts is played; None if only a take's file can tell.
@@ -34,7 +34,7 @@ def schedule(
     Reports occurrences without end, bar checks that are not on a bar (W311), and points that
     transformations lose (W315).
     """
-    line_starts = _starts(piece, begins, known_plays, collector)
+    line_starts = _all_starts(piece, begins, known_plays, collector)
     strike_counts = known_plays.recall("counts", piece.strikes, piece.seed)
     if not strike_counts.unknown:
         return line_starts
@@ -43,7 +43,7 @@ def schedule(
     )
     for strikes_index in strike_counts.unknown:
         n_reports = collector.n_reports
-        strike_count = _count(piece.strikes[strikes_index], piece, strikes_left, collector)
+        strike_count = _strike_count(piece.strikes[strikes_index], piece, strikes_left, collector)
         if collector.n_reports == n_reports:
             strike_counts.values[strikes_index] = strike_count
         strikes_left -= strike_count
@@ -51,7 +51,7 @@ def schedule(
     return line_starts
 
 
-def _starts(
+def _all_starts(
     piece: Piece, begins: Sequence[float], known_plays: KnownPlays, collector: Collector
 ) -> tuple[Sequence[float] | None, ...]:
     """Beats on which each line of the parts is played; lines in `known_plays` are not computed
@@ -69,7 +69,7 @@ def _starts(
     reported: dict[int, Sequence[float] | None] = {}
     for line_index in known_starts.unknown:
         n_reports = collector.n_reports
-        line_beats = _line(
+        line_beats = _line_beats(
             piece, piece.parts[line_index], begins[line_index], lengths, room, collector
         )
         n_beats = 0 if line_beats is None else len(line_beats)
@@ -89,7 +89,7 @@ def _starts(
     )
 
 
-def _line(
+def _line_beats(
     piece: Piece,
     part_play: Play,
     begin_beat: float,
@@ -99,24 +99,28 @@ def _line(
 ) -> Sequence[float] | None:
     """Beats on which a line is played; None if only a take's file can tell."""
     if part_play.pattern is not None:
-        return _pattern(piece, part_play, begin_beat, known_lengths, room, collector)
+        return _pattern_beats(piece, part_play, begin_beat, known_lengths, room, collector)
     line_beats = None
     gesture = piece.gestures.get(part_play.what)
     gesture_length, losses = Length(), _NO_LOSSES
     if gesture is not None:
-        gesture_length, losses = _length(piece, gesture, part_play, begin_beat, known_lengths)
+        gesture_length, losses = _gesture_length(
+            piece, gesture, part_play, begin_beat, known_lengths
+        )
     for loss in losses:
         collector.error("W315", f"{quote(part_play.what)}: {loss}", part_play.place)
     if gesture is not None or (
         _check_take_transforms(part_play, collector) and part_play.every is not None
     ):
-        line_beats = _beats(piece, part_play, begin_beat, gesture_length, room, collector)
+        line_beats = _repetition_beats(
+            piece, part_play, begin_beat, gesture_length, room, collector
+        )
     if gesture is not None and gesture.bar_checks and not part_play.do:
         _check_bar_lines(piece, gesture, line_beats[:1] if line_beats else [], collector)
     return line_beats
 
 
-def _pattern(
+def _pattern_beats(
     piece: Piece,
     part_play: Play,
     begin_beat: float,
@@ -133,13 +137,13 @@ def _pattern(
             for chain in part_play.chains:
                 _check_take_transforms(replace(part_play, what=gesture_name, do=chain), collector)
             continue
-        pattern_lengths[gesture_name], losses = _length(
+        pattern_lengths[gesture_name], losses = _gesture_length(
             piece, gesture, part_play, begin_beat, lengths
         )
         for loss in losses:
             collector.error("W315", f"{quote(gesture_name)}: {loss}", part_play.place)
     try:
-        return steps(
+        return line_steps(
             tempo,
             begin_beat,
             part_play.course(piece.seed),
@@ -155,7 +159,7 @@ def _pattern(
         return ()
 
 
-def _beats(
+def _repetition_beats(
     piece: Piece,
     part_play: Play,
     begin_beat: float,
@@ -180,7 +184,9 @@ def _beats(
         return []
 
 
-def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Collector) -> float:
+def _strike_count(
+    strikes: Strikes, piece: Piece, strikes_left: float, collector: Collector
+) -> float:
     """The number of strikes; reports an error if there are more than `strikes_left`, before any is
     drawn.
     """
@@ -206,7 +212,9 @@ def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Colle
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
-        return _left(strikes, float(strikes.cycles(tempo) * per_cycle), strikes_left, collector)
+        return _count_within(
+            strikes, float(strikes.cycles(tempo) * per_cycle), strikes_left, collector
+        )
     if strikes.has_rounds:
         try:
             once = sum(target.count for hit in strikes.hits for target in hit.to)
@@ -217,7 +225,7 @@ def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Colle
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
-        return _left(strikes, strike_count, strikes_left, collector)
+        return _count_within(strikes, strike_count, strikes_left, collector)
     if strikes.pattern is not None:
         try:
             n_rounds = float(len(strikes.steps(piece)))
@@ -244,10 +252,10 @@ def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Colle
             collector.error("E103", message, strikes.place)
     voices = strikes.voices.values() or (strikes.to,)
     struck = max(sum(target.count for target in voice) for voice in voices)
-    return _left(strikes, n_rounds * struck, strikes_left, collector)
+    return _count_within(strikes, n_rounds * struck, strikes_left, collector)
 
 
-def _left(
+def _count_within(
     strikes: Strikes, strike_count: float, strikes_left: float, collector: Collector
 ) -> float:
     """`strike_count`; 0 if an error was reported because it is above `strikes_left`."""
@@ -269,7 +277,7 @@ def _check_take_transforms(play: Play, collector: Collector) -> bool:
     return True
 
 
-def _length(
+def _gesture_length(
     piece: Piece,
     gesture: Gesture,
     part_play: Play,

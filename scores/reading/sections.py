@@ -5,7 +5,7 @@ The checker, the JSON Schema, the reference and the language server use these ta
 
 from __future__ import annotations
 
-from ergon.instruments.read import INSTRUMENT
+from ergon.instruments.read import INSTRUMENT_SHAPE
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
@@ -14,22 +14,27 @@ from ergon.notation.tables.tuning_fields import TUNING
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.foreign_words import ELSEWHERE, OTHER_METER
-from ergon.scores.reading.gesture_tables import TAKE, GestureShape, Raw
-from ergon.scores.reading.include import INCLUDE
-from ergon.scores.reading.key_tables import COUPLING, KEY, PLAYER
-from ergon.scores.reading.measured_tables import CALIBRATION, LAYOUT, distinct_fields, version
-from ergon.scores.reading.mix_tables import MIX, RENDER
+from ergon.scores.reading.gesture_tables import TAKE_RECORD, GestureShape, UnreadText
+from ergon.scores.reading.include import INCLUDE_RECORD
+from ergon.scores.reading.key_tables import COUPLING_RECORD, KEY_RECORD, PLAYER_RECORD
+from ergon.scores.reading.measured_tables import (
+    CALIBRATION_RECORD,
+    LAYOUT_RECORD,
+    distinct_fields,
+    parse_version,
+)
+from ergon.scores.reading.mix_tables import MIX_RECORD, RENDER_RECORD
 from ergon.scores.reading.outputs import METHODS
-from ergon.scores.reading.part import PART
-from ergon.scores.reading.strike_tables import PHRASE, STRIKES, MelodyShape
+from ergon.scores.reading.part import PART_SHAPE
+from ergon.scores.reading.strike_tables import PHRASE_RECORD, STRIKES_RECORD, MelodyShape
 
-RATE = 44100.0  # default frames a second
+DEFAULT_RATE_HZ = 44100.0  # default frames a second
 MAX_SEED = 2**64 - 1  # the random generator's key has 64 bits
-_LINK = (
+_LINK_ADVICE = (
     "Ableton Link is not part of ergon, because all bindings to it contain code under the GPL "
     "(docs/midi.md); `ergon repl SCORE --midi-clock-to PORT` shares the tempo"
 )
-TEMPO = Record(
+TEMPO_RECORD = Record(
     "tempo entry",
     "a tempo, a ramp or a meter from a position on",
     (
@@ -43,21 +48,21 @@ TEMPO = Record(
             "a MIDI or MusicXML file whose tempos hold, in the first line and alone there",
         ),
     ),
-    refused={"link": _LINK},
+    refused={"link": _LINK_ADVICE},
     elsewhere=ELSEWHERE["tempo entry"],
     lone={"bpm": r"(\d+(?:\.\d+)?|\d+(?:\.\d+)? *-> *\d+(?:\.\d+)?) *(?:bpm)?"},
 )
-METERS = Record(
+METERS_RECORD = Record(
     "meter map",
     "the meters of a MIDI or MusicXML file",
     (Field("from", k.PATH, "a MIDI or MusicXML file whose meters hold", required=True),),
     otherwise=OTHER_METER,
 )
-RATES = Record(
+RATES_RECORD = Record(
     "rates",
     "sample rates",
     (
-        Field("audio", k.RATE, "frames a second", RATE),
+        Field("audio", k.RATE, "frames a second", DEFAULT_RATE_HZ),
         Field("gesture", k.RATE, "of all keys: audio divided by a whole number", shown="audio"),
         Field(
             "motion",
@@ -68,7 +73,7 @@ RATES = Record(
     ),
     lone={"audio": r"(\d+(?:\.\d+)? *k?Hz)"},
 )
-ACCURACY = Record(
+ACCURACY_RECORD = Record(
     "accuracy",
     "error and cost that the plan may have; without the section the error stays inaudible",
     (
@@ -85,7 +90,7 @@ ACCURACY = Record(
         ),
     ),
 )
-LAW = Record(
+LAW_RECORD = Record(
     "law",
     "a law that LNL modules use by name; its constants are defaults",
     (
@@ -98,7 +103,7 @@ LAW = Record(
 MAX_BLOCK = 50  # lines that a block has at most
 
 
-def _line(line_text: str) -> str:
+def _session_line(line_text: str) -> str:
     """A line of a session; it is parsed when the block is run."""
     if not line_text.strip() or "\n" in line_text.strip():
         raise TextError(
@@ -107,18 +112,20 @@ def _line(line_text: str) -> str:
     return line_text.strip()
 
 
-BLOCK = ListOf(
-    Text(_line, "a line of a session, such as ada plays knock every 1/2", types=("string",)),
+BLOCK_SHAPE = ListOf(
+    Text(
+        _session_line, "a line of a session, such as ada plays knock every 1/2", types=("string",)
+    ),
     1,
     MAX_BLOCK,
     single=True,
 )
-_FILE = Raw("the name of a file")
-_WITH_PREFIX = NamesOf(_FILE, "prefix")
-USE = Either(
-    scalar=_FILE,
+_FILE_SHAPE = UnreadText("the name of a file")
+_WITH_PREFIX = NamesOf(_FILE_SHAPE, "prefix")
+USE_SHAPE = Either(
+    scalar=_FILE_SHAPE,
     mapping=_WITH_PREFIX,
-    sequence=ListOf(Either(scalar=_FILE, mapping=_WITH_PREFIX)),
+    sequence=ListOf(Either(scalar=_FILE_SHAPE, mapping=_WITH_PREFIX)),
 )
 
 
@@ -128,43 +135,49 @@ SCORE = Record(
     "score",
     "a whole score; a file that `use:` names has the same sections",
     (
-        Field("ergon", Text(version, "1", "^1$"), "version of the format"),
+        Field("ergon", Text(parse_version, "1", "^1$"), "version of the format"),
         Field("title", k.TITLE, "the piece's name", ""),
         Field("seed", k.integer(0, MAX_SEED, "7"), "seed of all random draws", 0),
-        Field("use", USE, "files whose names are brought in; with a prefix: {c: file}"),
+        Field("use", USE_SHAPE, "files whose names are brought in; with a prefix: {c: file}"),
         Field(
             "include",
-            ListOf(INCLUDE, single=True),
+            ListOf(INCLUDE_RECORD, single=True),
             "other scores, played from a position on",
         ),
         Field("tuning", TUNING, "which frequencies notes have; {A4: 442Hz}, {edo: 31}, a scale"),
         Field("let", LETS, "values with names: {heavy: 400g, low: D2, twice: 2*heavy}"),
-        Field("rates", RATES, "sample rates"),
-        Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),
-        Field("meter", METERS, "meters that a file of notes says; `tempo` may say others"),
+        Field("rates", RATES_RECORD, "sample rates"),
+        Field("tempo", ListOf(TEMPO_RECORD, single=True), "the tempo map", shown="60 bpm in 4/4"),
+        Field("meter", METERS_RECORD, "meters that a file of notes says; `tempo` may say others"),
         Field("marks", NamesOf(k.MARK, "mark"), "names of instants"),
-        Field("keys", NamesOf(KEY, "key"), "keys that hands play"),
-        Field("instruments", NamesOf(INSTRUMENT, "instrument"), "networks that sound"),
-        Field("laws", NamesOf(LAW, "law"), "laws of non-linear links"),
+        Field("keys", NamesOf(KEY_RECORD, "key"), "keys that hands play"),
+        Field("instruments", NamesOf(INSTRUMENT_SHAPE, "instrument"), "networks that sound"),
+        Field("laws", NamesOf(LAW_RECORD, "law"), "laws of non-linear links"),
         Field("gestures", NamesOf(GestureShape(), "gesture"), "written gestures"),
-        Field("takes", NamesOf(TAKE, "take"), "captured hands"),
-        Field("phrases", NamesOf(MelodyShape(PHRASE), "phrase"), "melodies that strikes play"),
-        Field("strikes", NamesOf(MelodyShape(STRIKES), "strikes"), "ergons without a key"),
+        Field("takes", NamesOf(TAKE_RECORD, "take"), "captured hands"),
+        Field(
+            "phrases", NamesOf(MelodyShape(PHRASE_RECORD), "phrase"), "melodies that strikes play"
+        ),
+        Field("strikes", NamesOf(MelodyShape(STRIKES_RECORD), "strikes"), "ergons without a key"),
         Field("automation", ListOf(AUTOMATION, single=True), "parameters that change in time"),
-        Field("players", NamesOf(PLAYER, "player"), "hands on keys"),
-        Field("duet", ListOf(COUPLING, single=True), "links between keys"),
-        Field("parts", NamesOf(PART, "part"), "what each player plays: a list or a table"),
-        Field("blocks", NamesOf(BLOCK, "block"), "lines that a session runs together, by a name"),
-        Field("mix", MIX, "loudspeakers and the ways to them"),
-        Field("render", RENDER, "the file that is written"),
-        Field("accuracy", ACCURACY, "error and cost that the plan may have"),
+        Field("players", NamesOf(PLAYER_RECORD, "player"), "hands on keys"),
+        Field("duet", ListOf(COUPLING_RECORD, single=True), "links between keys"),
+        Field("parts", NamesOf(PART_SHAPE, "part"), "what each player plays: a list or a table"),
+        Field(
+            "blocks", NamesOf(BLOCK_SHAPE, "block"), "lines that a session runs together, by a name"
+        ),
+        Field("mix", MIX_RECORD, "loudspeakers and the ways to them"),
+        Field("render", RENDER_RECORD, "the file that is written"),
+        Field("accuracy", ACCURACY_RECORD, "error and cost that the plan may have"),
     ),
-    refused={"link": _LINK},
+    refused={"link": _LINK_ADVICE},
     elsewhere=ELSEWHERE["score"],
     foreign={
         **dict.fromkeys(
-            distinct_fields(CALIBRATION), "a calibration is named by a key: `calib: FILE`"
+            distinct_fields(CALIBRATION_RECORD), "a calibration is named by a key: `calib: FILE`"
         ),
-        **dict.fromkeys(distinct_fields(LAYOUT), "a layout is named by the mix: `layout: FILE`"),
+        **dict.fromkeys(
+            distinct_fields(LAYOUT_RECORD), "a layout is named by the mix: `layout: FILE`"
+        ),
     },
 )

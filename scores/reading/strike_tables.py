@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.instruments.space.fields import DIRECTION
-from ergon.instruments.transpose import INTERVAL
+from ergon.instruments.transpose import INTERVAL_SHAPE
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
@@ -19,10 +19,10 @@ from ergon.scores.gesture.transforms import MEANINGS as GESTURE_MEANINGS
 from ergon.scores.pattern.cycle_table import MEANINGS as RHYTHM_MEANINGS
 from ergon.scores.reading import phrase_do
 from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
-from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
+from ergon.scores.reading.melody import ENTRY_RECORD, PHRASE_ENTRY_RECORD, Entries
 from ergon.scores.reading.patterns import PATTERN_TABLE
 from ergon.scores.reading.rhythms import RHYTHM
-from ergon.scores.reading.sweep_fields import FIELDS as PASSING_FIELDS
+from ergon.scores.reading.sweep_fields import SWEEP_FIELDS as PASSING_FIELDS
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,14 @@ class StrikesDo(Shape):
         return {**GESTURE_MEANINGS, **RHYTHM_MEANINGS}
 
 
-_TARGETS = ListOf(Reference("modules, such as sky.all", ("modules", "instruments")), 1, single=True)
-STRIKES = Record(
+_TARGETS_SHAPE = ListOf(
+    Reference("modules, such as sky.all", ("modules", "instruments")), 1, single=True
+)
+STRIKES_RECORD = Record(
     "strikes",
     "ergons that hit modules directly, without a key",
     (
-        Field("to", _TARGETS, "what; of a melody the instrument whose notes are struck"),
+        Field("to", _TARGETS_SHAPE, "what; of a melody the instrument whose notes are struck"),
         Field("at", k.WHEN, "when they begin"),
         Field("for", k.LENGTH, "how long; of `sweep` and `path` once over the instrument"),
         Field("until", k.WHEN, "when they end, instead of `for`"),
@@ -69,7 +71,9 @@ STRIKES = Record(
             Text(str, "notes, such as A3 C4 E4", has_values=True),
             "pitch of a CEL at each strike",
         ),
-        Field("entries", Entries(ENTRY), "a melody, instead of all these: strikes one by one"),
+        Field(
+            "entries", Entries(ENTRY_RECORD), "a melody, instead of all these: strikes one by one"
+        ),
         Field(
             "play",
             Reference("a phrase, or a take of MIDI or MusicXML"),
@@ -78,7 +82,7 @@ STRIKES = Record(
         Field("rhythm", RHYTHM, "a text of words, notes and rests, which is one cycle"),
         Field("cycle", k.LENGTH, "length of a cycle of the rhythm", shown="1bar"),
         *PASSING_FIELDS,
-        Field("transpose", INTERVAL, "how much higher the notes of the phrase are"),
+        Field("transpose", INTERVAL_SHAPE, "how much higher the notes of the phrase are"),
         Field(
             "do",
             StrikesDo(),
@@ -96,7 +100,7 @@ STRIKES = Record(
 )
 
 
-def _phrase(phrase_values: Values) -> Any:
+def _phrase_of_values(phrase_values: Values) -> Any:
     if phrase_values.written("entries", "like") or "entries" in phrase_values.misspelt:
         return phrase_values
     shape = phrase_values.record.by_name["entries"].shape
@@ -105,18 +109,18 @@ def _phrase(phrase_values: Values) -> Any:
     return MISSING
 
 
-PHRASE = Record(
+PHRASE_RECORD = Record(
     "phrase",
     "a melody with a length of its own, which `strikes` play",
     (
-        Field("entries", Entries(PHRASE_ENTRY), "its strikes; needed without `like`"),
+        Field("entries", Entries(PHRASE_ENTRY_RECORD), "its strikes; needed without `like`"),
         Field("length", k.LENGTH, "its length", shown="to the beat after its last strike"),
-        Field("to", _TARGETS, "the instrument whose notes are struck"),
+        Field("to", _TARGETS_SHAPE, "the instrument whose notes are struck"),
         Field("impulse", LEVELS, "how strongly strikes are that say nothing"),
         Field("like", Reference("a phrase", ("phrases",)), "begin with another phrase"),
         Field("do", phrase_do.DO, "transformations, left to right (after those of `like`)"),
     ),
-    _phrase,
+    _phrase_of_values,
     elsewhere=ELSEWHERE["phrase"],
 )
 
@@ -142,7 +146,7 @@ class MelodyShape(Shape):
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
         record_schema = self.record.schema()
-        return {**self.record.by_name["entries"].shape.schema(), **record_schema, "type": _ANY}
+        return {**self.record.by_name["entries"].shape.schema(), **record_schema, "type": _ANY_TYPE}
 
     def words(self) -> str:
         """In words."""
@@ -158,4 +162,4 @@ class MelodyShape(Shape):
         return self.record.by_name["entries"].shape.chosen(node) if is_bare else self.record
 
 
-_ANY = ["object", "array", "string", "null"]
+_ANY_TYPE = ["object", "array", "string", "null"]

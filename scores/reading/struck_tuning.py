@@ -12,7 +12,7 @@ from ergon.notation.text.errors import quote
 from ergon.scores.reading import melodies
 
 # Fields by which notes are moved, ordered or spelled, which depends on the tuning.
-_MOVING = ("transpose", "do", "rhythm", "notes")
+_TUNED_FIELDS = ("transpose", "do", "rhythm", "notes")
 
 
 def in_tuning(
@@ -26,7 +26,7 @@ def in_tuning(
     if not part_names.tunings:
         return tuning.used(part_names.tuning)
     target_names = strike_values["to"] or ()
-    moving = [f"`{name}`" for name in strike_values.written(*_MOVING)]
+    moving = [f"`{name}`" for name in strike_values.written(*_TUNED_FIELDS)]
     if isinstance(phrase, Values):
         target_names = melodies.notes_in(phrase, strike_values)
         if melodies.is_midi(phrase) or phrase["do"]:
@@ -43,7 +43,7 @@ def in_tuning(
         "different tunings, "
     )
     message += f"and {moving[0]} is read in one tuning; write strikes for each of the two"
-    strike_values.error("E111", message, next(iter(strike_values.written(*_MOVING, "play"))))
+    strike_values.error("E111", message, next(iter(strike_values.written(*_TUNED_FIELDS, "play"))))
     return None
 
 

@@ -31,8 +31,8 @@ SWEEPS = {
 }
 MAX_POINTS = 1000  # points of a path
 MAX_TURNS = 100.0  # turns of a path, each of 180 steps
-WIDTH = 0.05
-_ARROW = "->"
+DEFAULT_PATH_WIDTH = 0.05
+_PATH_SEPARATOR = "->"
 
 Point = tuple[float, float]  # radius (1: the farthest member), azimuth [degrees]
 
@@ -60,15 +60,15 @@ class Passing:
     @property
     def visits_max(self) -> int:
         """The largest number of times that one member is passed."""
-        return 1 if self.sweep is not None else ceil(_turns(self.path)) + 1
+        return 1 if self.sweep is not None else ceil(_path_turns(self.path)) + 1
 
 
-def _turns(path: tuple[Point, ...]) -> float:
+def _path_turns(path: tuple[Point, ...]) -> float:
     """The number of turns of a path round the middle, plus the points at which it may turn back."""
     return sum(abs(b - a) for (_, a), (_, b) in pairwise(path)) / 360.0 + len(path) - 2
 
 
-def _point(point_text: str) -> Point:
+def _parse_point(point_text: str) -> Point:
     point_words = point_text.split()
     if len(point_words) != 2:
         message = f"{quote(point_text.strip())} is not a radius and an angle such as 0.3 1080deg"
@@ -87,15 +87,15 @@ def parse_path(path_text: str) -> tuple[Point, ...]:
     """`1 0deg -> 0.3 1080deg` as points (radius, azimuth [degrees]). Raises TextError."""
     points_read: list[Point] = []
     part_start = 0
-    for point_text in path_text.split(_ARROW):
+    for point_text in path_text.split(_PATH_SEPARATOR):
         try:
-            points_read.append(_point(point_text))
+            points_read.append(_parse_point(point_text))
         except TextError as error:
             error.offset += part_start
             raise
-        part_start += len(point_text) + len(_ARROW)
+        part_start += len(point_text) + len(_PATH_SEPARATOR)
     if not 2 <= len(points_read) <= MAX_POINTS:
-        message = f"a path has 2 to {MAX_POINTS:,} points, with {_ARROW} between them"
+        message = f"a path has 2 to {MAX_POINTS:,} points, with {_PATH_SEPARATOR} between them"
         raise TextError(message, length=max(1, len(path_text)), code="E106")
     if sum(abs(b - a) for (_, a), (_, b) in pairwise(points_read)) > 360.0 * MAX_TURNS:
         message = f"the path goes round more than {MAX_TURNS:.0f} times"
@@ -103,21 +103,25 @@ def parse_path(path_text: str) -> tuple[Point, ...]:
     return tuple(points_read)
 
 
-PATH = Text(
+PATH_SHAPE = Text(
     parse_path,
     "radius and angle from point to point, such as 1 0deg -> 0.3 1080deg",
     has_values=True,
 )
-FIELDS = (
+SWEEP_FIELDS = (
     Field(
         "sweep", choice(*SWEEPS), "a sweep that strikes each member that it passes, once in `for`"
     ),
-    Field("path", PATH, "the path of a point that strikes each member it passes, once in `for`"),
-    Field("width", k.WIDTH, "how wide that point is; the instrument's radius is 1", WIDTH),
+    Field(
+        "path", PATH_SHAPE, "the path of a point that strikes each member it passes, once in `for`"
+    ),
+    Field(
+        "width", k.WIDTH, "how wide that point is; the instrument's radius is 1", DEFAULT_PATH_WIDTH
+    ),
 )
 
 
-def passing(sweep_values: Values) -> Passing:
+def read_passing(sweep_values: Values) -> Passing:
     """The sweep or path of strikes with `sweep` or `path`."""
     chance: Any = sweep_values["chance"]
     return Passing(

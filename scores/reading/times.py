@@ -36,7 +36,7 @@ class Times:
         self._known = tuple(score["marks"] or {})
         self._lets = named_amounts(score.node.document).names
         marks_before = None if memory is None else memory.held(f"tempo {score_file}", self._lets)
-        self.file = _file_times(tempo_lines, score["meter"], midi)
+        self.file = _times_of_files(tempo_lines, score["meter"], midi)
         if (
             marks_before is None
             or marks_before[0] is not marks_node
@@ -90,7 +90,9 @@ class Times:
                 "E305", f"tempo: {error.message}", line_values.place_of(error.field)
             )
         except TextError as error:  # marks in a circle, or a position before 0
-            line_values = self._lines[_first_wrong(tempo_entries, positions_by_mark, self.file)][0]
+            line_values = self._lines[
+                _first_unresolved(tempo_entries, positions_by_mark, self.file)
+            ][0]
             self.collector.error("E305", f"tempo: {error.message}", line_values.place_of("at"))
         return None
 
@@ -237,7 +239,7 @@ class Times:
             self.collector.error("E305", "`until` must be later than `at`", place)
 
 
-def _file_times(lines: Sequence[Values], meter: Any, midi: MidiUses) -> FileTimes:
+def _times_of_files(lines: Sequence[Values], meter: Any, midi: MidiUses) -> FileTimes:
     """What the MIDI files say that `tempo:` and `meter:` name; mistakes are reported."""
     file_values = next((values for values in lines if values.written("from")), None)
     tempos = () if file_values is None else midi.times(file_values, tempos_of, is_tempo=True)
@@ -245,7 +247,7 @@ def _file_times(lines: Sequence[Values], meter: Any, midi: MidiUses) -> FileTime
     return FileTimes(tempos or (), meters or ()) if tempos or meters else NO_FILE
 
 
-def _first_wrong(
+def _first_unresolved(
     tempo_entries: list[Entry], marks: dict[str, Position], score_file: FileTimes
 ) -> int:
     """The index of the first entry whose position cannot be resolved: entries up to and including

@@ -37,7 +37,7 @@ class Echo:
         return int(self.time * rate + 0.5)
 
 
-def _shelf(shelf_values: Values) -> Any:
+def _shelf_tone(shelf_values: Values) -> Any:
     if shelf_values["f"] is None or shelf_values["gain"] is None:
         return MISSING
     if shelf_values["gain"] <= 0.0:
@@ -46,7 +46,7 @@ def _shelf(shelf_values: Values) -> Any:
     return shelf_values["f"], 20.0 * log10(shelf_values["gain"])
 
 
-def _echo(echo_values: Values) -> Any:
+def _echo_of_values(echo_values: Values) -> Any:
     if echo_values["time"] is None:
         return MISSING
     if echo_values["feedback"] >= 1.0:
@@ -58,16 +58,16 @@ def _echo(echo_values: Values) -> Any:
     return Echo(echo_values["time"], echo_values["feedback"])
 
 
-SHELF = Record(
+SHELF_RECORD = Record(
     "shelf",
     "a gain below or above a frequency",
     (
         Field("f", k.HERTZ, "where half of the level in dB is reached", required=True),
         Field("gain", k.GAIN, "level far below it (lowshelf) or above it", required=True),
     ),
-    _shelf,
+    _shelf_tone,
 )
-DELAY = Either(
+DELAY_SHAPE = Either(
     k.DURATION,
     Record(
         "delay",
@@ -76,17 +76,17 @@ DELAY = Either(
             Field("time", k.DURATION, "from the sound to what is heard of it", required=True),
             Field("feedback", k.GAIN, "level of each echo beside the one before", 0.0),
         ),
-        _echo,
+        _echo_of_values,
     ),
 )
 
 
 def tones(values: Values) -> tuple[Tone, ...]:
     """The filters of a route, in the order in which a sound passes them."""
-    return tuple(_tones(values))
+    return tuple(_read_tones(values))
 
 
-def _tones(tone_values: Values) -> Iterator[Tone]:
+def _read_tones(tone_values: Values) -> Iterator[Tone]:
     if tone_values["lowpass"] is not None:
         yield Tone("lowpass", tone_values["lowpass"])
     shelves: tuple[Filtering, ...] = "lowshelf", "highshelf"

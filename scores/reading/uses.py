@@ -19,7 +19,7 @@ from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.reading.families import library
-from ergon.scores.reading.include import YIELDING, Include, includes, transposed
+from ergon.scores.reading.include import YIELDING_SECTIONS, Include, includes, transposed_values
 from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.overlay import overlay_fields
 from ergon.scores.reading.piece import Piece
@@ -30,7 +30,7 @@ from ergon.scores.reading.tuned import tuning_of, tunings_of
 # Sections whose names other files may use.
 SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
 # Sections of events: `use:` does not bring them in.
-PLAYED = ("strikes", "automation", "duet", "parts")
+PLAYED_SECTIONS = ("strikes", "automation", "duet", "parts")
 MAX_USES = 20  # files deep
 MAX_NAMES = 20_000  # names that other files add to one
 MAX_LIKE = 32  # things that begin with another
@@ -117,7 +117,7 @@ class Uses:
             for name, values in (score[section] or {}).items():
                 document_names.tables[section][name] = Entry(values, document_names)
         self._open.append((document.file, asked_place))
-        for file, place, prefix in _files(score):
+        for file, place, prefix in _used_files(score):
             document_names.families.append(prefix or PurePath(file).stem)
             self._add_file(document_names, file, place, prefix)
         for include_entry in includes(score):
@@ -182,7 +182,7 @@ class Uses:
             for entry_word, named_entry in table.items():
                 entry_values = named_entry.values
                 if include is not None and section_name == "instruments":
-                    entry_values = transposed(entry_values, include)
+                    entry_values = transposed_values(entry_values, include)
                 if entry_values is not named_entry.values:
                     named_entry = replace(named_entry, values=entry_values)
                 self._add(score_names, section_name, entry_word, named_entry, written_place, prefix)
@@ -192,12 +192,19 @@ class Uses:
         self, score: Values, file_name: str, named_place: Place, *, is_played: bool
     ) -> None:
         """Report W330 if a file has sections that are not used, for it is not played by itself."""
-        unplayed = [section for section in (YIELDING if is_played else PLAYED) if score[section]]
+        unplayed = [
+            section
+            for section in (YIELDING_SECTIONS if is_played else PLAYED_SECTIONS)
+            if score[section]
+        ]
         if unplayed:
-            message = f"left out of {file_name}: {_and(unplayed)}"
-            help = f"`use` brings in names of {_and(SECTIONS)}; `include` brings in what is played"
+            message = f"left out of {file_name}: {_joined_words(unplayed)}"
+            help = (
+                f"`use` brings in names of {_joined_words(SECTIONS)}; `include` brings in "
+                "what is played"
+            )
             if is_played:
-                help = f"{_and(YIELDING)} of the score that includes it are used"
+                help = f"{_joined_words(YIELDING_SECTIONS)} of the score that includes it are used"
             self.collector.error("W330", message, named_place, help=help)
 
     def _add(
@@ -370,7 +377,7 @@ def _family_help(section: str, instrument_word: str) -> str | None:
     return f"the library has {' and '.join(family_names)}" if family_names else None
 
 
-def _files(score: Values) -> list[tuple[str, Place, str]]:
+def _used_files(score: Values) -> list[tuple[str, Place, str]]:
     """(file, place, prefix) of every file that a score uses."""
     use = score["use"]
     nodes_with_prefixes: list[tuple[Any, str]] = []
@@ -390,12 +397,12 @@ def _files(score: Values) -> list[tuple[str, Place, str]]:
     return used_files
 
 
-def _and(words: Sequence[str]) -> str:
+def _joined_words(words: Sequence[str]) -> str:
     """`a, b and c`."""
     quoted = [f"`{word}`" for word in words]
     return " and ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
 
 
-def called(named_object: _Named, name: str) -> _Named:
+def with_name(named_object: _Named, name: str) -> _Named:
     """The thing with the name that this score gives it."""
     return named_object if named_object.name == name else replace(named_object, name=name)

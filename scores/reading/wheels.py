@@ -17,7 +17,7 @@ from ergon.scores.gesture.midi_wheels import NoteCurves, read_wheels
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.reading.piece import NoteGlide, Strikes
 
-_DEFAULT_CENTS = 200.0
+_DEFAULT_RANGE_CENTS = 200.0
 
 
 def with_wheels(
@@ -37,16 +37,20 @@ def with_wheels(
         return wheel_strikes
     cents = take["bend"].cents
     try:
-        curves = read_wheels(path, take["channel"], _DEFAULT_CENTS if cents is None else cents)
+        curves = read_wheels(
+            path, take["channel"], _DEFAULT_RANGE_CENTS if cents is None else cents
+        )
     except TakeError as error:
         take.error("E310", f"take {quote(take.context.name)}: {error.message}", error.field)
         return wheel_strikes
     interval = strike_values["transpose"]
     semitones = 0.0 if interval is None else interval.semitones
-    return replace(wheel_strikes, glides=tuple(_glides(wheel_strikes, curves, semitones)))
+    return replace(wheel_strikes, glides=tuple(_note_glides(wheel_strikes, curves, semitones)))
 
 
-def _glides(wheel_strikes: Strikes, curves: NoteCurves, semitones: float) -> Iterator[NoteGlide]:
+def _note_glides(
+    wheel_strikes: Strikes, curves: NoteCurves, semitones: float
+) -> Iterator[NoteGlide]:
     """The glides of each struck instrument, whose notes lie `semitones` above those of the file."""
     places_by_part: dict[str, dict[str, Place]] = {}
     for hit in wheel_strikes.hits:

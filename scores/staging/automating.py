@@ -16,12 +16,12 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.shifted import NEVER
 from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.values import Place
-from ergon.scores.reading.automatable import moved
+from ergon.scores.reading.automatable import transposed_modules
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.known_automation import KnownAutomation, Tracks
 from ergon.scores.staging.parameter_curves import (
-    GLIDE,
-    GRID,
+    GLIDE_SECONDS,
+    GRID_FRAMES,
     Curve,
     Entry,
     Extent,
@@ -29,13 +29,13 @@ from ergon.scores.staging.parameter_curves import (
     add_pattern,
     add_swing,
 )
-from ergon.scores.staging.parameter_values import Led, ModuleKey, Points
-from ergon.scores.staging.past_automation import needed, slack
+from ergon.scores.staging.parameter_values import AutomatedModule, ModuleKey, Points
+from ergon.scores.staging.past_automation import needed_entries, point_slack_seconds
 
 MAX_POINTS = 200_000
 
 
-class Automated(NamedTuple):
+class AutomatedPoints(NamedTuple):
     """The points of automated modules, and the modules that entries have moved for good: these stay
     automated, even if they have their own values again.
     """
@@ -51,7 +51,7 @@ def automation_points(
     collector: Collector,
     begins: float = -math.inf,
     known_automation: KnownAutomation | None = None,
-) -> Automated:
+) -> AutomatedPoints:
     """The points of each automated module, for the beats from `since` to `until_beat`; only those
     from the last one at or before the instant `begins` [s] on are needed.
 
@@ -60,53 +60,59 @@ def automation_points(
     tempo, known_automation = piece.tempo_map, known_automation or KnownAutomation()
     automation_lines = known_automation.tracks(piece)
     start_beat = tempo.beats(begins) if begins > -math.inf else -math.inf
-    leds: dict[ModuleKey, Led] = {}
+    led_by_module: dict[ModuleKey, AutomatedModule] = {}
     points_by_module: dict[ModuleKey, Points] = {}
     unsettled: dict[ModuleKey, Tracks] = {}
     for module_key, track in automation_lines.items():
         led = known_automation.led(piece, module_key)
         if led is None:
             continue  # a gesture is rehearsed without instruments
-        leds[module_key] = led
+        led_by_module[module_key] = led
         settled_points = known_automation.settled(module_key, track, led, start_beat)
         if settled_points is None:
             unsettled[module_key] = track
         else:
             points_by_module[module_key] = settled_points
     if begins > -math.inf:
-        begins -= slack(
+        begins -= point_slack_seconds(
             piece, (o for track in unsettled.values() for o in track.entries.values()), begins
         )
         since = min(since, tempo.beats(begins))
     extent = Extent(since, until_beat, begins)
     moving = {
-        module_key for module_key in leds if automation_lines[module_key].moves_from < start_beat
+        module_key
+        for module_key in led_by_module
+        if automation_lines[module_key].moves_from < start_beat
     }
     chord_curves: dict[str, Curve] = {}
     for module_key in [
-        module_key for module_key in unsettled if leds[module_key].module.kind == "INSTRUMENT"
+        module_key
+        for module_key in unsettled
+        if led_by_module[module_key].module.kind == "INSTRUMENT"
     ]:
         entry_order, value_alone = (
             unsettled.pop(module_key).entries["f"],
-            leds[module_key].numbers_written["f"],
+            led_by_module[module_key].numbers_written["f"],
         )
         chord_curves[module_key[0]] = _parameter_curve(
             piece, entry_order, value_alone, extent, collector
         )
-        for module in moved(piece.instruments[module_key[0]]):
+        for module in transposed_modules(piece.instruments[module_key[0]]):
             member = module_key[0], module.name
             unsettled.setdefault(member, automation_lines.get(member) or Tracks({}, math.inf))
             if module_key in moving:
                 moving.add(member)
     for module_key, track in unsettled.items():
-        led = leds.get(module_key) or known_automation.led(piece, module_key)
+        led = led_by_module.get(module_key) or known_automation.led(piece, module_key)
         assert led is not None
         curves = {
             name: _parameter_curve(piece, order, led.numbers_written[name], extent, collector)
             for name, order in track.entries.items()
         }
         chord_curve = chord_curves.get(module_key[0])
-        if chord_curve is not None and led.module not in moved(piece.instruments[module_key[0]]):
+        if chord_curve is not None and led.module not in transposed_modules(
+            piece.instruments[module_key[0]]
+        ):
             chord_curve = None
         points_made = _module_points(led, curves, chord_curve)
         if led.cost * len(points_made) > MAX_POINTS:
@@ -117,7 +123,7 @@ def automation_points(
             if chord_curve is None and _is_settled(track, curves, start_beat, begins):
                 points_by_module[module_key] = points_made[-1:]
                 known_automation.settle(module_key, track, led, start_beat, points_made[-1:])
-    return Automated(points_by_module, frozenset(moving))
+    return AutomatedPoints(points_by_module, frozenset(moving))
 
 
 def _is_settled(
@@ -157,7 +163,9 @@ def _automation_place(piece: Piece, instrument_name: str) -> Place:
     return next(chain(automation_lines, strikes_with_notes))
 
 
-def _module_points(led: Led, curves: Mapping[str, Curve], chord_curve: Curve | None) -> Points:
+def _module_points(
+    led: AutomatedModule, curves: Mapping[str, Curve], chord_curve: Curve | None
+) -> Points:
     """The points of a module with automated parameters, which may also follow the automation of a
     `chord_curve` instrument.
     """
@@ -217,7 +225,7 @@ def _with_chord_means(path_points: Points, curved_instants: Container[float]) ->
 
 def value_on(piece: Piece, module_key: ModuleKey, parameter_name: str, value_beat: float) -> float:
     """The value of a parameter on a beat, with automation applied."""
-    led = Led.from_piece(piece, module_key)
+    led = AutomatedModule.from_piece(piece, module_key)
     assert led is not None
     automation_lines = [
         line
@@ -238,7 +246,7 @@ def complete_until(piece: Piece, until_beat: float) -> float:
     """The instant [s] up to which points for the beats up to `until_beat` are those of a longer
     piece: the pitch of a note behind that beat begins before its strike.
     """
-    return piece.tempo_map.seconds(until_beat) - 2 * GRID / piece.rate
+    return piece.tempo_map.seconds(until_beat) - 2 * GRID_FRAMES / piece.rate
 
 
 def takeover_points(
@@ -280,7 +288,7 @@ def takeover_points(
             old_points = [value_alone]  # the module had another kind before
         is_same = _is_same(old_points, new_points, start_seconds, complete_to)
         if not is_same:
-            glide_stop = start_seconds + GLIDE
+            glide_stop = start_seconds + GLIDE_SECONDS
             later_points = (point for point in new_points if point[0] > glide_stop)
             new_points = [
                 (start_seconds, *value_at(old_points, start_seconds)),
@@ -336,7 +344,7 @@ def _parameter_curve(
     between.
     """
     tempo, until_seconds = piece.tempo_map, extent.until
-    first_entry, parameter_curve = needed(piece, entry_order, value_alone, extent)
+    first_entry, parameter_curve = needed_entries(piece, entry_order, value_alone, extent)
     ended = math.inf if parameter_curve.t else -math.inf
     for place_index in range(first_entry, len(entry_order)):
         entry, extent_here = entry_order[place_index], extent

@@ -15,7 +15,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.late_keys import links_on_keys
 from ergon.scores.staging.listening import Listening, fades, listen
 
-COUPLING_ENDED = -math.inf  # the end of a coupling that acts no longer
+COUPLING_ENDED_SECONDS = -math.inf  # the end of a coupling that acts no longer
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def build_network(piece: Piece, silent: Container[str]) -> BuiltNetwork:
     one error for each.
     """
     refused: list[_core.EngineError] = []
-    assembly = Assembly(seed=piece.seed, refused=refused)
+    assembly = Assembly(seed=piece.seed, refusals=refused)
     couplings = add_parts(piece, assembly)
     if len(refused) == 1:
         raise refused[0]
@@ -76,18 +76,20 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     """Add keys, instruments and couplings; returns the LIA of each coupling."""
     # Links reach the <M> points of other parts, so all of these are added first.
     for part_name, player_key in piece.keys.items():
-        assembly.part(part_name, player_key.modules, reach=player_key.reach, every=player_key.every)
+        assembly.add_part(
+            part_name, player_key.modules, reach=player_key.reach, every=player_key.every
+        )
     for part_name in dict.fromkeys(end.part for _, end, _ in links_on_keys(piece)):
         player_key = piece.keys[part_name]
         if player_key.delay and (part_name, player_key.struck) in assembly.mats:
             struck_module = next(
                 module for module in player_key.modules if module.name == player_key.struck
             )
-            assembly.port(
+            assembly.add_port(
                 part_name, player_key.struck, player_key.reach * struck_module.fields["X0"]
             )
     for part_name, instrument in piece.instruments.items():
-        assembly.part(
+        assembly.add_part(
             part_name,
             instrument.modules,
             ca_rate=instrument.ca_rate,
@@ -97,18 +99,21 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     for part_name, instrument in piece.instruments.items():
         assembly.add_followers(part_name, instrument.modules, ca_rate=instrument.ca_rate)
     for part_name, player_key in piece.keys.items():
-        assembly.joins(part_name, player_key.modules, reach=player_key.reach)
+        assembly.add_links(part_name, player_key.modules, reach=player_key.reach)
     for part_name, instrument in piece.instruments.items():
-        assembly.joins(part_name, instrument.modules, ca_rate=instrument.ca_rate)
-    if assembly.refused:
+        assembly.add_links(part_name, instrument.modules, ca_rate=instrument.ca_rate)
+    if assembly.refusals:
         return []  # the ends of a coupling may be left out
     if piece.duet:
         assembly.network.part("duet")
-    return [assembly.link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]
+    return [assembly.add_link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]
 
 
-def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
-    """When each coupling begins and ends to act [s]; the end is `COUPLING_ENDED` if it is over."""
+def coupling_spans(piece: Piece) -> Iterator[tuple[float, float | None]]:
+    """When each coupling begins and ends to act [s].
+
+    The end is `COUPLING_ENDED_SECONDS` if it is over.
+    """
     tempo = piece.tempo_map
     for coupling in piece.duet:
         until_beat = (
@@ -120,4 +125,4 @@ def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
             and until_beat <= begin_seconds
             and isinstance(tempo, OffsetTempoMap)
         )
-        yield begin_seconds, COUPLING_ENDED if is_over else until_beat
+        yield begin_seconds, COUPLING_ENDED_SECONDS if is_over else until_beat

@@ -13,15 +13,15 @@ from ergon.notation.clock.shifted import StoppedTempoMap
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.without_gc import without_gc
 from ergon.scores.reading.piece import Piece, Strikes
-from ergon.scores.staging.automating import Automated, automation_points, takeover_points
+from ergon.scores.staging.automating import AutomatedPoints, automation_points, takeover_points
 from ergon.scores.staging.drawn_notes import DrawnNotes
-from ergon.scores.staging.parameter_curves import GRID
-from ergon.scores.staging.parameter_values import Led, ModuleKey, Points
+from ergon.scores.staging.parameter_curves import GRID_FRAMES
+from ergon.scores.staging.parameter_values import AutomatedModule, ModuleKey, Points
 from ergon.scores.staging.planning import Watched, plan_again
 from ergon.scores.staging.stage import Stage
 
 _SAME_SECONDS = 1e-9  # rounding, not music
-_Paths = Mapping[ModuleKey, Points]
+_PathsByModule = Mapping[ModuleKey, Points]
 
 
 @without_gc
@@ -38,18 +38,18 @@ def cut_stage(
     """
     assert stage.timeline is not None
     cut_instant = frame / stage.rate
-    in_flight = [] if ends_gestures else _in_flight(stage, cut_instant)
+    in_flight = [] if ends_gestures else _gestures_in_flight(stage, cut_instant)
     timeline = stage.timeline.cut(frame, in_flight, stops=stops)
     mat_of, rate = stage.built.assembly.mats.get, stage.rate
     DrawnNotes(timeline, () if resets else stage.drawn, cut_instant, rate).end_others(mat_of, 0)
-    piece = _standing(stage.piece, cut_instant) if stops else stage.piece
+    piece = _piece_at_instant(stage.piece, cut_instant) if stops else stage.piece
     paths, paths_until = _paths_from(stage, piece, cut_instant, stops=stops)
-    _put_paths(piece, stage.built.assembly, timeline, stage.paths, paths)
+    _replace_paths(piece, stage.built.assembly, timeline, stage.paths, paths)
     plan = None
     if stage.plan is not None:
         accuracy = stage.planned_for or piece.accuracy
         plan = plan_again(
-            stage.network, timeline, accuracy, stage.plan, _watched(piece, stage.plan)
+            stage.network, timeline, accuracy, stage.plan, _watched_parts(piece, stage.plan)
         )
     return replace(
         stage,
@@ -70,7 +70,7 @@ def cut_stage(
     )
 
 
-def _in_flight(stage: Stage, cut_instant: float) -> list[int]:
+def _gestures_in_flight(stage: Stage, cut_instant: float) -> list[int]:
     """The gestures that have begun before an instant [s] and end after it, by their numbers."""
     return [
         number
@@ -79,13 +79,13 @@ def _in_flight(stage: Stage, cut_instant: float) -> list[int]:
     ]
 
 
-def _standing(piece: Piece, instant: float) -> Piece:
+def _piece_at_instant(piece: Piece, instant: float) -> Piece:
     """The piece standing on the beat of an instant [s]."""
     tempo = piece.tempo_map
     return replace(piece, tempo_map=StoppedTempoMap(tempo, max(0.0, tempo.beats(instant)), instant))
 
 
-def _watched(piece: Piece, plan: _core.Plan) -> Watched:
+def _watched_parts(piece: Piece, plan: _core.Plan) -> Watched:
     """The parts that are computed to be seen, as in an earlier plan."""
     all_parts = (*piece.keys, *piece.instruments) if plan.seen() else ()
     return Watched(seen=all_parts, seen_every=piece.motion_every)
@@ -93,7 +93,7 @@ def _watched(piece: Piece, plan: _core.Plan) -> Watched:
 
 def _paths_from(
     stage: Stage, piece: Piece, instant_seconds: float, *, stops: bool
-) -> tuple[_Paths, float]:
+) -> tuple[_PathsByModule, float]:
     """The points of automation from an instant [s] on, and the instant up to which they are
     complete [s].
     """
@@ -101,7 +101,9 @@ def _paths_from(
     if stops:
         start_beat = piece.tempo_map.beats(0.0)
         path_points = automation_points(piece, start_beat, start_beat, collector)
-        return _continued(stage, stage.paths, path_points, piece, instant_seconds), float("inf")
+        return _paths_continued(stage, stage.paths, path_points, piece, instant_seconds), float(
+            "inf"
+        )
     struck_parts = {
         target.part for strikes in piece.strikes if strikes.moves_pitches for target in strikes.to
     }
@@ -112,14 +114,14 @@ def _paths_from(
     cut_beat = tempo.beats(instant_seconds)
     noted = replace(
         piece,
-        strikes=tuple(_struck_before(piece, cut_beat)),
+        strikes=tuple(_strikes_before(piece, cut_beat)),
         automation=tuple(
             line
             for line in piece.automation
             if any(part in struck_parts for part, _ in line.modules)
         ),
     )
-    last_instant = stage.paths_until + 2 * GRID / stage.rate
+    last_instant = stage.paths_until + 2 * GRID_FRAMES / stage.rate
     until = tempo.beats(last_instant) if last_instant < float("inf") else cut_beat
     path_points = automation_points(noted, cut_beat, max(cut_beat, until), collector)
     noted_paths = {
@@ -132,20 +134,24 @@ def _paths_from(
     }
     return {
         **other_paths,
-        **_continued(stage, noted_paths, path_points, piece, instant_seconds),
+        **_paths_continued(stage, noted_paths, path_points, piece, instant_seconds),
     }, stage.paths_until
 
 
-def _continued(
-    stage: Stage, paths_before: _Paths, automated_now: Automated, piece: Piece, cut_instant: float
-) -> _Paths:
+def _paths_continued(
+    stage: Stage,
+    paths_before: _PathsByModule,
+    automated_now: AutomatedPoints,
+    piece: Piece,
+    cut_instant: float,
+) -> _PathsByModule:
     until = stage.paths_until
     return takeover_points(
         paths_before, automated_now.points, piece, cut_instant, until, automated_now.moved
     )
 
 
-def _struck_before(piece: Piece, cut_beat: float) -> Iterator[Strikes]:
+def _strikes_before(piece: Piece, cut_beat: float) -> Iterator[Strikes]:
     """The strikes with notes that have begun by a beat, ended there."""
     tempo, end_position = piece.tempo_map, Position(plus=Length(beats=cut_beat))
     for strikes in piece.strikes:
@@ -160,18 +166,18 @@ def _struck_before(piece: Piece, cut_beat: float) -> Iterator[Strikes]:
         yield strikes if is_over else replace(strikes, span=None, until=end_position)
 
 
-def _put_paths(
+def _replace_paths(
     piece: Piece,
     assembly: Assembly,
     timeline: _core.Timeline,
-    paths_before: _Paths,
-    paths_now: _Paths,
+    paths_before: _PathsByModule,
+    paths_now: _PathsByModule,
 ) -> None:
     """Replace the points of automation on a timeline. Raises EngineError."""
     mats: list[tuple[int, int]] = []
     coupling_links: list[tuple[int, int]] = []
     for module_key in paths_before:
-        led = Led.from_piece(piece, module_key)
+        led = AutomatedModule.from_piece(piece, module_key)
         if led is None:
             continue
         if led.module.kind in ("CEL", "BANK"):
@@ -181,5 +187,5 @@ def _put_paths(
             coupling_links.append((moved.start, len(moved)))
     timeline.release(mats, coupling_links)
     for module_key, points in paths_now.items():
-        if led := Led.from_piece(piece, module_key):
+        if led := AutomatedModule.from_piece(piece, module_key):
             led.put(timeline, assembly, module_key, points)

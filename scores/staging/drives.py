@@ -55,7 +55,7 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
         for part_module in modules:
             if part_module.kind not in ("ENX", "ENF"):
                 continue
-            mat = assembly.mat(part_module.driven)
+            mat = assembly.mat(part_module.driven_mat)
             is_position = part_module.kind == "ENX"
             # Behind a lever positions are multiplied by s, and forces divided by s.
             scale = lever_ratio if is_position else 1.0 / lever_ratio
@@ -82,5 +82,5 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
                 if begin_position is None
                 else tempo.seconds(tempo.resolve(begin_position)),
                 scale=scale * part_module.fields["scale"],
-                is_exclusive=part_module.driven.part == part_name,
+                is_exclusive=part_module.driven_mat.part == part_name,
             )

@@ -12,13 +12,13 @@ from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.staging.listening import audible_outputs
 
 
-def joined(piece: Piece, instrument_name: str) -> set[str]:
+def connected_parts(piece: Piece, instrument_name: str) -> set[str]:
     """The keys and instruments that links connect to an instrument, directly or not, with itself.
 
     Links to fixed points count too: a larger group than needed does no harm.
     """
     neighbours: dict[str, set[str]] = {}
-    for first_part, second_part in _pairs(piece):
+    for first_part, second_part in _linked_pairs(piece):
         neighbours.setdefault(first_part, set()).add(second_part)
         neighbours.setdefault(second_part, set()).add(first_part)
     connected, unvisited = {instrument_name}, [instrument_name]
@@ -29,15 +29,15 @@ def joined(piece: Piece, instrument_name: str) -> set[str]:
     return connected
 
 
-def content(piece: Piece, instrument_name: str) -> tuple[Any, ...]:
+def frozen_content(piece: Piece, instrument_name: str) -> tuple[Any, ...]:
     """The values of a piece that determine the outputs of an instrument.
 
     Processing between its outputs and the loudspeakers is not included.
     """
-    joined_parts = joined(piece, instrument_name)
+    joined_parts = connected_parts(piece, instrument_name)
     players = {name: entry for name, entry in piece.players.items() if entry.key in joined_parts}
     played_parts = tuple(play for play in piece.parts if play.player in players)
-    strikes = tuple(entry for entry in piece.strikes if _hits(entry, joined_parts))
+    strikes = tuple(entry for entry in piece.strikes if _strikes_any(entry, joined_parts))
     part_modules = [
         module for module_part, module in piece.modules() if module_part in joined_parts
     ]
@@ -78,26 +78,26 @@ def _outputs_of(piece: Piece, part_name: str) -> Iterator[tuple[Any, Any]]:
     )
 
 
-def _hits(strikes: Strikes, parts: Collection[str]) -> bool:
+def _strikes_any(strikes: Strikes, parts: Collection[str]) -> bool:
     return not strikes.parts.isdisjoint(parts)
 
 
-def _pairs(piece: Piece) -> Iterator[tuple[str, str]]:
+def _linked_pairs(piece: Piece) -> Iterator[tuple[str, str]]:
     """Pairs of parts that a link joins, or of which one listens to the other."""
     for part, module in piece.modules():
-        yield from ((part, target.part) for target in _targets(module))
+        yield from ((part, target.part) for target in _module_targets(module))
     for coupling in piece.duet:
         yield coupling.a.part, coupling.b.part
     for instrument in piece.instruments.values():
-        yield from ((instrument.name, target.part) for target in _listened(instrument))
+        yield from ((instrument.name, target.part) for target in _listened_targets(instrument))
 
 
-def _targets(module: Module) -> Iterator[Target]:
+def _module_targets(module: Module) -> Iterator[Target]:
     for value in module.fields.values():
         values: Iterable[Any] = value if isinstance(value, (tuple, list)) else (value,)
         yield from (target for target in values if isinstance(target, Target))
 
 
-def _listened(instrument: Instrument) -> Iterator[Target]:
+def _listened_targets(instrument: Instrument) -> Iterator[Target]:
     for output in instrument.outputs:
         yield from output.targets

@@ -18,7 +18,7 @@ from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.points import Curve
 from ergon.scores.gesture.transforms import Chance, MidpointChance, Transform, apply, apply_to_take
-from ergon.scores.pattern.search import n_before
+from ergon.scores.pattern.search import count_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import (
@@ -32,7 +32,7 @@ from ergon.scores.reading.playing import (
 from ergon.scores.staging.not_over import NotOver
 from ergon.scores.staging.takes import Takes
 
-_DRAWN = ("jitter",)  # transformations that each occurrence draws anew
+_DRAWN_TRANSFORMS = ("jitter",)  # transformations that each occurrence draws anew
 
 # The most that is put on a timeline: 1.4 kB for each occurrence, and 0.1 kB for each of its points.
 MAX_PLAYED = 200_000
@@ -108,7 +108,7 @@ class ErgonPlaces(Sequence[Place]):
 
 
 @dataclass(frozen=True, slots=True)
-class _Shape:
+class _ShapedGesture:
     """A written gesture on its key, relative to its start."""
 
     key: str
@@ -139,7 +139,7 @@ def _key(piece: Piece, play: Play) -> str:
     return piece.players[play.player].key
 
 
-def _last(line: Played) -> float:
+def _last_beat(line: Played) -> float:
     """The last beat on which a line plays; infinite if that is not known."""
     _, beats = line
     if isinstance(beats, Steps):
@@ -147,7 +147,7 @@ def _last(line: Played) -> float:
     return beats[-1] if type(beats) is list and beats else math.inf
 
 
-def _plays(line: Played) -> tuple[tuple[str, str], int] | None:
+def _names_and_count(line: Played) -> tuple[tuple[str, str], int] | None:
     """What a line plays, and how often; None for patterns, which draw by place."""
     play, beats = line
     if isinstance(beats, Steps):
@@ -169,7 +169,7 @@ class Hands:
     _keys: dict[str, tuple[int, int]] = field(default_factory=dict)
     _occurrences: Counter[tuple[str, str]] = field(default_factory=Counter)
     _point_sources: dict[tuple[str, int], int] = field(default_factory=dict)
-    _shapes: dict[tuple[object, ...], _Shape] = field(default_factory=dict)
+    _shapes: dict[tuple[object, ...], _ShapedGesture] = field(default_factory=dict)
     _manners: dict[tuple[str, str], _Options] = field(default_factory=dict)
     _played: Counter[str] = field(default_factory=Counter)
 
@@ -214,7 +214,7 @@ class Hands:
             player_parts, starts = tuple(p for p, _ in moving), tuple(beats for _, beats in moving)
         lines_not_over = known_lines or NotOver[Played]()
         lines_left, counts = lines_not_over.look(
-            (player_parts, starts), since, lambda line: _last(line) < since, _plays
+            (player_parts, starts), since, lambda line: _last_beat(line) < since, _names_and_count
         )
         self._occurrences.update(cast(dict[tuple[str, str], int], counts))
         for play, beats in lines_left:
@@ -245,8 +245,8 @@ class Hands:
         if pattern_steps.last < since:
             return
         first_place, stop_place = (
-            n_before(pattern_steps, since),
-            n_before(pattern_steps, until_beat),
+            count_before(pattern_steps, since),
+            count_before(pattern_steps, until_beat),
         )
         plays_by_key: dict[tuple[str, tuple[Transform, ...]], Play] = {}
         plays_due: list[tuple[Play, float, int]] = []
@@ -385,7 +385,7 @@ class Hands:
         chain: tuple[Transform, ...],
         start: float,
         chance: Chance | None,
-    ) -> _Shape:
+    ) -> _ShapedGesture:
         """A gesture as it is played from a beat on; kept for further occurrences if nothing in it
         is random.
 
@@ -394,7 +394,7 @@ class Hands:
         player_and_gesture = play.player, play.what
         occurrence = self._occurrences[player_and_gesture]
         self._occurrences[player_and_gesture] += chance is None
-        if chain and any(transform.word in _DRAWN for transform in chain):
+        if chain and any(transform.word in _DRAWN_TRANSFORMS for transform in chain):
             if chance is None:
                 name = f"{play.player}/{play.what}"
                 chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence)
@@ -413,14 +413,14 @@ class Hands:
         chain: tuple[Transform, ...],
         start_beat: float,
         chance: Chance,
-    ) -> _Shape:
+    ) -> _ShapedGesture:
         gesture_points: Sequence[Point] = gesture.points
         if chain:
             gesture_points, _ = apply(
                 gesture_points, chain, chance, gesture.beat(self.piece.tempo_map, start_beat)
             )
         reach = self._reach(part_play)
-        return _Shape(
+        return _ShapedGesture(
             self._key_of(part_play),
             [point.at for point in gesture_points],
             array("d", [point.x * reach for point in gesture_points]),

@@ -17,7 +17,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.built_network import BuiltNetwork
 from ergon.scores.staging.parameter_values import ModuleKey, Points
 
-FULL = 5_000.0  # [Hz] a body without modes above sounds dull
+FULL_BANDWIDTH_HZ = 5_000.0  # [Hz] a body without modes above sounds dull
 _RADIUS_MAX = 400
 _BODIES_MAX = 256  # bodies of a score that are checked
 
@@ -35,10 +35,10 @@ def highest_modes(piece: Piece, built: BuiltNetwork) -> list[HighestMode]:
     """The highest modes of the first 256 bodies of instruments in SI units, in the order of the
     score.
     """
-    return list(_bodies(piece, built))
+    return list(_bodies_and_modes(piece, built))
 
 
-def _bodies(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode]:
+def _bodies_and_modes(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode]:
     assembly = built.assembly
     bodies_left = _BODIES_MAX
     for instrument in piece.instruments.values():
@@ -71,10 +71,12 @@ def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
             lowest[highest_mode.module.place] = highest_mode
     warnings = []
     for highest_mode in lowest.values():
-        if highest_mode.hertz >= FULL or is_shipped(Path(highest_mode.module.place.file)):
+        if highest_mode.hertz >= FULL_BANDWIDTH_HZ or is_shipped(
+            Path(highest_mode.module.place.file)
+        ):
             continue
         message = f"{quote(highest_mode.name)} has no mode above {highest_mode.hertz / 1e3:.3g} kHz"
-        help = f"{_count_needed(highest_mode)} would reach about {FULL / 1e3:g} kHz"
+        help = f"{_count_advice(highest_mode)} would reach about {FULL_BANDWIDTH_HZ / 1e3:g} kHz"
         place = highest_mode.module.place
         warnings.append(Diagnostic("W331", message, place, None, help))
     return warnings
@@ -105,26 +107,25 @@ def warn_over_limit(
             (line.place for line in automation_lines if line.parameter == "f"),
             highest_mode.module.place,
         )
-        limit_seconds = _instant(path_points, (frequency_limit / highest_mode.hertz) ** 2)
+        limit_seconds = _instant_of_factor(path_points, (frequency_limit / highest_mode.hertz) ** 2)
         tempo = piece.tempo_map
         step_count = ceil(highest_mode.hertz * sqrt(factor_max) / frequency_limit)
         message = (
             f"from {tempo.written(tempo.beats(limit_seconds))} ({limit_seconds:.2f} s) on the "
-            "highest mode of "
-            f"{quote(highest_mode.name)} is above {frequency_limit / 1e3:.3g} kHz, the limit at "
-            "one step a frame; "
-            f"it reaches {highest_mode.hertz * sqrt(factor_max) / 1e3:.3g} kHz"
+            f"highest mode of {quote(highest_mode.name)} is above {frequency_limit / 1e3:.3g} kHz, "
+            "the limit at one step a frame; it reaches "
+            f"{highest_mode.hertz * sqrt(factor_max) / 1e3:.3g} kHz"
         )
         help = (
             f"a plan takes {step_count} steps a frame or another method there, unless the score "
-            "has "
-            f"`method: ca`; a rate of {step_count * piece.rate:,.0f} Hz or fewer masses cost less"
+            f"has `method: ca`; a rate of {step_count * piece.rate:,.0f} Hz or fewer masses cost "
+            "less"
         )
         warnings.append(Diagnostic("W332", message, body_place, None, help))
     return warnings
 
 
-def _instant(path_points: Points, factor: float) -> float:
+def _instant_of_factor(path_points: Points, factor: float) -> float:
     """The instant at which the first number of the points first reaches a factor [s]."""
     for (t0, low, _), (t1, high, _) in pairwise(path_points):
         if low < factor <= high:
@@ -132,10 +133,13 @@ def _instant(path_points: Points, factor: float) -> float:
     return path_points[0][0]
 
 
-def _count_needed(mode: HighestMode) -> str:
+def _count_advice(mode: HighestMode) -> str:
     """What to write so that the highest mode is at about 5 kHz."""
     part_module, module_fields = mode.module, mode.module.fields
-    masses, factor_needed = member_count(part_module.kind, module_fields), FULL / mode.hertz
+    masses, factor_needed = (
+        member_count(part_module.kind, module_fields),
+        FULL_BANDWIDTH_HZ / mode.hertz,
+    )
     if part_module.kind == "STRING":
         return f"`masses: {ceil(masses * factor_needed)}`"
     # The highest mode of a lattice is inversely proportional to its spacing; if the plate bends, to

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from math import inf, pi, sqrt
 
 from ergon.instruments.model import Module, Target
-from ergon.instruments.module_kinds import KINDS, LINKS, member_count
-from ergon.instruments.spread import single_links, size
+from ergon.instruments.module_kinds import KINDS, LINK_KINDS, member_count
+from ergon.instruments.spread import link_count, single_links
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Key
@@ -28,17 +28,17 @@ def warn_implausible(piece: Piece) -> list[Diagnostic]:
             continue
         for part_module in instrument.modules:
             module_name = ".".join(filter(None, (instrument.name, part_module.name)))
-            warnings += _pitches(piece, module_name, part_module)
+            warnings += _warn_pitches(piece, module_name, part_module)
             if part_module.kind == "BUT":
                 warnings += scene.gaps(module_name, part_module)
-            if part_module.kind in LINKS:
+            if part_module.kind in LINK_KINDS:
                 warnings += scene.stiffness(piece, module_name, part_module)
             if part_module.kind == "BRISTLE":
-                warnings += _gains(module_name, part_module)
+                warnings += _warn_friction_gains(module_name, part_module)
     return warnings
 
 
-def _pitches(piece: Piece, module_name: str, part_module: Module) -> Iterator[Diagnostic]:
+def _warn_pitches(piece: Piece, module_name: str, part_module: Module) -> Iterator[Diagnostic]:
     """Report W326 for strings and plates; a CEL above half of the rate is refused elsewhere
     (E309).
     """
@@ -49,15 +49,14 @@ def _pitches(piece: Piece, module_name: str, part_module: Module) -> Iterator[Di
         and module_frequency > highest
     ):
         message = (
-            f"the pitch of {quote(module_name)} is {_hertz(module_frequency)}, above half of the "
-            "rate "
-            f"({_hertz(highest)}): no file can hold it"
+            f"the pitch of {quote(module_name)} is {_hertz_text(module_frequency)}, above half of "
+            f"the rate ({_hertz_text(highest)}): no file can hold it"
         )
         place = part_module.places.get("f", part_module.place)
         yield Diagnostic("W326", message, place, None, "choose a lower pitch or a higher rate")
 
 
-def _gains(module_name: str, bristle: Module) -> Iterator[Diagnostic]:
+def _warn_friction_gains(module_name: str, bristle: Module) -> Iterator[Diagnostic]:
     """Report W333 if friction with memory may generate energy (Barabanov and Ortega, 2000)."""
     bristle_fields = bristle.fields
     friction_level, static = bristle_fields["Fc"], bristle_fields["Fs"]
@@ -119,7 +118,7 @@ class _Scene:
             message = (
                 f"the gap of contact {quote(name)} is negative: its ends are pressed together "
             )
-            message += f"by {_millimetres(pressed)} from the beginning"
+            message += f"by {_millimetres_text(pressed)} from the beginning"
             help = "write a gap of 0 or more, or a RES or REF where the two are tied for good"
             yield Diagnostic("W327", message, gap_place, None, help)
         has_travel = any(self._key(end) is not None for end in but.ends)
@@ -127,7 +126,7 @@ class _Scene:
             message = (
                 f"contact {quote(name)} is beyond the travel of its key: at the end of the travel "
             )
-            message += f"its ends are still {_millimetres(-nearest)} apart"
+            message += f"its ends are still {_millimetres_text(-nearest)} apart"
             help = "make the gap smaller than the travel, or the travel longer"
             yield Diagnostic("W329", message, gap_place, None, help)
 
@@ -142,7 +141,7 @@ class _Scene:
             return
         end_targets = link.ends
         # If one mass is linked to a range, all its links pull on it together.
-        inverse = sum(size(end_targets) / end.count / self._mass(end) for end in end_targets)
+        inverse = sum(link_count(end_targets) / end.count / self._mass(end) for end in end_targets)
         if inverse == 0.0:
             return
         half = pi / sqrt(stiffness * inverse)  # of a period; as long as a touch lasts [s]
@@ -197,9 +196,9 @@ class _Scene:
         return float(end_mass)
 
 
-def _hertz(f: float) -> str:
+def _hertz_text(f: float) -> str:
     return f"{f / 1e3:.3g} kHz"
 
 
-def _millimetres(x: float) -> str:
+def _millimetres_text(x: float) -> str:
     return f"{1e3 * x:.3g} mm"

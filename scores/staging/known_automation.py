@@ -22,7 +22,7 @@ from ergon.scores.reading.curves import CurvePoint
 from ergon.scores.reading.piece import NoteGlide, Piece, Strikes
 from ergon.scores.reading.playing import Key
 from ergon.scores.staging.parameter_curves import Entry
-from ergon.scores.staging.parameter_values import Led, ModuleKey, Points
+from ergon.scores.staging.parameter_values import AutomatedModule, ModuleKey, Points
 
 _REACH_SECONDS = 0.01  # [s] in which a value of a MIDI file is reached, so that it does not click
 
@@ -37,11 +37,11 @@ class Tracks:
     moves_from: float
 
 
-class _Settled(NamedTuple):
+class _SettledPoints(NamedTuple):
     """The points of a module with these entries, on which nothing acts from beat `since` on."""
 
     tracks: Tracks
-    led: Led
+    led: AutomatedModule
     since: float
     points: Points
     moves: bool  # whether they are other values than the module's own
@@ -64,9 +64,11 @@ class KnownAutomation:
     # By the id of what they are made of, which is kept with them so that no other has its id.
     _notes: dict[int, tuple[Strikes, list[Automation]]] = field(default_factory=dict)
     # With the module and its part, of which a key has a reach of its own.
-    _leds: dict[ModuleKey, tuple[Module | None, object, Led]] = field(default_factory=dict)
+    _leds: dict[ModuleKey, tuple[Module | None, object, AutomatedModule]] = field(
+        default_factory=dict
+    )
     _modules: dict[str, tuple[object, dict[str, Module]]] = field(default_factory=dict)
-    _settled: dict[ModuleKey, _Settled] = field(default_factory=dict)
+    _settled: dict[ModuleKey, _SettledPoints] = field(default_factory=dict)
 
     def tracks(self, piece: Piece) -> Mapping[ModuleKey, Tracks]:
         """The entries of a piece by module; those of a module that did not change are the same
@@ -154,17 +156,17 @@ class KnownAutomation:
         by_name: dict[str, list[Entry]] = {}
         moves_from = math.inf
         for name, lines in parameters.items():
-            spans = sorted([_span(tempo, line) for line in lines], key=lambda span: span[1])
+            spans = sorted([_entry_span(tempo, line) for line in lines], key=lambda span: span[1])
             entries = by_name[name] = []
             for place, (automation_line, begin_beat, until) in enumerate(spans):
                 is_last = place + 1 == len(spans)
                 stop = until if is_last else min(until, spans[place + 1][1])
-                entries += _entries(tempo, Entry(automation_line, begin_beat, stop))
+                entries += _timed_entries(tempo, Entry(automation_line, begin_beat, stop))
                 if automation_line.swing is None:
                     moves_from = min(moves_from, begin_beat)
         return Tracks(by_name, moves_from)
 
-    def led(self, piece: Piece, module_key: ModuleKey) -> Led | None:
+    def led(self, piece: Piece, module_key: ModuleKey) -> AutomatedModule | None:
         """A module of a piece; None if it does not exist."""
         owning_part = piece.keys.get(module_key[0]) or piece.instruments.get(module_key[0])
         led_module, known_led = self._module(owning_part, module_key), self._leds.get(module_key)
@@ -173,7 +175,7 @@ class KnownAutomation:
             is_same = known_led[0] is led_module is not None and isinstance(owning_part, Instrument)
             if is_same or known_led[1] is owning_part:
                 return known_led[2]
-        led = Led.from_piece(piece, module_key)
+        led = AutomatedModule.from_piece(piece, module_key)
         if led is None:
             self._leds.pop(module_key, None)
         else:
@@ -194,7 +196,7 @@ class KnownAutomation:
         return part_modules[1].get(module_key[1])
 
     def settled(
-        self, module_key: ModuleKey, tracks: Tracks, led: Led, beat: float
+        self, module_key: ModuleKey, tracks: Tracks, led: AutomatedModule, beat: float
     ) -> Points | None:
         """The constant points of a module on which nothing acts from a beat on; None if that is not
         known.
@@ -209,11 +211,16 @@ class KnownAutomation:
         return settled_module.points if settled_module.since <= beat else None
 
     def settle(
-        self, module_key: ModuleKey, tracks: Tracks, led: Led, since: float, points: Points
+        self,
+        module_key: ModuleKey,
+        tracks: Tracks,
+        led: AutomatedModule,
+        since: float,
+        points: Points,
     ) -> None:
         """Keep the constant points of a module on which nothing acts from beat `since` on."""
         moves = any(point[1:] != led.numbers_alone for point in points)
-        self._settled[module_key] = _Settled(tracks, led, since, points, moves)
+        self._settled[module_key] = _SettledPoints(tracks, led, since, points, moves)
 
     def settled_moves(self, module_key: ModuleKey, path_points: Points) -> bool | None:
         """Whether these settled points are other values than the module's own; None if they are not
@@ -227,7 +234,7 @@ class KnownAutomation:
         )
 
 
-def _span(tempo: TempoMap, automation_line: Automation) -> tuple[Automation, float, float]:
+def _entry_span(tempo: TempoMap, automation_line: Automation) -> tuple[Automation, float, float]:
     """An entry with the beats on which it begins and ends."""
     return (
         automation_line,
@@ -236,21 +243,22 @@ def _span(tempo: TempoMap, automation_line: Automation) -> tuple[Automation, flo
     )
 
 
-def _entries(tempo: TempoMap, automation_entry: Entry) -> Iterator[Entry]:
+def _timed_entries(tempo: TempoMap, automation_entry: Entry) -> Iterator[Entry]:
     """An entry; for one that follows a MIDI file a glide for each value that it has there."""
     automation_line, begin_beat, stop_beat = automation_entry
     if not automation_line.moves:
         yield automation_entry
         return
     glides = [
-        (glide, tempo.resolve(glide.at)) for glide in _glides(tempo, automation_line, begin_beat)
+        (glide, tempo.resolve(glide.at))
+        for glide in _file_glides(tempo, automation_line, begin_beat)
     ]
     beats = [beat for _, beat in glides if beat < stop_beat]
     for (glide, beat), following in zip(glides, [*beats[1:], stop_beat], strict=False):
         yield Entry(glide, beat, following)
 
 
-def _glides(
+def _file_glides(
     tempo: TempoMap, automation_line: Automation, start_beat: float
 ) -> Iterator[Automation]:
     """A glide for each value of a MIDI file that begins on beat `start_beat`, which ends where the
@@ -273,7 +281,7 @@ def _glides(
 def _strike_automation(tempo: TempoMap, strikes_line: Strikes) -> Iterator[Automation]:
     """Automation of the pitches of what is struck."""
     if strikes_line.pattern is not None:
-        yield from _notes(tempo, strikes_line)
+        yield from _note_automation(tempo, strikes_line)
     for beat in strikes_line.rounds(tempo) if strikes_line.glides else ():
         for glide in strikes_line.glides:
             yield from _wheel_automation(tempo, strikes_line, glide, beat)
@@ -298,10 +306,10 @@ def _wheel_automation(
         struck=strikes_line.who,
         moves=tuple((length, Amount(factor, is_factor=True)) for length, factor in glide.points),
     )
-    yield from _glides(tempo, wheel, start_beat)
+    yield from _file_glides(tempo, wheel, start_beat)
 
 
-def _notes(tempo: TempoMap, automation_line: Strikes) -> Iterator[Automation]:
+def _note_automation(tempo: TempoMap, automation_line: Strikes) -> Iterator[Automation]:
     """Automation of the pitches of strikes that have notes."""
     assert automation_line.pattern is not None
     until_position = automation_line.until

@@ -41,25 +41,22 @@ def check_delays(piece: Piece, collector: Collector) -> None:
             )
     for key_name, (stiffness, stiffest_link) in stiffest.items():
         delayed_key = piece.keys[key_name]
-        damping = _damping(delayed_key)
+        damping = _ground_damping(delayed_key)
         if damping is None or stiffness * delayed_key.delay <= damping:
             continue
         delay_text = f"{1e3 * delayed_key.delay:g} ms"
         message = (
             f"{quote(key_name)}: the forces of the piece reach this key {delay_text} late; so the "
-            "spring "
-            "of "
-            f"{stiffness:,.0f} N/m of {quote(stiffest_link)} removes "
-            f"{stiffness * delayed_key.delay:.2g} "
-            "Ns/m of "
-            f"the damping of the key, {damping:.2g} Ns/m, and the key may begin to swing by itself"
+            f"spring of {stiffness:,.0f} N/m of {quote(stiffest_link)} removes "
+            f"{stiffness * delayed_key.delay:.2g} Ns/m of the damping of the key, {damping:.2g} "
+            "Ns/m, and the key may begin to swing by itself"
         )
         bound = damping / delayed_key.delay
         help = f"keep K below {bound:,.0f} N/m, raise Z of the key, or write `delay: 0s` there"
         collector.error("W336", message, delayed_key.place, help=help)
 
 
-def _damping(key: Key) -> float | None:
+def _ground_damping(key: Key) -> float | None:
     """The damping of the struck mass to the ground [N·s/m], if it is written."""
     struck = next(module for module in key.modules if module.name == key.struck)
     damping = struck.fields.get("Z")

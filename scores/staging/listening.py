@@ -21,8 +21,8 @@ from ergon.scores.reading.tones import Tone
 from ergon.scores.staging.loudspeakers import Loudspeakers
 
 _NEVER_SECONDS = 1e9  # [s]
-_PATH_NS, _ROOM_NS = 10.0, 300.0
-_PRESSURE = 1.0  # pressure of a radiating route at the reference level [Pa]
+_ROUTE_NS, _ROOM_NS = 10.0, 300.0
+_REFERENCE_PASCALS = 1.0  # pressure of a radiating route at the reference level [Pa]
 _Range = tuple[int, int, float]
 Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is smooth)
 
@@ -170,7 +170,7 @@ class Listening:
     @property
     def cost(self) -> float:
         """About how long mixing a frame takes [ns]."""
-        return _PATH_NS * len(self.ways) + _ROOM_NS * len(self.rooms)
+        return _ROUTE_NS * len(self.ways) + _ROOM_NS * len(self.rooms)
 
 
 def check_mix(piece: Piece, collector: Collector) -> None:
@@ -208,7 +208,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
     listening = Listening(
         max(1, piece.mix.channels),
         rooms=piece.mix.rooms,
-        fade=_curve(piece, master.fade) if master else (),
+        fade=_fade_frames(piece, master.fade) if master else (),
         silent=silent,
     )
     taps: dict[tuple[str, str], list[int]] = {}
@@ -217,17 +217,17 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
     for route, instrument, routed_output in all_heard:
         output_index = position[route] = position.get(route, -1) + 1
         if routed_output.nearest is not None or route.to == "nearest":
-            _nearest(listening, piece, assembly, instrument, routed_output, route)
+            _add_nearest_taps(listening, piece, assembly, instrument, routed_output, route)
         else:
             output_key = instrument.name, routed_output.name
             if output_key not in taps:
-                taps[output_key] = _taps(listening, assembly, output_key, routed_output)
+                taps[output_key] = _add_taps(listening, assembly, output_key, routed_output)
             # With as many outputs as channels, each output has one channel, in order; else each
             # goes to all channels.
             is_one_each = n_outputs_heard[route] == len(route.to) and not route.is_panned
             channels = route.to[output_index : output_index + 1] if is_one_each else route.to
             for tap in taps[output_key]:
-                _ways(listening, piece, tap, [c - 1 for c in channels], route, routed_output)
+                _tap_routes(listening, piece, tap, [c - 1 for c in channels], route, routed_output)
     channels_used = [way.channel + 1 for way in listening.ways]
     channels_used += [channel for room in listening.rooms for channel in room.to]
     listening.n_channels = max(listening.n_channels, *channels_used, 1)
@@ -241,7 +241,7 @@ def _outputs_of(piece: Piece, route: Route) -> Iterator[tuple[Instrument, Output
             yield instrument, routed_output
 
 
-def _ways(
+def _tap_routes(
     listening: Listening,
     piece: Piece,
     tap: int,
@@ -250,12 +250,12 @@ def _ways(
     routed_output: Output,
 ) -> None:
     route_ratio = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
-    delay, quantity = 0, routed_output.traits.reference
+    delay, quantity = 0, routed_output.kind_facts.reference_amount
     if route.radiation is not None:
-        quantity = _PRESSURE
+        quantity = _REFERENCE_PASCALS
         route_ratio *= route.radiation.gain
         delay = route.radiation.delay(piece.rate)
-    fade = _curve(piece, route.fade) or None
+    fade = _fade_frames(piece, route.fade) or None
     path = TapRoute(
         *(
             route.part,
@@ -263,7 +263,7 @@ def _ways(
             0,
             route_ratio,
             quantity,
-            routed_output.traits.is_energy,
+            routed_output.kind_facts.is_energy,
             route.highpass,
         ),
         delay=delay,
@@ -277,7 +277,7 @@ def _ways(
             delay=delay + echo_frames,
             echo=(echo_frames, route_ratio) if route_ratio and echo_frames else None,
         )
-    places = _places(piece, route.pan_path)
+    places = _pan_frames(piece, route.pan_path)
     for route_number, (channel, channel_share) in enumerate(
         zip(channels, route.pan or repeat(1.0), strict=False)
     ):
@@ -295,18 +295,18 @@ def fades(piece: Piece) -> list[Curve]:
     """
     master = piece.mix.master
     return [
-        _curve(piece, master.fade if master else ()),
-        *(_curve(piece, r.fade) for r in piece.mix.routes if r.fade),
-        *(_places(piece, r.pan_path) for r in piece.mix.routes if r.pan_path),
+        _fade_frames(piece, master.fade if master else ()),
+        *(_fade_frames(piece, r.fade) for r in piece.mix.routes if r.fade),
+        *(_pan_frames(piece, r.pan_path) for r in piece.mix.routes if r.pan_path),
     ]
 
 
-def _curve(piece: Piece, fade: Fade) -> Curve:
+def _fade_frames(piece: Piece, fade: Fade) -> Curve:
     """A fade with its instants in frames of the piece."""
     return tuple((_frame(piece, point.at), point.gain, point.is_smooth) for point in fade)
 
 
-def _places(piece: Piece, path: PanPath) -> Curve:
+def _pan_frames(piece: Piece, path: PanPath) -> Curve:
     """A pan with its instants in frames of the piece."""
     return tuple((_frame(piece, point.at), point.pan, point.is_smooth) for point in path)
 
@@ -318,14 +318,14 @@ def _frame(piece: Piece, written_position: Position) -> int:
     return floor(max(-_NEVER_SECONDS, min(instant, _NEVER_SECONDS)) * piece.rate + 0.5)
 
 
-def _taps(
+def _add_taps(
     listening: Listening, assembly: Assembly, output_name: tuple[str, str], routed_output: Output
 ) -> list[int]:
     """Add taps for an output: the sum of its targets, or √(m/2)·v of each mass, whose square is its
     energy.
     """
-    if not routed_output.traits.is_energy:
-        return [_tap(listening, assembly, output_name, routed_output)]
+    if not routed_output.kind_facts.is_energy:
+        return [_add_tap(listening, assembly, output_name, routed_output)]
     elements = assembly.network.elements(list({target.part for target in routed_output.targets}))
     masses = dict(zip(elements.mats, elements.masses, strict=True))
     taps: list[int] = []
@@ -333,12 +333,12 @@ def _taps(
         listening.outputs.append(".".join(filter(None, (*output_name, str(len(taps) + 1)))))
         weighted = (mat, 1, sqrt(masses.get(mat, 0.0) / 2.0))
         positions = [] if output_name[0] in listening.silent else [weighted]
-        named, order = listening.outputs[-1], routed_output.traits.order
+        named, order = listening.outputs[-1], routed_output.kind_facts.order
         taps.append(assembly.network.listen(named, positions=positions, order=order))
     return taps
 
 
-def _tap(
+def _add_tap(
     listening: Listening, assembly: Assembly, output_name: tuple[str, str], routed_output: Output
 ) -> int:
     """Add a tap for an output: the sum of its targets."""
@@ -348,12 +348,12 @@ def _tap(
     length_ranges: list[_Range] = []
     is_silent = output_name[0] in listening.silent
     if routed_output.is_distance and not is_silent:
-        length_ranges.append((_gauge(assembly, output_name, routed_output.targets), 1, 1.0))
+        length_ranges.append((_add_gauge(assembly, output_name, routed_output.targets), 1, 1.0))
     for output_target in (
         routed_output.targets if not (is_silent or routed_output.is_distance) else ()
     ):
         if routed_output.is_movement:
-            position_ranges.append(_range(assembly, output_target))
+            position_ranges.append(_mat_range(assembly, output_target))
         elif (output_target.part, output_target.module) in assembly.links:
             module_key = output_target.part, output_target.module
             for links in assembly.walls.get(module_key, [assembly.links[module_key]]):
@@ -364,10 +364,10 @@ def _tap(
             output_target.part,
             output_target.module,
         ) in assembly.points:  # a net: all its springs
-            springs = assembly.bodies[output_target.part, output_target.module]
+            springs = assembly.generator_links[output_target.part, output_target.module]
             force_ranges.append((springs.start, len(springs), 1.0))
         else:
-            ground.append(_range(assembly, output_target))
+            ground.append(_mat_range(assembly, output_target))
     listening.outputs.append(".".join(filter(None, output_name)))
     return assembly.network.listen(
         listening.outputs[-1],
@@ -375,11 +375,11 @@ def _tap(
         forces=force_ranges,
         ground_forces=ground,
         lengths=length_ranges,
-        order=routed_output.traits.order,
+        order=routed_output.kind_facts.order,
     )
 
 
-def _gauge(assembly: Assembly, name: tuple[str, str], end_targets: Sequence[Target]) -> int:
+def _add_gauge(assembly: Assembly, name: tuple[str, str], end_targets: Sequence[Target]) -> int:
     """Add a link without a force, whose length is the distance that is heard; returns its index."""
     part, listener_name = name
     assembly.network.part(part)
@@ -387,12 +387,12 @@ def _gauge(assembly: Assembly, name: tuple[str, str], end_targets: Sequence[Targ
     return assembly.network.gauge(" ".join(filter(None, (listener_name, "distance"))), a, b)
 
 
-def _range(assembly: Assembly, target: Target) -> _Range:
+def _mat_range(assembly: Assembly, target: Target) -> _Range:
     members = assembly.members(target)
     return members.start, len(members), 1.0
 
 
-def _nearest(
+def _add_nearest_taps(
     listening: Listening,
     piece: Piece,
     assembly: Assembly,
@@ -428,16 +428,16 @@ def _nearest(
             else {"positions": speaker_ranges}
         )
         listening.outputs.append(output_name)
-        tap = assembly.network.listen(output_name, **listened, order=routed_output.traits.order)
-        _ways(listening, piece, tap, (channel_index,), route, routed_output)
+        tap = assembly.network.listen(output_name, **listened, order=routed_output.kind_facts.order)
+        _tap_routes(listening, piece, tap, (channel_index,), route, routed_output)
 
 
 def targets_of(instrument: Instrument, routed_output: Output) -> Sequence[Target]:
     """The targets of an output."""
-    return routed_output.targets or _everything(instrument)
+    return routed_output.targets or _bank_members(instrument)
 
 
-def _everything(instrument: Instrument) -> list[Target]:
+def _bank_members(instrument: Instrument) -> list[Target]:
     """All members of an instrument's banks, which `SOF: {nearest: …}` listens to."""
     return [
         Target(instrument.name, module.name, 0, module.fields["count"], "", module.place)

@@ -28,16 +28,16 @@ if TYPE_CHECKING:
     Real = Mapping[str, NDArray[np.float64] | None]
 
 # How often a device is read unless its player has a `tick` [Hz].
-TICK = 1000.0
+TICK_HZ = 1000.0
 _BLOCK = 4096  # frames
 # The most positions of a hand that are known beforehand: 80 MB, held three times over.
 MAX_TICKS = 10_000_000
 # The most frames computed for the path of a key, an hour at 44.1 kHz: some 20 s of CPU time.
 MAX_FRAMES = 160_000_000
 # Time after which the position of a key no longer depends on what was played before [s].
-_SETTLED = 5.0
+_SETTLED_SECONDS = 5.0
 # In a pause between gestures that is longer than this, a key at rest is not computed [s].
-_PAUSE = 60.0
+_PAUSE_SECONDS = 60.0
 _REST_MOVEMENT_MAX = 1e-12  # largest movement of a key at rest [m]
 
 
@@ -58,7 +58,7 @@ class LiveHand:
     ticks: int
 
 
-def stand_ins(piece: Piece) -> dict[str, None]:
+def stand_in_players(piece: Piece) -> dict[str, None]:
     """Live players whose take moves the key as it was captured: they have no part, and their key no
     other player.
     """
@@ -142,7 +142,7 @@ def check_players(piece: Piece, real_hands: Real, collector: Collector) -> None:
         raise StageError(collector.finish())
 
 
-def held(piece: Piece, real_hands: Real) -> Piece:
+def with_held_keys(piece: Piece, real_hands: Real) -> Piece:
     """The piece with the keys in real hands reduced to their struck MAT.
 
     The real key has its own modes, friction and delay, so those that were measured are left out.
@@ -151,12 +151,12 @@ def held(piece: Piece, real_hands: Real) -> Piece:
         name: replace(key, modules=struck_modules, delay=0.0)
         for name in dict.fromkeys(piece.players[player].key for player in real_hands)
         for key in [piece.keys[name]]
-        if len(struck_modules := _struck(key)) < len(key.modules) or key.delay
+        if len(struck_modules := _struck_modules(key)) < len(key.modules) or key.delay
     }
     return replace(piece, keys={**piece.keys, **reduced_keys}) if reduced_keys else piece
 
 
-def _struck(key: Key) -> tuple[Module, ...]:
+def _struck_modules(key: Key) -> tuple[Module, ...]:
     """The modules of a key in a real hand: the CEL of a measured key, or all that are written."""
     is_measured = key.struck == ""  # then the module of the CEL has no name
     return tuple(module for module in key.modules if not is_measured or module.name == "")
@@ -164,12 +164,12 @@ def _struck(key: Key) -> tuple[Module, ...]:
 
 def _tick_frames(piece: Piece, real_hands: Real, collector: Collector) -> int:
     """Frames in a tick: all hands share one rate."""
-    ticks = {piece.players[name].tick or TICK: piece.players[name] for name in real_hands}
+    ticks = {piece.players[name].tick or TICK_HZ: piece.players[name] for name in real_hands}
     if len(ticks) > 1:
         player = [*ticks.values()][-1]
         message = f"{quote(player.name)}: live hands have different ticks; write one `tick` for all"
         collector.error("E308", message, player.place)
-    return max(1, round(piece.rate / next(iter(ticks), TICK)))
+    return max(1, round(piece.rate / next(iter(ticks), TICK_HZ)))
 
 
 def _is_alone(piece: Piece, player: Player, real_hands: Real, collector: Collector) -> bool:
@@ -211,12 +211,12 @@ def standin(
         help = "write a lower `tick` or a shorter part"
         collector.error("E308", message, player.place, help=help)
         return np.zeros(2)
-    path = _sparse_path(network, hands, tick_frames, n_ticks)
+    path = _sparse_tick_positions(network, hands, tick_frames, n_ticks)
     if path is None:
         message = (
             f"{quote(player.name)}: the part that plays in place of a real hand moves its key "
             f"for more than {MAX_FRAMES / piece.rate:,.0f} s; that is the maximum, and pauses of "
-            f"more than {_PAUSE:g} s in which the key is at rest do not count"
+            f"more than {_PAUSE_SECONDS:g} s in which the key is at rest do not count"
         )
         collector.error("E308", message, player.place, help="write a shorter part")
         return np.zeros(2)
@@ -225,7 +225,7 @@ def standin(
 
 def played_alone(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Network, Hands]:
     """The network of a player's key, its position as output, and the part or stand-in on it."""
-    piece_alone = _alone(piece, player)
+    piece_alone = _solo_piece(piece, player)
     network, hands = _key(piece_alone, player, collector)
     hands.play_parts(piece_alone)
     if not piece_alone.parts and player.standin:
@@ -233,7 +233,7 @@ def played_alone(piece: Piece, player: Player, collector: Collector) -> tuple[_c
     return network, hands
 
 
-def leading(
+def leading_positions(
     piece: Piece,
     player_name: str,
     spans: Sequence[tuple[Piece, Window]],
@@ -247,9 +247,9 @@ def leading(
     `forces` of its ergons in these ticks are added.
     """
     collector = Collector()
-    settling_tick = max(0, ticks.start - int(_SETTLED * piece.rate) // tick_frames)
+    settling_tick = max(0, ticks.start - int(_SETTLED_SECONDS * piece.rate) // tick_frames)
     network, hands = _key(
-        _alone(piece, piece.players[player_name]), piece.players[player_name], collector
+        _solo_piece(piece, piece.players[player_name]), piece.players[player_name], collector
     )
     hands.timeline.open()
     settling_start, end_seconds = (
@@ -258,7 +258,7 @@ def leading(
     for piece_of_span, window in spans:
         if player_name not in piece_of_span.players:
             continue
-        piece_alone = _alone(piece_of_span, piece_of_span.players[player_name])
+        piece_alone = _solo_piece(piece_of_span, piece_of_span.players[player_name])
         until = min(window.until, piece_of_span.tempo_map.beats(end_seconds) + SAME)
         span_hands = hands.other(piece_alone, window._replace(until=until, after=settling_start))
         span_hands.play_parts(piece_alone)
@@ -266,9 +266,11 @@ def leading(
     simulation = _core.Simulation(
         network, hands.timeline, start=start, record=forces is not None, on_fault="mute"
     )
-    path = _path(simulation, tick_frames, ticks.stop - settling_tick)[ticks.start - settling_tick :]
+    path = _tick_positions(simulation, tick_frames, ticks.stop - settling_tick)[
+        ticks.start - settling_tick :
+    ]
     if forces is not None:
-        _path(simulation, tick_frames, forces.late)
+        _tick_positions(simulation, tick_frames, forces.late)
         forces.add(simulation)
     return path, [(gesture.start, gesture.stop) for gesture in hands.gestures]
 
@@ -277,7 +279,7 @@ def _key(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Netw
     """The network of a player's key, with its position as output, and hands on it."""
     key = piece.keys[player.key]
     assembly = Assembly(seed=piece.seed)
-    for add in (assembly.part, assembly.joins):
+    for add in (assembly.add_part, assembly.add_links):
         add(key.name, key.modules, ca_rate=None, reach=1.0)
     struck = assembly.mats[key.name, key.struck]
     assembly.network.listen("key", positions=[(struck, 1, 1.0)])
@@ -288,7 +290,9 @@ def _key(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Netw
     return assembly.network, hands
 
 
-def _path(simulation: _core.Simulation, tick_frames: int, n_ticks: int) -> NDArray[np.float64]:
+def _tick_positions(
+    simulation: _core.Simulation, tick_frames: int, n_ticks: int
+) -> NDArray[np.float64]:
     """The position at each of the next ticks (n_ticks,) [m]."""
     import numpy as np
 
@@ -302,7 +306,7 @@ def _path(simulation: _core.Simulation, tick_frames: int, n_ticks: int) -> NDArr
     return tick_positions
 
 
-def _sparse_path(
+def _sparse_tick_positions(
     network: _core.Network, hands: Hands, tick_frames: int, n_ticks: int
 ) -> NDArray[np.float64] | None:
     """Positions of a key at every tick (n_ticks,) [m]; long pauses at rest are not computed.
@@ -321,12 +325,12 @@ def _sparse_path(
     tick_positions = np.zeros(n_ticks)
     simulation, first_tick = _core.Simulation(network, hands.timeline), 0
     for busy_until, begins in pauses:
-        tick_positions[first_tick:busy_until] = _path(
+        tick_positions[first_tick:busy_until] = _tick_positions(
             simulation, tick_frames, busy_until - first_tick
         )
         first_tick, resumed_tick = busy_until, begins - round(rate) // tick_frames
         anew = _core.Simulation(network, hands.timeline, start=resumed_tick * tick_frames)
-        resting_path = _path(anew, tick_frames, 2)
+        resting_path = _tick_positions(anew, tick_frames, 2)
         # A new simulation that does not start at rest cannot replace the one that has come to rest.
         if np.ptp(resting_path) > _REST_MOVEMENT_MAX:
             n_moving += begins - busy_until
@@ -335,7 +339,7 @@ def _sparse_path(
             n_moving += tick_count
             if n_moving > moving_max:
                 return None
-            computed_path = tick_positions[first_tick : first_tick + tick_count] = _path(
+            computed_path = tick_positions[first_tick : first_tick + tick_count] = _tick_positions(
                 simulation, tick_frames, tick_count
             )
             first_tick += tick_count
@@ -344,7 +348,7 @@ def _sparse_path(
                 simulation, first_tick = anew, resumed_tick + 2
     if n_moving > moving_max:
         return None
-    tick_positions[first_tick:] = _path(simulation, tick_frames, n_ticks - first_tick)
+    tick_positions[first_tick:] = _tick_positions(simulation, tick_frames, n_ticks - first_tick)
     return tick_positions
 
 
@@ -352,7 +356,7 @@ def _pauses(hands: Hands, tick_frames: int, n_ticks: int) -> Iterator[tuple[int,
     """Long pauses without gestures, as the tick after the last one and the tick of the next."""
     rate, stop_seconds = hands.piece.rate, 0.0
     for gesture in sorted(hands.gestures, key=lambda gesture: gesture.start):
-        if gesture.start > stop_seconds + _PAUSE:
+        if gesture.start > stop_seconds + _PAUSE_SECONDS:
             # A throw may move a key beyond the end of its gesture.
             yield (
                 int(stop_seconds * rate) // tick_frames + 1,
@@ -361,7 +365,7 @@ def _pauses(hands: Hands, tick_frames: int, n_ticks: int) -> Iterator[tuple[int,
         stop_seconds = max(stop_seconds, gesture.stop)
 
 
-def _alone(piece: Piece, player: Player) -> Piece:
+def _solo_piece(piece: Piece, player: Player) -> Piece:
     """The piece reduced to one player's part, on a key without a lever."""
     hand_plays = [
         pair

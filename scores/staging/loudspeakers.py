@@ -5,7 +5,7 @@ from __future__ import annotations
 from ergon.instruments.model import Layout, Placing
 from ergon.space.directions import Point, equidistant
 
-_ON_THE_BENCH = Placing(1.0, (0.0, 0.0), None)
+_DEFAULT_PLACING = Placing(1.0, (0.0, 0.0), None)
 
 
 class Loudspeakers:
@@ -13,7 +13,7 @@ class Loudspeakers:
 
     def __init__(self, room: Layout, placing: Placing | None) -> None:
         """Take the room; without `placing` a body of 1 m is 1 m wide, in the middle of the plan."""
-        self._placing = placing or _ON_THE_BENCH
+        self._placing = placing or _DEFAULT_PLACING
         self._is_in_space = self._placing.height is not None
         self._speakers = room.speakers
         if not self._is_in_space:

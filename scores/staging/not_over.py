@@ -15,11 +15,11 @@ from ergon.common.changed import changed_part
 
 _Line = TypeVar("_Line", bound=tuple[Any, ...])
 _Columns = tuple[Sequence[Any], ...]
-_LOOKS_CACHED = 4  # looks; some are at earlier versions that still play
+_LOOKS_REMEMBERED = 4  # looks; some are at earlier versions that still play
 Plays = tuple[Hashable, int]  # an item that a line plays, with its count
 
 
-class _Look(NamedTuple):
+class _RememberedLook(NamedTuple):
     """The indices of the lines that are not over on beat `since`, in order.
 
     `counts` says how often those that are over have played what they play, `counted` the index of
@@ -40,7 +40,7 @@ class NotOver(Generic[_Line]):
 
     def __init__(self) -> None:
         """Start without a look."""
-        self._looks: list[_Look] = []
+        self._looks: list[_RememberedLook] = []
 
     def forget(self) -> None:
         """Forget all looks."""
@@ -75,8 +75,8 @@ class NotOver(Generic[_Line]):
                 play_counts[played_name] = play_counts.get(played_name, 0) + n_played
                 counted[played_name] = line_number
         if look.since < since:
-            look = _Look(columns, since, numbers_left, play_counts, counted)
-            self._looks = [*self._looks[1 - _LOOKS_CACHED :], look]
+            look = _RememberedLook(columns, since, numbers_left, play_counts, counted)
+            self._looks = [*self._looks[1 - _LOOKS_REMEMBERED :], look]
         return [_line(columns, number) for number in look.left], look.counts
 
     def _last(
@@ -84,7 +84,7 @@ class NotOver(Generic[_Line]):
         columns: _Columns,
         since: float,
         plays: Callable[[_Line], Plays | None],
-    ) -> _Look:
+    ) -> _RememberedLook:
         """The last look at these lines at `since` or before, of which changed lines are left."""
         for look in sorted(self._looks, key=lambda look: look.since, reverse=True):
             if (
@@ -92,7 +92,7 @@ class NotOver(Generic[_Line]):
                 and (carried_look := _carried_over(look, columns, plays)) is not None
             ):
                 return carried_look
-        return _Look(columns, -math.inf, [*range(len(columns[0]))], {}, {})
+        return _RememberedLook(columns, -math.inf, [*range(len(columns[0]))], {}, {})
 
 
 def _line(columns: _Columns, number: int) -> Any:
@@ -100,8 +100,8 @@ def _line(columns: _Columns, number: int) -> Any:
 
 
 def _carried_over(
-    look: _Look, table_columns: _Columns, plays: Callable[..., Plays | None]
-) -> _Look | None:
+    look: _RememberedLook, table_columns: _Columns, plays: Callable[..., Plays | None]
+) -> _RememberedLook | None:
     """A look for nearly the same lines: changed lines are left. None if one of them was over, or
     changes the count of one that was.
     """
@@ -135,6 +135,6 @@ def _carried_over(
         for played_before, number_counted in look.counted.items()
     }
     # The changed lines are looked at again, on the same beat too.
-    return _Look(
+    return _RememberedLook(
         table_columns, math.nextafter(look.since, -math.inf), numbers_left, look.counts, counted
     )

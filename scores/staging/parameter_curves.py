@@ -15,31 +15,31 @@ from ergon.notation.clock.shifted import NEVER, ShiftedTempoMap, StoppedTempoMap
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture.points import Approach
-from ergon.scores.pattern.search import first_from, n_before
+from ergon.scores.pattern.search import count_before, first_index_from
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.automation import Automation, Shape, Swing
 from ergon.scores.reading.piece import Piece
 
 # Time in which a value set by a pattern is reached [s]: a jump would click.
-GLIDE = 0.02
-GRID = _core.GRID  # frames between the instants of the engine's points
+GLIDE_SECONDS = 0.02
+GRID_FRAMES = _core.GRID  # frames between the instants of the engine's points
 # How many places of its pattern are searched backward for the value that holds at a beat.
 _SEGMENTS_BACK = 256
 _PLACE_STEPS = 2_000  # steps of work for a place of a pattern
 _POINTS_MAX = 200_000  # points of a swing
 _SEGMENTS_MAX = 1 << 24  # segments of a swing that are searched
 # A swing is approximated by straight segments, sixteen in each quarter: sin(j π / 32).
-_QUARTER = (
+_QUARTER_SINE = (
     *(0.0, 0.0980171403295606, 0.19509032201612825, 0.29028467725446233, 0.3826834323650898),
     *(0.47139673682599764, 0.5555702330196022, 0.6343932841636455, 0.7071067811865475),
     *(0.773010453362737, 0.8314696123025452, 0.8819212643483549, 0.9238795325112867),
     *(0.9569403357322089, 0.9807852804032304, 0.9951847266721968, 1.0),
 )
-_HALF_SINE = (*_QUARTER[:-1], *reversed(_QUARTER))
+_HALF_SINE = (*_QUARTER_SINE[:-1], *reversed(_QUARTER_SINE))
 _SINE = (*_HALF_SINE[:-1], *(0.0 - x for x in _HALF_SINE))
-PIECES = len(_SINE) - 1  # segments of a period
+SWING_SEGMENTS = len(_SINE) - 1  # segments of a period
 # The largest number of positions on the engine's grid at which a glide has points of its own.
-PLACES = 1_024
+GLIDE_POINTS_MAX = 1_024
 
 
 @dataclass(slots=True)
@@ -61,7 +61,7 @@ class Curve:
     def set(self, instant: float, value: float, stop: float = math.inf) -> None:
         """Set a value from an instant on; it is reached within GLIDE, or by `stop`."""
         self.to(instant, self.x[-1] if self.x else self.initial)
-        self.to(min(instant + GLIDE, stop), value)
+        self.to(min(instant + GLIDE_SECONDS, stop), value)
 
     def evaluate(self, instant: float) -> float:
         """The value at an instant."""
@@ -112,7 +112,7 @@ def add_pattern(
             break
         if value_name is not None and automation_line.struck:
             # The pitch of a note is reached one step of the grid before its strike.
-            early = GRID / piece.rate
+            early = GRID_FRAMES / piece.rate
             parameter_curve.set(
                 instant_seconds - 2 * early,
                 automation_line.amounts[value_name].value,
@@ -132,8 +132,8 @@ def held_places(pattern_steps: Steps, since: float, stop_beat: float) -> tuple[i
     """The places before beat `stop_beat` from the value on that holds at `since` and the one that
     it comes from: the first, and the one behind the last.
     """
-    stop_place = n_before(pattern_steps, stop_beat - SAME)
-    first_place, n_values_missing = min(stop_place, n_before(pattern_steps, since - SAME)), 2
+    stop_place = count_before(pattern_steps, stop_beat - SAME)
+    first_place, n_values_missing = min(stop_place, count_before(pattern_steps, since - SAME)), 2
     for _ in range(_SEGMENTS_BACK):
         if first_place == 0 or n_values_missing == 0:
             break
@@ -166,7 +166,7 @@ def glide_path(piece: Piece, automation_entry: Entry, start_value: float) -> Gli
     `start_value` is that of the parameter as written.
     """
     tempo, automation_line = piece.tempo_map, automation_entry.automation
-    to_path, _ = _SCALES.get(automation_line.parameter, (_unscaled, _unscaled))
+    to_path, _ = _SCALES.get(automation_line.parameter, (_identity, _identity))
     path_values = [
         to_path(point.amount.applied_to(start_value)) for point in automation_line.points
     ]
@@ -215,18 +215,18 @@ def add_glide(
             add_glide(replace(piece, tempo_map=tempo_map), automation_entry, moving)
             parameter_curve.to(start_instant, moving.evaluate(tempo_map.seconds(tempo.stop_beat)))
         return
-    to_path, from_scale = _SCALES.get(automation_line.parameter, (_unscaled, _unscaled))
+    to_path, from_scale = _SCALES.get(automation_line.parameter, (_identity, _identity))
     point_instants, parameter_values, approaches, stop_instant = glide_path(
         piece, automation_entry, parameter_curve.initial
     )
     value_before = parameter_curve.evaluate(start_instant)
     is_over = (
-        stop_instant <= begins and stop_instant > start_instant + GLIDE
+        stop_instant <= begins and stop_instant > start_instant + GLIDE_SECONDS
     )  # only its end is heard
     if automation_line.over is not None:
         parameter_values.insert(0, to_path(value_before))
         if not is_over:  # the swing starts from the grid value before it
-            step = GRID / piece.rate
+            step = GRID_FRAMES / piece.rate
             parameter_curve.to(math.floor(start_instant / step) * step, value_before)
     elif parameter_values[0] != to_path(value_before) and not is_over:
         parameter_curve.set(
@@ -253,16 +253,16 @@ def _glide_instants(
     piece: Piece, curve: Curve, start_instant: float, stop_instant: float
 ) -> tuple[list[float], float]:
     """The instants on the grid within a glide that have points, and the time between them [s]."""
-    grid_seconds = GRID / piece.rate
+    grid_seconds = GRID_FRAMES / piece.rate
     first_instant = max(curve.t[-1], start_instant) if curve.t else start_instant
     places = range(
         math.floor(first_instant / grid_seconds) + 1, math.ceil(stop_instant / grid_seconds)
     )
-    stride = max(1, -(-len(places) // PLACES))
+    stride = max(1, -(-len(places) // GLIDE_POINTS_MAX))
     return [place * grid_seconds for place in places[::stride]], stride * grid_seconds
 
 
-def _unscaled(value: float) -> float:
+def _identity(value: float) -> float:
     return value
 
 
@@ -283,15 +283,15 @@ def swing_beats(tempo: TempoMap, automation_entry: Entry, swing: Swing) -> Calla
     """
     begin_beat, period = automation_entry.begin, swing.period
     if period.seconds:
-        return lambda number: tempo.after(begin_beat, period.times(number / PIECES))
+        return lambda number: tempo.after(begin_beat, period.times(number / SWING_SEGMENTS))
     period_beats = period.beats
     if not period.bars:
-        return lambda number: begin_beat + period_beats * (number / PIECES)
+        return lambda number: begin_beat + period_beats * (number / SWING_SEGMENTS)
     (bar, beat), n_bars, start_beat = tempo.bar_beat(begin_beat), period.bars, tempo.bars.start
     beats_into_bar = beat - 1.0
 
     def beat_of(point_number: int) -> float:
-        period_share = point_number / PIECES
+        period_share = point_number / SWING_SEGMENTS
         # Nothing is added in number 0, as `after` adds no bars then.
         base = (
             start_beat(bar + n_bars * period_share) + beats_into_bar if point_number else begin_beat
@@ -303,7 +303,7 @@ def swing_beats(tempo: TempoMap, automation_entry: Entry, swing: Swing) -> Calla
 
 def swing_points_before(beat_of: Callable[[int], float], beat: float) -> int:
     """The number of points of a swing before a beat; bisection, for the tempo may have changed."""
-    return first_from(beat_of, _SEGMENTS_MAX, beat)
+    return first_index_from(beat_of, _SEGMENTS_MAX, beat)
 
 
 def add_swing(
@@ -317,17 +317,22 @@ def add_swing(
     beat_of = swing_beats(tempo, automation_entry, swing)
     first_point = 0
     if extent.since > automation_entry.begin:
-        first_point = max(0, swing_points_before(beat_of, extent.since) - PIECES)
-    phase_offset = round(swing.phase * PIECES)
-    edges = {"square": (0, PIECES // 2), "ramp": (0,)}.get(swing.shape, ())
+        first_point = max(0, swing_points_before(beat_of, extent.since) - SWING_SEGMENTS)
+    phase_offset = round(swing.phase * SWING_SEGMENTS)
+    edges = {"square": (0, SWING_SEGMENTS // 2), "ramp": (0,)}.get(swing.shape, ())
     for point_number in range(first_point, first_point + _POINTS_MAX):
-        point_beat, segment_index = beat_of(point_number), (point_number + phase_offset) % PIECES
+        point_beat, segment_index = (
+            beat_of(point_number),
+            (point_number + phase_offset) % SWING_SEGMENTS,
+        )
         if (
             point_beat > automation_entry.stop
             or (instant_seconds := tempo.seconds(point_beat)) >= NEVER
         ):
             break
-        swing_value = low_value + (high_value - low_value) * _share(swing.shape, segment_index)
+        swing_value = low_value + (high_value - low_value) * _swing_share(
+            swing.shape, segment_index
+        )
         if point_number == 0 or segment_index in edges:
             parameter_curve.set(
                 instant_seconds, swing_value, tempo.seconds(beat_of(point_number + 1))
@@ -338,16 +343,16 @@ def add_swing(
             break
 
 
-def _share(swing_shape: Shape, segment_index: int) -> float:
+def _swing_share(swing_shape: Shape, segment_index: int) -> float:
     """The position of a swing between its low end (0) and its high end (1), at a segment of its
     period.
     """
     if swing_shape == "sine":
         return 0.5 + 0.5 * _SINE[segment_index]
     if swing_shape == "square":
-        return 1.0 if segment_index < PIECES // 2 else 0.0
+        return 1.0 if segment_index < SWING_SEGMENTS // 2 else 0.0
     if swing_shape == "ramp":
-        return segment_index / PIECES
-    quarter = PIECES // 4
+        return segment_index / SWING_SEGMENTS
+    quarter = SWING_SEGMENTS // 4
     level = segment_index if segment_index <= quarter else 2 * quarter - segment_index
     return 0.5 + 0.5 * (max(level, segment_index - 4 * quarter) / quarter)

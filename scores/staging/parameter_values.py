@@ -17,7 +17,7 @@ from ergon.instruments.model import Module
 from ergon.instruments.module_kinds import KINDS, member_count
 from ergon.scores.reading.automatable import pitched_module
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.version_glides import BODIES, TWO_PI, ties
+from ergon.scores.staging.version_glides import BODY_KINDS, TWO_PI, cel_constants
 
 if TYPE_CHECKING:
     from ergon.instruments.assemble import Assembly
@@ -26,10 +26,10 @@ ModuleKey = tuple[str, str]  # a part and one of its modules
 Point = tuple[float, ...]  # an instant [s] and numbers
 Points = Sequence[Point]
 
-_FOR_EVER = 1e9  # the t60 without decay [s]
+_INFINITE_T60_SECONDS = 1e9  # the t60 without decay [s]
 
 
-class Led:
+class AutomatedModule:
     """A module with automated parameters; `scale` turns its values into those that the piece
     sees.
     """
@@ -42,7 +42,7 @@ class Led:
         self.numbers_alone = self.numbers({})
 
     @classmethod
-    def from_piece(cls, piece: Piece, module_key: ModuleKey) -> Led | None:
+    def from_piece(cls, piece: Piece, module_key: ModuleKey) -> AutomatedModule | None:
         """A module of a piece; None if it does not exist."""
         name, module_name = module_key
         named_key = piece.keys.get(name)
@@ -59,7 +59,7 @@ class Led:
             part_module, 1.0 if named_key is None else 1.0 / (named_key.reach * named_key.reach)
         )
 
-    def is_same(self, other_led: Led) -> bool:
+    def is_same(self, other_led: AutomatedModule) -> bool:
         """Whether another module has the same numbers for all values."""
         return self.scale == other_led.scale and self.module == other_led.module
 
@@ -73,13 +73,13 @@ class Led:
         """The module's numbers, if some parameters have the values `values_by_name`."""
         module_kind = self.module.kind
         if module_kind == "CEL":
-            return _tied(self.module, self.numbers_written, values_by_name, self.scale)
+            return _cel_constants(self.module, self.numbers_written, values_by_name, self.scale)
         if module_kind == "INSTRUMENT":
             return ()  # its modules have numbers
         if module_kind == "BANK":
             f, t60 = values_by_name.get("f", 1.0), values_by_name.get("t60", 1.0)
             return f * f, 1.0 / t60
-        if module_kind in BODIES:
+        if module_kind in BODY_KINDS:
             k, sigma = _square_and_sigma(self.numbers_written)
             new_k, new_sigma = _square_and_sigma({**self.numbers_written, **values_by_name})
             return new_k / k, new_sigma / sigma if sigma else 1.0
@@ -119,14 +119,17 @@ def _module_numbers(part_module: Module) -> dict[str, float]:
         return {"f": float(module_fields["f"])}
     if part_module.kind == "BANK":
         return {"f": 1.0, "t60": 1.0}  # each member has its own
-    if part_module.kind in BODIES:
+    if part_module.kind in BODY_KINDS:
         t60 = module_fields.get("t60")
-        return {"f": float(module_fields["f"]), "t60": t60 if isinstance(t60, float) else _FOR_EVER}
+        return {
+            "f": float(module_fields["f"]),
+            "t60": t60 if isinstance(t60, float) else _INFINITE_T60_SECONDS,
+        }
     if part_module.kind != "CEL":
         return {
             name: float(module_fields.get(name) or 0.0) for name in KINDS[part_module.kind].scaled
         }
-    k, z, m = ties(module_fields)
+    k, z, m = cel_constants(module_fields)
     sigma = z / (2.0 * m)
     f, t60 = module_fields.get("f"), module_fields.get("t60")
     return {
@@ -134,11 +137,11 @@ def _module_numbers(part_module: Module) -> dict[str, float]:
         "Z": z,
         "M": m,
         "f": float(f) if f else math.sqrt(max(0.0, k / m - sigma * sigma)) / TWO_PI,
-        "t60": float(t60) if t60 else (LN_1000 / sigma if sigma else _FOR_EVER),
+        "t60": float(t60) if t60 else (LN_1000 / sigma if sigma else _INFINITE_T60_SECONDS),
     }
 
 
-def _tied(
+def _cel_constants(
     part_module: Module,
     values_alone: Mapping[str, float],
     values_by_name: Mapping[str, float],
@@ -149,21 +152,21 @@ def _tied(
     if values_by_name.keys() & {"f", "t60"} and not module_fields.get("f"):
         module_fields |= values_alone
     module_fields |= values_by_name
-    if float(module_fields.get("t60") or 0.0) >= _FOR_EVER:
+    if float(module_fields.get("t60") or 0.0) >= _INFINITE_T60_SECONDS:
         module_fields["t60"] = None
     if values_by_name.keys() & {"K", "Z"} and module_fields.get("f"):
-        k, z, _ = ties(module_fields)
+        k, z, _ = cel_constants(module_fields)
         module_fields |= {
             "f": None,
             "K": values_by_name.get("K", k),
             "Z": values_by_name.get("Z", z),
         }
-    k, z, m = ties(module_fields)
+    k, z, m = cel_constants(module_fields)
     return k * scale, z * scale, m * scale
 
 
 def _square_and_sigma(values: Mapping[str, float]) -> tuple[float, float]:
     """The square of the lowest angular frequency without losses [1/s²] and the decay rate [1/s]."""
     omega, t60 = TWO_PI * values["f"], values["t60"]
-    sigma = LN_1000 / t60 if t60 < _FOR_EVER else 0.0
+    sigma = LN_1000 / t60 if t60 < _INFINITE_T60_SECONDS else 0.0
     return omega * omega + sigma * sigma, sigma

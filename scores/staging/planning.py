@@ -16,15 +16,15 @@ from ergon.scores.reading.outputs import Accuracy, Method
 _LOOSER_ERRORS_DB = (-80.0, -60.0, -40.0, -20.0)
 # Shares of the work for trials: for the requested plan and, if its cost is bounded, for each looser
 # one. They add up to 1.
-_SHARE, _LOOSER_SHARE = 0.5, 0.125
+_WORK_SHARE, _LOOSER_WORK_SHARE = 0.5, 0.125
 # The error that a draft may have: omitted modes are this far below the sound [dB].
-_DRAFT = -20.0
+_DRAFT_ERROR_DB = -20.0
 # And the share of the work for its trials: so much shows where contacts hold once a step, which
 # between frames may take ten times as long.
-_DRAFT_SHARE = 0.05
-_NO_TRIAL = "no trial"  # the reason of a record that holds no result of a trial
+_DRAFT_WORK_SHARE = 0.05
+_NO_TRIAL_REASON = "no trial"  # the reason of a record that holds no result of a trial
 # Methods of meshes, whose errors are known only from trials.
-_BY_TRIAL = ("ca", "ca2p", "bm4", "ieq")
+_TRIAL_METHODS = ("ca", "ca2p", "bm4", "ieq")
 # What has no error but for what is left out.
 _EXACT_KINDS = ("modes", "complex modes", "oscillators", "unheard", "still")
 
@@ -65,11 +65,11 @@ class _CountedStore:
 
 def _is_of_trials(record: _core.TrialRecord) -> bool:
     """Whether a record holds results of trials; those of modes and banks do not."""
-    return record.reason != _NO_TRIAL
+    return record.reason != _NO_TRIAL_REASON
 
 
 @dataclass(frozen=True, slots=True)
-class Planned:
+class PlanWithNotes:
     """A plan, the accuracy it was made for, and notes on it (code and sentence).
 
     `is_kept`: all results of its trials were kept from before. `is_draft`: it is cheap, not exact.
@@ -151,7 +151,7 @@ class _Planner:
         return self._store.n_new == 0 and self._store.n_found > 0
 
 
-def make(
+def make_plan(
     network: _core.Network,
     timeline: _core.Timeline,
     accuracy: Accuracy,
@@ -164,7 +164,7 @@ def make(
     is_draft: bool = False,
     recalls_sound: bool = False,
     watched: Watched | None = None,
-) -> Planned:
+) -> PlanWithNotes:
     """The cheapest plan that is exact enough. Raises EngineError if there is none.
 
     A draft is the cheapest stable plan, whatever the accuracy; it is made with few trials. If it
@@ -180,20 +180,20 @@ def make(
     watched = watched or Watched()
     if pins is not None:
         pinned = _core.Plan(network, timeline, **_budget(accuracy), **watched, pins=pins)
-        return Planned(pinned, accuracy)
+        return PlanWithNotes(pinned, accuracy)
     planner = _Planner(network, timeline, store, plan_before, watched)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     if is_draft:
         may_recall = recalls_sound and store is not None and plan_before is None and not is_free
-        return _drafted(planner, accuracy, may_recall=may_recall)
-    plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
-    plan_notes = _notes(plan_made, accuracy, is_foreseen=is_foreseen)
+        return _draft_plan(planner, accuracy, may_recall=may_recall)
+    plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _WORK_SHARE)
+    plan_notes = _plan_notes(plan_made, accuracy, is_foreseen=is_foreseen)
     cost_factor = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and cost_factor * cost(plan_made) <= accuracy.cpu):
-        return Planned(plan_made, accuracy, plan_notes, planner.finish())
+        return PlanWithNotes(plan_made, accuracy, plan_notes, planner.finish())
     looser = {error: Accuracy(error=error) for error in _LOOSER_ERRORS_DB}
     looser_plans = {
-        error: planner.plan(looser_accuracy, _LOOSER_SHARE)
+        error: planner.plan(looser_accuracy, _LOOSER_WORK_SHARE)
         for error, looser_accuracy in looser.items()
     }
     fits = [
@@ -202,44 +202,44 @@ def make(
         if cost_factor * cost(looser_plan) <= accuracy.cpu
     ]
     if is_free and fits:
-        return Planned(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.finish())
+        return PlanWithNotes(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.finish())
     all_made = ((plan_made, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
     cheapest, its_accuracy = min(all_made, key=lambda plan_and_accuracy: cost(plan_and_accuracy[0]))
     hint = (
         f"error: {fits[0]:g}dB fits"
         if fits
-        else f"the cheapest plan takes {_percent(cost_factor * cost(cheapest))}"
+        else f"the cheapest plan takes {_percent_text(cost_factor * cost(cheapest))}"
     )
-    allowed = _percent(accuracy.cpu)
-    cost_text = _percent(cost_factor * cost(plan_made))
+    allowed = _percent_text(accuracy.cpu)
+    cost_text = _percent_text(cost_factor * cost(plan_made))
     excess = f"the plan takes {cost_text} of a core, above the {allowed} allowed; {hint}"
     notes_with_cost = (*plan_notes, ("W402", excess))
     chosen = (cheapest, its_accuracy) if is_free else (plan_made, accuracy)
-    return Planned(*chosen, notes_with_cost, planner.finish())
+    return PlanWithNotes(*chosen, notes_with_cost, planner.finish())
 
 
-def _drafted(planner: _Planner, accuracy: Accuracy, *, may_recall: bool) -> Planned:
+def _draft_plan(planner: _Planner, accuracy: Accuracy, *, may_recall: bool) -> PlanWithNotes:
     """A draft: each island as an earlier plan of the accuracy, if it `may_recall`, or cheap."""
-    draft = Accuracy(error=_DRAFT)
+    draft = Accuracy(error=_DRAFT_ERROR_DB)
     if may_recall:
-        plan = planner.plan(accuracy, draft=(_DRAFT, _DRAFT_SHARE))
+        plan = planner.plan(accuracy, draft=(_DRAFT_ERROR_DB, _DRAFT_WORK_SHARE))
         is_draft = any(row.drafted for row in plan.rows())
     else:
-        plan, is_draft = planner.plan(draft, _DRAFT_SHARE), True
-    return Planned(
+        plan, is_draft = planner.plan(draft, _DRAFT_WORK_SHARE), True
+    return PlanWithNotes(
         plan, draft if is_draft else accuracy, is_kept=planner.finish(), is_draft=is_draft
     )
 
 
-def _notes(
+def _plan_notes(
     plan: _core.Plan, accuracy: Accuracy, *, is_foreseen: bool
 ) -> tuple[tuple[str, str], ...]:
     """Notes on parts of a plan whose accuracy is missed or unknown."""
     sentences = _missed_errors(plan, accuracy.error, is_foreseen=is_foreseen)
     if accuracy.method is None and accuracy.error is None:
         sentences += _missed_by_ear(plan, accuracy.cents)
-    sentences += _cut_short(plan, accuracy)
-    sentences += _diverging(plan)
+    sentences += _cut_short_sentence(plan, accuracy)
+    sentences += _diverging_sentence(plan)
     return tuple(("W403", sentence) for sentence in sentences)
 
 
@@ -272,19 +272,19 @@ def draft_error(plan: _core.Plan) -> str:
     known_error = "nothing is left out"
     if left_out:
         known_error = f"modes that are left out are {max(left_out):.0f} dB below the sound"
-    unknown = f"; the error of {_names(tried)} is not measured" if tried else ""
-    parts_text = f" of {_names(plan_rows)}" if is_mixed else ""
+    unknown = f"; the error of {_part_names(tried)} is not measured" if tried else ""
+    parts_text = f" of {_part_names(plan_rows)}" if is_mixed else ""
     others = "; all else is planned as an earlier render" if is_mixed else ""
     methods = "by the cheapest stable methods and few trials"
     return f"draft{parts_text}, {methods}: {known_error}{unknown}{others}"
 
 
-def _names(rows: Sequence[_core.PlanRow]) -> str:
+def _part_names(rows: Sequence[_core.PlanRow]) -> str:
     """The parts of rows, each once."""
     return " + ".join(dict.fromkeys(name for row in rows for name in row.parts))
 
 
-def _percent(part: float) -> str:
+def _percent_text(part: float) -> str:
     """A part of a core [%], with at least two digits and without an exponent."""
     percent = 100 * part
     digits = 0 if percent >= 10 or percent <= 0 else 1 - math.floor(math.log10(percent))
@@ -292,7 +292,7 @@ def _percent(part: float) -> str:
     return f"{shown.rstrip('0').rstrip('.') if '.' in shown else shown}%"
 
 
-def _cut_short(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
+def _cut_short_sentence(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
     """A sentence for parts whose trials ended at the work limit, with what is known of their
     error. Nothing is said of parts that are known to be exact enough: they may cost more than
     others would.
@@ -319,7 +319,7 @@ def _cut_short(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
     return sentences
 
 
-def _diverging(plan: _core.Plan) -> list[str]:
+def _diverging_sentence(plan: _core.Plan) -> list[str]:
     """A sentence for parts that diverged in their trials: no method that was tried is stable."""
     diverging_names = dict.fromkeys(
         name for row in plan.rows() if row.diverges for name in row.parts
@@ -328,8 +328,8 @@ def _diverging(plan: _core.Plan) -> list[str]:
         return []
     return [
         f"{' + '.join(diverging_names)}: the motion diverged in a trial; a render stops there with "
-        "E401, and "
-        "a performance mutes the part. Reduce K or the law, weaken the strikes, or raise the rate"
+        "E401, and a performance mutes the part. Reduce K or the law, weaken the strikes, or raise "
+        "the rate"
     ]
 
 
@@ -356,7 +356,7 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
         if plan_row.cut_short or plan_row.diverges:
             continue
         if db is None or trial_seconds is None:
-            if plan_row.what in _BY_TRIAL and is_foreseen:
+            if plan_row.what in _TRIAL_METHODS and is_foreseen:
                 unknown.extend(plan_row.parts)
             continue
         if db > error or plan_row.spectral_db is not None:
@@ -395,18 +395,15 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
                 f"over the first {trial_seconds:.2g} s {error_text(audible)}; allowed are "
                 f"{allowed_error.cents:.2g} cents, {100 * allowed_error.t60:.2g}%, "
                 f"{allowed_error.third_octave_db:.2g} dB, {1e3 * allowed_error.first_stroke_s:.2g} "
-                "ms at the "
-                f"first stroke, {1e3 * allowed_error.later_stroke_s:.2g} ms at others and "
-                f"{allowed_error.stroke_db:.2g} dB"
+                f"ms at the first stroke, {1e3 * allowed_error.later_stroke_s:.2g} ms at others "
+                f"and {allowed_error.stroke_db:.2g} dB"
             )
         elif spectral is not None and spectral > _core.SPECTRUM_NOISE:
             noise = _core.SPECTRUM_NOISE
             error_sentence = (
                 f"after the first {trial_seconds:.2g} s the motion is chaotic, and third octaves "
-                "of a "
-                "more "
-                f"exact run differ by {spectral:.1f} dB on average, above the {noise:.2g} dB by "
-                "which rounding alone changes such a motion"
+                f"of a more exact run differ by {spectral:.1f} dB on average, above the "
+                f"{noise:.2g} dB by which rounding alone changes such a motion"
             )
         else:
             continue

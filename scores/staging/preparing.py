@@ -16,31 +16,42 @@ from ergon.notation.text.values import Place
 from ergon.notation.text.without_gc import without_gc
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.automating import (
-    Automated,
+    AutomatedPoints,
     automation_points,
     complete_until,
     takeover_points,
 )
-from ergon.scores.staging.built_network import COUPLING_ENDED, BuiltNetwork, acting, build_network
+from ergon.scores.staging.built_network import (
+    COUPLING_ENDED_SECONDS,
+    BuiltNetwork,
+    build_network,
+    coupling_spans,
+)
 from ergon.scores.staging.drawn_notes import DrawnNote, DrawnNotes
 from ergon.scores.staging.drives import drive, sounds_in
 from ergon.scores.staging.hands import ALL, Hands, Window
 from ergon.scores.staging.known_automation import KnownAutomation
 from ergon.scores.staging.late_keys import check_delays
 from ergon.scores.staging.listening import check_mix
-from ergon.scores.staging.live import LiveHand, check_players, held, join, stand_ins
+from ergon.scores.staging.live import (
+    LiveHand,
+    check_players,
+    join,
+    stand_in_players,
+    with_held_keys,
+)
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.parameter_values import ModuleKey, Points
-from ergon.scores.staging.refusals import StageError, refuse, refused
+from ergon.scores.staging.refusals import StageError, refuse, stage_error
 from ergon.scores.staging.stage_memory import StageMemory
-from ergon.scores.staging.striking import ALL_TIME, Striking
+from ergon.scores.staging.striking import ALL_INSTANTS, Striking
 from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
 
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
-LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
+LONGEST_TAIL_SECONDS = 60.0  # [s] of a score whose tail is `auto`
 MAX_SECONDS = 24 * 3600.0  # a day; a longer piece is a mistake
 
 
@@ -102,12 +113,12 @@ def prepare(
     `stage_before`.
     """
     collector = Collector()
-    real_hands = stand_ins(piece) | dict(real_hands or {})
+    real_hands = stand_in_players(piece) | dict(real_hands or {})
     check_players(piece, real_hands, collector)
     memory = StageMemory() if stage_before is None else stage_before.memory
     known_automation = memory.automation
     try:
-        computed = held(piece, real_hands)
+        computed = with_held_keys(piece, real_hands)
         built = (stage_before and stage_before.built.for_piece(computed, silent)) or build_network(
             computed, silent
         )
@@ -115,7 +126,7 @@ def prepare(
         timeline = _core.Timeline(assembly.network, piece.rate)
         if piece.accuracy.is_unguarded:
             timeline.leave_unguarded()
-        for (part, module), port in assembly.ports.items():
+        for (part, module), port in assembly.delayed_ports.items():
             timeline.delay_forces(port, assembly.mats[part, module], piece.keys[part].delay)
         takes = Takes(piece, collector, stage_before.takes if stage_before else {})
         hands = Hands(piece, timeline, takes, collector)
@@ -129,15 +140,17 @@ def prepare(
         drawn = DrawnNotes(
             timeline, stage_before.drawn if stage_before else (), begin_seconds, piece.rate
         )
-        plays_until = _play(piece, assembly, hands, couplings, real_hands, played, memory, drawn)
-        end_seconds = max(plays_until, _length(piece, live))
+        plays_until = _put_events(
+            piece, assembly, hands, couplings, real_hands, played, memory, drawn
+        )
+        end_seconds = max(plays_until, _hands_end_seconds(piece, live))
         end_seconds = max([end_seconds, *(seconds for _, seconds in sounds.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         check_delays(computed, collector)
         check_mix(piece, collector)
-        n_frames = _frames(piece, end_seconds, collector) if spans is None else 0
-        (paths, moved), paths_until = _automate(
+        n_frames = _frame_count(piece, end_seconds, collector) if spans is None else 0
+        (paths, moved), paths_until = _automation_of_spans(
             piece, spans, n_frames, collector, begin_seconds, known_automation
         )
         if stage_before is not None:
@@ -156,7 +169,7 @@ def prepare(
                 except _core.EngineError as error:
                     refuse(piece, collector, error)
     except _core.EngineError as error:
-        raise refused(piece, collector, error) from error
+        raise stage_error(piece, collector, error) from error
     if collector.has_errors():
         raise StageError(collector.finish())
     fades_from = int(end_seconds * piece.rate + 0.5) if piece.render.tail == "auto" else None
@@ -165,21 +178,21 @@ def prepare(
     return PreparedPiece(*piece_arguments, *path_arguments, fades_from, memory, drawn.notes)
 
 
-def _automate(
+def _automation_of_spans(
     piece: Piece,
     piece_spans: Sequence[Span] | None,
     n_frames: int,
     collector: Collector,
     begins: float,
     known_automation: KnownAutomation,
-) -> tuple[Automated, float]:
+) -> tuple[AutomatedPoints, float]:
     """The points of automated modules, up to the end of the piece or of its last stretch, and the
     instant up to which they are complete [s]. A stretch needs them from the instant `begins` [s]
     on.
     """
     tempo = piece.tempo_map
     if not piece.automation and not any(strikes.moves_pitches for strikes in piece.strikes):
-        return Automated({}), math.inf
+        return AutomatedPoints({}), math.inf
     if piece_spans is None:
         end = tempo.beats(n_frames / piece.rate)
         return automation_points(piece, -math.inf, end, collector), math.inf
@@ -191,12 +204,12 @@ def _automate(
     return points, complete_until(piece, until)
 
 
-def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
+def _hands_end_seconds(piece: Piece, live: Sequence[LiveHand]) -> float:
     """When the parts of real hands have ended [s]."""
     return max((hand.tick_frames * hand.ticks / piece.rate for hand in live), default=0.0)
 
 
-def _play(
+def _put_events(
     piece: Piece,
     assembly: Assembly,
     hands: Hands,
@@ -226,7 +239,7 @@ def _play(
             hands.standin(player)
     event_ends = [gesture.stop for gesture in hands.gestures]
     for played, window in piece_spans:
-        within = _within(played, window)
+        within = _window_instants(played, window)
         for strikes in memory.strikes.left(played, window.since):
             targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
             mats = [mat for target in targets for mat in assembly.members(target)]
@@ -234,27 +247,29 @@ def _play(
             striking = Striking(played, timeline, strikes, mats, source, within, assembly, drawn)
             event_ends.append(striking.play(hands.collector))
     drawn.end_others(assembly.mats.get, hands.sources.add(partial(_same_place, piece.place)))
-    for coupling_link, (begin_seconds, until_seconds) in zip(couplings, acting(piece), strict=True):
-        if until_seconds == COUPLING_ENDED:
+    for coupling_link, (begin_seconds, until_seconds) in zip(
+        couplings, coupling_spans(piece), strict=True
+    ):
+        if until_seconds == COUPLING_ENDED_SECONDS:
             begin_seconds, until_seconds = NEVER, None
         timeline.couple(coupling_link, begin_seconds, until_seconds)
     return max(event_ends, default=0.0)
 
 
-def _within(piece: Piece, window: Window) -> tuple[float, float]:
+def _window_instants(piece: Piece, window: Window) -> tuple[float, float]:
     """The instants of a window [s], in the engine's time."""
     if window is ALL:
-        return ALL_TIME
+        return ALL_INSTANTS
     tempo = piece.tempo_map
     start_instant = tempo.seconds(window.since) if window.since > -math.inf else 0.0
     stop_instant = tempo.seconds(window.until) if window.until < math.inf else math.inf
     return max(0.0, start_instant), stop_instant
 
 
-def _frames(piece: Piece, end_seconds: float, collector: Collector) -> int:
+def _frame_count(piece: Piece, end_seconds: float, collector: Collector) -> int:
     """⌈(end + tail)·rate⌉ frames; rounding errors do not add a frame."""
     tail = piece.render.tail
-    total_seconds = end_seconds + (LONGEST_TAIL if tail == "auto" else tail)
+    total_seconds = end_seconds + (LONGEST_TAIL_SECONDS if tail == "auto" else tail)
     if total_seconds > MAX_SECONDS:
         message = f"the piece lasts {total_seconds / 3600:.0f} hours; the maximum is 24 hours"
         collector.error("E308", message, piece.place)

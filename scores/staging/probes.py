@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from ergon.instruments.model import Instrument, Module, Output, Target
-from ergon.instruments.module_kinds import HOLDERS, member_count
+from ergon.instruments.module_kinds import POINT_KINDS, member_count
 from ergon.instruments.spread import single_links
 from ergon.notation.tables.value_kinds import AXES
 from ergon.scores.reading.outputs import Route
@@ -55,13 +55,15 @@ class ProbedPiece:
     rubbings: tuple[ProbedLink, ...] = ()
 
 
-def probed(piece: Piece) -> ProbedPiece:
+def probe_piece(piece: Piece) -> ProbedPiece:
     """The piece with an output for each end of a contact, each single mass and each member that is
     heard.
     """
     contacts, rubbings = list(_contacts(piece)), list(_rubbings(piece))
     end_targets = (end for _, _, module in (*contacts, *rubbings) for end in module.ends)
-    probed_targets = {_identity(target): target for target in (*end_targets, *_single(piece))}
+    probed_targets = {
+        _point_key(target): target for target in (*end_targets, *_single_mass_targets(piece))
+    }
     first_targets = list(probed_targets.items())[:MAX_POINTS]
     kinds = {(part, module.name): module for part, module in piece.modules()}
     points_by_target = {
@@ -71,7 +73,7 @@ def probed(piece: Piece) -> ProbedPiece:
     measured = []
     for module_name, contact_name, part_module in contacts:
         first_point, second_point = (
-            points_by_target.get(_identity(end)) for end in part_module.ends
+            points_by_target.get(_point_key(end)) for end in part_module.ends
         )
         if first_point is not None and second_point is not None:
             measured.append(
@@ -80,7 +82,7 @@ def probed(piece: Piece) -> ProbedPiece:
     rubbed = []
     for module_name, contact_name, part_module in rubbings:
         first_point, second_point = (
-            points_by_target.get(_identity(end)) for end in part_module.ends
+            points_by_target.get(_point_key(end)) for end in part_module.ends
         )
         if first_point is not None and second_point is not None:
             rubbed.append(
@@ -99,7 +101,7 @@ def probed(piece: Piece) -> ProbedPiece:
     )
 
 
-def _identity(target: Target) -> tuple[str, str, int | str]:
+def _point_key(target: Target) -> tuple[str, str, int | str]:
     return target.part, target.module, target.first
 
 
@@ -119,7 +121,7 @@ def _point(end_target: Target, output_number: int, part_module: Module) -> Point
 def _contacts(piece: Piece) -> Iterator[tuple[str, str, Module]]:
     for part, module in piece.modules():
         if module.kind == "BUT" and not module.ends[0].points:
-            yield from _named(part, module)
+            yield from _single_links(part, module)
 
 
 def _rubbings(piece: Piece) -> Iterator[tuple[str, str, Module]]:
@@ -127,21 +129,22 @@ def _rubbings(piece: Piece) -> Iterator[tuple[str, str, Module]]:
         for part_module in instrument.modules if instrument.ca_rate is None else ():
             is_damped = part_module.kind == "LNL" and part_module.fields.get("damping")
             if is_damped and not part_module.ends[0].points:
-                yield from _named(instrument.name, part_module)
+                yield from _single_links(instrument.name, part_module)
 
 
-def _named(part_name: str, part_module: Module) -> Iterator[tuple[str, str, Module]]:
+def _single_links(part_name: str, part_module: Module) -> Iterator[tuple[str, str, Module]]:
     """The single links of a link, each with its name and that of the whole."""
     contact_name = ".".join(filter(None, (part_name, part_module.name)))
     for link in single_links(part_module):
         yield ".".join(filter(None, (part_name, link.name))), contact_name, link
 
 
-def _single(piece: Piece) -> Iterable[Target]:
+def _single_mass_targets(piece: Piece) -> Iterable[Target]:
     """Modules of one mass, and single members that outputs of the piece listen to."""
     for part_name, part_module in piece.modules():
         is_one = (
-            part_module.kind in HOLDERS and member_count(part_module.kind, part_module.fields) == 1
+            part_module.kind in POINT_KINDS
+            and member_count(part_module.kind, part_module.fields) == 1
         )
         if is_one and part_module.kind != "SOL" and "axes" not in part_module.fields:
             yield Target(part_name, part_module.name, 0, 1, "", part_module.place)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from ergon.instruments import proxies
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Module, Target
-from ergon.instruments.module_kinds import LINKS
+from ergon.instruments.module_kinds import LINK_KINDS
 from ergon.instruments.spread import single_links
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
@@ -106,7 +106,7 @@ class _LinkGraph:
             for mat in self._held_by(part, module)
         }
         for part_name, part_module in piece_modules:
-            if part_module.kind in LINKS:
+            if part_module.kind in LINK_KINDS:
                 graph_link = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
@@ -145,12 +145,12 @@ class _LinkGraph:
 
     def _is_alone(self, module: Module) -> bool:
         """Whether the imposed point is a point of its own here, not part of a whole module."""
-        target = module.driven
+        target = module.driven_mat
         return (target.part, target.module) not in self._wholes
 
     def _held_by(self, part_name: str, part_module: Module) -> range:
         if part_module.kind == "ENX":
-            return self._points(part_module.driven)
+            return self._points(part_module.driven_mat)
         first_mat = self.assembly.mats[part_name, part_module.name]
         return range(first_mat, first_mat + 1)
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 # Ergons are recorded at up to this multiple of the audio rate; and at up to the second if nothing
 # else can record them: a second of sound then takes some minutes.
-_FINE, _FINEST = 64, 4096
+_FINE_FACTOR_MAX, _FINEST_FACTOR = 64, 4096
 
 
 def stage_or_plan(piece: Piece, **stage_options: Any) -> Stage:
@@ -52,7 +52,7 @@ def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | Non
         ):
             raise
         stage(piece, seed=seed, planned=True, store=store)
-        for stage_options in _ways(piece, store):
+        for stage_options in _recording_options(piece, store):
             try:
                 return stage(seed=seed, record=True, **stage_options)
             except StageError:
@@ -60,15 +60,19 @@ def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | Non
         raise
 
 
-def _ways(piece: Piece, store: Store | None) -> Iterator[dict[str, Any]]:
+def _recording_options(piece: Piece, store: Store | None) -> Iterator[dict[str, Any]]:
     """Options of `stage` that may record the ergons of a piece, in the order in which they are
     tried.
     """
-    multiples = [2**doubling for doubling in range(1, _FINEST.bit_length())]
-    yield from ({"piece": _oversampled(piece, times)} for times in multiples if times <= _FINE)
+    multiples = [2**doubling for doubling in range(1, _FINEST_FACTOR.bit_length())]
+    yield from (
+        {"piece": _oversampled(piece, times)} for times in multiples if times <= _FINE_FACTOR_MAX
+    )
     yield {"piece": piece, "fine_contacts": True}
     yield {"piece": piece, "planned": True, "store": store}
-    yield from ({"piece": _oversampled(piece, times)} for times in multiples if times > _FINE)
+    yield from (
+        {"piece": _oversampled(piece, times)} for times in multiples if times > _FINE_FACTOR_MAX
+    )
 
 
 def _oversampled(piece: Piece, rate_factor: int) -> Piece:
@@ -76,12 +80,12 @@ def _oversampled(piece: Piece, rate_factor: int) -> Piece:
     return replace(
         piece,
         rate=piece.rate * rate_factor,
-        keys=_slowed(piece.keys, rate_factor),
-        instruments=_slowed(piece.instruments, rate_factor),
+        keys=_with_slow_rates(piece.keys, rate_factor),
+        instruments=_with_slow_rates(piece.instruments, rate_factor),
     )
 
 
-def _slowed(part_names: Mapping[str, Any], factor: int) -> dict[str, Any]:
+def _with_slow_rates(part_names: Mapping[str, Any], factor: int) -> dict[str, Any]:
     return {
         name: part if part.every == 1 else replace(part, every=part.every * factor)
         for name, part in part_names.items()

@@ -47,7 +47,7 @@ def refuse(piece: Piece, collector: Collector, error: _core.EngineError) -> None
         )
 
 
-def refused(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
+def stage_error(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
     """An error with all diagnostics, including this refusal."""
     refuse(piece, collector, error)
     return StageError(collector.finish())

@@ -19,9 +19,9 @@ from ergon.scores.staging.hands import ErgonPlaces, StagedGesture
 from ergon.scores.staging.listening import Listening
 from ergon.scores.staging.live import LiveHand
 from ergon.scores.staging.parameter_values import ModuleKey, Points
-from ergon.scores.staging.planning import Planned, Store, Watched, make
+from ergon.scores.staging.planning import PlanWithNotes, Store, Watched, make_plan
 from ergon.scores.staging.preparing import PreparedPiece, Span, prepare
-from ergon.scores.staging.refusals import place_of, refused
+from ergon.scores.staging.refusals import place_of, stage_error
 from ergon.scores.staging.stage_memory import StageMemory
 from ergon.scores.staging.version_glides import Glide
 
@@ -63,7 +63,7 @@ class Stage:
     # From this frame on a render may end when the sound has faded; None: it ends at `n_frames`.
     fades_from: int | None = None
     memory: StageMemory = field(default_factory=StageMemory)
-    placed: Sequence[Placed] = ()  # frozen outputs, mixed with the computed ones
+    placed: Sequence[RecalledOutputs] = ()  # frozen outputs, mixed with the computed ones
     timeline: _core.Timeline | None = None  # all events
     drawn: Sequence[DrawnNote] = ()  # notes that draw or press until they end
     # Reports of an earlier simulation; this one was not run because its sound is stored.
@@ -261,7 +261,7 @@ class Reports(Protocol):
 StrikePoints = Sequence[tuple[str, str, int, int]]
 
 
-class Placed(NamedTuple):
+class RecalledOutputs(NamedTuple):
     """Outputs that were computed before, and the taps to which they are added.
 
     Their first frame is frame `begins` of the engine.
@@ -338,7 +338,7 @@ def stage(
     try:
         if planned:
             all_parts = (*piece.keys, *piece.instruments) if is_seen else ()
-            planning = make(
+            planning = make_plan(
                 prepared.network,
                 prepared.timeline,
                 piece.accuracy,
@@ -366,16 +366,16 @@ def stage(
             threads=threads,
         )
     except _core.EngineError as error:
-        raise refused(piece, prepared.collector, error) from error
-    return _staged(piece, prepared, simulation, plan, planning)
+        raise stage_error(piece, prepared.collector, error) from error
+    return _make_stage(piece, prepared, simulation, plan, planning)
 
 
-def _staged(
+def _make_stage(
     piece: Piece,
     prepared: PreparedPiece,
     simulation: _core.Simulation,
     plan: _core.Plan | None,
-    planning: Planned | None,
+    planning: PlanWithNotes | None,
 ) -> Stage:
     return Stage(
         piece,
@@ -407,7 +407,7 @@ def _add_glides(piece: Piece, prepared: PreparedPiece, going: StageTakeover) -> 
                 continue  # automation changes it
             glide.put(prepared.timeline, prepared.built.assembly)
     except _core.EngineError as error:
-        raise refused(piece, prepared.collector, error) from error
+        raise stage_error(piece, prepared.collector, error) from error
 
 
 def _add_strike_points(piece: Piece, prepared: PreparedPiece, going: StageTakeover) -> None:
@@ -421,7 +421,7 @@ def _add_strike_points(piece: Piece, prepared: PreparedPiece, going: StageTakeov
                 lasts = _contact_time(piece, part_name, part_module)
                 prepared.timeline.strike_point(mat, strike_number, lasts=lasts)
     except _core.EngineError as error:
-        raise refused(piece, prepared.collector, error) from error
+        raise stage_error(piece, prepared.collector, error) from error
 
 
 def _contact_time(piece: Piece, part: str, module_name: str) -> float | None:
@@ -433,7 +433,7 @@ def _contact_time(piece: Piece, part: str, module_name: str) -> float | None:
 
 
 def _report_planning(
-    piece: Piece, planning: Planned, collector: Collector, *, is_seen: bool
+    piece: Piece, planning: PlanWithNotes, collector: Collector, *, is_seen: bool
 ) -> None:
     for code, sentence in planning.notes:
         collector.error(code, f"accuracy: {sentence}", piece.place)

@@ -16,7 +16,7 @@ from ergon.scores.staging.hands import Played
 from ergon.scores.staging.known_automation import KnownAutomation
 from ergon.scores.staging.not_over import NotOver
 
-_OVER_MARGIN = 1e-6  # margin [beats] for strikes to count as over
+_OVER_MARGIN_BEATS = 1e-6  # margin [beats] for strikes to count as over
 
 
 @dataclass(slots=True)
@@ -34,17 +34,17 @@ class KnownStrikes:
         if (meters := tempo.bars.changes()) != self._meters:  # the end beats depend on the meters
             self._meters = meters
             self._not_over.forget()
-        beat_before = beat - _OVER_MARGIN
+        beat_before = beat - _OVER_MARGIN_BEATS
         strikes_left, _ = self._not_over.look(
             (piece.strikes,),
             beat_before,
-            lambda line: _end(line[0], tempo) < beat_before,
+            lambda line: _end_beat(line[0], tempo) < beat_before,
             lambda _: None,
         )
         return [strikes for (strikes,) in strikes_left]
 
 
-def _end(strikes: Strikes, tempo: TempoMap) -> float:
+def _end_beat(strikes: Strikes, tempo: TempoMap) -> float:
     """The beat before which strikes fall; infinite where it is not written in bars and beats."""
     until_position = strikes.until
     if (

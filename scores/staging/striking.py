@@ -16,29 +16,29 @@ from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables.strengths import MEZZO_FORTE, ImpulseRange, Level
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.pattern.draws import Draws
-from ergon.scores.pattern.search import first_from
+from ergon.scores.pattern.search import first_index_from
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.rhythms import LONGEST_CYCLES
 from ergon.scores.reading.sweep_fields import Passing
 from ergon.scores.staging.drawn_notes import DrawnNote, DrawnNotes, Place
-from ergon.scores.staging.sweep_members import visits
+from ergon.scores.staging.sweep_members import member_visits
 
-ALL_TIME = (-math.inf, math.inf)
+ALL_INSTANTS = (-math.inf, math.inf)
 _first, _last = (lambda low, high: low), (lambda low, high: high)
 _STRIKE_STEPS = 2_000  # steps of work for a strike
-_BOW_SECONDS = 1.0  # [s] for which a bow is drawn where nothing says how long a note is
+_OPEN_NOTE_SECONDS = 1.0  # [s] for which a bow is drawn where nothing says how long a note is
 
 # When a note begins and ends [s]; None where nothing says when it ends.
 Span = tuple[float, float | None]
 
 
-def _beat(tempo: TempoMap, instant: float) -> float:
+def _beat_of_instant(tempo: TempoMap, instant: float) -> float:
     """The beat of an instant [s], which may be infinite."""
     return tempo.beats(instant) if math.isfinite(instant) else instant
 
 
-class _Holds(NamedTuple):
+class _HeldMats(NamedTuple):
     """What lasts as long as the note of a MAT: other MATs, and the MAT itself if it `is_drawn`."""
 
     mats: Sequence[tuple[int, Hold]]
@@ -59,7 +59,7 @@ class Striking:
     strikes: Strikes
     mats: Sequence[int]
     source: int
-    within: tuple[float, float] = ALL_TIME  # interval of instants [s]
+    within: tuple[float, float] = ALL_INSTANTS  # interval of instants [s]
     assembly: Assembly | None = None  # for targets of melodies, sweeps, paths and strengths
     drawn: DrawnNotes | None = None  # where drawn notes are played, with an assembly
 
@@ -136,7 +136,7 @@ class Striking:
             return tempo.seconds(pattern_steps[place])
 
         first_place, stop_place = (
-            first_from(seconds, len(pattern_steps), instant) for instant in self.within
+            first_index_from(seconds, len(pattern_steps), instant) for instant in self.within
         )
         for place_index in range(
             max(0, first_place - 1), stop_place
@@ -166,7 +166,7 @@ class Striking:
     def _melody(self) -> float:
         """The strikes of a melody, one by one."""
         tempo, end_seconds = self.piece.tempo_map, 0.0
-        since, before_beat = (_beat(tempo, instant) for instant in self.within)
+        since, before_beat = (_beat_of_instant(tempo, instant) for instant in self.within)
         if self.strikes.rhythm is not None:  # notes that began before may end here
             begin = tempo.resolve(self.strikes.at)
             since -= self.strikes.rhythm.begin(tempo, begin, int(LONGEST_CYCLES)) - begin
@@ -202,7 +202,7 @@ class Striking:
         assert self.assembly is not None
         assert strikes.length is not None
         parts = list(dict.fromkeys(target.part for target in strikes.to))
-        visited = visits(passing, self.assembly.network, parts, self.mats)
+        visited = member_visits(passing, self.assembly.network, parts, self.mats)
         rounds = strikes.rounds(tempo)
         for turn, round_start in enumerate(rounds):
             lasting = tempo.after(round_start, strikes.length) - round_start
@@ -244,7 +244,7 @@ class Striking:
     def _last_end(self, instant: float) -> float:
         """When strikes end whose last begins at an instant, both in s."""
         is_drawn = any(held_mats.is_drawn for held_mats in self._held_mats.values())
-        return instant + _BOW_SECONDS if is_drawn else instant
+        return instant + _OPEN_NOTE_SECONDS if is_drawn else instant
 
     def _strike(self, mat: int, span: Span, member: int, number: int, count: int) -> None:
         """Strike a MAT with the impulse of stroke `number` of `count`."""
@@ -289,7 +289,7 @@ class Striking:
 
     def _draw(self, mat: int, span: Span, impulse: float) -> None:
         """Strike a MAT, and by the opposite impulse where the note ends."""
-        begin, end = span[0], span[0] + _BOW_SECONDS if span[1] is None else span[1]
+        begin, end = span[0], span[0] + _OPEN_NOTE_SECONDS if span[1] is None else span[1]
         assert self.drawn is not None
         note = DrawnNote(self.strikes.name, self._places[mat], begin, end, impulse)
         self.drawn.play(note, mat, self.source, self.within)
@@ -336,9 +336,9 @@ class Striking:
         }
 
     @cached_property
-    def _held_mats(self) -> Mapping[int, _Holds]:
+    def _held_mats(self) -> Mapping[int, _HeldMats]:
         """What lasts as long as the note of each MAT."""
-        holds: dict[int, _Holds] = {}
+        holds: dict[int, _HeldMats] = {}
         for part in self.strikes.parts:
             instrument = self.piece.instruments.get(part)
             for act in () if instrument is None else instrument.acts:
@@ -350,9 +350,9 @@ class Striking:
                 ]
                 for target in act.targets if mats or act.is_drawn else ():
                     for mat in self._members(target):
-                        holds_before = holds.get(mat, _Holds((), act.reach, is_drawn=False))
+                        holds_before = holds.get(mat, _HeldMats((), act.reach, is_drawn=False))
                         is_drawn = holds_before.is_drawn or act.is_drawn
-                        holds[mat] = _Holds(
+                        holds[mat] = _HeldMats(
                             (*holds_before.mats, *mats), act.reach, is_drawn=is_drawn
                         )
         return holds

@@ -54,7 +54,7 @@ def _struck_parts(piece: Piece) -> list[str]:
 def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[StruckNote]:
     dampers = list(_held_mats(stage.built.assembly, instrument))
     reach = instrument.acts[0].reach if instrument.acts else None
-    strokes = _strokes(stage, instrument, {*dampers})
+    strokes = _stroke_impulses(stage, instrument, {*dampers})
     lifted = sorted(
         stroke.at
         for mat in dampers[:1]
@@ -73,9 +73,9 @@ def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterato
         note_spans.append((note_begin, note_end, impulse))
     loudest = max((impulse for *_, impulse in note_spans), default=0.0)
     for note_begin, note_end, impulse in sorted(note_spans):
-        strength = _strength(impulse, loudest, reach)
+        strength = _stroke_strength(impulse, loudest, reach)
         yield StruckNote(
-            family, instrument.name, _pitch(instrument), note_begin, note_end, strength
+            family, instrument.name, _instrument_pitch(instrument), note_begin, note_end, strength
         )
 
 
@@ -103,7 +103,9 @@ def _drawn_spans(stage: Stage, instrument: Instrument) -> Iterator[tuple[float, 
             yield note.begin, note.end, abs(note.impulse)
 
 
-def _strokes(stage: Stage, instrument: Instrument, dampers: set[int]) -> list[tuple[float, float]]:
+def _stroke_impulses(
+    stage: Stage, instrument: Instrument, dampers: set[int]
+) -> list[tuple[float, float]]:
     """Instants [s] and impulses [N·s] of strokes, without what is drawn; those of one instant are
     one.
     """
@@ -131,7 +133,7 @@ def _members(assembly: Assembly, target: Target) -> Sequence[int]:
     return assembly.members(target) if (target.part, target.module) in assembly.mats else ()
 
 
-def _pitch(instrument: Instrument) -> float | None:
+def _instrument_pitch(instrument: Instrument) -> float | None:
     if instrument.pitch is not None:
         return instrument.pitch
     pitches = [module.fields.get("f") for module in instrument.modules]
@@ -139,7 +141,7 @@ def _pitch(instrument: Instrument) -> float | None:
     return known_pitches[0] if len(known_pitches) == 1 else None
 
 
-def _strength(impulse: float, loudest: float, reach: ImpulseRange | None) -> float:
+def _stroke_strength(impulse: float, loudest: float, reach: ImpulseRange | None) -> float:
     if reach is None or not 0.0 < reach.soft < reach.hard:
         return MEZZO_FORTE.low * impulse / loudest
     return reach.strength(impulse)

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     _Floats = NDArray[np.float64]
 
 # The length of a chord of a path: with 2° it leaves the circle by 1.5e-4 of its radius.
-_STEP = 2.0  # [degrees]
+_CHORD_DEGREES = 2.0  # [degrees]
 _MEMBER_STEPS = 20  # steps of work for a member that is visited
 
 Visit = tuple[float, int]  # share of the way, from 0 to 1, and index of the member
 
 
-def visits(
+def member_visits(
     passing: Passing, network: _core.Network, part_names: Sequence[str], mats: Sequence[int]
 ) -> list[Visit]:
     """The instants at which the MATs of some parts are passed, in order of time, then of the MATs.
@@ -38,33 +38,35 @@ def visits(
         return []
     if passing.sweep is None:
         places = np.array([network.position_of(mat) for mat in mats])
-        return _by_path(passing.path, passing.width, places)
+        return _path_passes(passing.path, passing.width, places)
     quantity, is_falling = SWEEPS[passing.sweep]
     if quantity == "pitch":
-        shares = _stretched(_pitches(network, part_names, mats))
+        shares = _scaled_to_unit(_log_frequencies(network, part_names, mats))
     else:
-        shares = _along(quantity, np.array([network.position_of(mat) for mat in mats]))
+        shares = _sweep_positions(quantity, np.array([network.position_of(mat) for mat in mats]))
     order = [(1.0 - share if is_falling else share, i) for i, share in enumerate(shares)]
     return sorted(order)
 
 
-def _along(quantity: str, member_places: _Floats) -> list[float]:
+def _sweep_positions(quantity: str, member_places: _Floats) -> list[float]:
     """The position of each place along a sweep, from 0 to 1."""
     if quantity == "angle":  # a turn, from the front to the left
         azimuths = (angles((x, y, 0.0))[0] for x, y in member_places.tolist())
         return [azimuth / 360.0 % 1.0 for azimuth in azimuths]
     if quantity == "radius":
-        return _stretched([sqrt(x * x + y * y) for x, y in member_places.tolist()])
-    return _stretched(member_places[:, "xy".index(quantity)].tolist())
+        return _scaled_to_unit([sqrt(x * x + y * y) for x, y in member_places.tolist()])
+    return _scaled_to_unit(member_places[:, "xy".index(quantity)].tolist())
 
 
-def _stretched(values: Sequence[float]) -> list[float]:
+def _scaled_to_unit(values: Sequence[float]) -> list[float]:
     """Values scaled so that the least is 0 and the greatest 1."""
     low, high = min(values), max(values)
     return [(value - low) / (high - low) if high > low else 0.0 for value in values]
 
 
-def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) -> list[float]:
+def _log_frequencies(
+    network: _core.Network, parts: Sequence[str], mats: Sequence[int]
+) -> list[float]:
     """ln(K/M) of each CEL: a linear sweep then passes octaves in equal times."""
     elements = network.elements(parts)
     ties = {
@@ -86,7 +88,9 @@ def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) 
     return pitches
 
 
-def _by_path(path: tuple[Point, ...], point_width: float, member_places: _Floats) -> list[Visit]:
+def _path_passes(
+    path: tuple[Point, ...], point_width: float, member_places: _Floats
+) -> list[Visit]:
     """Every pass of a member within half the width of the moving point, at its nearest approach."""
     x, y = member_places[:, 0], member_places[:, 1]
     radius_squared = float((x * x + y * y).max())
@@ -97,7 +101,7 @@ def _by_path(path: tuple[Point, ...], point_width: float, member_places: _Floats
     is_near = np.zeros(len(member_places), bool)
     nearest_squared = np.full(len(member_places), np.inf)
     nearest_share = np.zeros(len(member_places))
-    for (t0, x0, y0), (t1, x1, y1) in pairwise(_corners(path)):
+    for (t0, x0, y0), (t1, x1, y1) in pairwise(_path_corners(path)):
         _core.poll(_MEMBER_STEPS * len(member_places))
         dx, dy = x1 - x0, y1 - y0
         segment_square = dx * dx + dy * dy
@@ -123,12 +127,12 @@ def _by_path(path: tuple[Point, ...], point_width: float, member_places: _Floats
     return sorted(visits_found)
 
 
-def _corners(path: tuple[Point, ...]) -> list[tuple[float, float, float]]:
+def _path_corners(path: tuple[Point, ...]) -> list[tuple[float, float, float]]:
     """The path as chords: (share of the way, x, y) of each corner."""
     corners = []
     legs = len(path) - 1
     for leg, ((r0, a0), (r1, a1)) in enumerate(pairwise(path)):
-        steps = max(1, ceil(abs(a1 - a0) / _STEP))
+        steps = max(1, ceil(abs(a1 - a0) / _CHORD_DEGREES))
         first_step = 0 if leg == 0 else 1
         for step in range(first_step, steps + 1):
             step_part = step / steps

@@ -44,7 +44,7 @@ class Takes:
         return self._read[name]
 
     def _load(self, take: TakeFile) -> _core.Take | None:
-        identity = _identity(take)
+        identity = _take_key(take)
         if (take_read := self.files.get(identity) or self.before.get(identity)) is None:
             return self._new(take, identity)
         self.files[identity] = take_read
@@ -60,7 +60,7 @@ class Takes:
         if take.path is None:
             return np.empty(0)
         try:
-            samples = _channel(take, take.path)
+            samples = _input_channel(take, take.path)
             if samples.t[1] == 1.0 / rate:
                 return samples.x
             n_frames = int(samples.t[-1] * rate) + 1
@@ -99,7 +99,7 @@ class Takes:
         self.collector.error("E310", message, place, suggestion=suggestion)
 
 
-def _channel(take: TakeFile, path: Path) -> Samples:
+def _input_channel(take: TakeFile, path: Path) -> Samples:
     """The channel of a file for an input: the one with the input's number if there are several."""
     if take.channel is not None or take.card_channel is None:
         return read(path, take.channel)
@@ -112,7 +112,7 @@ def _channel(take: TakeFile, path: Path) -> Samples:
             raise error from None
 
 
-def _identity(take: TakeFile) -> Hashable:
+def _take_key(take: TakeFile) -> Hashable:
     """A key for a take: as long as it is the same, the take is the same."""
     if take.path is None:
         return take.input

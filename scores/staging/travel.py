@@ -19,16 +19,16 @@ from ergon.scores.staging.hands import StagedGesture
 _TRAVEL_TOLERANCE = 1e-9  # metres: a written point on the very end of the travel is inside
 # Near a multiple of half the key's period the strike that meets the next point grows without bound:
 # |sin ωΔt| of 0.2 takes five times the strike of a quarter period.
-_SINGULAR = 0.2
+_AIM_SINE_MIN = 0.2
 # A line's throws are rehearsed at most this often, each distinct occurrence once: chance and tempo
 # may make every occurrence different.
-_REHEARSALS = 64
-_BLOCK = 4096  # frames computed at once: of a rehearsal nothing is kept but its extremes
+_REHEARSALS_MAX = 64
+_BLOCK_FRAMES = 4096  # frames computed at once: of a rehearsal nothing is kept but its extremes
 # A rehearsal takes about this many frames at most, unless that leaves fewer than 64 in a period of
 # the key, or fewer than 1000 in a second if the key is not one underdamped CEL.
-_FRAMES = 1 << 21
+_FRAMES_MAX = 1 << 21
 _GESTURE_SECONDS_MAX = 24 * 3600.0  # [s]
-_LEAST_RATE, _PER_PERIOD = 1000.0, 64.0
+_RATE_HZ_MIN, _STEPS_PER_PERIOD = 1000.0, 64.0
 
 
 def check_travel(
@@ -46,7 +46,7 @@ def check_travel(
     rehearsed: Counter[Place] = Counter()
     farthest: dict[Place, tuple[float, str, str]] = {}
     singular: set[Place] = set()
-    limits = {name: _limits(key) for name, key in piece.keys.items()}
+    limits = {name: _travel_limits(key) for name, key in piece.keys.items()}
     for gesture, (low_position, high_position) in zip(gestures, timeline.ranges(), strict=True):
         least, greatest = limits[gesture.key]
         if gesture.stop - gesture.start > _GESTURE_SECONDS_MAX:
@@ -58,7 +58,7 @@ def check_travel(
         if gesture.layer or (is_inside and "throw" not in gesture.curves):
             continue
         player_key = piece.keys[gesture.key]
-        if gesture.throws and rehearsed[gesture.place] == _REHEARSALS:
+        if gesture.throws and rehearsed[gesture.place] == _REHEARSALS_MAX:
             continue
         points = zip(gesture.t, gesture.x, strict=True)
         relative = tuple((round(t - gesture.start, 9), x) for t, x in points)
@@ -67,14 +67,14 @@ def check_travel(
             continue
         reported_keys.add(gesture_key)
         rehearsed[gesture.place] += 1
-        if gesture.place not in singular and (message := _singular(player_key, gesture)):
+        if gesture.place not in singular and (message := _is_singular(player_key, gesture)):
             singular.add(gesture.place)
             collector.error("W312", message, gesture.place)
         if player_key.travel is None:
             continue
         swing = ""
         if gesture.throws:
-            thrown_low, thrown_high, thrown_at = _rehearse(piece, player_key, gesture)
+            thrown_low, thrown_high, thrown_at = _free_range(piece, player_key, gesture)
             if thrown_low < low_position or thrown_high > high_position:
                 swing = f"between {_throw_bounds(gesture, thrown_at)} the free key swings"
             low_position, high_position = (
@@ -85,19 +85,19 @@ def check_travel(
         if excess > max(_TRAVEL_TOLERANCE, farthest.get(gesture.place, (0.0,))[0]):
             farthest[gesture.place] = (
                 excess,
-                *_sentence(player_key, gesture, low_position, high_position, swing),
+                *_travel_message(player_key, gesture, low_position, high_position, swing),
             )
     for place, (_, message, help) in farthest.items():
         collector.error("E307", message, place, help=help)
 
 
-def _limits(key: Key) -> tuple[float, float]:
+def _travel_limits(key: Key) -> tuple[float, float]:
     """Both ends of a key's travel as the piece sees them; infinite without a travel."""
     least, greatest = key.travel or (-math.inf, math.inf)
     return least * key.reach, greatest * key.reach
 
 
-def _sentence(
+def _travel_message(
     player_key: Key, gesture: StagedGesture, low_position: float, high_position: float, swing: str
 ) -> tuple[str, str]:
     assert player_key.travel is not None
@@ -111,12 +111,12 @@ def _sentence(
         f"{quote(gesture.name)}: {swing or 'its path goes'} to {farthest * 1e3:.1f} mm, outside "
         f"the travel of key {quote(player_key.name)} ({travel})"
     )
-    return message, _remedy(
-        gesture, _limits(player_key), (low_position, high_position), is_throw=bool(swing)
+    return message, _travel_advice(
+        gesture, _travel_limits(player_key), (low_position, high_position), is_throw=bool(swing)
     )
 
 
-def _remedy(
+def _travel_advice(
     gesture: StagedGesture,
     travel_limits: tuple[float, float],
     reached: tuple[float, float],
@@ -144,35 +144,37 @@ def _remedy(
     return "write positions within the travel, or a key with more `travel`"
 
 
-def _rehearse(piece: Piece, player_key: Key, gesture: StagedGesture) -> tuple[float, float, float]:
+def _free_range(
+    piece: Piece, player_key: Key, gesture: StagedGesture
+) -> tuple[float, float, float]:
     """Lowest and highest position of the free key, and the instant of the farthest one [s after the
     start].
 
     A long gesture is rehearsed at a lower rate, because every frame of it is computed.
     """
     seconds = gesture.stop - gesture.start
-    rate = min(piece.rate, max(_FRAMES / max(seconds, 1.0), _least_rate(player_key)))
+    rate = min(piece.rate, max(_FRAMES_MAX / max(seconds, 1.0), _rehearsal_rate(player_key)))
     while rate < piece.rate:
         try:
-            return _rehearsed(player_key, gesture, rate, piece.seed)
+            return _rehearsed_range(player_key, gesture, rate, piece.seed)
         except _core.EngineError:  # too low for the key, or for another throw of the gesture
             rate = min(piece.rate, 2.0 * rate)
-    return _rehearsed(player_key, gesture, piece.rate, piece.seed)
+    return _rehearsed_range(player_key, gesture, piece.rate, piece.seed)
 
 
-def _least_rate(key: Key) -> float:
+def _rehearsal_rate(key: Key) -> float:
     omega = _natural_frequency(key)
-    return _LEAST_RATE if omega is None else _PER_PERIOD * omega / (2.0 * math.pi)
+    return _RATE_HZ_MIN if omega is None else _STEPS_PER_PERIOD * omega / (2.0 * math.pi)
 
 
-def _rehearsed(
+def _rehearsed_range(
     player_key: Key, gesture: StagedGesture, rate: float, seed: int
 ) -> tuple[float, float, float]:
     import numpy as np
 
     assembly = Assembly(seed=seed)
-    assembly.part(player_key.name, player_key.modules, reach=player_key.reach)
-    assembly.joins(player_key.name, player_key.modules, reach=player_key.reach)
+    assembly.add_part(player_key.name, player_key.modules, reach=player_key.reach)
+    assembly.add_links(player_key.name, player_key.modules, reach=player_key.reach)
     network, struck_mat = assembly.network, assembly.mats[player_key.name, player_key.struck]
     network.listen("key", positions=[(struck_mat, 1, 1.0)])
     timeline = _core.Timeline(network, rate)
@@ -185,8 +187,8 @@ def _rehearsed(
     start_frame, stop_frame = int(lead * rate), int(t[-1] * rate) + 1
     simulation.process(np.zeros((start_frame, 1)))
     low_position, high_position = (math.inf, 0), (-math.inf, 0)
-    for first_frame in range(start_frame, stop_frame, _BLOCK):
-        frame_block = np.zeros((min(_BLOCK, stop_frame - first_frame), 1))
+    for first_frame in range(start_frame, stop_frame, _BLOCK_FRAMES):
+        frame_block = np.zeros((min(_BLOCK_FRAMES, stop_frame - first_frame), 1))
         simulation.process(frame_block)
         lowest_index, highest_index = int(frame_block.argmin()), int(frame_block.argmax())
         low_position = min(
@@ -211,13 +213,13 @@ def _throw_bounds(gesture: StagedGesture, instant_seconds: float) -> str:
     return "its points"
 
 
-def _singular(player_key: Key, gesture: StagedGesture) -> str | None:
+def _is_singular(player_key: Key, gesture: StagedGesture) -> str | None:
     omega = _natural_frequency(player_key)
     if omega is None:
         return None
     for i in gesture.throws:
         dt = gesture.t[i] - gesture.t[i - 1]
-        if abs(math.sin(omega * dt)) < _SINGULAR and omega * dt > math.pi / 2:
+        if abs(math.sin(omega * dt)) < _AIM_SINE_MIN and omega * dt > math.pi / 2:
             half = math.pi / omega
             return (
                 f"{quote(gesture.name)}: a throw (one strike, then free "

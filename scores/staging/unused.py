@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 from ergon.instruments import following, proxies
 from ergon.instruments.model import Target
-from ergon.instruments.module_kinds import HOLDERS, LINKS
+from ergon.instruments.module_kinds import LINK_KINDS, POINT_KINDS
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.listening import audible_outputs, targets_of
 
 
-class _Groups:
+class _PartGroups:
     """Groups of keys and instruments that links connect."""
 
     def __init__(self) -> None:
@@ -37,12 +37,12 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     W321 is reported only if the piece has some output that is heard, W322 only if it has parts or
     strikes.
     """
-    part_groups = _Groups()
+    part_groups = _PartGroups()
     links_by_part = {}
     for part_name, part_module in piece.modules():
         for link_target in following.targets(part_module):
             part_groups.join(part_name, link_target.part)
-        if part_module.kind in LINKS:
+        if part_module.kind in LINK_KINDS:
             end_parts = tuple(end.part for end in part_module.ends)
             links_by_part[part_name, part_module.name] = end_parts
             part_groups.join(*end_parts)
@@ -57,12 +57,12 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     for members in piece.families.values():  # one instrument: not all notes need be played
         for member in members[1:]:
             part_groups.join(member, members[0])
-    listened = {part_groups.representative(part) for part in _listened(piece, links_by_part)}
-    moved = {part_groups.representative(part) for part in _moved(piece)}
+    listened = {part_groups.representative(part) for part in _listened_parts(piece, links_by_part)}
+    moved = {part_groups.representative(part) for part in _moved_parts(piece)}
     is_played = bool(piece.parts or piece.strikes)
     warnings = []
     for instrument in piece.instruments.values():
-        if not any(module.kind in HOLDERS for module in instrument.modules):
+        if not any(module.kind in POINT_KINDS for module in instrument.modules):
             continue
         instrument_name = quote(family_names.get(instrument.name, instrument.name))
         part_group = part_groups.representative(instrument.name)
@@ -82,14 +82,16 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     return list(dict.fromkeys(warnings))
 
 
-def _listened(piece: Piece, links_by_part: dict[tuple[str, str], tuple[str, ...]]) -> Iterator[str]:
+def _listened_parts(
+    piece: Piece, links_by_part: dict[tuple[str, str], tuple[str, ...]]
+) -> Iterator[str]:
     """Parts whose movement or force is heard."""
     for _, instrument, output in audible_outputs(piece):
         for target in targets_of(instrument, output):
             yield from links_by_part.get((target.part, target.module), (target.part,))
 
 
-def _moved(piece: Piece) -> Iterator[str]:
+def _moved_parts(piece: Piece) -> Iterator[str]:
     """Parts that are moved by a hand, a strike, a drive or an initial state."""
     for play in piece.parts:
         yield piece.players[play.player].key

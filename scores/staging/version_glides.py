@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ergon import _core
 from ergon.common.decay import LN_1000
 from ergon.instruments.model import Instrument
-from ergon.instruments.module_kinds import LINKS
+from ergon.instruments.module_kinds import LINK_KINDS
 from ergon.instruments.spread import single_links
 
 if TYPE_CHECKING:
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 # CEL: K, Z, M. Link: K, or a factor if it has no K. STRING or PLATE: K and Z of its links, up to a
 # constant factor.
 _Values = tuple[float, ...]
-_LEAVES = 0.02  # [s] in which a removed link fades out
-_POINTS = ("MAS", "CEL", "SOL")
-BODIES = ("STRING", "PLATE")
+_FADE_OUT_SECONDS = 0.02  # [s] in which a removed link fades out
+_POINT_KINDS = ("MAS", "CEL", "SOL")
+BODY_KINDS = ("STRING", "PLATE")
 TWO_PI = 6.283185307179586
-_TUNING = ("f", "t60", "M", "X0", "V0")
+_TUNING_FIELDS = ("f", "t60", "M", "X0", "V0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class Glide:
             k, z, m = self.before
             timeline.glide(assembly.mats[module_key], k, z, m, self.start, self.stop)
         elif len(self.before) == 2:
-            links = assembly.bodies[module_key]
+            links = assembly.generator_links[module_key]
             points = [(self.start, *self.body_factors), (self.stop, 1.0, 1.0)]
             timeline.lead(links.start, points, n=len(links))
         else:
@@ -128,8 +128,8 @@ def glides(
             glides_by_module[module_key] = Glide(
                 *module_key, values_now, module_values, start_seconds, start_seconds + glide_seconds
             )
-    links_before = _links(piece_before, piece_after)
-    for module_key, new_link in _links(piece_after, piece_before).items():
+    links_before = _changed_links(piece_before, piece_after)
+    for module_key, new_link in _changed_links(piece_after, piece_before).items():
         running_glide = under_way.get(module_key)
         if module_key not in links_before and _joins_earlier_part(new_link, piece_before):
             module_values = _module_values(new_link) or (1.0,)
@@ -164,12 +164,12 @@ def leaving_links(
     """Links that fade out from `start_seconds` [s] on if both their ends stay, and `earlier_links`
     ones that still do.
     """
-    staying = _links(piece_after, piece_before)
+    staying = _changed_links(piece_after, piece_before)
     under_way = {(g.part, g.module): g for g in running if g.stop > start_seconds}
     leaving = [link for link in earlier_links if link.glide.stop > start_seconds]
     gone_links = {
         module_key: link
-        for module_key, link in _links(piece_before, piece_after).items()
+        for module_key, link in _changed_links(piece_before, piece_after).items()
         if module_key not in staying
     }
     for module_key, gone_module in gone_links.items():
@@ -187,7 +187,7 @@ def leaving_links(
                     values_now,
                     (0.0,),
                     start_seconds,
-                    start_seconds + _LEAVES,
+                    start_seconds + _FADE_OUT_SECONDS,
                     values_alone[0],
                 ),
             )
@@ -219,7 +219,7 @@ def _changed_modules(piece: Piece, other_piece: Piece) -> Iterator[tuple[Key | I
         if part_before is piece_part:
             continue
         unchanged_ids: set[int] = set()
-        if part_before is not None and _setting(part_before) == _setting(piece_part):
+        if part_before is not None and _owner_setting(part_before) == _owner_setting(piece_part):
             unchanged_ids = {id(module) for module in part_before.modules}
         for module in piece_part.modules:
             if id(module) not in unchanged_ids:
@@ -230,14 +230,14 @@ def _parts(piece: Piece) -> tuple[Key | Instrument, ...]:
     return *piece.keys.values(), *piece.instruments.values()
 
 
-def _setting(module_owner: Key | Instrument) -> tuple[float | None, float | None]:
+def _owner_setting(module_owner: Key | Instrument) -> tuple[float | None, float | None]:
     """What the values of a part's modules depend on besides the modules."""
     if isinstance(module_owner, Instrument):
         return None, module_owner.ca_rate
     return module_owner.reach, None
 
 
-def _links(piece: Piece, other_piece: Piece) -> dict[tuple[str, str], Module]:
+def _changed_links(piece: Piece, other_piece: Piece) -> dict[tuple[str, str], Module]:
     """The links of instruments by (part, module) that have changed from another piece, except those
     of discrete networks (`units: ca`).
 
@@ -246,7 +246,7 @@ def _links(piece: Piece, other_piece: Piece) -> dict[tuple[str, str], Module]:
     return {
         (part.name, link.name): link
         for part, module in _changed_modules(piece, other_piece)
-        if isinstance(part, Instrument) and part.ca_rate is None and module.kind in LINKS
+        if isinstance(part, Instrument) and part.ca_rate is None and module.kind in LINK_KINDS
         for link in single_links(module)
     }
 
@@ -256,7 +256,7 @@ def _end_stays(end: Target, piece_before: Piece, piece_after: Piece) -> bool:
     end_before, end_after = _module_at(end, piece_before), _module_at(end, piece_after)
     if end_before is None or end_after is None or end_before.kind != end_after.kind:
         return False
-    return end_before.kind in _POINTS or end_before.fields == end_after.fields
+    return end_before.kind in _POINT_KINDS or end_before.fields == end_after.fields
 
 
 def _module_at(end: Target, piece: Piece) -> Module | None:
@@ -287,7 +287,7 @@ def _gliding_values(
             if module_key not in gliding_keys:
                 continue
             # Parameters under `units: ca` belong to their rate: they are set at once.
-            reach, ca_rate = _setting(piece_part)
+            reach, ca_rate = _owner_setting(piece_part)
             if ca_rate is None and (values := _module_values(part_module)) is not None:
                 scale = 1.0 if reach is None else 1.0 / (reach * reach)
                 yield module_key, tuple(value * scale for value in values)
@@ -298,16 +298,16 @@ def _body_forms(
 ) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
     """The fields of changed STRINGs and PLATEs except pitch, decay, mass and initial state."""
     for module_part, part_module in _changed_modules(piece, other_piece):
-        if isinstance(module_part, Instrument) and part_module.kind in BODIES:
+        if isinstance(module_part, Instrument) and part_module.kind in BODY_KINDS:
             form_fields = {
                 name: field_value
                 for name, field_value in part_module.fields.items()
-                if name not in _TUNING
+                if name not in _TUNING_FIELDS
             }
             yield (module_part.name, part_module.name), {**form_fields, "kind": part_module.kind}
 
 
-def ties(module_fields: Mapping[str, Any]) -> tuple[float, float, float]:
+def cel_constants(module_fields: Mapping[str, Any]) -> tuple[float, float, float]:
     """K [N/m], Z [N·s/m] and M [kg] of a CEL's fields."""
     body_mass = float(module_fields["M"])
     if module_fields.get("f") is None:
@@ -319,11 +319,11 @@ def ties(module_fields: Mapping[str, Any]) -> tuple[float, float, float]:
 
 def _module_values(part_module: Module) -> _Values | None:
     if part_module.kind == "CEL":
-        return ties(part_module.fields)
-    if part_module.kind in BODIES:
+        return cel_constants(part_module.fields)
+    if part_module.kind in BODY_KINDS:
         return _body_values(part_module.fields)
     fields: Mapping[str, Any] = part_module.fields
-    if part_module.kind in LINKS and fields.get("K"):
+    if part_module.kind in LINK_KINDS and fields.get("K"):
         return (float(fields["K"]),)
     return None
 

@@ -39,6 +39,6 @@ def test_page_key_of_fixed_port_persists_per_user(runtime: Path) -> None:
     assert first != pages._local_key("127.0.0.1:8080") != pages._local_key("127.0.0.1:8080")
 
 
-@pytest.mark.parametrize("at", [pages.ANYWHERE, "localhost:0", "0.0.0.0:0"])
+@pytest.mark.parametrize("at", [pages.ANY_LOCAL_PORT, "localhost:0", "0.0.0.0:0"])
 def test_page_key_new_on_each_call(at: str) -> None:
     assert key(at) != key(at)

@@ -337,4 +337,7 @@ def test_loudness_text_of_silent_short_and_quiet_sounds():
 @pytest.mark.parametrize("force", [0.0, 5.0])
 def test_force_max_passed_to_remote_session(force: float):
     options = SessionOptions(live=("a=emul:",), force_max=force, journal="other.jsonl")
-    assert list(remote_session._as_options(options)) == ["--live=a=emul:", f"--force-max={force}"]
+    assert list(remote_session._command_line_options(options)) == [
+        "--live=a=emul:",
+        f"--force-max={force}",
+    ]

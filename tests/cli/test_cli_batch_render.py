@@ -38,7 +38,7 @@ def folder(work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("ERGON_CACHE", "plans")
     monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
     monkeypatch.setattr(stretches, "_NS_PER_SAMPLE", 0.0)
-    monkeypatch.setattr(cluster_worker, "_ready", [])
+    monkeypatch.setattr(cluster_worker, "_staged_jobs", [])
     Path("a.yaml").write_text(BELL.format(**FEW))
     Path("b.yaml").write_text(BELL.format(**FEW | {"f": 350}))
     Path("long.yaml").write_text(BELL.format(**FEW | {"tail": 4}))
@@ -102,7 +102,7 @@ def test_batch_render_continues_after_a_failure(
 def test_batch_render_shares_one_worker_queue(each: list[bytes], monkeypatch: pytest.MonkeyPatch):
     """What the first one asks for is computed only when another one has asked as well."""
     client = own_workers.use(monkeypatch)
-    compute = cluster_worker.stretch
+    compute = cluster_worker.compute_stretch
 
     def jobs() -> set[str]:
         stretches = [words for function, words in client.called if function is late]
@@ -112,18 +112,18 @@ def test_batch_render_shares_one_worker_queue(each: list[bytes], monkeypatch: py
         until(lambda: len(jobs()) > 1, "another score")
         return compute(job, request)
 
-    monkeypatch.setattr(cluster_worker, "stretch", late)
+    monkeypatch.setattr(cluster_worker, "compute_stretch", late)
     assert app.run(["render", "long.yaml", "a.yaml", "b.yaml", "--on", "local:2", "-q"]) == 0
     assert sounds("long.wav", "a.wav", "b.wav") == each
     assert len(jobs()) == 3
-    assert len(cluster_worker._ready) == 3  # none had to be staged again
+    assert len(cluster_worker._staged_jobs) == 3  # none had to be staged again
 
 
 def test_cluster_worker_piece_cache_limit(monkeypatch: pytest.MonkeyPatch, each: list[bytes]):
     own_workers.use(monkeypatch)
     monkeypatch.setattr(cluster_worker, "MODULES_MAX", 10)
     assert app.run(["render", "long.yaml", "a.yaml", "b.yaml", "--on", "local:2", "-q"]) == 0
-    assert len(cluster_worker._ready) == 1
+    assert len(cluster_worker._staged_jobs) == 1
     assert sounds("long.wav", "a.wav", "b.wav") == each
 
 

@@ -23,7 +23,7 @@ from ergon.cli import app
 from ergon.live import fitness, ports
 from ergon.live.faults import FaultResult, FaultRow
 from ergon.scores.gesture import notation
-from ergon.scores.gesture.sampled import sampled
+from ergon.scores.gesture.sampled import sampled_positions
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
 Capture = pytest.CaptureFixture[str]
@@ -189,7 +189,7 @@ GESTURE = "0mm@0 12mm@1/10 0mm@1/4"
 
 def followed(n: int) -> list[float]:
     """Positions of the key of the emulator, which rests in the first period [m]."""
-    hand = sampled(notation.parse(GESTURE).points, 1.0, TICK)
+    hand = sampled_positions(notation.parse(GESTURE).points, 1.0, TICK)
     return [0.0, *pulled(hand, TICK, n - 1)]
 
 

@@ -20,7 +20,7 @@ from patience import PATIENCE, until
 from ergon import _core
 from ergon.cli import app
 from ergon.scores.gesture import notation
-from ergon.scores.gesture.sampled import sampled
+from ergon.scores.gesture.sampled import sampled_positions
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
 
@@ -70,7 +70,9 @@ def test_emulated_firefader_path_independent_of_pace():
     path, hashed = positions(0.0)
     # 12 mm are 31 steps of 0.39 mm; a hand that brakes late goes beyond.
     assert 128 + 31 <= max(path) < 128 + 40
-    assert path == followed(sampled(notation.parse(GESTURE[1]).points, 1.0, TICK), len(path))
+    assert path == followed(
+        sampled_positions(notation.parse(GESTURE[1]).points, 1.0, TICK), len(path)
+    )
     assert positions(0.001) == (path, hashed)
 
 
@@ -215,7 +217,7 @@ def test_emulate_refuses_contradicting_options(
 
 def test_sampled_gesture_positions():
     points = notation.parse("1mm@0 smooth 6mm@1/2 line 2mm@1").points
-    path = sampled(points, 0.5, 1000.0)
+    path = sampled_positions(points, 0.5, 1000.0)
     assert path.shape == (501,)
     assert path[[0, 250, 500]] == pytest.approx([1e-3, 6e-3, 2e-3], abs=1e-12)
     assert path[375] == pytest.approx(4e-3, abs=1e-9)

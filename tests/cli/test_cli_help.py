@@ -164,7 +164,7 @@ def test_python_m_ergon_version():
 
 def test_version_of_wheel_with_commit_record(tmp_path, monkeypatch):
     record = tmp_path / "build.json"
-    monkeypatch.setattr(version, "RECORD", record)
+    monkeypatch.setattr(version, "BUILD_RECORD_PATH", record)
     for text in ("", "[]", '{"commit"', "{}"):
         record.write_text(text)
         assert commit() == commit_of(ROOT)

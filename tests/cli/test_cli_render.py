@@ -265,7 +265,7 @@ def test_diverging_render_exits_4_without_file(
         error.frame, error.module = 22_050, "bell.m"
         raise error
 
-    monkeypatch.setattr(rendering, "_fold", diverge)
+    monkeypatch.setattr(rendering, "_folded_mix", diverge)
     assert app.run(["render", "bell.yaml"]) == 4
     assert "bell.m" in capsys.readouterr().err
     assert [path.name for path in folder.iterdir()] == ["bell.yaml"]
@@ -277,7 +277,7 @@ def test_ctrl_c_exits_130_without_a_file(folder: Path, monkeypatch: pytest.Monke
     def interrupt(*arguments: object) -> np.ndarray:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(rendering, "_fold", interrupt)
+    monkeypatch.setattr(rendering, "_folded_mix", interrupt)
     assert app.run(["render", "bell.yaml"]) == 130
     assert [path.name for path in folder.iterdir()] == ["bell.yaml"]
 

@@ -70,7 +70,7 @@ def test_doctor_measures_positions_by_osc(capsys: Capture):
 
 
 def test_doctor_of_unmoved_hand_input(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("ergon.api.hand_checks._WAIT", 0.1)
+    monkeypatch.setattr("ergon.api.hand_checks._WAIT_SECONDS_MAX", 0.1)
     assert app.run(["doctor", "--hands", f"osc:/x?port={free_port()}", "--seconds", "0.1"]) == 3
     shown = capsys.readouterr()
     assert "0 positions came, and 20 are needed to measure" in shown.out

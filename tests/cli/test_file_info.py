@@ -191,14 +191,14 @@ def test_info_reads_the_samples_of_a_sound_once(
     samples = np.zeros((400_000, 2))
     samples[300_000, 1] = np.inf
     soundfile.write(tmp_path / "a.wav", samples, 48000, "FLOAT")
-    pieces, read = [], wave._samples
+    pieces, read = [], wave._sample_bytes_blocks
 
     def counted(*words: Any) -> Iterator[bytes]:
         for piece in read(*words):
             pieces.append(len(piece))
             yield piece
 
-    monkeypatch.setattr(wave, "_samples", counted)
+    monkeypatch.setattr(wave, "_sample_bytes_blocks", counted)
     assert run(["info", str(tmp_path / "a.wav")]) == 0
     assert sum(pieces) == samples.size * 4
     shown = capsys.readouterr()

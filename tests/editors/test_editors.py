@@ -16,7 +16,7 @@ from ergon.repl.wire import loopback
 from ergon.scores.gesture.points import CURVES
 from ergon.scores.gesture.transforms import MEANINGS as GESTURE_WORDS
 from ergon.scores.pattern.cycle_table import MEANINGS as RHYTHM_WORDS
-from ergon.scores.pattern.turn_chain import FORMS
+from ergon.scores.pattern.turn_chain import TURN_FORMS
 
 EDITORS = Path(__file__).parents[2] / "editors"
 PIECE = "tempo 72\n\nada plays knock\nleo plays lean  # ü\n\nadda\nfail\n"
@@ -25,7 +25,7 @@ PIECE = "tempo 72\n\nada plays knock\nleo plays lean  # ü\n\nadda\nfail\n"
 @pytest.fixture(params=["", "loopback"], ids=["unix", "port"])
 def kind_of_socket(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """A session at a socket of Unix, and at a port, as on Windows."""
-    monkeypatch.setenv(loopback.FORCED, request.param)
+    monkeypatch.setenv(loopback.SOCKET_VARIABLE, request.param)
 
 
 def run(command: list[str], folder: Path) -> str:
@@ -365,7 +365,7 @@ def test_vs_code_grammar_covers_program_words(name: int, line: str, words: tuple
 
 
 def transformations() -> list[str]:
-    return sorted({*GESTURE_WORDS, *RHYTHM_WORDS, *FORMS})
+    return sorted({*GESTURE_WORDS, *RHYTHM_WORDS, *TURN_FORMS})
 
 
 def test_vs_code_grammar_covers_transformations_after_do():

@@ -34,7 +34,7 @@ def same(built: _core.Law, d: NDArray[np.float64], v: NDArray[np.float64]) -> No
     rows = built.rows()
     assert rows is not None
     compiled, run, alone = (np.empty_like(d) for _ in range(3))
-    built.native(native.address(rows)).forces(d, v, compiled)
+    built.native(native.code_address(rows)).forces(d, v, compiled)
     built.forces(d, v, run)
     alone[:] = [built.force(x, y) for x, y in zip(d.tolist(), v.tolist(), strict=True)]
     for other in (run, alone):
@@ -108,11 +108,11 @@ def test_native_compilation_of_largest_laws():
 def test_native_laws_of_same_text_share_code():
     item, other = (_core.Law("k*d + q*d**3", None, {"k": k, "q": 2.0}) for k in (1.0, 7.0))
     assert item.rows() == other.rows()
-    assert native.address(item.rows() or []) == native.address(other.rows() or [])
+    assert native.code_address(item.rows() or []) == native.code_address(other.rows() or [])
     d = np.linspace(-1.0, 1.0, 9)
     for built in (item, other):
         same(built, d, d)
-    assert native.address(law("k*d").rows() or []) != native.address(item.rows() or [])
+    assert native.code_address(law("k*d").rows() or []) != native.code_address(item.rows() or [])
 
 
 def test_point_laws_have_no_native_rows():
@@ -157,7 +157,7 @@ def test_native_laws_in_network_same_sound():
     assert sound(fast) == sound(plain)
     assert sound(fast, ledger=True) == sound(plain)
     with pytest.raises(IndexError):
-        fast.native([(3, native.address(laws[0][0]))])
+        fast.native([(3, native.code_address(laws[0][0]))])
 
 
 SCORE = """\
@@ -190,8 +190,8 @@ def test_native_laws_in_score_same_sound(monkeypatch: pytest.MonkeyPatch):
 
     monkeypatch.setattr(native, "speed_up", watched)
     sounds = []
-    for cost in (native._COST, -1.0):
-        monkeypatch.setattr(native, "_COST", cost)
+    for cost in (native._COMPILE_SECONDS, -1.0):
+        monkeypatch.setattr(native, "_COMPILE_SECONDS", cost)
         simulation = stage(piece).simulation
         out = np.empty((2000, simulation.n_out))
         simulation.process(out)

@@ -6,7 +6,7 @@ import math
 import mido
 import pytest
 
-from ergon.exchange.midi import PPQ, Marker, Meter, tempo_file
+from ergon.exchange.midi import TICKS_PER_QUARTER, Marker, Meter, tempo_file
 
 
 def ramp(bpm_1: float, bpm_2: float, start: float, beats: float):
@@ -30,7 +30,7 @@ def seconds_by_tick(file: mido.MidiFile) -> dict[int, float]:
     tick, now, tempo, result = 0, 0.0, 500_000, {}
     for message in file.tracks[0]:
         tick += message.time
-        now += message.time / PPQ * tempo * 1e-6
+        now += message.time / TICKS_PER_QUARTER * tempo * 1e-6
         result[tick] = now
         if message.type == "set_tempo":
             tempo = message.tempo
@@ -43,9 +43,9 @@ def test_tempo_file_times_by_closed_form(bpms: tuple[float, float]) -> None:
     data = tempo_file(seconds, 200, [Meter(0, 4, 4)], [Marker("C", 32), Marker("end", 200)], "t")
     file = read(data)
     assert file.type == 1
-    assert file.ticks_per_beat == PPQ
+    assert file.ticks_per_beat == TICKS_PER_QUARTER
     for tick, now in seconds_by_tick(file).items():
-        assert now == pytest.approx(seconds(tick / PPQ), abs=4e-6)
+        assert now == pytest.approx(seconds(tick / TICKS_PER_QUARTER), abs=4e-6)
 
 
 def test_steady_tempo_is_one_event() -> None:
@@ -56,7 +56,7 @@ def test_steady_tempo_is_one_event() -> None:
 def test_rounded_midi_tempo_does_not_drift() -> None:
     seconds = lambda beat: beat * 60 / 70  # noqa: E731
     file = read(tempo_file(seconds, 4000, [], [Marker("far", 4000)], "t"))
-    assert seconds_by_tick(file)[4000 * PPQ] == pytest.approx(seconds(4000), abs=4e-6)
+    assert seconds_by_tick(file)[4000 * TICKS_PER_QUARTER] == pytest.approx(seconds(4000), abs=4e-6)
     assert sum(m.type == "set_tempo" for m in file.tracks[0]) < 500
 
 
@@ -75,10 +75,10 @@ def test_tempo_file_meters_and_markers() -> None:
     assert result == [
         (0, 4, 4),
         (0, "A"),
-        (8 * PPQ, 7, 8),
-        (8 * PPQ, "Überraschung"),
-        (15 * PPQ, 3, 2),  # 14 eighths are 7 quarters
-        (21 * PPQ, "C"),  # and three halves more are 6
+        (8 * TICKS_PER_QUARTER, 7, 8),
+        (8 * TICKS_PER_QUARTER, "Überraschung"),
+        (15 * TICKS_PER_QUARTER, 3, 2),  # 14 eighths are 7 quarters
+        (21 * TICKS_PER_QUARTER, "C"),  # and three halves more are 6
     ]
     assert file.tracks[0].name == "Duet"
 

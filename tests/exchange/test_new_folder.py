@@ -108,7 +108,7 @@ def test_remains_of_killed_program_are_removed(tmp_path: Path, before: str) -> N
         process.stdin.close()
         assert process.wait(timeout=PATIENCE) == -signal.SIGKILL
     assert (part / "deep" / "a.txt").exists()
-    temporary._swept.discard(place)
+    temporary._swept_folders.discard(place)
     fill(folder)
     assert sorted(os.listdir(folder)) == ["b.txt", "deep"]
     assert [*tmp_path.iterdir()] == [folder]

@@ -176,7 +176,7 @@ def test_hdf5_plugins_are_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_sofa_reader_limits_files_and_memory(tmp_path: Path):
-    code = "import sofa_reader, numpy; sofa_reader.limit()\n"
+    code = "import sofa_reader, numpy; sofa_reader.limit_process()\n"
     env = {**os.environ, "PYTHONPATH": str(Path(sofa.__file__).parent)}
     for line, error in (("open('/etc/passwd')", "OSError"), ("numpy.ones(1 << 29)", "MemoryError")):
         done = subprocess.run(

@@ -6,7 +6,7 @@ import json
 import numpy as np
 
 from ergon.exchange.markers import markers_csv
-from ergon.exchange.stream import COLUMNS, Names, header, rows
+from ergon.exchange.stream import COLUMN_NAMES, ErgonNames, stream_header, stream_rows
 
 ERGONS = {
     "time": np.array([0.1, 1 / 3, 2.0]),
@@ -16,18 +16,20 @@ ERGONS = {
     "impulse": np.array([4e-3, -1e-2, 4e-8]),
     "source": np.array([0.0, 1.0, 0.0]),
 }
-NAMES = Names(
+NAMES = ErgonNames(
     ["k1", "", "", "", "bell.m, left"].__getitem__, ["a.yaml:3:5", "b.yaml:7:1"].__getitem__
 )
 HASH = "0" * 64
 
 
 def test_stream_csv_round_trip_to_the_bit() -> None:
-    text = header("csv", title="Two\nlines", rate=44_100.0, score=HASH) + rows("csv", ERGONS, NAMES)
+    text = stream_header("csv", title="Two\nlines", rate=44_100.0, score=HASH) + stream_rows(
+        "csv", ERGONS, NAMES
+    )
     about, *lines = text.splitlines()
     assert about == f"# ergon stream 1, made by ergon, 44100 Hz, score {HASH}, Two lines"
     read = list(csv.DictReader(lines))
-    assert tuple(read[0]) == COLUMNS
+    assert tuple(read[0]) == COLUMN_NAMES
     assert [float(row["time [s]"]) for row in read] == ERGONS["time"].tolist()
     assert [row["struck"] for row in read] == ["k1", "bell.m, left", "k1"]
     assert [row["sign"] for row in read] == ["+", "-", "+"]
@@ -37,7 +39,9 @@ def test_stream_csv_round_trip_to_the_bit() -> None:
 
 
 def test_stream_as_json_lines() -> None:
-    text = header("json", title="t", rate=48_000.0, score=HASH) + rows("json", ERGONS, NAMES)
+    text = stream_header("json", title="t", rate=48_000.0, score=HASH) + stream_rows(
+        "json", ERGONS, NAMES
+    )
     about, *lines = [json.loads(line) for line in text.splitlines()]
     assert (about["v"], about["event"], about["rate_hz"]) == (1, "stream", 48_000.0)
     assert lines[1] == {

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from ergon.exchange.track_names import ixml, track_names
+from ergon.exchange.track_names import ixml_content, track_names
 from ergon.exchange.wave_header import Stamp, WaveFormat, pack, parse
 
 FORMAT = WaveFormat(48_000, 2, 24)
@@ -34,9 +34,9 @@ def test_wave_header_without_track_names():
 @pytest.mark.parametrize(
     ("content", "names"),
     [
-        (ixml(["low"], "x"), ("low", "")),
-        (ixml(["low", "high", "third"], "x"), ("low", "high")),
-        (ixml(["low\n\x07", "high"], "\x00"), ("low", "high")),
+        (ixml_content(["low"], "x"), ("low", "")),
+        (ixml_content(["low", "high", "third"], "x"), ("low", "high")),
+        (ixml_content(["low\n\x07", "high"], "\x00"), ("low", "high")),
         (
             b"<BWFXML><TRACK><INTERLEAVE_INDEX>-1</INTERLEAVE_INDEX><NAME>a</NAME></TRACK></BWFXML>",
             (),

@@ -17,7 +17,7 @@ WRITE = "import sys; from ergon.exchange.safe import write_text; write_text(*sys
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A new register, and a process that remembers nothing."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    monkeypatch.setattr(written, "_written_here", set())
+    monkeypatch.setattr(written, "_hashes_written_here", set())
     return tmp_path / "state" / "ergon"
 
 
@@ -53,18 +53,18 @@ def test_register_of_irregular_files_is_ignored(tmp_path: Path, state: Path) -> 
     os.mkfifo(state / "written")
     (state / "written.old").symlink_to("/dev/zero")
     write_text(path, "one")
-    written._written_here.clear()
+    written._hashes_written_here.clear()
     assert not is_ours(path)
 
 
 def test_register_rotates_when_full(
     tmp_path: Path, state: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(written, "_FULL", 65 * 10)
+    monkeypatch.setattr(written, "_REGISTER_BYTES_MAX", 65 * 10)
     paths = [tmp_path / f"{number}.txt" for number in range(35)]
     for path in paths:
         write_text(path, path.name)
-    written._written_here.clear()
+    written._hashes_written_here.clear()
     assert [is_ours(path) for path in paths] == [False] * 20 + [True] * 15
     sizes = {path.name: path.stat().st_size for path in state.iterdir()}
     assert sizes == {"written": 65 * 5, "written.old": 65 * 10}

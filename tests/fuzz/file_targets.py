@@ -69,7 +69,7 @@ def _bell() -> Any:
 def _plan_text() -> str:
     plan = stage(_bell(), planned=True).plan
     assert plan is not None
-    return plan_file.text(plan.choices(), plan.hash, budget={"error": -60.0})
+    return plan_file.plan_text(plan.choices(), plan.hash, budget={"error": -60.0})
 
 
 PLAN_WORDS = (
@@ -95,7 +95,7 @@ def _plan(chance: random.Random) -> str:
             + [chance.choice((None, 0, 1, (1 << 32) - 1))]
             for _ in range(chance.randrange(4))
         ]
-        return plan_file.text(choices, "0")  # type: ignore[arg-type]
+        return plan_file.plan_text(choices, "0")  # type: ignore[arg-type]
     return damaged(_plan_text(), chance, PLAN_WORDS)
 
 

@@ -32,7 +32,7 @@ def _gltf(chance: random.Random) -> str | bytes:
 
 def _read_gltf(data: str | bytes, _: Path) -> None:
     mesh = gltf_file.read(data) if isinstance(data, str) else gltf_file.read_binary(data)
-    assert obj_file.written(mesh)
+    assert obj_file.as_obj_text(mesh)
 
 
 def _read_obj(text: str, _: Path) -> Iterator[str]:

@@ -19,7 +19,7 @@ from ergon import _core
 from ergon.cli.console import Console
 from ergon.cli.motion_info import motion as motion_info
 from ergon.cli.outcome import Refused
-from ergon.exchange.gltf import gltf
+from ergon.exchange.gltf import gltf_text
 from ergon.exchange.motion import csv_rows, instants, write_npz
 from ergon.exchange.motion_space import NotMotionError
 from tests.fuzz.harness import Target
@@ -96,7 +96,7 @@ def _read(data: bytes, folder: Path) -> Iterator[str]:
     position = instants(result, None)[:5]
     write_npz(io.BytesIO(), result, position)
     yield from csv_rows(result, position)
-    json.loads(gltf(result, position, None))
+    json.loads(gltf_text(result, position, None))
 
 
 TARGETS = (

@@ -14,7 +14,7 @@ from ergon.notation.tables import strengths
 from ergon.notation.tables.expressions import evaluate, looks_like
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
-from ergon.scores.gesture.sampled import sampled
+from ergon.scores.gesture.sampled import sampled_positions
 from ergon.scores.pattern import cycle_table, cycle_transforms, turn_chain, words
 from ergon.scores.reading.rhythms import check_text
 from tests.fuzz.harness import Target
@@ -91,7 +91,7 @@ def _read_notation(text: str, _: Path) -> None:
             points = read(text).points
             last = points[-1].at
             if last.beats + last.seconds < 5.0:  # a longer gesture is no other
-                sampled(points, 0.5, 1000.0)
+                sampled_positions(points, 0.5, 1000.0)
         except TextError as error:
             refused.append(error)
     assert all(0 <= error.offset <= len(text) and error.length >= 0 for error in refused)
@@ -106,7 +106,7 @@ PLAYS = (
 
 
 def _plays(chance: random.Random) -> str:
-    known = [*words.OPTIONS, *words.ARITY, "lean", ",", "do", "1/8", "2bar", "#", "C-1"]
+    known = [*words.OPTION_EXAMPLES, *words.ARITY, "lean", ",", "do", "1/8", "2bar", "#", "C-1"]
     if chance.random() < 0.5:
         return soup(chance, known)
     return damaged(chance.choice(PLAYS), chance, known)
@@ -119,7 +119,7 @@ CHAINS = (
     "superimpose (fast 3/2, legato 0.3), tremolo 12Hz, roll 8 0.1, arp up 1/16, strum -20ms",
 )
 _CHAIN_WORDS = (
-    *(*cycle_table.TABLE, *turn_chain.FORMS, *words.ARITY),
+    *(*cycle_table.FORM_BY_WORD, *turn_chain.TURN_FORMS, *words.ARITY),
     *("(", ")", ",", "1/8", "0.3", "12st", "t", "~", "12Hz", "3/2", "updown", "4th", "do"),
 )
 
@@ -130,7 +130,7 @@ def _chain(chance: random.Random, depth: int = 3) -> str:
         return soup(chance, _CHAIN_WORDS, between=chance.choice((" ", ", ")))
     parts = []
     for _ in range(chance.randrange(1, 4)):
-        known = {**cycle_table.TABLE, **turn_chain.FORMS}
+        known = {**cycle_table.FORM_BY_WORD, **turn_chain.TURN_FORMS}
         name = chance.choice(list(known))
         example = known[name].example
         if depth and chance.random() < 0.4:
@@ -193,13 +193,13 @@ BOWS = ("hair 0.2N..2N", "hair 0.04m/s..0.4m/s", "lips 20mN .. 1N")
 def _bow(chance: random.Random) -> tuple[str, str]:
     known = ("hair", "..", "N", "m/s", "mN", " ", "0", "-")
     if chance.random() < 0.3:
-        return chance.choice(list(drawing.WORDS)), soup(chance, known, between="")
-    return chance.choice(list(drawing.WORDS)), damaged(chance.choice(BOWS), chance, known)
+        return chance.choice(list(drawing.BOW_FIELDS)), soup(chance, known, between="")
+    return chance.choice(list(drawing.BOW_FIELDS)), damaged(chance.choice(BOWS), chance, known)
 
 
 def _read_bow(case: tuple[str, str], _: Path) -> None:
     word, text = case
-    drawing.WORDS[word].parse(text)
+    drawing.BOW_FIELDS[word].parse(text)
 
 
 LAW_TEXTS = tuple(law.partition(",")[0] for law in LAWS.values())

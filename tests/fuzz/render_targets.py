@@ -91,7 +91,7 @@ def _folder(chance: random.Random) -> dict[str, bytes]:
     manifest, files = frozen_parts()
     if chance.random() < 0.7:
         manifest = damaged(manifest, chance, WORDS)
-    result = {frozen.MANIFEST: manifest.encode(errors="replace")}
+    result = {frozen.MANIFEST_NAME: manifest.encode(errors="replace")}
     for name, complete in files.items():
         is_hit = chance.random() < 0.3
         result[name] = (

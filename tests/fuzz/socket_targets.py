@@ -22,7 +22,7 @@ from ergon.live.osc_in import (
 )
 from ergon.repl.wire.protocol import (
     ProtocolError,
-    decode,
+    decode_message,
     decode_reply,
     decode_state,
     encode,
@@ -72,7 +72,7 @@ def _wire(chance: random.Random) -> bytes:
 
 
 def _read_wire(line: bytes, _: Path) -> None:
-    fields = decode(line)
+    fields = decode_message(line)
     for read in (decode_reply, decode_state):
         try:
             read(fields.get("is"))

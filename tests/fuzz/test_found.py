@@ -9,12 +9,12 @@ from one_bell import SCORE
 from ergon import _core
 from ergon.common.errors import ErgonError
 from ergon.exchange import frozen, sound, wave
-from ergon.exchange.frozen import MANIFEST, NotFrozenError
+from ergon.exchange.frozen import MANIFEST_NAME, NotFrozenError
 from ergon.exchange.safe import FileRefusedError, write_all
 from ergon.exchange.wave_header import NotWaveError
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
-from ergon.scores.gesture.sampled import sampled
+from ergon.scores.gesture.sampled import sampled_positions
 from ergon.scores.reading.load import load
 from ergon.scores.staging import live
 from ergon.scores.staging.preparing import prepare
@@ -35,7 +35,7 @@ from tests.fuzz.render_targets import frozen_parts, renders
 )
 def test_sampled_gesture_refuses_impossible_paths(text: str, marked: str, words: str):
     with pytest.raises(TextError, match=words) as caught:
-        sampled(notation.parse(text).points, 0.5, 1000.0)
+        sampled_positions(notation.parse(text).points, 0.5, 1000.0)
     error = caught.value
     assert text[error.offset : error.offset + error.length] == marked
 
@@ -44,7 +44,7 @@ def test_hold_with_rounding_difference_stays_constant():
     """The notation took it, and the engine refused it."""
     points = notation.parse("0@0 hold 4e-10m@1 hold 8e-10m@2 smooth 6@3").points
     assert points[1].x == points[2].x == 0.0
-    assert np.ptp(sampled(points, 0.5, 1000.0)[:500]) == 0.0
+    assert np.ptp(sampled_positions(points, 0.5, 1000.0)[:500]) == 0.0
 
 
 def test_live_hand_part_ending_before_piece_start():
@@ -60,7 +60,7 @@ def test_live_hand_part_ending_before_piece_start():
 def test_gesture_refusal_same_in_library_and_check(text: str):
     """`check` marked the word after `play:`, and the library the point."""
     with pytest.raises(ErgonError) as refused:
-        sampled(notation.parse(text).points, 0.5, 44100.0)
+        sampled_positions(notation.parse(text).points, 0.5, 44100.0)
     assert isinstance(refused.value, TextError)
     score = SCORE.replace("gestures:", f"gestures:\n  fault: {text}", 1)
     loaded = load("s.yaml", text=score.replace("play: knock", "play: fault"))
@@ -88,13 +88,13 @@ def test_live_hand_pauses_without_computation(
     piece = load("s.yaml", text=text).piece
     assert piece is not None
     ticks = []
-    computed = live._path
+    computed = live._tick_positions
 
     def counted(simulation: _core.Simulation, every: int, n_ticks: int) -> np.ndarray:
         ticks.append(n_ticks)
         return computed(simulation, every, n_ticks)
 
-    monkeypatch.setattr(live, "_path", counted)
+    monkeypatch.setattr(live, "_tick_positions", counted)
     (hand,) = prepare(piece, {"ada": None}).live
     assert hand.ticks > 200_000
     assert sum(ticks) <= min(1e3 * seconds, hand.ticks + 2)
@@ -176,7 +176,7 @@ def test_save_over_symlink_loop_is_refused(tmp_path: Path):
 def test_frozen_parts_with_infinite_rate_are_refused(tmp_path: Path):
     """`1e999` is JSON, and its rate was turned into a whole number."""
     manifest, files = frozen_parts()
-    (tmp_path / MANIFEST).write_text(manifest.replace("44100.0", "1e999"))
+    (tmp_path / MANIFEST_NAME).write_text(manifest.replace("44100.0", "1e999"))
     for name, data in files.items():
         (tmp_path / name).write_bytes(data)
     with pytest.raises(NotFrozenError, match="not a manifest of frozen parts"):

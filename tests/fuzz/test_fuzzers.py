@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ergon.common import sound_files
-from ergon.exchange.frozen import MANIFEST
+from ergon.exchange.frozen import MANIFEST_NAME
 from tests.fuzz.harness import Target, fuzz
 from tests.fuzz.model_targets import models, read
 from tests.fuzz.render_targets import frozen_parts, read_folder, reader, renders
@@ -46,7 +46,7 @@ def test_readers_accept_undamaged_renders_and_frozen_parts(tmp_path: Path) -> No
         for data in renders(suffix):
             assert next(reader(suffix)(data, tmp_path)) == "a bell"
     manifest, files = frozen_parts()
-    complete = {MANIFEST: manifest.encode(), **files}
+    complete = {MANIFEST_NAME: manifest.encode(), **files}
     assert list(read_folder(complete, tmp_path)) == ["bell gong"]
 
 

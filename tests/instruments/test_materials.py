@@ -25,7 +25,7 @@ def body(fields: str) -> dict:
 
 def modes(fields: str, count: int) -> np.ndarray:
     assembly = Assembly()
-    assembly.part("s", check(SCORE % fields).piece.instruments["s"].modules)
+    assembly.add_part("s", check(SCORE % fields).piece.instruments["s"].modules)
     listened = np.array(assembly.network.modes("s", count + 3))
     return listened[listened[:, 0] > 1.0][:count]
 

@@ -189,8 +189,8 @@ def test_damaged_glb_files_are_refused(data: bytes, said: str):
 
 @pytest.mark.parametrize(("limit", "count"), few([(240_000, 1_000), (2_400_000, 10_000)], 1))
 def test_gltf_node_count_limit(limit: int, count: int, monkeypatch: pytest.MonkeyPatch):
-    assert gltf_file._READ_MAX == 2_400_000
-    monkeypatch.setattr(gltf_file, "_READ_MAX", limit)
+    assert gltf_file._READ_ITEMS_MAX == 2_400_000
+    monkeypatch.setattr(gltf_file, "_READ_ITEMS_MAX", limit)
     root = tetrahedron()
     root["nodes"] = [{"mesh": 0}] * count
     root["scenes"] = [{"nodes": list(range(count))}]

@@ -15,7 +15,7 @@ LISTS = "f: [200Hz, 453Hz, A5], t60: [4s, 3s, 1s], gain: [0dB, -6dB, x0.2]"
 def test_bank_modes_frequency_decay_and_gain():
     piece = check(SCORE % LISTS).piece
     assembly = Assembly()
-    assembly.part("b", piece.instruments["b"].modules)
+    assembly.add_part("b", piece.instruments["b"].modules)
     listened = np.array(assembly.network.modes("b", 3))
     assert listened[:, 0] == pytest.approx([200.0, 453.0, 880.0], rel=1e-12)
     assert listened[:, 1] == pytest.approx([4.0, 3.0, 1.0], rel=1e-9)

@@ -20,13 +20,13 @@ F, T60 = (220.0, 220.5, 440.0), (12.0, 11.0, 6.0)
 def network(text: str, part: str = "b"):
     piece = check(text).piece
     assembly = Assembly()
-    assembly.part(part, piece.instruments[part].modules)
+    assembly.add_part(part, piece.instruments[part].modules)
     return assembly
 
 
 def rendered(text: str, n: int = 44100) -> np.ndarray:
     ready = prepare(load("x.yaml", text=text).piece)
-    built = planning.make(ready.network, ready.timeline, Accuracy())
+    built = planning.make_plan(ready.network, ready.timeline, Accuracy())
     out = np.zeros((n, 1))
     _core.Simulation(ready.network, ready.timeline, plan=built.plan).process(out)
     return out[:, 0]
@@ -109,7 +109,7 @@ instruments:
     out: {SOV: body.waist}
 """
     ready = prepare(load("x.yaml", text=text % (LISTS + PLACES)).piece)
-    rows = planning.make(ready.network, ready.timeline, Accuracy()).plan.rows()
+    rows = planning.make_plan(ready.network, ready.timeline, Accuracy()).plan.rows()
     assert [row.modes.total for row in rows if row.modes is not None] == [4]
 
 

@@ -41,14 +41,16 @@ def fields(made: Piece, name: str, module: str = "") -> dict:
     ],
 )
 def test_pitch_after_interval_exact(note, interval, other):
-    assert t.pitch(q.frequency(note), t.parse_interval(interval)) == q.frequency(other)
+    assert t.transposed_frequency(q.frequency(note), t.parse_interval(interval)) == q.frequency(
+        other
+    )
 
 
 def test_interval_between_any_two_notes_exact():
     notes = [q.frequency(f"{letter}{octave}") for octave in range(9) for letter in "CDEFGAB"]
     for low in notes:
         for high in notes:
-            assert t.pitch(low, t.between(low, high)) == high
+            assert t.transposed_frequency(low, t.interval_between(low, high)) == high
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from ergon.api.options import PlayOptions
 from ergon.api.play import PreparedPlay, prepare
 from ergon.cli import app
 from ergon.common.report import Report
-from ergon.rendering.level import HIGHPASS
+from ergon.rendering.level import HIGHPASS_HZ
 from ergon.repl.session.live import LiveEngine
 
 SCORE = """\
@@ -56,7 +56,7 @@ def folded(to: str) -> tuple[NDArray[np.float32], int]:
     frames = np.zeros((stage.n_frames, stage.simulation.n_out))
     stage.simulation.process(frames)
     mixed = np.zeros((stage.n_frames + fold.tail, stage.n_channels))
-    mixer = stage.mixer(highpass=HIGHPASS, reference=ready.config.reference)
+    mixer = stage.mixer(highpass=HIGHPASS_HZ, reference=ready.config.reference)
     mixer.process(frames, mixed[: stage.n_frames])
     built = np.zeros((len(mixed), {"binaural": 2, "stereo": 2, "ambix2": 9}[to]))
     fold.process(mixed * ready.config.gain, built)

@@ -50,7 +50,7 @@ def test_plain_and_exact_contact_planned_alike(name: str):
         piece = load("scene.yaml", text=text.replace("contact: exact", f"contact: {word}")).piece
         assert piece is not None
         ready = prepare(piece)
-        plan = planning.make(ready.network, ready.timeline, Accuracy(error=-60.0)).plan
+        plan = planning.make_plan(ready.network, ready.timeline, Accuracy(error=-60.0)).plan
         simulation = _core.Simulation(ready.network, ready.timeline, plan=plan)
         sound = np.empty((4000, simulation.n_out))
         simulation.process(sound)

@@ -67,7 +67,7 @@ def test_draft_render_with_few_trials_and_its_note(capsys: Capture) -> None:
 def test_draft_note_names_parts_without_trials(
     capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(planning, "_DRAFT_SHARE", 0.0)
+    monkeypatch.setattr(planning, "_DRAFT_WORK_SHARE", 0.0)
     assert app.run(["render", "a.yaml", "--draft"]) == 0
     assert "the error of k1 + wire is not measured" in capsys.readouterr().err
 
@@ -101,9 +101,9 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("cache")
 def test_draft_recalls_an_earlier_render(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     """A draft has the sound of a render from before the edit, at the accuracy of that render."""
-    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
-    monkeypatch.setattr(memory, "_WORK_MIN", 0.0)
-    monkeypatch.setattr(resumed, "_SHARE", 0.0)
+    monkeypatch.setattr(resumed, "_WORK_SECONDS_MIN", 0.0)
+    monkeypatch.setattr(memory, "_WORK_SECONDS_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_COST_SHARE_MIN", 0.0)
     Path("a.yaml").write_text(STRUCK)
     assert app.run(["render", "a.yaml", "-o", "full.wav"]) == 0
     Path("a.yaml").write_text(STRUCK.replace("to: 1}", "to: 1, gain: -3dB}"))
@@ -128,9 +128,9 @@ def test_draft_with_another_note_drafts_it_alone(
     capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What an earlier render planned is planned so again, and recalled."""
-    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
-    monkeypatch.setattr(memory, "_WORK_MIN", 0.0)
-    monkeypatch.setattr(resumed, "_SHARE", 0.0)
+    monkeypatch.setattr(resumed, "_WORK_SECONDS_MIN", 0.0)
+    monkeypatch.setattr(memory, "_WORK_SECONDS_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_COST_SHARE_MIN", 0.0)
     write_two_notes()
     text = Path("a.yaml").read_text()
     Path("a.yaml").write_text(text.replace("notes: D4 A4", "notes: D4"))
@@ -150,9 +150,9 @@ def test_draft_with_another_note_drafts_it_alone(
 @pytest.mark.usefixtures("cache")
 def test_render_after_draft_equals_one_from_scratch(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing that a draft stores changes an exact render."""
-    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
-    monkeypatch.setattr(memory, "_WORK_MIN", 0.0)
-    monkeypatch.setattr(resumed, "_SHARE", 0.0)
+    monkeypatch.setattr(resumed, "_WORK_SECONDS_MIN", 0.0)
+    monkeypatch.setattr(memory, "_WORK_SECONDS_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_COST_SHARE_MIN", 0.0)
     write_two_notes()
     for _ in range(2):
         assert app.run(["render", "a.yaml", "-o", "draft.wav", "--draft"]) == 0

@@ -11,7 +11,7 @@ from ergon import _core
 from ergon.api import score as scores
 from ergon.api.options import AccuracyOptions
 from ergon.cli import app
-from ergon.scores.staging.planning import _percent
+from ergon.scores.staging.planning import _percent_text
 
 Capture = pytest.CaptureFixture[str]
 
@@ -107,4 +107,4 @@ def test_slow_part_stability_proof_counted_as_work() -> None:
     [(1e-6, "0.0001%"), (0.0347, "3.5%"), (0.8, "80%"), (1.234, "123%"), (0.0, "0%")],
 )
 def test_percent_text_of_small_core_shares(part: float, shown: str) -> None:
-    assert _percent(part) == shown
+    assert _percent_text(part) == shown

@@ -49,7 +49,7 @@ def test_plan_by_ear_pitch_and_octave_errors(name: str):
     assert piece is not None
     ready = prepare(piece)
     exact = reference.solve(read(text), ready.n_frames).sound
-    built = planning.make(ready.network, ready.timeline, Accuracy())
+    built = planning.make_plan(ready.network, ready.timeline, Accuracy())
     rows = [row for row in built.plan.rows() if row.audible is not None]
     assert rows
     stated = np.max([row.audible for row in rows if row.audible is not None], axis=0)
@@ -71,7 +71,7 @@ def test_plan_by_ear_of_steep_bow_without_chatter(name: str):
     ready = prepare(piece)
     # A chatter of the method begins at once: 50 ms show it. The reference of all 0.4 s takes 34 s.
     exact = reference.solve(read(text), ready.n_frames // 8).sound
-    built = planning.make(ready.network, ready.timeline, Accuracy())
+    built = planning.make_plan(ready.network, ready.timeline, Accuracy())
     assert not built.notes
     sound = np.empty(exact.shape)
     _core.Simulation(ready.network, ready.timeline, plan=built.plan).process(sound)
@@ -98,7 +98,7 @@ def test_plan_by_ear_solves_bow_between_frames():
     piece = load("scene.yaml", text=BOWED).piece
     assert piece is not None
     ready = prepare(piece)
-    built = planning.make(ready.network, ready.timeline, Accuracy())
+    built = planning.make_plan(ready.network, ready.timeline, Accuracy())
     assert not built.notes
     simulation = _core.Simulation(ready.network, ready.timeline, plan=built.plan)
     sound = np.empty((ready.n_frames, simulation.n_out))
@@ -135,7 +135,7 @@ def held(falls: str, accuracy: Accuracy) -> tuple[_core.Plan, np.ndarray]:
     piece = load("scene.yaml", text=HELD.format(falls=falls)).piece
     assert piece is not None
     ready = prepare(piece)
-    built = planning.make(ready.network, ready.timeline, accuracy)
+    built = planning.make_plan(ready.network, ready.timeline, accuracy)
     assert not built.notes
     simulation = _core.Simulation(ready.network, ready.timeline, plan=built.plan)
     sound = np.empty((ready.n_frames, simulation.n_out))
@@ -219,7 +219,7 @@ def test_truncated_plan_note_only_for_unknown_error(
     ended = row(2.0, 0.0, 0.5, spectral=spectral, cut_short=True)
     ended.error_db = db
     plan = cast(_core.Plan, SimpleNamespace(rows=lambda: [ended]))
-    assert len(planning._cut_short(plan, accuracy)) == is_said
+    assert len(planning._cut_short_sentence(plan, accuracy)) == is_said
 
 
 @pytest.mark.parametrize(("spectral", "is_said"), [(1.9, False), (3.3, True)])

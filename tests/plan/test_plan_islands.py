@@ -14,7 +14,7 @@ from ergon.api.options import AccuracyOptions
 from ergon.scores.reading.outputs import Accuracy
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging import planning
-from ergon.scores.staging.planning import Planned
+from ergon.scores.staging.planning import PlanWithNotes
 from ergon.scores.staging.preparing import prepare
 
 # Three islands, each with a player: a mesh that hardens, a string that rattles, a bell by a law.
@@ -75,13 +75,13 @@ def piece_of(text: str) -> Piece:
     return scores.piece_of(scores.read("a.yaml", AccuracyOptions(), None))
 
 
-def planned(text: str, store: Records | None) -> Planned:
+def planned(text: str, store: Records | None) -> PlanWithNotes:
     piece = piece_of(text)
     ready = prepare(piece)
-    return planning.make(ready.network, ready.timeline, piece.accuracy, store=store)
+    return planning.make_plan(ready.network, ready.timeline, piece.accuracy, store=store)
 
 
-def plan_values(built: Planned) -> tuple[object, ...]:
+def plan_values(built: PlanWithNotes) -> tuple[object, ...]:
     """All that a plan says of itself."""
     plan = built.plan
     names = [name for name in dir(_core.PlanRow) if not name.startswith("_")]
@@ -159,7 +159,9 @@ def test_plan_at_allowance_limit_from_store_equals_fresh(share: float) -> None:
     for played in (timeline, edited, timeline, edited):
         saved = _core.Plan(network, played, error_db=-60.0, store=store, share=share)
         fresh = _core.Plan(network, played, error_db=-60.0, share=share)
-        assert plan_values(Planned(saved, Accuracy())) == plan_values(Planned(fresh, Accuracy()))
+        assert plan_values(PlanWithNotes(saved, Accuracy())) == plan_values(
+            PlanWithNotes(fresh, Accuracy())
+        )
         assert saved.trials == pytest.approx(fresh.trials, rel=1e-9)
 
 

@@ -113,7 +113,7 @@ def test_plan_store_key_depends_on_budget(capsys: Capture):
 
 def test_plan_store_key_depends_on_version(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     assert not printed_plan(capsys)[1]
-    monkeypatch.setattr(cache_folder, "_version", lambda: "another")
+    monkeypatch.setattr(cache_folder, "_engine_hash", lambda: "another")
     assert not printed_plan(capsys)[1]
 
 

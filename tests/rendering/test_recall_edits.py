@@ -140,8 +140,8 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
     monkeypatch.setattr(stretches, "_NS_PER_SAMPLE", 0.0)
-    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
-    monkeypatch.setattr(memory, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_WORK_SECONDS_MIN", 0.0)
+    monkeypatch.setattr(memory, "_WORK_SECONDS_MIN", 0.0)
     return tmp_path / "cache" / "ergon"
 
 

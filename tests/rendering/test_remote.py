@@ -69,7 +69,7 @@ class Workers:
         self.count, self.job, self.spoil = count, job, spoil
         self._dice = random.Random(seed)
         self._waiting: list[tuple[Request, Future[Answer]]] = []
-        self._ready: list[list[cluster_worker._Ready]] = [[] for _ in range(count)]
+        self._ready: list[list[cluster_worker._StagedJob]] = [[] for _ in range(count)]
         self.n_computed = 0
 
     def submit(self, request: Request) -> Future[Answer]:
@@ -81,9 +81,9 @@ class Workers:
         assert any(future.done() for future in futures) or self._waiting
         request, future = self._waiting.pop(self._dice.randrange(len(self._waiting)))
         memory = self._dice.choice(self._ready)
-        cluster_worker._ready[:] = memory
-        answer = cluster_worker.stretch(self.job, request)
-        memory[:] = cluster_worker._ready
+        cluster_worker._staged_jobs[:] = memory
+        answer = cluster_worker.compute_stretch(self.job, request)
+        memory[:] = cluster_worker._staged_jobs
         self.n_computed += 1
         future.set_result(self.spoil(request, answer))
 
@@ -100,7 +100,7 @@ def small(work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ERGON_CACHE", "plans")
     monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
     monkeypatch.setattr(stretches, "_NS_PER_SAMPLE", 0.0)
-    monkeypatch.setattr(cluster_worker, "_ready", [])
+    monkeypatch.setattr(cluster_worker, "_staged_jobs", [])
 
 
 def prepared(score: str, **options: object) -> PreparedRender:
@@ -156,7 +156,7 @@ def test_recalled_simulation_reports_as_computed(
     accuracy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """All is recalled of a piece, and of a part all but the stretch in which it stops."""
-    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_WORK_SECONDS_MIN", 0.0)
     score, store = PIECE.format(accuracy=accuracy), StretchStore(tmp_path / "store")
     n_frames = prepared(score).stage.n_frames
     assert n_frames % 4096, "the last stretch is a short one"
@@ -309,7 +309,7 @@ def test_group_by_cost_balanced_groups():
 FAILING = """
 import logging
 from ergon.api import cluster
-cluster._CONNECTING = 0.1
+cluster._CONNECT_SECONDS_MAX = 0.1
 try:
     with cluster.open_cluster("tcp://127.0.0.1:9", print):
         pass

@@ -10,10 +10,10 @@ import soundfile
 from ergon.exchange.safe import FileRefusedError
 from ergon.exchange.wave import hash_samples, read_info
 from ergon.exchange.wave_header import Stamp, WaveFormat
-from ergon.rendering.ahead import ahead
+from ergon.rendering.ahead import computed_ahead
 from ergon.rendering.job import RenderJob
 from ergon.rendering.level import Level
-from ergon.rendering.render import render, stem_paths
+from ergon.rendering.render import render_files, stem_paths
 
 N_FRAMES, RATE = 10_000, 44_100
 LONG = 60_000  # frames that have a loudness
@@ -97,7 +97,7 @@ def quiet(_: int) -> None:
 
 def test_render_float_file_in_physical_units(tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
-    done = render(Stage(), order(path, "float"), quiet)
+    done = render_files(Stage(), order(path, "float"), quiet)
     data, rate = soundfile.read(path, dtype="float32")
     assert rate == RATE
     np.testing.assert_array_equal(data, truth().astype(np.float32))
@@ -109,7 +109,7 @@ def test_render_float_file_in_physical_units(tmp_path: Path) -> None:
 def test_render_normalised_to_minus_one_db(tmp_path: Path, bits) -> None:
     path = tmp_path / "x.wav"
     target = 10 ** (-1 / 20)
-    done = render(Stage(), order(path, bits, Level(normalise=target)), quiet)
+    done = render_files(Stage(), order(path, bits, Level(normalise=target)), quiet)
     data, _ = soundfile.read(path)
     assert np.abs(data).max() == pytest.approx(target, abs=2.0 ** (1 - bits))
     gain = target / np.abs(truth()).max()
@@ -122,7 +122,7 @@ def test_render_bytes_with_blocks_and_threads(tmp_path: Path, level: Level) -> N
     files = []
     for index, (block, threads) in enumerate([(4096, 1), (64, 1), (997, 2), (10_000, 8)]):
         path = tmp_path / f"{index}.wav"
-        render(Stage(), order(path, 24, level, block=block, threads=threads), quiet)
+        render_files(Stage(), order(path, 24, level, block=block, threads=threads), quiet)
         files.append(path.read_bytes())
     assert len(set(files)) == 1
 
@@ -130,9 +130,9 @@ def test_render_bytes_with_blocks_and_threads(tmp_path: Path, level: Level) -> N
 @pytest.mark.parametrize("level", [Level(), Level(limit=0.01)])
 def test_render_excerpt_equals_full_render_samples(tmp_path: Path, level: Level) -> None:
     complete, part = tmp_path / "whole.wav", tmp_path / "part.wav"
-    render(Stage(), order(complete, "float", level), quiet)
+    render_files(Stage(), order(complete, "float", level), quiet)
     stage = Stage()
-    render(stage, order(part, "float", level, start=1234, stop=5000, block=100), quiet)
+    render_files(stage, order(part, "float", level, start=1234, stop=5000, block=100), quiet)
     want, _ = soundfile.read(complete)
     have, _ = soundfile.read(part)
     np.testing.assert_array_equal(have, want[1234:5000])
@@ -141,7 +141,7 @@ def test_render_excerpt_equals_full_render_samples(tmp_path: Path, level: Level)
 
 def test_render_with_limiter_without_delay(tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
-    done = render(Stage(), order(path, "float", Level(limit=0.015)), quiet)
+    done = render_files(Stage(), order(path, "float", Level(limit=0.015)), quiet)
     data, _ = soundfile.read(path)
     assert len(data) == N_FRAMES
     assert done.mix.peak <= 0.015 * (1 + 1e-6)
@@ -172,11 +172,11 @@ def test_render_excerpt_at_level_of_piece(tmp_path: Path, level: Level) -> None:
         n_frames = LONG
 
     path = tmp_path / "mix.wav"
-    done = render(Long(), order(path, 24, level, stop=LONG), quiet)
+    done = render_files(Long(), order(path, 24, level, stop=LONG), quiet)
     want, _ = soundfile.read(path)
     for block, start, stop in ((4096, 0, 900), (1000, 7000, 30_000)):
         part = tmp_path / f"{start}.wav"
-        cut = render(
+        cut = render_files(
             Long(),
             order(part, 24, level, start=start, stop=stop, block=block, is_part=True),
             quiet,
@@ -189,7 +189,7 @@ def test_render_excerpt_at_level_of_piece(tmp_path: Path, level: Level) -> None:
 @pytest.mark.parametrize("level", [Level(normalise=0.5), Level(limit=0.015)])
 def test_render_stems_sum_to_mix(tmp_path: Path, bits, level: Level) -> None:
     path, folder = tmp_path / "mix.wav", tmp_path / "stems"
-    done = render(Stage(), order(path, bits, level, stems=folder), quiet)
+    done = render_files(Stage(), order(path, bits, level, stems=folder), quiet)
     names = [Path(stem.path).name for stem in done.stems]
     assert names == ["01_ada.wav", "02_re_mi_2.wav"]
     mix, _ = soundfile.read(path)
@@ -204,7 +204,7 @@ def test_render_stems_unclipped_while_mix_cancels(tmp_path: Path) -> None:
         def mixer(self, *, highpass: float | None = None, reference: float | None = None) -> Matrix:
             return Matrix([[0.1, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
-    done = render(
+    done = render_files(
         Cancelling(),
         order(tmp_path / "m.wav", 24, Level(normalise=0.5), stems=tmp_path / "s"),
         quiet,
@@ -216,11 +216,11 @@ def test_render_stems_unclipped_while_mix_cancels(tmp_path: Path) -> None:
 
 def test_render_channel_count_below_and_above_mix(tmp_path: Path) -> None:
     path = tmp_path / "x.wav"
-    render(Stage(), order(path, "float", n_channels=2), quiet)
+    render_files(Stage(), order(path, "float", n_channels=2), quiet)
     data, _ = soundfile.read(path)
     np.testing.assert_allclose(data[:, 0], truth()[:, 0] + truth()[:, 2], atol=1e-9)
     np.testing.assert_allclose(data[:, 1], truth()[:, 1], atol=1e-9)
-    render(Stage(), order(path, "float", n_channels=4), quiet)
+    render_files(Stage(), order(path, "float", n_channels=4), quiet)
     data, _ = soundfile.read(path)
     assert data.shape[1] == 4
     assert not data[:, 3].any()
@@ -234,7 +234,7 @@ def test_failing_render_leaves_no_file(tmp_path: Path, threads: int, level: Leve
         tmp_path / "x.wav", 24, level, threads=threads, stems=tmp_path / "stems", block=100
     )
     with pytest.raises(ArithmeticError, match="bell"):
-        render(Stage(fail_at=3000), wanted, quiet)
+        render_files(Stage(fail_at=3000), wanted, quiet)
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
     assert threading.active_count() == n_threads
 
@@ -248,7 +248,7 @@ def test_render_interrupted_leaves_no_file(tmp_path: Path, threads: int) -> None
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        render(Stage(), order(tmp_path / "x.wav", threads=threads, block=100), interrupt)
+        render_files(Stage(), order(tmp_path / "x.wav", threads=threads, block=100), interrupt)
     assert list(tmp_path.iterdir()) == []
     assert threading.active_count() == n_threads
 
@@ -259,21 +259,21 @@ def test_render_refuses_foreign_file_before_work(tmp_path: Path) -> None:
     soundfile.write(folder / "02_re_mi_2.wav", np.zeros(10), RATE)
     stage = Stage()
     with pytest.raises(FileRefusedError, match="02_re_mi_2"):
-        render(stage, order(tmp_path / "x.wav", stems=folder), quiet)
+        render_files(stage, order(tmp_path / "x.wav", stems=folder), quiet)
     assert stage.simulation.frame == 0
     assert not (tmp_path / "x.wav").exists()
 
 
 def test_render_passes_default_highpass_to_mixer(tmp_path: Path) -> None:
     stage = Stage()
-    render(stage, order(tmp_path / "x.wav", 24, Level(highpass=8.0)), quiet)
+    render_files(stage, order(tmp_path / "x.wav", 24, Level(highpass=8.0)), quiet)
     assert stage.highpass == [8.0]
 
 
 def test_render_normalised_silence(tmp_path: Path) -> None:
     stage = Stage()
     stage.matrix = ((0.0,) * 3, (0.0,) * 3)
-    done = render(stage, order(tmp_path / "x.wav", 24, Level(normalise=0.5)), quiet)
+    done = render_files(stage, order(tmp_path / "x.wav", 24, Level(normalise=0.5)), quiet)
     assert done.mix.gain == 1.0
     assert done.mix.peak == 0.0
     assert read_info(tmp_path / "x.wav").n_frames == N_FRAMES
@@ -286,14 +286,14 @@ def test_stem_paths_of_instrument_names() -> None:
 
 def test_ahead_iterator_order_and_exceptions() -> None:
     n_threads = threading.active_count()
-    assert list(ahead(iter(range(100)))) == list(range(100))
+    assert list(computed_ahead(iter(range(100)))) == list(range(100))
 
     def broken():
         yield 1
         yield 2
         raise ZeroDivisionError
 
-    coming = ahead(broken())
+    coming = computed_ahead(broken())
     assert [next(coming), next(coming)] == [1, 2]
     with pytest.raises(ZeroDivisionError):
         next(coming)
@@ -304,7 +304,7 @@ def test_ahead_iterator_order_and_exceptions() -> None:
             yield n
             n += 1
 
-    coming = ahead(endless())
+    coming = computed_ahead(endless())
     assert next(coming) == 0
     coming.close()
     assert threading.active_count() == n_threads

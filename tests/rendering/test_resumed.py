@@ -107,7 +107,7 @@ def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Counted:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
-    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_WORK_SECONDS_MIN", 0.0)
     monkeypatch.setattr(stretches, "_NS_PER_SAMPLE", 0.0)
     return Counted(monkeypatch)
 
@@ -231,7 +231,7 @@ import ergon
 from ergon.exchange.stretch_store import StretchStore
 from ergon.rendering import resumed, stretches
 
-stretches.STRETCH_FRAMES, resumed._WORK_MIN, stretches._NS_PER_SAMPLE = 4096, 0.0, 0.0
+stretches.STRETCH_FRAMES, resumed._WORK_SECONDS_MIN, stretches._NS_PER_SAMPLE = 4096, 0.0, 0.0
 left, put = int(sys.argv[1]), StretchStore.put
 
 def counted(*of):

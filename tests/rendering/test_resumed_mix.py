@@ -56,8 +56,8 @@ def n_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
     monkeypatch.setattr(stretches, "_NS_PER_SAMPLE", 0.0)
-    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
-    monkeypatch.setattr(memory, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_WORK_SECONDS_MIN", 0.0)
+    monkeypatch.setattr(memory, "_WORK_SECONDS_MIN", 0.0)
     known: list[int] = []
     finish = ComputedRender.finish
 

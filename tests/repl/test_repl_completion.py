@@ -7,7 +7,7 @@ from spoken import OTHERS, ROOT, SCOPE, SESSION
 
 from ergon.repl.language import help, verbs
 from ergon.repl.language.complete import complete
-from ergon.repl.language.highlight import tokens
+from ergon.repl.language.highlight import highlighted_tokens
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 
@@ -93,7 +93,7 @@ def test_completion_uses_words_up_to_cursor():
 
 def test_colours_of_a_line():
     line = "ada plays knock every 1/2 until Q # why"
-    assert [(line[a:b], kind) for a, b, kind in tokens(line, SCOPE)] == [
+    assert [(line[a:b], kind) for a, b, kind in highlighted_tokens(line, SCOPE)] == [
         ("ada", "name"),
         ("plays", "verb"),
         ("knock", "name"),
@@ -104,7 +104,7 @@ def test_colours_of_a_line():
         ("# why", "comment"),
     ]
     line = "knock = 0mm@0 smooth (6@+1/8)*4"
-    kinds = {line[a:b]: kind for a, b, kind in tokens(line, SCOPE)}
+    kinds = {line[a:b]: kind for a, b, kind in highlighted_tokens(line, SCOPE)}
     assert kinds["="] == "verb"
     assert kinds["mm"] == "unit"
     assert kinds["smooth"] == "curve"

@@ -16,7 +16,7 @@ from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.hands import Window
-from ergon.scores.staging.live import leading
+from ergon.scores.staging.live import leading_positions
 from tests.repl.test_repl_live import ok
 
 SCORE = """\
@@ -62,7 +62,7 @@ def part(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Beats into a bar, and where ada's part takes her key there [m]."""
     piece = piece_of(Texts.read(folder / "score.yaml"))
     ticks = range(2 * 44_100 // 44)
-    path, _ = leading(piece, "ada", ((piece, Window(0.0, 4.0)),), 44, ticks)
+    path, _ = leading_positions(piece, "ada", ((piece, Window(0.0, 4.0)),), 44, ticks)
     return np.array(ticks) * 2.0 * 44 / 44_100, path
 
 

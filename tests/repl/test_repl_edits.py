@@ -20,7 +20,7 @@ def test_keep_of_bars_preserves_gestures_and_tempo(path, span):
     texts, piece = opened(path)
     tempo = piece.tempo_map
     start -= tempo.bar_beat(start)[1] - 1.0  # from the bar line, whatever the meter
-    message = excerpt.keep(texts, piece, "verse-2", start, stop)
+    message = excerpt.excerpt_between(texts, piece, "verse-2", start, stop)
     saved = piece_of(message)
     for player in piece.players:
         inside = [(b - start, *rest) for b, *rest in begun(piece, player) if start <= b < stop]
@@ -39,7 +39,7 @@ def test_keep_of_bars_preserves_gestures_and_tempo(path, span):
 def test_keep_of_bars_without_gestures_is_refused():
     texts, piece = opened(TWO)
     with pytest.raises(EditError, match="no gesture begins"):
-        excerpt.keep(texts, piece, "x", 400.0, 416.0)
+        excerpt.excerpt_between(texts, piece, "x", 400.0, 416.0)
 
 
 def some_line(choice, texts, piece, beat):
@@ -63,12 +63,12 @@ def some_line(choice, texts, piece, beat):
         "transform": lambda: parts.transform(texts, piece, player, beat, ["scale 0.9", "mirror"]),
         "define": lambda: names.define(texts, name, "0@0 smooth 5@60ms 0@120ms"),
         "set": lambda: matter.set_value(texts, piece, target, "x1.1"),
-        "tempo": lambda: times.change(texts, piece, beat, *tempo),
-        "mark": lambda: times.mark(texts, piece, name, beat),
-        "seed": lambda: names.seed(texts, 5),
-        "rest": lambda: parts.rest(texts, piece, player, beat),
-        "hush": lambda: parts.hush(texts, piece, beat),
-        "finish": lambda: parts.finish(texts, piece, beat),
+        "tempo": lambda: times.change_tempo(texts, piece, beat, *tempo),
+        "mark": lambda: times.set_mark(texts, piece, name, beat),
+        "seed": lambda: names.set_seed(texts, 5),
+        "rest": lambda: parts.end_part(texts, piece, player, beat),
+        "hush": lambda: parts.end_all_parts(texts, piece, beat),
+        "finish": lambda: parts.end_endless(texts, piece, beat),
         "couple": lambda: keys.couple(texts, piece, beat, *pair, "90N/m"),
         "uncouple": lambda: keys.uncouple(texts, piece, beat, *pair),
     }

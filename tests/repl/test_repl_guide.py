@@ -24,7 +24,7 @@ from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.hands import Window
-from ergon.scores.staging.live import leading
+from ergon.scores.staging.live import leading_positions
 from tests.repl.test_repl_live import ok
 
 SCORE = """\
@@ -112,7 +112,7 @@ def part(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Beats into a bar, and where ada's part takes her key there [m]."""
     piece = piece_of(Texts.read(folder / "score.yaml"))
     ticks = range(2 * 44_100 // 44)
-    path, _ = leading(piece, "ada", ((piece, Window(0.0, 4.0)),), 44, ticks)
+    path, _ = leading_positions(piece, "ada", ((piece, Window(0.0, 4.0)),), 44, ticks)
     return np.array(ticks) * 2.0 * 44 / 44_100, path
 
 
@@ -222,8 +222,10 @@ def test_guide_path_recomputed_from_middle(tmp_path: Path):
     piece = piece_of(Texts.read(path))
     spans = ((piece, Window(0.0, 64.0)),)
     every, a_second = 44, 44_100 // 44
-    complete, plays = leading(piece, "ada", spans, every, range(20 * a_second))
-    again, later = leading(piece, "ada", spans, every, range(13 * a_second, 20 * a_second))
+    complete, plays = leading_positions(piece, "ada", spans, every, range(20 * a_second))
+    again, later = leading_positions(
+        piece, "ada", spans, every, range(13 * a_second, 20 * a_second)
+    )
     assert np.abs(complete[13 * a_second :] - again).max() < 10e-6
     # As it is written: there every two seconds, and back.
     assert complete[a_second :: 2 * a_second] == pytest.approx(8e-3, abs=10e-6)

@@ -11,7 +11,7 @@ from sweep import few
 from ergon.repl.language import verbs
 from ergon.repl.language.commands import Command
 from ergon.repl.language.complete import complete
-from ergon.repl.language.highlight import tokens
+from ergon.repl.language.highlight import highlighted_tokens
 from ergon.repl.language.lines import MAX_LINE
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
@@ -31,7 +31,7 @@ def holds(text: str) -> None:
         assert refusal.try_ != text
         assert refusal.try_ is None or isinstance(parse(refusal.try_, SCOPE), tuple)
     last = 0
-    for start, end, kind in tokens(text, SCOPE):
+    for start, end, kind in highlighted_tokens(text, SCOPE):
         assert last <= start < end <= len(text)
         assert kind in {
             "verb", "name", "option", "curve", "number", "unit", "comment", "unknown"
@@ -48,7 +48,8 @@ CHARACTERS = (
 )
 WORDS = [
     *{word for line in LINES for word in line.split()},
-    *verbs.SHORTEST.values(), "at", "in", "over", "do", "1e999", "-1", "1/0", "9" * 5000, "nan",
+    *verbs.SHORTEST_BY_VERB.values(),
+    "at", "in", "over", "do", "1e999", "-1", "1/0", "9" * 5000, "nan",
     "0@0", "(6@1/8", "0@1/4)*4", "|", "K=", "=", "x", "3|9", "A-1bar", ",", "(" * 50, "*",
 ]  # fmt: skip
 

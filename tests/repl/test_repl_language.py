@@ -125,13 +125,13 @@ def test_parse_of_hash_inside_a_word():
 @pytest.mark.parametrize("among", [verbs.VERBS, verbs.SUBJECT_VERBS])
 def test_verb_abbreviations_are_unique(among: tuple[str, ...]):
     for verb in among:
-        for length in range(len(verbs.SHORTEST[verb]), len(verb) + 1):
+        for length in range(len(verbs.SHORTEST_BY_VERB[verb]), len(verb) + 1):
             word = verb[:length]  # `pan` is a verb itself, and the beginning of `panic`
             assert verbs.verbs_matching(word, among) == (word if word in among else verb,)
 
 
 def test_verb_abbreviations_with_added_verb(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(verbs.SHORTEST, "hum", "hum")
+    monkeypatch.setitem(verbs.SHORTEST_BY_VERB, "hum", "hum")
     later = (*verbs.VERBS, "hum")
     assert verbs.verbs_matching("hu", later) == ("hush",)
     assert verbs.verbs_matching("hum", later) == ("hum",)

@@ -96,13 +96,13 @@ def test_cancel_and_panic_while_line_is_computed(stepped, monkeypatch, how):
     begun = threading.Event()
     from ergon.scores.staging import travel
 
-    rehearsed = travel._rehearsed
+    rehearsed = travel._rehearsed_range
 
     def rehearse_begun(*of):
         begun.set()
         return rehearsed(*of)
 
-    monkeypatch.setattr(travel, "_rehearsed", rehearse_begun)
+    monkeypatch.setattr(travel, "_rehearsed_range", rehearse_begun)
     replies = []
     thread = threading.Thread(target=lambda: replies.append(stepped.type("ada plays far")))
     thread.start()

@@ -21,7 +21,7 @@ from ergon.repl.wire.protocol import ProtocolError
 
 @pytest.fixture(autouse=True)
 def _forced(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(loopback.FORCED, "loopback")
+    monkeypatch.setenv(loopback.SOCKET_VARIABLE, "loopback")
 
 
 def test_session_served_at_a_port(short_folder: Path):
@@ -61,7 +61,7 @@ def test_client_without_the_key_is_refused(first: bytes, short_folder: Path):
 def test_connect_to_port_of_another_program(short_folder: Path):
     """What it answers does not hold the second secret."""
     path = short_folder / "s"
-    bound, address = loopback.bind(path)
+    bound, address = loopback.bind_loopback(path)
     with bound:
         bound.listen()
 
@@ -92,7 +92,7 @@ def _port_of_no_number(path: Path) -> None:
 
 @pytest.mark.parametrize("spoil", [_readable_by_others, _cut, _port_of_no_number])
 def test_read_address_of_invalid_file(spoil: Callable[[Path], None], short_folder: Path):
-    bound, address = loopback.bind(short_folder / "s")
+    bound, address = loopback.bind_loopback(short_folder / "s")
     bound.close()
     assert loopback.read_address(short_folder / "s") == address
     spoil(short_folder / "s")
@@ -102,7 +102,7 @@ def test_read_address_of_invalid_file(spoil: Callable[[Path], None], short_folde
 
 
 def test_address_of_a_killed_session_is_replaced(short_folder: Path):
-    bound, _ = loopback.bind(short_folder / "s")
+    bound, _ = loopback.bind_loopback(short_folder / "s")
     bound.close()
     with pytest.raises(local_socket.NoSessionError):
         local_socket.connect(short_folder / "s")

@@ -94,12 +94,12 @@ def test_set_of_missing_target_is_refused(target):
 
 def test_gain_edit_of_routes_and_master():
     texts, piece = opened(TWO)
-    after = piece_of(matter.gain(texts, "tamtam", "-20dB"))
+    after = piece_of(matter.set_gain(texts, "tamtam", "-20dB"))
     gains = {(route.part, route.out): route.gain for route in after.mix.routes}
     assert gains["tamtam", "left"] == gains["tamtam", "right"] == pytest.approx(0.1)
     assert gains["bell", None] != pytest.approx(0.1)
-    master = piece_of(matter.gain(texts, None, "-20dB")).mix.master
+    master = piece_of(matter.set_gain(texts, None, "-20dB")).mix.master
     assert master.gain == pytest.approx(0.1)
     assert len(piece.mix.routes) == len(after.mix.routes)
     with pytest.raises(EditError, match="no route"):
-        matter.gain(texts, "nix", "-20dB")
+        matter.set_gain(texts, "nix", "-20dB")

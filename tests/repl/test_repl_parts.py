@@ -122,7 +122,7 @@ def test_transform_gesture_beginning_at_beat(score, what):
 @pytest.mark.parametrize(("path", "beat"), crossed(SCORES, [0.0, 6.5, 17.0]))
 def test_rest_keeps_begun_gestures(path, beat):
     texts, piece = opened(path)
-    after = parts.rest(texts, piece, None, beat)
+    after = parts.end_part(texts, piece, None, beat)
     for player in piece.players:
         assert begun(piece_of(after), player) == [x for x in begun(piece, player) if x[0] < beat]
 
@@ -131,7 +131,7 @@ def test_rest_keeps_begun_gestures(path, beat):
 def test_hush_leaves_no_later_ergons(beat):
     for path in SCORES:
         texts, piece = opened(path)
-        silent = piece_of(parts.hush(texts, piece, beat))
+        silent = piece_of(parts.end_all_parts(texts, piece, beat))
         tempo = silent.tempo_map
         for strikes in silent.strikes:
             assert tempo.resolve(strikes.at) < beat
@@ -156,7 +156,7 @@ def test_finish_puts_end_to_endless_entries():
     texts, piece = opened(TWO)
     texts = parts.play(texts, piece, "ada", 8.0, parse_entry("tap every 1"))
     texts = parts.play(texts, piece_of(texts), "remi", 30.0, parse_entry("tap every 1"))
-    after = parts.finish(texts, piece_of(texts), 20.0)
+    after = parts.end_endless(texts, piece_of(texts), 20.0)
     assert "999|1" not in after.text
     assert begun(piece_of(after), "ada")[-1][0] == 19.0
     assert begun(piece_of(after), "remi")[-1][0] == 30.0
@@ -180,7 +180,7 @@ def test_rest_with_aliased_entry():
     )
     text = text.replace("  remi:\n", "  remi:\n    - *b\n")
     texts, piece = opened(TWO, text)
-    after = parts.rest(texts, piece, "remi", 9.0)
+    after = parts.end_part(texts, piece, "remi", 9.0)
     assert (
         "    - {at: B, play: tap, every: 3/4, times: 10, until: 3|2, do: [scale 0.8]}" in after.text
     )

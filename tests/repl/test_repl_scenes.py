@@ -110,8 +110,8 @@ def test_scene_restores_gestures_tempo_and_parameters(stepped_session: Stepped):
     assert version.piece.gestures["knock"].points == saved.gestures["knock"].points
     assert version.piece.tempo_map.bpm(1000.0) == 240.0
     for part in ("bell", "drum"):
-        item = [[*matter.quantities(one)] for one in version.piece.instruments[part].modules]
-        assert item == [[*matter.quantities(one)] for one in saved.instruments[part].modules]
+        item = [[*matter.number_fields(one)] for one in version.piece.instruments[part].modules]
+        assert item == [[*matter.number_fields(one)] for one in saved.instruments[part].modules]
     assert len([one for one in version.piece.duet if one.until is None]) == 1
     assert "# a bar is a second" in version.texts.text  # comments stay
 
@@ -227,7 +227,7 @@ def test_keep_as_scene_repeats_bars_of_any_score(path, span):
     start, stop = span
     texts, piece = opened(path)
     try:
-        message = excerpt.keep(texts, piece, "verse-2", start, stop)
+        message = excerpt.excerpt_between(texts, piece, "verse-2", start, stop)
     except EditError:
         return
     saved = piece_of(message)
@@ -383,7 +383,7 @@ def test_scene_repeats_strikes_by_pattern_in_rounds():
     """Those with notes too: they are written out on the grid of their steps."""
     path = next(path for path in SCORES if path.endswith("patterns.yaml"))
     texts, piece = opened(path)
-    saved = excerpt.keep(texts, piece, "verse-2", 0.0, 16.0)
+    saved = excerpt.excerpt_between(texts, piece, "verse-2", 0.0, 16.0)
     scene = Scene.from_texts(saved, piece_of(saved))
 
     def struck(source, name, first, last):
@@ -433,8 +433,8 @@ def test_scene_ends_automation_typed_after_keep(stepped_session: Stepped):
     saved = opened(
         str(Path(stepped_session.session.schedule.head.texts.path).with_name("verse.yaml"))
     )[1]
-    item = [[*matter.quantities(one)] for one in piece.instruments["bell"].modules]
-    assert item == [[*matter.quantities(one)] for one in saved.instruments["bell"].modules]
+    item = [[*matter.number_fields(one)] for one in piece.instruments["bell"].modules]
+    assert item == [[*matter.number_fields(one)] for one in saved.instruments["bell"].modules]
     stepped_session.ok("undo")
     stepped_session.run(1.3)
     back = stepped_session.session.schedule.running.version.piece

@@ -69,7 +69,7 @@ def written(text: str, tmp_path: Path, seconds: float) -> np.ndarray:
     piece = load(path).piece
     assert piece is not None
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planning, "_DRAFT_SHARE", 0.0)  # a session tries nothing
+        patch.setattr(planning, "_DRAFT_WORK_SHARE", 0.0)  # a session tries nothing
         complete = stage(piece, planned=True, is_draft=True)
     frames = np.zeros((int(seconds * complete.rate), complete.simulation.n_out))
     complete.simulation.process(frames)

@@ -15,7 +15,14 @@ from sockets import raw, remote, serving
 
 from ergon.repl.session_protocol import Reply, State
 from ergon.repl.wire import local_socket
-from ergon.repl.wire.protocol import MAX_LINE, MAX_TEXT, REQUESTS, VERSION, encode, encode_state
+from ergon.repl.wire.protocol import (
+    MAX_LINE,
+    MAX_TEXT,
+    PROTOCOL_VERSION,
+    REQUEST_FIELDS,
+    encode,
+    encode_state,
+)
 from ergon.repl.wire.remote import RemoteSession
 from ergon.repl.wire.serve import MAX_PROMPTS
 
@@ -23,7 +30,7 @@ from ergon.repl.wire.serve import MAX_PROMPTS
 def test_socket_protocol_requests_and_replies(short_folder: Path):
     with serving(short_folder / "s") as face, raw(short_folder / "s") as first:
         assert first.greeting is not None
-        assert first.greeting["ergon"] == VERSION == 1
+        assert first.greeting["ergon"] == PROTOCOL_VERSION == 1
         reply = {"taken": False, "text": "unknown verb", "try": "ada", "leaves": False}
         output = first.ask(id=1, do="submit", text="adda")
         assert output == {"id": 1, "is": {**reply, "lines": ["⣀⡠", "b"]}}
@@ -184,7 +191,7 @@ def vanishing(path: Path, vanish: threading.Event) -> None:
     door.listen()
     connection, _ = door.socket.accept()
     with connection, connection.makefile("rwb") as file:
-        file.write(encode(ergon=VERSION, journal="j"))
+        file.write(encode(ergon=PROTOCOL_VERSION, journal="j"))
         file.flush()
         while not vanish.is_set():
             asked = json.loads(file.readline())
@@ -252,7 +259,7 @@ def test_number_of_connected_prompts_is_limited(short_folder: Path):
 def test_server_answers_every_request(short_folder: Path):
     values = {str: "ada", int: 1}
     with serving(short_folder / "s"):
-        for do, fields in REQUESTS.items():
+        for do, fields in REQUEST_FIELDS.items():
             if do == "end":
                 continue
             with raw(short_folder / "s") as first:

@@ -223,8 +223,12 @@ def test_fade_master_out_and_keep(stepped_session: Stepped):
     assert player_session.mix.master is not None
     start = player_session.tempo_map.bars.start(2)
     for beat in (0.0, 3.0, 7.0):
-        there = space.level(player_session.mix.master.fade, player_session.tempo_map, start + beat)
-        assert space.level(piece.mix.master.fade, piece.tempo_map, beat) == pytest.approx(there)
+        there = space.fade_level(
+            player_session.mix.master.fade, player_session.tempo_map, start + beat
+        )
+        assert space.fade_level(piece.mix.master.fade, piece.tempo_map, beat) == pytest.approx(
+            there
+        )
     stepped_session.run(2.0)
     assert level(stepped_session, 0.1) == [0.0, 0.0]
     same_again(stepped_session)

@@ -14,7 +14,7 @@ from sessions import Stepped
 from ergon.live.perform import bar_frames
 from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import ReplayedSession
-from ergon.repl.session.running import rehearsal
+from ergon.repl.session.running import rehearsal_piece
 from ergon.repl.session.version import piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import stage
@@ -102,7 +102,7 @@ def test_define_checks_gesture_on_keys_playing_it(tmp_path: Path) -> None:
 def test_rehearsal_of_gesture_outside_travel(tmp_path: Path) -> None:
     texts = Texts(str(tmp_path / "score.yaml"), NARROW.replace("6mm@", "600mm@"))
     piece = piece_of(texts)
-    stage(rehearsal(piece), planned=True)
+    stage(rehearsal_piece(piece), planned=True)
 
 
 def test_show_lists_current_and_next_gestures(stepped_session: Stepped) -> None:

@@ -214,8 +214,8 @@ def test_takes_with_existing_and_new_key(stepped_session: Stepped):
 def test_first_route_keeps_implicit_routes():
     text = SCORE[: SCORE.index("mix:")] + "mix: {channels: 4}\n"
     texts, piece = opened("s.yaml", text)
-    built = structure.build(texts, piece, "b2", "bell", {})
-    built = structure.route(built, opened("s.yaml", built.text)[1], "b2", ["3"], None)
+    built = structure.add_instrument(texts, piece, "b2", "bell", {})
+    built = structure.route_instrument(built, opened("s.yaml", built.text)[1], "b2", ["3"], None)
     _, after = opened("s.yaml", built.text)
     assert [(route.part, route.to) for route in after.mix.routes] == [("bell", (1,)), ("b2", (3,))]
 
@@ -264,7 +264,7 @@ def test_wrong_structure_lines_change_no_version(stepped_session: Stepped, line:
 
 def test_build_from_a_bundled_instrument_edits_no_bundled_text():
     texts, piece = opened(DUET)
-    built = structure.build(texts, piece, "gong2", "gong", {})
+    built = structure.add_instrument(texts, piece, "gong2", "gong", {})
     assert built.overlay == texts.overlay
 
 
@@ -338,7 +338,7 @@ def test_build_beside_notes_without_routes():
         "  vib: {CEL: {M: 50g, f: A3, t60: 1s}, notes: [A3, C4], out: {SOX: vib}}\n"
     )
     texts, piece = opened("s.yaml", text)
-    _, after = opened("s.yaml", structure.build(texts, piece, "v2", "bell/bell", {}).text)
+    _, after = opened("s.yaml", structure.add_instrument(texts, piece, "v2", "bell/bell", {}).text)
     assert {(route.part, route.to) for route in after.mix.routes} == {
         *(("vib.A3", (1,)), ("vib.C4", (1,)), ("v2", (1,)))
     }

@@ -18,7 +18,7 @@ from ergon.scores.edits.texts import Texts
 def test_tempo_change_from_its_beat(path, beat, tempo):
     bpm, over = tempo
     texts, piece = opened(path)
-    after = piece_of(times.change(texts, piece, beat, bpm, over)).tempo_map
+    after = piece_of(times.change_tempo(texts, piece, beat, bpm, over)).tempo_map
     for k in range(20):
         beats = beat * k / 20
         assert after.seconds(beats) == pytest.approx(piece.tempo_map.seconds(beats), abs=1e-9)
@@ -29,7 +29,7 @@ def test_tempo_change_from_its_beat(path, beat, tempo):
 
 def test_tempo_change_cuts_ramp_under_way():
     texts, piece = opened(DUET)
-    after = times.change(texts, piece, 36.0, "72")
+    after = times.change_tempo(texts, piece, 36.0, "72")
     assert lines(texts, after)[1] == [
         "- {at: 9|1, bpm: 60 -> 69, over: 4}   # accelerando",
         "- {at: 10|1, bpm: 72}",
@@ -49,7 +49,7 @@ def test_tempo_change_cuts_ramp_under_way():
 def test_tempo_change_beside_single_entry(tempo):
     head, tail = Path(TWO).read_text().split("tempo:\n")
     texts, piece = opened(TWO, head + tempo + tail[tail.index("marks:") :])
-    after = piece_of(times.change(texts, piece, 4.0, "90"))
+    after = piece_of(times.change_tempo(texts, piece, 4.0, "90"))
     assert after.tempo_map.bpm(4.0) == 90.0
     assert after.tempo_map.bar_beat(20.0) == piece.tempo_map.bar_beat(20.0)
 
@@ -81,7 +81,7 @@ def test_change_meter_within_bar():
 
 def test_mark_resolves_to_its_beat():
     texts, piece = opened(DUET)
-    after = piece_of(times.mark(texts, piece, "verse-2", 13.25))
+    after = piece_of(times.set_mark(texts, piece, "verse-2", 13.25))
     assert {m.name: after.tempo_map.resolve(m.at) for m in after.marks}["verse-2"] == 13.25
 
 
@@ -116,7 +116,9 @@ def test_define_edits_gesture_in_its_file():
 
 def test_take_and_seed_edits():
     texts, _ = opened(DUET)
-    after = piece_of(names.seed(names.take(texts, "solo", "takes/hand-draw-1.csv", "x"), 7))
+    after = piece_of(
+        names.set_seed(names.define_take(texts, "solo", "takes/hand-draw-1.csv", "x"), 7)
+    )
     assert (after.takes["solo"].channel, after.seed) == ("x", 7)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from sessions import Stepped
 
-from ergon.repl.session.running import staged
+from ergon.repl.session.running import stage_spans
 from ergon.scores.staging.stage import Stage
 from tests.repl.test_repl_session import SCORE
 
@@ -137,9 +137,9 @@ def test_slow_version_eventually_begins(session: Stepped, monkeypatch: pytest.Mo
 
     def slowly(*given: Any, **more: Any) -> Stage:
         engine.process(int(0.8 * session.rate) // 64 * 64)
-        return staged(*given, **more)
+        return stage_spans(*given, **more)
 
-    monkeypatch.setattr("ergon.repl.session.takeover.staged", slowly)
+    monkeypatch.setattr("ergon.repl.session.takeover.stage_spans", slowly)
     schedule.moments.margin = 64
     session.ok("play")
     session.run(8.0)

@@ -13,7 +13,7 @@ from ergon.repl.session.version import piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import load
 from ergon.scores.staging.automating import value_on
-from ergon.scores.staging.parameter_values import Led
+from ergon.scores.staging.parameter_values import AutomatedModule
 from ergon.scores.staging.stage import stage
 from tests.repl.test_repl_glides import pitch
 
@@ -56,7 +56,7 @@ def stepped_session(tmp_path: Path):
 
 def numbers(piece, part):
     return {
-        module.name: Led.from_piece(piece, (part, module.name)).numbers_alone
+        module.name: AutomatedModule.from_piece(piece, (part, module.name)).numbers_alone
         for module in piece.instruments[part].modules
         if module.name in MOVED
     }
@@ -83,7 +83,7 @@ def test_instrument_pitch_glide_ends_as_transposed_instrument(tmp_path, part, to
         text = SCORE.replace("f: C4}", f"f: {end!r}Hz}}")
     wanted = numbers(piece_of(Texts(str(tmp_path / "x.yaml"), text)), part)
     for name in MOVED:
-        module = Led.from_piece(piece, (part, name)).module
+        module = AutomatedModule.from_piece(piece, (part, name)).module
         alone = [1.0, 1.0] if module.kind != "CEL" else wanted[name]
         if module.kind != "CEL":  # factors
             ratio = end / begun

@@ -131,13 +131,13 @@ def _places(session: Session) -> list[tuple[int, float]]:
 
 def test_osc_line_leaves_the_lock_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The session could hand over nothing meanwhile, so that other lines came too late."""
-    is_held, staged = [], takeover.staged
+    is_held, staged = [], takeover.stage_spans
     with closing(Stepped(TEXT, tmp_path)) as stepped, by_osc(stepped, tmp_path) as enter:
 
         def look(*given: Any, **named: Any) -> Stage:
             is_held.append(stepped.session.schedule.lock._is_owned())
             return staged(*given, **named)
 
-        monkeypatch.setattr(takeover, "staged", look)
+        monkeypatch.setattr(takeover, "stage_spans", look)
         enter("ada plays knock every 1")
         assert is_held == [False]

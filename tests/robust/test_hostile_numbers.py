@@ -186,7 +186,7 @@ def test_layout_with_wrong_angles_is_refused(angle: str):
 
 def test_plan_file_with_infinite_budget_is_refused(tmp_path: Path):
     """No float holds 400 digits: it was an OverflowError."""
-    text = plan_file.text([], "0").replace(
+    text = plan_file.plan_text([], "0").replace(
         '"choices"', f'"budget": {{"error": {"9" * 400}}}, "choices"'
     )
     (tmp_path / "plan.json").write_text(text)

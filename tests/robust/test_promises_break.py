@@ -72,7 +72,7 @@ BREAKS = {
     ),
     "plan/test_plan_store.py::test_plan_store_rewrites_damaged_files": (
         "ergon/exchange/plan_store.py",
-        'and record_content.get("hash") == _hash(trial_record)',
+        'and record_content.get("hash") == _record_hash(trial_record)',
         "",
     ),
     "robust/test_conditions.py::test_readers_refuse_fifos_folders_and_devices": (

@@ -9,7 +9,7 @@ import pytest
 
 from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.cycle_forms import CycleTransform, apply
-from ergon.scores.pattern.cycle_table import TABLE
+from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 from ergon.scores.pattern.cycles import Cycles, chance_from
 from ergon.scores.pattern.rhythm_text import parse
@@ -148,9 +148,9 @@ def test_parse_places():
     assert (second.word, second.values, second.offset) == ("degrade", (0.4,), 124)
 
 
-@pytest.mark.parametrize("word", TABLE)
+@pytest.mark.parametrize("word", FORM_BY_WORD)
 def test_examples_of_transformation_table(word):
-    form = TABLE[word]
+    form = FORM_BY_WORD[word]
     (transform,) = parse_transforms(form.example)
     assert transform.word == word
     assert form.line[0].islower()
@@ -267,6 +267,6 @@ def test_apply_largest(transforms):
 def test_transformation_page_lists_words_of_table():
     text, _ = PAGE.read_text(encoding="utf-8").split("## What a hand plays")
     rows = re.findall(r"^\| `([a-z]+)[^`]*` \| `([^`]+)` \|", text, re.MULTILINE)
-    assert [name for name, _ in rows] == list(TABLE)
+    assert [name for name, _ in rows] == list(FORM_BY_WORD)
     for name, example in rows:
         assert parse_transforms(example)[0].word == name

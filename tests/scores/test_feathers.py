@@ -18,7 +18,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.built_network import BuiltNetwork, build_network
 from ergon.scores.staging.listening import audible_outputs
 from ergon.scores.staging.stage import Stage
-from ergon.scores.staging.striking import ALL_TIME, Striking
+from ergon.scores.staging.striking import ALL_INSTANTS, Striking
 
 LIBRARY = Path(scores.__path__[0]) / "library"
 BOTH = ("feathers", "feathers-small")
@@ -51,7 +51,7 @@ def ergons_of(piece: Piece, built: BuiltNetwork) -> int:
     counted, collector = Counted(built.assembly.network), Collector()
     for item in piece.strikes:
         mats = [mat for target in item.to for mat in built.assembly.members(target)]
-        Striking(piece, counted, item, mats, 0, ALL_TIME, built.assembly).play(collector)  # type: ignore[arg-type]
+        Striking(piece, counted, item, mats, 0, ALL_INSTANTS, built.assembly).play(collector)  # type: ignore[arg-type]
     assert not collector.has_errors()
     return counted.ergons
 

@@ -6,7 +6,7 @@ from checked import check, check_reports
 from sweep import few
 
 from ergon.scores.edits import parts
-from ergon.scores.edits.excerpt import keep
+from ergon.scores.edits.excerpt import excerpt_between
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
@@ -377,17 +377,17 @@ def falling(texts: Texts) -> list[tuple[float, int]]:
 
 
 def test_hush_ends_melodies():
-    assert falling(parts.hush(*texts(TABLE), 4.0)) == [(0.0, 1)]
+    assert falling(parts.end_all_parts(*texts(TABLE), 4.0)) == [(0.0, 1)]
     phrase = f"{CALL}strikes: {{s: {{play: call, at: 0, times: 4}}}}\n"
-    assert falling(parts.hush(*texts(phrase), 8.0)) == [
+    assert falling(parts.end_all_parts(*texts(phrase), 8.0)) == [
         *((0.0, 1), (0.5, 2), (3.0, 1), (4.0, 1), (4.5, 2), (7.0, 1)),
     ]
 
 
 def test_keep_of_bars_of_a_melody():
-    assert falling(keep(*texts(TABLE), "kept", 8.0, 12.0)) == [(1.0, 2)]
+    assert falling(excerpt_between(*texts(TABLE), "kept", 8.0, 12.0)) == [(1.0, 2)]
     phrase = f"{CALL}strikes: {{s: {{play: call, at: 0, times: 4}}}}\n"
-    assert falling(keep(*texts(phrase), "kept", 4.0, 12.0)) == [
+    assert falling(excerpt_between(*texts(phrase), "kept", 4.0, 12.0)) == [
         *((0.0, 1), (0.5, 2), (3.0, 1), (4.0, 1), (4.5, 2), (7.0, 1)),
     ]
 

@@ -159,9 +159,9 @@ def test_memory_of_instruments_after_reading_names(tmp_path: Path, monkeypatch: 
     path.write_text(_BELL, encoding="utf-8")
     texts = Texts.read(path)
     read: list[str] = []
-    instrument = matter.instrument
+    instrument = matter.make_instrument
     monkeypatch.setattr(
-        matter, "instrument", lambda node, *rest: read.append("one") or instrument(node, *rest)
+        matter, "make_instrument", lambda node, *rest: read.append("one") or instrument(node, *rest)
     )
     assert texts.changed(_BELL + "seed: 2\n").load().piece is not None
     assert not read

@@ -11,7 +11,7 @@ import pytest
 from midi_files import TICKS, note, save
 
 from ergon.notation.text.errors import Collector
-from ergon.scores.edits.excerpt import keep
+from ergon.scores.edits.excerpt import excerpt_between
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import load
 from ergon.scores.staging.automating import automation_points, value_at
@@ -172,7 +172,7 @@ def test_keep_of_bars_of_followed_file(tmp_path: Path, meter: str):
     start = loaded.piece.tempo_map.bars.start(2.5)
     texts = Texts.read(path)
     piece = texts.load().piece
-    saved = keep(texts, piece, "cut", start, start + 60.0)
+    saved = excerpt_between(texts, piece, "cut", start, start + 60.0)
     cut = saved.load()
     assert cut.piece is not None, cut.diagnostics
     shift = loaded.piece.tempo_map.seconds(start)

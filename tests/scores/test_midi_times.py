@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ergon.scores.edits import times
-from ergon.scores.edits.excerpt import keep
+from ergon.scores.edits.excerpt import excerpt_between
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
@@ -214,11 +214,13 @@ def edited(folder: Path, lines: str, change) -> Texts:
 def test_tempo_typed_in_piece_with_tempos_of_file(tmp_path):
     head = [midi_files.tempo(0, 400_000), midi_files.tempo(480 * 8, 300_000)]
     midi_files.save(tmp_path / "tune.mid", head, midi_files.note(0))
-    texts = edited(tmp_path, BOTH, lambda texts, piece: times.change(texts, piece, 6.0, "120"))
+    texts = edited(
+        tmp_path, BOTH, lambda texts, piece: times.change_tempo(texts, piece, 6.0, "120")
+    )
     assert "tempo: [{from: tune.mid}, {at: 2|3, bpm: 120}]\n" in texts.text
     tempo = texts.load().piece.tempo_map
     assert [tempo.bpm(beat) for beat in (0.0, 5.9, 6.0, 9.0)] == [150.0, 150.0, 120.0, 120.0]
-    texts = times.change(texts, texts.load().piece, 0.0, "60")
+    texts = times.change_tempo(texts, texts.load().piece, 0.0, "60")
     assert "from: tune.mid" not in texts.text.partition("tempo:")[2].partition("meter:")[0]
     assert [texts.load().piece.tempo_map.bpm(beat) for beat in (0.0, 9.0)] == [60.0, 60.0]
 
@@ -247,7 +249,7 @@ def test_keep_of_bars_writes_out_file_tempos(tmp_path, seed):
     texts = Texts.read(tmp_path / "s.yaml")
     before = texts.load().piece
     start, stop = (before.tempo_map.bars.start(bar) for bar in (2, 5))
-    cut = keep(texts, before, "cut", start, stop)
+    cut = excerpt_between(texts, before, "cut", start, stop)
     assert "from: tune.mid" not in cut.text
     after = cut.load().piece
     for beats in np.linspace(0.0, stop - start, 25):

@@ -14,8 +14,8 @@ from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging import parameter_curves
 from ergon.scores.staging.automating import automation_points, takeover_points
-from ergon.scores.staging.parameter_curves import PIECES, Entry, swing_beats
-from ergon.scores.staging.parameter_values import Led
+from ergon.scores.staging.parameter_curves import SWING_SEGMENTS, Entry, swing_beats
+from ergon.scores.staging.parameter_values import AutomatedModule
 
 SCORE = """\
 ergon: 1
@@ -103,8 +103,8 @@ def test_automation_points_from_instant_equal_complete_points(seed: int):
             assert item == expected, (where, begins)
 
 
-def led_of(source: Piece, where: tuple[str, str]) -> Led:
-    led = Led.from_piece(source, where)
+def led_of(source: Piece, where: tuple[str, str]) -> AutomatedModule:
+    led = AutomatedModule.from_piece(source, where)
     assert led is not None
     return led
 
@@ -133,7 +133,7 @@ def _evening(count: int) -> Piece:
 def _counted(monkeypatch, source: Piece, beat: float) -> dict[str, int]:
     """How many points of curves and numbers of modules are made for a line on a beat."""
     counts = {"points": 0, "numbers": 0}
-    to, numbers = parameter_curves.Curve.to, Led.numbers
+    to, numbers = parameter_curves.Curve.to, AutomatedModule.numbers
 
     def counted_to(self, instant, value):
         counts["points"] += 1
@@ -145,7 +145,7 @@ def _counted(monkeypatch, source: Piece, beat: float) -> dict[str, int]:
 
     with monkeypatch.context() as patched:
         patched.setattr(parameter_curves.Curve, "to", counted_to)
-        patched.setattr(Led, "numbers", counted_numbers)
+        patched.setattr(AutomatedModule, "numbers", counted_numbers)
         begins = source.tempo_map.seconds(beat) - AHEAD
         automation_points(source, beat, beat + 16, Collector(), begins)
     return counts
@@ -165,7 +165,9 @@ def test_points_of_swing_lie_where_the_tempo_map_puts_them(period: str):
     begin = tempo.resolve(first.at)
     beat_of = swing_beats(tempo, Entry(first, begin, math.inf), first.swing)
     for number in range(2000):
-        assert beat_of(number) == tempo.after(begin, first.swing.period.times(number / PIECES))
+        assert beat_of(number) == tempo.after(
+            begin, first.swing.period.times(number / SWING_SEGMENTS)
+        )
 
 
 def test_glide_under_way_is_expanded_from_the_window_on(monkeypatch):

@@ -15,13 +15,13 @@ from ergon.scores.pattern.cycle_forms import Pattern, apply
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 from ergon.scores.pattern.cycles import Event, Fragment, chance_from
 from ergon.scores.pattern.struck import Struck, single_notes
-from ergon.scores.reading.rhythms import compiled, compiled_in
+from ergon.scores.reading.rhythms import compiled_in_tuning, compiled_rhythm
 
 CHANCE = chance_from(3, "strikes/s")
 
 
 def strokes(text: str, do: str, cycle: int = 0) -> list[Event[Struck]]:
-    return compiled(text, do).onsets(cycle, CHANCE)
+    return compiled_rhythm(text, do).onsets(cycle, CHANCE)
 
 
 def shown(text: str, do: str, cycle: int = 0) -> list[str]:
@@ -153,7 +153,7 @@ def test_legato_joins_ends_to_beginnings(text):
 
 def fragments(text: str, do: str) -> list[Fragment[Struck]]:
     """What begins in nine cycles."""
-    seen = compiled(text, do).query(Fraction(0), Fraction(9), CHANCE)
+    seen = compiled_rhythm(text, do).query(Fraction(0), Fraction(9), CHANCE)
     return [f for f in seen if f.start == f.begin]
 
 
@@ -205,7 +205,7 @@ WINDOWED = [
 @pytest.mark.parametrize(("text", "do"), few(WINDOWED, WINDOWED[::4]))
 def test_phrasing_independent_of_window(text, do):
     """What a pattern plays does not depend on which parts of time are asked for."""
-    cycles, random = compiled(text, do), Random(text)
+    cycles, random = compiled_rhythm(text, do), Random(text)
     cuts = sorted(
         {Fraction(random.randint(0, 96), 24) for _ in range(7)} | {Fraction(0), Fraction(4)}
     )
@@ -228,9 +228,9 @@ def test_phrasing_independent_of_window(text, do):
 @pytest.mark.parametrize("do", WORDS)
 def test_strokes_of_cycle_alone(do):
     text = "c4.min7? [e4|g4]*2 <c4 | e4 | g4>, a4(3,8)"
-    fresh = apply(compiled(text, ""), parse_transforms(do))
+    fresh = apply(compiled_rhythm(text, ""), parse_transforms(do))
     alone = fresh.onsets(11, CHANCE)
-    played: Pattern = compiled(text, do)
+    played: Pattern = compiled_rhythm(text, do)
     for cycle in range(11):
         played.onsets(cycle, CHANCE)
     assert played.onsets(11, CHANCE) == alone
@@ -252,9 +252,9 @@ def test_walk_to_neighbours():
 
 def test_walk_without_do():
     text = "<a | [b b] | c>(3,8)"
-    fresh = compiled_in.__wrapped__(text, "early 1/8", None)
+    fresh = compiled_in_tuning.__wrapped__(text, "early 1/8", None)
     alone = fresh.onsets(500, chance_from(8, "strikes/w"))
-    again = compiled_in.__wrapped__(text, "early 1/8", None)
+    again = compiled_in_tuning.__wrapped__(text, "early 1/8", None)
     walked = [again.onsets(cycle, chance_from(8, "strikes/w")) for cycle in range(501)]
     assert walked[500] == alone
     assert len({len(events) for events in walked}) > 1
@@ -299,4 +299,4 @@ def test_phrasing_mistake_codes_and_places(do, place, part, near):
 
 def test_strokes_above_maximum_are_refused():
     with pytest.raises(TextError, match="up to 4,160"):
-        compiled("c4*16", "legato 1, tremolo 65")
+        compiled_rhythm("c4*16", "legato 1, tremolo 65")

@@ -5,7 +5,7 @@ import pytest
 from checked import check, check_reports
 
 from ergon.scores.edits import strikes as edits
-from ergon.scores.edits.excerpt import keep
+from ergon.scores.edits.excerpt import excerpt_between
 from ergon.scores.edits.renaming import rename
 from ergon.scores.edits.texts import Texts
 from ergon.scores.edits.transformed import transform
@@ -175,7 +175,7 @@ def test_rename_changes_words():
 def test_end_edit_writes_until():
     before = load("s.yaml", text=TEXT).piece
     assert before is not None
-    after = edits.end(texts(), before, before.strikes[0], 8.0)
+    after = edits.end_strikes(texts(), before, before.strikes[0], 8.0)
     score_piece = after.load().piece
     assert score_piece is not None
     assert len([*score_piece.strikes[0].falls(score_piece)]) == 6
@@ -184,7 +184,7 @@ def test_end_edit_writes_until():
 def test_keep_of_rhythm_writes_out_strikes():
     before = load("s.yaml", text=TEXT).piece
     assert before is not None
-    excerpt = keep(texts(), before, "two", 6.0, 12.0)
+    excerpt = excerpt_between(texts(), before, "two", 6.0, 12.0)
     score_piece = excerpt.load().piece
     assert score_piece is not None, excerpt.load().diagnostics
     beats = [beat for beat, *_ in score_piece.strikes[0].falls(score_piece)]

@@ -14,7 +14,7 @@ import pytest
 from numpy.lib import format as npy
 
 from ergon.scores.gesture import sdif_file
-from ergon.scores.gesture.npz import npz
+from ergon.scores.gesture.npz import open_npz
 from ergon.scores.gesture.summary import summary
 from ergon.scores.gesture.take_file import Floats, TakeError
 
@@ -240,7 +240,7 @@ def test_npz_files_of_other_programs(seed: int, tmp_path: Path) -> None:
                     is_long = chance.random() < 0.3
                     with archive.open(name + ending, "w", force_zip64=is_long) as file:
                         file.write(member(array, version))
-    with npz(path) as read:
+    with open_npz(path) as read:
         assert read.names == [*arrays]
         for index, name in enumerate(read.names):
             row = read.row(index)

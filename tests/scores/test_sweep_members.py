@@ -14,7 +14,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sweep_fields import SWEEPS
 from ergon.scores.staging.built_network import BuiltNetwork, build_network
 from ergon.scores.staging.stage import stage
-from ergon.scores.staging.striking import ALL_TIME, Striking
+from ergon.scores.staging.striking import ALL_INSTANTS, Striking
 
 SCORE = """\
 ergon: 1
@@ -47,7 +47,7 @@ class Struck:
 
 
 def struck(
-    created: Piece, within: tuple[float, float] = ALL_TIME
+    created: Piece, within: tuple[float, float] = ALL_INSTANTS
 ) -> list[tuple[float, int, float]]:
     """(instant [s], MAT, impulse) of all strikes, as they are put on the timeline."""
     built, collector, timeline = built_of(created), Collector(), Struck()

@@ -3,7 +3,7 @@
 import pytest
 
 from ergon.notation.text.edit import EditError
-from ergon.scores.edits.varying import combined, parse
+from ergon.scores.edits.varying import parse, value_combinations
 
 
 @pytest.mark.parametrize(
@@ -51,12 +51,17 @@ def test_varying_value_mistakes(text: str, message: str):
 
 def test_products_and_pairs():
     a, b = parse("a=1,2"), parse("b=3,4")
-    assert combined([a, b], is_zipped=False) == [("1", "3"), ("1", "4"), ("2", "3"), ("2", "4")]
-    assert combined([a, b], is_zipped=True) == [("1", "3"), ("2", "4")]
+    assert value_combinations([a, b], is_zipped=False) == [
+        ("1", "3"),
+        ("1", "4"),
+        ("2", "3"),
+        ("2", "4"),
+    ]
+    assert value_combinations([a, b], is_zipped=True) == [("1", "3"), ("2", "4")]
     for source, is_zipped, message in (
         ([a, parse("c=1,2,3")], True, "a has 2, c has 3"),
         ([a, a], False, "a varies twice"),
         ([parse("a=1..5000"), parse("b=1..5000")], False, "25,000,000 variants"),
     ):
         with pytest.raises(EditError, match=message):
-            combined(source, is_zipped=is_zipped)
+            value_combinations(source, is_zipped=is_zipped)

@@ -19,7 +19,7 @@ from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.running import RunningVersion
 from ergon.repl.session.schedule import Schedule
 from ergon.repl.session.version import Version
-from ergon.repl.session.waiting_lines import VersionEdit, WaitingLine, edited, reparse
+from ergon.repl.session.waiting_lines import VersionEdit, WaitingLine, reparse, version_after_line
 from ergon.scores.staging.cutting import cut_stage
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import Stage
@@ -107,7 +107,7 @@ def _by_text(schedule: Schedule, running: RunningVersion, act: Act, frame: int) 
 
 
 def _staged(schedule: Schedule, on: RunningVersion, line: WaitingLine) -> RunningVersion:
-    version = edited(on.version, line)
+    version = version_after_line(on.version, line)
     return schedule.makings.stage(on, [replace(line, base=on.version, version=version)])
 
 

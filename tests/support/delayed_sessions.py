@@ -53,7 +53,7 @@ class Delayed(Stepped):
 @contextlib.contextmanager
 def delays(session: Callable[[], Delayed]) -> Iterator[None]:
     """Let versions take the time that the present session says."""
-    staged = takeover.staged
+    staged = takeover.stage_spans
 
     def slowly(*arguments: Any, **named: Any) -> Stage:
         position = session()
@@ -66,7 +66,7 @@ def delays(session: Callable[[], Delayed]) -> Iterator[None]:
                 position.is_delaying = False
         return staged(*arguments, **named)
 
-    with mock.patch.object(takeover, "staged", slowly):
+    with mock.patch.object(takeover, "stage_spans", slowly):
         yield
 
 

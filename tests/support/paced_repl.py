@@ -104,8 +104,8 @@ if __name__ == "__main__":
     with paced(hertz=2.0, **hand) as first, paced(hertz=3.0, **hand) as two:
         port = midi_ports.ProcessPort()
         midi_ports.SystemInput = lambda name: port
-        config = local_session._config
-        local_session._config = lambda *given: by_frames(config(*given))
+        config = local_session._performance_config
+        local_session._performance_config = lambda *given: by_frames(config(*given))
         driver = Driver([first, two], port, Path(sys.argv[1]))
         Session.run = lambda session: driver.begins(session)
         live = [f"remi={first.url}", f"zoe={two.url}"]

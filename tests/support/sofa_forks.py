@@ -32,7 +32,7 @@ def main() -> None:
         if not pid:
             # An error of the reader ends the fork alone, with a status that is not 0.
             with source.open("rb") as file, os.fdopen(single, "wb") as answer:
-                reader.limit()
+                reader.limit_process()
                 reader.answer(file, answer)
             os._exit(0)
         os.close(single)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sweep import few
 
 from ergon.api.errors import OptionError
-from ergon.api.pages import ANYWHERE, serve
+from ergon.api.pages import ANY_LOCAL_PORT, serve
 from ergon.api.viewing import Shown
 from ergon.common.errors import ErgonError
 from ergon.common.report import Report
@@ -47,7 +47,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
 
 @pytest.fixture(scope="module")
 def page(shown: Shown) -> Iterator[browser.Page]:
-    server = serve(ANYWHERE, "at", Report(), shown.motion)
+    server = serve(ANY_LOCAL_PORT, "at", Report(), shown.motion)
     try:
         with browser.running() as raised, raised.page(*SIZE) as page:
             page.open(f"{server.url}?t=0&stage")

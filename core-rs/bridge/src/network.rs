@@ -10,7 +10,7 @@ pub(crate) use reachable::ReachableNetwork;
 
 use ergon_engine::interrupt;
 use ergon_engine::network::{self, ElementKind, ModeRange, Term};
-use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
+use ergon_engine::scheme::{BoundMethod, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
 use pyo3::prelude::*;
 
@@ -272,9 +272,9 @@ impl Network {
         Ok(Certificate {
             lambda_max: certificate.lambda_max,
             method: match certificate.means {
-                Means::Gershgorin => "gershgorin",
-                Means::Dense => "dense",
-                Means::Lanczos => "lanczos",
+                BoundMethod::Gershgorin => "gershgorin",
+                BoundMethod::Dense => "dense",
+                BoundMethod::Lanczos => "lanczos",
             },
             guarantee: match certificate.word {
                 StabilityGuarantee::Proved => "proved",

@@ -3,7 +3,9 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ergon_engine::interrupt;
-use ergon_engine::plan::{self, Budget, Choice, ChoiceNumbers, Computed, Draft, Known, ModeKind, Reason, TrialStore};
+use ergon_engine::plan::{
+    self, Budget, Choice, ChoiceNumbers, Computation, Draft, LeftOutReason, ModeKind, PlanContext, TrialStore,
+};
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
@@ -93,17 +95,18 @@ impl Plan {
             raised: Mutex::default(),
         });
         let planned = computing(py, || {
-            let prior_knowledge = Known {
-                like: like.map(|like| &*like.0),
-                store: store.as_ref().map(|store| store as &dyn TrialStore),
-                share,
-                draft: draft_budget
-                    .as_ref()
-                    .map(|(budget, share)| Draft { budget, share: *share }),
-                seen: &seen,
-                seen_every: seen_every.max(1),
+            let prior_knowledge = PlanContext {
+                earlier_plan: like.map(|like| &*like.0),
+                trial_store: store.as_ref().map(|store| store as &dyn TrialStore),
+                allowance_share: share,
+                draft: draft_budget.as_ref().map(|(budget, share)| Draft {
+                    budget,
+                    allowance_share: *share,
+                }),
+                displayed_parts: &seen,
+                displayed_frame_interval: seen_every.max(1),
             };
-            plan::Plan::with(network, &timeline.inner, &budget, pins, prior_knowledge)
+            plan::Plan::in_context(network, &timeline.inner, &budget, pins, prior_knowledge)
         });
         if let Some(store) = store
             && let Some(store_error) = store.raised.into_inner().unwrap_or_else(PoisonError::into_inner)
@@ -130,7 +133,7 @@ impl Plan {
 
     /// The parts that are computed although nobody hears them, because somebody looks at them.
     fn seen(&self) -> Vec<PlanRow> {
-        self.0.seen().iter().map(PlanRow::from_row).collect()
+        self.0.displayed_rows().iter().map(PlanRow::from_row).collect()
     }
 
     /// The decisions, island by island.
@@ -151,14 +154,14 @@ impl Plan {
 
     /// The parts with their own rate that are nevertheless computed at every frame, and why.
     fn stay(&self) -> Vec<FullRatePart> {
-        let full_rate_parts = self.0.stay().iter().cloned();
+        let full_rate_parts = self.0.refused_rates().iter().cloned();
         full_rate_parts.map(|(name, why)| FullRatePart { name, why }).collect()
     }
 
     /// Work of its trials, and the most allowed, by the table of costs [s].
     #[getter]
     fn trials(&self) -> TrialWork {
-        let (done, allowed) = self.0.trials();
+        let (done, allowed) = self.0.trial_seconds();
         TrialWork { done, allowed }
     }
 
@@ -185,7 +188,10 @@ fn budget(method: Option<&str>, error: Option<f64>, cents: Option<f64>, upto: Op
             let cents = check_number("cents", cents, cents > 0.0)?;
             let upto = upto.unwrap_or(plan::PITCH_HERTZ_MAX);
             let upto = check_number("upto", upto, upto > 0.0)?;
-            Ok(Budget::Cents { cents, upto })
+            Ok(Budget::Cents {
+                cents,
+                frequency_hz_max: upto,
+            })
         }
         _ => Err(module_error(
             "accuracy",
@@ -248,17 +254,17 @@ impl PlanRow {
 
 impl PlanRow {
     fn from_row(row: &plan::Row) -> Self {
-        let (what, modes, left_out_db) = match row.what {
-            Computed::Stepped => ("stepped", None, None),
-            Computed::Mesh(way, _) => (way, None, None),
-            Computed::Slow { is_exact: true, .. } => ("e4", None, None),
-            Computed::Slow { .. } => ("stepped", None, None),
-            Computed::Oscillators => ("oscillators", None, None),
-            Computed::Modes {
+        let (what, modes, left_out_db) = match row.computation {
+            Computation::Stepped => ("stepped", None, None),
+            Computation::Mesh(way, _) => (way, None, None),
+            Computation::Slow { is_exact: true, .. } => ("e4", None, None),
+            Computation::Slow { .. } => ("stepped", None, None),
+            Computation::Oscillators => ("oscillators", None, None),
+            Computation::Modes {
                 kind,
-                total: n_total,
-                computed: n_computed,
-                left_out,
+                n_modes: n_total,
+                n_computed,
+                left_out_db: left_out,
             } => {
                 let what = match kind {
                     ModeKind::Normal => "modes",
@@ -270,8 +276,8 @@ impl PlanRow {
                 };
                 (what, Some(mode_count), left_out)
             }
-            Computed::LeftOut(Reason::Unheard) => ("unheard", None, None),
-            Computed::LeftOut(Reason::Still) => ("still", None, None),
+            Computation::LeftOut(LeftOutReason::Unheard) => ("unheard", None, None),
+            Computation::LeftOut(LeftOutReason::Still) => ("still", None, None),
         };
         Self {
             parts: row.parts.clone(),
@@ -280,16 +286,16 @@ impl PlanRow {
             what,
             modes,
             left_out_db,
-            oversampling: match row.what {
-                Computed::Mesh(_, substeps) => row.oversampling * substeps,
+            oversampling: match row.computation {
+                Computation::Mesh(_, substeps) => row.oversampling * substeps,
                 _ => row.oversampling,
             },
-            every: row.every,
+            every: row.frame_interval,
             contact_substeps: row.contact_substeps,
             contact_order: row.contact_order,
-            error_db: row.error.map(|error| error.db),
-            error_s: row.error.map(|error| error.over),
-            spectral_db: row.error.and_then(|error| error.spectral),
+            error_db: row.error.map(|error| error.waveform_db),
+            error_s: row.error.map(|error| error.duration_seconds),
+            spectral_db: row.error.and_then(|error| error.third_octave_db),
             audible: row.error.and_then(|error| error.audible).map(|audible| AudibleError {
                 cents: audible.cents,
                 t60: audible.t60,
@@ -298,28 +304,28 @@ impl PlanRow {
                 later_stroke_s: audible.later_stroke,
                 stroke_db: audible.stroke_level,
             }),
-            cost: row.cost,
-            guarantee: row.word.map(|word| match word {
+            cost: row.work_per_second,
+            guarantee: row.stability.map(|word| match word {
                 StabilityGuarantee::Proved => "proved",
                 StabilityGuarantee::Guarded => "guarded",
                 StabilityGuarantee::Tried => "tried",
             }),
-            because: row.because.clone(),
+            because: row.modes_refusal.clone(),
             // The engine's `every` counts steps; `macrostep` counts frames.
-            macrostep: match row.what {
-                Computed::Slow { macrostep, .. } => Some(macrostep / row.oversampling.max(1)),
+            macrostep: match row.computation {
+                Computation::Slow { macrostep, .. } => Some(macrostep / row.oversampling.max(1)),
                 _ => None,
             },
-            radius: row.radius,
+            radius: row.kick_growth_factor,
             preserved: row.is_preserved(),
-            stays: row.stays.clone(),
-            offered: row.is_offered,
-            reference: row.is_reference,
-            cut_short: row.is_cut_short,
+            stays: row.rate_refusal.clone(),
+            offered: row.is_slow_by_plan,
+            reference: row.is_discrete_reference,
+            cut_short: row.trials_cut_short,
             drafted: row.is_drafted,
-            diverges: row.diverges,
-            harder_at: row.harder_at,
-            unchecked_from: row.unchecked_from,
+            diverges: row.has_diverged,
+            harder_at: row.harder_event_seconds,
+            unchecked_from: row.unchecked_from_seconds,
         }
     }
 }

@@ -56,7 +56,7 @@ impl Simulation {
             if ledger {
                 return Err(module_error("plan", "`ledger` is not available with a plan"));
             }
-            if record && !plan.0.records(&timeline.inner) {
+            if record && !plan.0.records_every_ergon(&timeline.inner) {
                 let message = "`record` is not available with this plan: ergons strike inside bodies";
                 return Err(module_error("plan", message));
             }

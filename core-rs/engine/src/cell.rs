@@ -277,9 +277,9 @@ impl Cell {
         }
     }
 
-    /// [`Self::answer_around`] as two products, `answer_around(to - from)` = later(to)·earlier(from): the factors
-    /// `[later, earlier]` at a time `t` [s]. Times of a `step` [s] around 0 keep them all within
-    /// e^±(BACKWARD_DECAY_MAX/2).
+    /// [`Self::impulse_response_around`] as two products, `impulse_response_around(to - from)` =
+    /// later(to)·earlier(from): the factors `[later, earlier]` at a time `t` [s]. Times of a `step` [s] around 0 keep
+    /// them all within e^±(BACKWARD_DECAY_MAX/2).
     pub(crate) fn impulse_response_factors(&self, t: f64) -> [[f64; 2]; 2] {
         match self.poles {
             Poles::Oscillating { omega } => {
@@ -301,7 +301,7 @@ impl Cell {
         }
     }
 
-    /// Whether [`Self::answer_factors`] keep the digits of the answer within a step [s].
+    /// Whether [`Self::impulse_response_factors`] keep the digits of the answer within a step [s].
     pub(crate) fn has_impulse_response_factors(&self, step: f64) -> bool {
         let pole_spread = match self.poles {
             Poles::Oscillating { omega } => omega,

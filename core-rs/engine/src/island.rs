@@ -150,7 +150,7 @@ struct Monitors {
     /// Accounts of links that can create energy.
     gains: Option<Box<energy_gain::Gains>>,
     /// The energy of the whole island.
-    energy_rise: Option<Box<energy_rise::Rise>>,
+    energy_rise: Option<Box<energy_rise::EnergyRise>>,
     ledger: Option<Ledger>,
 }
 

@@ -11,7 +11,7 @@ mod lone_links;
 mod spring;
 mod taps;
 
-pub use certify::{Certificate, Means, StabilityGuarantee};
+pub use certify::{BoundMethod, Certificate, StabilityGuarantee};
 pub(crate) use certify::{LargestEigenvalue, Refusal, largest_eigenvalue, largest_eigenvalue_up_to};
 pub(crate) use link::tension_energy;
 pub(crate) use lone_links::{LinkGroup, LoneLinks, PulledEnds};
@@ -91,7 +91,7 @@ pub(crate) struct Run {
 
 impl Run {
     /// Turn a hardening law into numbers K and Z of this run, which can then change.
-    pub(crate) fn set_loose(&mut self) {
+    pub(crate) fn make_adjustable(&mut self) {
         if let Kind::Lnl { law, rate, .. } = &self.kind
             && let Some(Hardening { k, q, z }) = law.hardening_spring()
         {
@@ -279,7 +279,7 @@ impl Scheme {
 
     /// Remove laws whose force far from rest is small against their slopes at rest, as that of a bow. Motion that such
     /// slopes excite stays bounded.
-    pub(crate) fn let_laws_give_way(&mut self) {
+    pub(crate) fn drop_softening_laws(&mut self) {
         self.runs.retain(|run| match &run.kind {
             Kind::Lnl { law, .. } => !law.is_bounded_far_from_rest(),
             Kind::Followed { by, .. } => !by.corners().all(|law| law.is_bounded_far_from_rest()),
@@ -306,7 +306,7 @@ impl Scheme {
 
     /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps; `steered`:
     /// MATs whose motion or parameters a timeline determines.
-    pub(crate) fn has_fine(&self, steered: &[usize]) -> (bool, bool) {
+    pub(crate) fn has_substepped(&self, steered: &[usize]) -> (bool, bool) {
         let is_law = |run: &&Run| run.is_law();
         let law_count = self.substepped().filter(is_law).count();
         let has_laws = (1..=Self::FINE_LAWS).contains(&law_count);
@@ -430,8 +430,8 @@ impl Scheme {
     }
 
     /// Remove and return the contacts and laws that are computed in substeps, laws only if there are few; if there are
-    /// none, dry friction. `steered` as in [`Self::has_fine`].
-    pub(crate) fn take_fine(&mut self, steered: &[usize]) -> Vec<Run> {
+    /// none, dry friction. `steered` as in [`Self::has_substepped`].
+    pub(crate) fn take_substepped(&mut self, steered: &[usize]) -> Vec<Run> {
         let takes_springs = self.takes_springs();
         if self.may_locate_friction(steered) {
             let exact = std::mem::take(&mut self.exact).into_iter();

@@ -15,7 +15,7 @@ mod takeover;
 
 use std::sync::Arc;
 
-use crate::assembly::unit::{IslandPlan, Unit, to_network_index};
+use crate::assembly::unit::{ComputationUnit, IslandPlan, to_network_index};
 use crate::derivative::{self, Derivatives};
 use crate::interrupt;
 use crate::island::Island;
@@ -33,7 +33,7 @@ pub use takeover::Takeover;
 use group::{GROUPS_MAX, Group, RunningUnit, THREADED_BLOCK, UNIT_BLOCK};
 
 /// Least work that a frame adds to the counter of interruptions; trials count work by the table of costs.
-const FRAME_STEPS: usize = 16;
+const INTERRUPT_STEPS_PER_FRAME: usize = 16;
 
 /// A running simulation of a plan.
 #[derive(Clone, Debug)]
@@ -101,7 +101,7 @@ impl Simulation {
         let mut groups = Vec::new();
         for range in plan.groups(GROUPS_MAX) {
             // A fault in a unit that no output hears does not stop the simulation.
-            let on_fault = if range.start < plan.n_heard {
+            let on_fault = if range.start < plan.n_heard_units {
                 options.on_fault
             } else {
                 OnFault::Mute
@@ -146,7 +146,7 @@ impl Simulation {
     }
 
     /// All running units with their plans.
-    fn units(&self) -> impl Iterator<Item = (&RunningUnit, &Unit)> {
+    fn units(&self) -> impl Iterator<Item = (&RunningUnit, &ComputationUnit)> {
         let running_units = self.groups.iter().flat_map(|group| &group.units);
         running_units.zip(&self.plan.units)
     }
@@ -154,7 +154,9 @@ impl Simulation {
     /// All islands with their plans.
     fn islands(&self) -> impl Iterator<Item = (&Island, &IslandPlan)> {
         self.units().filter_map(|pair| match pair {
-            (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => Some((&**island, &**island_plan)),
+            (RunningUnit::Island(island), ComputationUnit::IslandPlan(island_plan)) => {
+                Some((&**island, &**island_plan))
+            }
             _ => None,
         })
     }
@@ -217,7 +219,7 @@ impl Simulation {
 
     /// Advance every group by `n_frames` frames. Of several faults the one with the first frame is returned.
     fn advance_groups(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
-        interrupt::spend(FRAME_STEPS * n_frames);
+        interrupt::spend(INTERRUPT_STEPS_PER_FRAME * n_frames);
         let plan = &*self.plan;
         let n_outputs = plan.network.outputs().len();
         let frame_span = (self.frame, n_frames);
@@ -233,10 +235,10 @@ impl Simulation {
         };
         let fault = faults.into_iter().min_by_key(|fault| fault.frame);
         for frame in out.chunks_exact_mut(n_outputs.max(1)) {
-            frame.copy_from_slice(&plan.still);
+            frame.copy_from_slice(&plan.output_offsets);
         }
         let groups = self.groups.iter();
-        let sounding_groups = groups.filter(|group| group.first < plan.n_heard);
+        let sounding_groups = groups.filter(|group| group.first < plan.n_heard_units);
         sounding_groups.for_each(|group| group.add_to(out, n_outputs));
         self.frame = match &fault {
             Some(fault) => fault.frame,
@@ -253,7 +255,7 @@ impl Simulation {
             let steps = f64::from(frames_ahead) * island.steps_per_frame();
             let steps = island.steps().iter().map(|step| steps * step);
             for (local, step) in steps.enumerate().filter(|_| frames_ahead > 0) {
-                x[to_network_index(&island_plan.to_whole.mats, local)] -= step;
+                x[to_network_index(&island_plan.network_indices.mats, local)] -= step;
             }
         }
         x
@@ -266,7 +268,7 @@ impl Simulation {
         for (island, island_plan) in self.islands() {
             let frame_steps = island.steps_per_frame();
             for local in (0..island.steps().len()).filter(|_| frame_steps != 1.0) {
-                steps[to_network_index(&island_plan.to_whole.mats, local)] *= frame_steps;
+                steps[to_network_index(&island_plan.network_indices.mats, local)] *= frame_steps;
             }
         }
         steps
@@ -276,13 +278,13 @@ impl Simulation {
         let mut mat_values = vec![f64::NAN; self.plan.network.n_mat()];
         for (running, unit) in self.units() {
             match (running, unit) {
-                (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
+                (RunningUnit::Island(island), ComputationUnit::IslandPlan(island_plan)) => {
                     for (local, &value) in values_of(island).iter().enumerate() {
-                        mat_values[to_network_index(&island_plan.to_whole.mats, local)] = value;
+                        mat_values[to_network_index(&island_plan.network_indices.mats, local)] = value;
                     }
                 }
-                (RunningUnit::Bank(bank), Unit::Bank(plan)) => {
-                    for (oscillator, &(mat, rest)) in plan.mats.iter().enumerate() {
+                (RunningUnit::Bank(bank), ComputationUnit::Bank(plan)) => {
+                    for (oscillator, &(mat, rest)) in plan.mats_and_rests.iter().enumerate() {
                         let (now, before) = bank.motion(oscillator);
                         mat_values[mat as usize] = value_of(now + rest, before + rest);
                     }
@@ -296,16 +298,16 @@ impl Simulation {
     /// Position that the gesture of each key asks for now [m], (n_keys); NaN for keys without a running gesture.
     pub fn asked(&self) -> Vec<f64> {
         let mut asked_positions = vec![f64::NAN; self.plan.n_keys];
-        self.asked_into(&mut asked_positions);
+        self.write_gesture_positions(&mut asked_positions);
         asked_positions
     }
 
     /// [`Simulation::asked`] without allocating.
-    fn asked_into(&self, all: &mut [f64]) {
+    fn write_gesture_positions(&self, all: &mut [f64]) {
         all.fill(f64::NAN);
         for (island, island_plan) in self.islands() {
             island.asked(|local, asked, is_layer| {
-                let key_position = &mut all[to_network_index(&island_plan.to_whole.keys, local)];
+                let key_position = &mut all[to_network_index(&island_plan.network_indices.keys, local)];
                 *key_position = if is_layer { *key_position + asked } else { asked };
             });
         }

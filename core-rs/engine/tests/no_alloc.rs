@@ -14,7 +14,7 @@ use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network::{Measure, Network, PairLaw, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term, Tie};
-use ergon_engine::plan::{Budget, Computed, Method, Plan};
+use ergon_engine::plan::{Budget, Computation, Method, Plan};
 use ergon_engine::simulation::{Glance, OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -131,8 +131,8 @@ fn slow_key_does_not_allocate() {
     }
     timeline.strike(&network, struck, 0.23, 0.01, Some(0.0), 0).unwrap();
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap();
-    assert!(plan.rows().iter().any(|row| row.what
-        == Computed::Slow {
+    assert!(plan.rows().iter().any(|row| row.computation
+        == Computation::Slow {
             macrostep: 10,
             is_exact: true
         }));

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from ergon.api.errors import OptionError
-from ergon.instruments.kinds.outputs import MOVEMENTS
+from ergon.instruments.kinds.outputs import MOVEMENT_NAMES
 
 if TYPE_CHECKING:
     import numpy as np
@@ -59,7 +59,9 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_m
         if instrument_output[1] in part_modes.points
     ]
     if not audible:
-        raise OptionError("parts", f"{part_modes.part} has no output of motion; add a {MOVEMENTS}")
+        raise OptionError(
+            "parts", f"{part_modes.part} has no output of motion; add a {MOVEMENT_NAMES}"
+        )
     bank_inputs = _inputs(piece, prepared, part_modes)
     ca_rate = instrument.ca_rate if instrument else None
     if len(bank_inputs) > _POINTS:
@@ -84,8 +86,8 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_m
         prepared.n_frames / piece.rate,
         [name for name, _, _ in bank_inputs],
         [strikes for _, _, strikes in bank_inputs],
-        [(label, output.traits.order) for output, label in audible],
-        [output.traits.reference / _LEVEL for output, _ in audible],
+        [(label, output.kind_facts.order) for output, label in audible],
+        [output.kind_facts.reference_amount / _LEVEL for output, _ in audible],
         mode_paths,
     )
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ergon.api import score as scores
 from ergon.api.modes import modes_of
 from ergon.api.options import ReadOptions
-from ergon.api.parts import hertz, selected_parts
+from ergon.api.parts import frequency_option, selected_parts
 from ergon.common.option import documented, option
 from ergon.common.report import Report
 
@@ -72,7 +72,7 @@ def mode_tables(
     from ergon.scores.staging.preparing import prepare
 
     options = options or ExportOptions()
-    upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
+    upto = HIGHEST if options.upto is None else frequency_option("upto", options.upto)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     asked_names = selected_parts(piece, options.parts)
@@ -114,7 +114,7 @@ def faust_programs(
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     if options.upto is not None:
-        upto = hertz("upto", options.upto)
+        upto = frequency_option("upto", options.upto)
         with scores.staging(lambda: loaded, report):
             banks = audible_parts(piece, options.parts)
             return banks_of(piece, loaded.inputs, banks, upto, bank_program, RESONATORS, report)

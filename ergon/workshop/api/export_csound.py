@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ergon.api import score as scores
 from ergon.api.errors import OptionError
-from ergon.api.parts import hertz
+from ergon.api.parts import frequency_option
 from ergon.common.report import Report
 
 from .export import HIGHEST, ExportedPart, ExportOptions, audible_parts, banks_of, part_banks
@@ -29,7 +29,7 @@ def csound_orchestras(
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
+    upto = HIGHEST if options.upto is None else frequency_option("upto", options.upto)
     with scores.staging(lambda: loaded, report):
         asked_names = audible_parts(piece, options.parts)
         if options.parts:

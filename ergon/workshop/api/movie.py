@@ -97,11 +97,11 @@ class MovieMaker:
         Raises OptionError (a view or a stretch that the piece does not have), BrowserError,
         VideoError, and OSError where files cannot be read or written.
         """
-        from ergon.api.pages import ANYWHERE, serve
+        from ergon.api.pages import ANY_LOCAL_PORT, serve
         from ergon.workshop.movies import chromium
 
         report, options = report or Report(), self._options
-        server = serve(ANYWHERE, "at", report, shown.motion)
+        server = serve(ANY_LOCAL_PORT, "at", report, shown.motion)
         page_words = ["t=0", *(["stage"] * (not options.words)), *(["strobe"] * options.strobe)]
         try:
             with (

@@ -15,7 +15,7 @@ import numpy as np
 
 from ergon.api import score as scores
 from ergon.api.cluster import Cluster
-from ergon.api.cluster_worker import check_version, lock, version
+from ergon.api.cluster_worker import check_version, staging_lock, version
 from ergon.api.score_bundle import ScoreBundle, unpack, with_local_paths
 from ergon.rendering.remote import ClusterError
 from ergon.workshop.lab import map_catalogue
@@ -134,7 +134,7 @@ def play(
     asks.
     """
     check_version(versions_asked)
-    with lock, unpack(score_content) as path:
+    with staging_lock, unpack(score_content) as path:
         scene = Score(scores.piece_of(scores.read(path)))
         run_result, run_seconds = played_beside(
             scene, Setting(**setting), n_frames, has_energy=has_energy
@@ -157,7 +157,7 @@ def survey(
 ) -> list[dict[str, Any]]:
     """Survey a column of a map. Raises ClusterError if another version of ergon asks."""
     check_version(versions_asked)
-    with lock:
+    with staging_lock:
         surveyed_map = _map(survey_choice, map_name)
         return [asdict(compute_spot(surveyed_map, x, y)) for y in surveyed_map.ys]
 

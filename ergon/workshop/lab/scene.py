@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from ergon import _core
-from ergon.rendering.level import HIGHPASS
+from ergon.rendering.level import HIGHPASS_HZ
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.preparing import prepare
 from ergon.workshop.lab.metrics import Floats
@@ -59,7 +59,7 @@ class Score:
         """Mix by the piece's own routes."""
         listening = prepare(self.piece).built.listening
         mixed = np.zeros((len(frames), listening.n_channels))
-        mixer = listening.mixer(self.rate, frames.shape[1], highpass=HIGHPASS)
+        mixer = listening.mixer(self.rate, frames.shape[1], highpass=HIGHPASS_HZ)
         mixer.process(np.ascontiguousarray(frames), mixed)
         return mixed
 

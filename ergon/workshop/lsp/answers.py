@@ -13,8 +13,8 @@ from ergon.notation.tables.notes import Notes, nearest_note
 from ergon.notation.tables.shapes import Reference, Shape, Text
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import TextError
-from ergon.scores.reading.gesture_tables import CURVE, GestureShape, Raw
-from ergon.scores.reading.part import SHAPES, Part
+from ergon.scores.reading.gesture_tables import CURVE_SHAPE, GestureShape, UnreadText
+from ergon.scores.reading.part import OPTION_SHAPES, Part
 from ergon.scores.reading.rhythms import RHYTHM
 
 from . import cursor as cursors
@@ -101,11 +101,11 @@ def _value_completions(
         yield from _name_completions(catalogue.definitions_in(*value_shape.sections))
     elif isinstance(value_shape, Part):
         yield from _name_completions(catalogue.definitions_in("marks", *_PLAYED))
-        for word, option in SHAPES.items():
+        for word, option in OPTION_SHAPES.items():
             yield Completion(word, "field", option.words(), " ")
         yield from _word_completions(value_shape)
-    elif isinstance(value_shape, (GestureShape, Raw)):
-        yield from (Completion(str(word), "value", "a curve") for word in CURVE.choices)
+    elif isinstance(value_shape, (GestureShape, UnreadText)):
+        yield from (Completion(str(word), "value", "a curve") for word in CURVE_SHAPE.choices)
     elif value_shape is not None and value_shape.vocabulary():
         yield from _word_completions(value_shape)
     elif (

@@ -226,16 +226,16 @@ def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) ->
     return 10.0 * log10(max(worst, 1e-30))
 
 
-def _plan_or_reason(piece: Piece, budget: float | None) -> planning.Planned | str:
+def _plan_or_reason(piece: Piece, budget: float | None) -> planning.PlanWithNotes | str:
     """The plan of a piece, or why there is none."""
     ready = prepare(piece)
     try:
-        return planning.make(ready.network, ready.timeline, Accuracy(error=budget))
+        return planning.make_plan(ready.network, ready.timeline, Accuracy(error=budget))
     except (_core.EngineError, StageError) as error:
         return f"{type(error).__name__}: {error}"
 
 
-def _pilot(built: planning.Planned | str) -> float:
+def _pilot(built: planning.PlanWithNotes | str) -> float:
     """How long the pilots of a plan played [s]."""
     rows = [] if isinstance(built, str) else built.plan.rows()
     return max((row.error_s for row in rows if row.error_s is not None), default=inf)
@@ -244,14 +244,14 @@ def _pilot(built: planning.Planned | str) -> float:
 def _plan(
     piece: Piece,
     budget: float | None,
-    built: planning.Planned | str,
+    built: planning.PlanWithNotes | str,
     exact: reference.Reference,
 ) -> Plan:
     if isinstance(built, str):
         return Plan(budget, refused=built)
     try:
         scene = prepare(piece)
-        static = planning.make(
+        static = planning.make_plan(
             scene.network, scene.timeline, built.accuracy, _uncounted(built.plan)
         )
         sound, counted = _play(scene, built.plan, len(exact.sound))

@@ -7,8 +7,8 @@ use crate::assembly::choice::SteppedChoice;
 use crate::assembly::constants::SUBSTEPS_MAX;
 use crate::assembly::mesh::MethodChoice;
 use crate::assembly::ported::{self, PortedBody};
-use crate::assembly::solved_modes::Memo;
-use crate::assembly::split::OwnTimeline;
+use crate::assembly::solved_modes::ModeCache;
+use crate::assembly::split::LocalTimeline;
 use crate::assembly::truncate::KeptModes;
 use crate::assembly::unit::{IslandPlan, NetworkIndices};
 use crate::body_modes::linear::NoModes;
@@ -26,12 +26,12 @@ pub(crate) struct Assembled {
     pub(crate) bodies: Vec<PortedBody>,
     pub(crate) certificate: Certificate,
     /// Why a body does not go by modes.
-    pub(crate) because: Option<NoModes>,
+    pub(crate) modes_refusal: Option<NoModes>,
     /// It has single laws that can be computed finer than a frame, as contacts are.
-    pub(crate) may_collocate: bool,
-    pub(crate) shape: Shape,
+    pub(crate) can_solve_laws_between_steps: bool,
+    pub(crate) cut_shape: CutShape,
     /// Contacts and laws are computed once a step, although they might be computed finer.
-    pub(crate) is_plain: bool,
+    pub(crate) is_once_a_step: bool,
 }
 
 /// How an island is to be assembled.
@@ -39,17 +39,17 @@ pub(crate) struct Assembled {
 pub(crate) struct AssemblyOptions<'a> {
     /// Steps a frame.
     pub(crate) oversampling: u32,
-    pub(crate) bodies: MethodChoice<'a>,
+    pub(crate) body_methods: MethodChoice<'a>,
     /// Contacts and laws are computed once a step.
     pub(crate) is_plain: bool,
 }
 
 impl<'a> AssemblyOptions<'a> {
     /// With contacts and laws as finely as the budget asks.
-    pub(crate) fn fine(oversampling: u32, bodies: MethodChoice<'a>) -> Self {
+    pub(crate) fn between_steps(oversampling: u32, bodies: MethodChoice<'a>) -> Self {
         Self {
             oversampling,
-            bodies,
+            body_methods: bodies,
             is_plain: false,
         }
     }
@@ -57,7 +57,7 @@ impl<'a> AssemblyOptions<'a> {
 
 /// What an island is made of, at any rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Shape {
+pub(crate) enum CutShape {
     /// Bodies that are cut out, and the rest.
     Bodies,
     /// No bodies, although it might have some.
@@ -66,7 +66,7 @@ pub(crate) enum Shape {
     Meshes,
 }
 
-impl Shape {
+impl CutShape {
     /// In the order of their numbers in records.
     pub(crate) const ALL: [Self; 3] = [Self::Bodies, Self::Stepped, Self::Meshes];
 
@@ -85,21 +85,21 @@ impl Assembled {
     /// Assembles an island at some oversampling. Refused if that is not stable.
     pub(crate) fn new(
         subset: &Subset,
-        island_timeline: &OwnTimeline,
+        island_timeline: &LocalTimeline,
         budget: &Budget,
-        how: AssemblyOptions<'_>,
+        options: AssemblyOptions<'_>,
         pin: Option<&SteppedChoice>,
-        memo: &Memo<'_>,
+        mode_cache: &ModeCache<'_>,
     ) -> Result<Self, Error> {
         let AssemblyOptions {
             oversampling,
-            bodies: method_choice,
+            body_methods: method_choice,
             is_plain,
-        } = how;
+        } = options;
         let timeline = if oversampling == 1 {
             island_timeline.timeline.clone()
         } else {
-            faster(&island_timeline.timeline, oversampling, &subset.network)?
+            oversampled_timeline(&island_timeline.timeline, oversampling, &subset.network)?
         };
         // The macrostep of a slow part keeps its duration at a higher rate.
         let faster_subset = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
@@ -112,18 +112,19 @@ impl Assembled {
         // What was decided to be computed once a step stays so.
         let is_single_step = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
         let steps_max = if is_single_step { 1 } else { SUBSTEPS_MAX };
-        let (island_cut, mut because) = ported::cut(subset, &timeline, budget, pin, method_choice, memo);
+        let (island_cut, mut because) = ported::cut_bodies(subset, &timeline, budget, pin, method_choice, mode_cache);
         let mut cut_with_hub = None;
         if let Some(island_cut) = island_cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
             // faster than a frame, that coupling would oscillate and grow.
-            let steps_over = |ported_body: &PortedBody| match &ported_body.inside {
+            let steps_over = |ported_body: &PortedBody| match &ported_body.plan {
                 BodyPlan::Mesh(mesh) => mesh.steps_over_fast_motion(),
                 BodyPlan::Modal(_) | BodyPlan::Slow(_) => false,
             };
             let steps_limit = island_cut.bodies.iter().any(steps_over).then_some(1);
             let timeline = &island_cut.timeline.timeline;
-            let hub_within = |steps_max| hub(&island_cut.hub.network, timeline, budget, steps_max, Refusal::Bare);
+            let hub_within =
+                |steps_max| certified_hub(&island_cut.hub.network, timeline, budget, steps_max, Refusal::Bare);
             match steps_limit
                 .map_or_else(|| hub_within(steps_max), hub_within)
                 .or_else(|_| hub_within(steps_max))
@@ -140,68 +141,72 @@ impl Assembled {
                     1 => Refusal::Explained,
                     _ => Refusal::Bare,
                 };
-                let hub_substeps = hub(&subset.network, &timeline, budget, steps_max, refusal)?;
+                let hub_substeps = certified_hub(&subset.network, &timeline, budget, steps_max, refusal)?;
                 (ported::uncut_island(subset, island_timeline, timeline), hub_substeps)
             }
         };
         let (hub, hub_timeline, bodies) = (island_cut.hub, island_cut.timeline, island_cut.bodies);
         let island_plan = IslandPlan {
-            to_whole: NetworkIndices {
-                mats: Some(through(&subset.mats, &hub.mats)),
+            network_indices: NetworkIndices {
+                mats: Some(composed_map(&subset.mats, &hub.mats)),
                 outputs: Some(subset.outputs.clone()),
-                keys: Some(through(&island_timeline.keys, &hub_timeline.keys)),
-                gestures: Some(through(&island_timeline.gestures, &hub_timeline.gestures)),
+                keys: Some(composed_map(&island_timeline.keys, &hub_timeline.keys)),
+                gestures: Some(composed_map(&island_timeline.gestures, &hub_timeline.gestures)),
             },
             network: Arc::new(hub.network),
             timeline: hub_timeline.timeline,
-            bodies: bodies.iter().map(|ported_body| ported_body.inside.clone()).collect(),
+            bodies: bodies.iter().map(|ported_body| ported_body.plan.clone()).collect(),
             contact_substeps,
             contact_order: pin.map_or_else(ContactOrder::default, |pin| pin.contact_order),
             counted_cost: None,
             oversampling,
-            every: 1,
-            sleeps: matches!(budget, Budget::Cents { .. }),
+            frame_interval: 1,
+            stops_when_silent: matches!(budget, Budget::Cents { .. }),
         };
         Ok(Self {
             island_plan,
             bodies,
             certificate,
-            because,
-            may_collocate,
-            shape: Shape::from_choice(method_choice),
-            is_plain,
+            modes_refusal: because,
+            can_solve_laws_between_steps: may_collocate,
+            cut_shape: CutShape::from_choice(method_choice),
+            is_once_a_step: is_plain,
         })
     }
 
     /// Whether a discrete network is the reference, so that every step of it is exact.
-    pub(crate) fn is_discrete(&self) -> bool {
+    pub(crate) fn is_discrete_reference(&self) -> bool {
         let network = &self.island_plan.network;
         let mut mat_parts = network.mats().part.iter().map(|&part| part as usize);
         mat_parts.any(|part| network.parts()[part].ca_rate.is_some())
     }
 
     /// How the same island is assembled with all its modes, and at half its step where that is more exact.
-    pub(crate) fn more_exact<'a>(&self, methods: &'a [Option<(MeshMethod, u32)>]) -> AssemblyOptions<'a> {
-        let factor = if self.is_discrete() { 1 } else { 2 };
-        self.again(factor * self.island_plan.oversampling, methods)
+    pub(crate) fn options_for_half_step<'a>(&self, methods: &'a [Option<(MeshMethod, u32)>]) -> AssemblyOptions<'a> {
+        let factor = if self.is_discrete_reference() { 1 } else { 2 };
+        self.options_at_rate(factor * self.island_plan.oversampling, methods)
     }
 
     /// How the same island is assembled at another rate; `methods`: those of its meshes.
-    pub(crate) fn again<'a>(&self, oversampling: u32, methods: &'a [Option<(MeshMethod, u32)>]) -> AssemblyOptions<'a> {
-        let bodies = match (self.shape, methods.iter().flatten().next()) {
-            (Shape::Stepped, _) => MethodChoice::Stepped,
-            (Shape::Meshes, Some(&method_substeps)) => MethodChoice::Meshes(method_substeps),
-            (Shape::Bodies | Shape::Meshes, _) => MethodChoice::AsBefore(methods),
+    pub(crate) fn options_at_rate<'a>(
+        &self,
+        oversampling: u32,
+        methods: &'a [Option<(MeshMethod, u32)>],
+    ) -> AssemblyOptions<'a> {
+        let bodies = match (self.cut_shape, methods.iter().flatten().next()) {
+            (CutShape::Stepped, _) => MethodChoice::Stepped,
+            (CutShape::Meshes, Some(&method_substeps)) => MethodChoice::Meshes(method_substeps),
+            (CutShape::Bodies | CutShape::Meshes, _) => MethodChoice::AsBefore(methods),
         };
         AssemblyOptions {
             oversampling,
-            bodies,
-            is_plain: self.is_plain,
+            body_methods: bodies,
+            is_plain: self.is_once_a_step,
         }
     }
 
     /// Whether something in it sticks and slips: two runs may then agree by chance, both slipping too late.
-    pub(crate) fn sticks(&self) -> bool {
+    pub(crate) fn has_sticking_friction(&self) -> bool {
         let mut link_runs = self.island_plan.network.runs().iter();
         link_runs.any(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_)))
     }
@@ -216,7 +221,7 @@ impl Assembled {
     pub(crate) fn has_lossless_steps(&self) -> bool {
         let mut link_runs = self.island_plan.network.runs().iter();
         let has_lossless_contact = link_runs.any(|run| matches!(run.kind, LinkKind::But(_)) && run.z == 0.0);
-        has_lossless_contact && (self.is_plain || self.island_plan.contact_substeps == 1)
+        has_lossless_contact && (self.is_once_a_step || self.island_plan.contact_substeps == 1)
     }
 
     /// The methods of its bodies that are meshes, in order.
@@ -226,28 +231,24 @@ impl Assembled {
     }
 
     /// The same island with only the modes `modes_kept`, and these contact substeps.
-    pub(crate) fn only(mut self, contact_substeps: usize, modes_kept: Vec<KeptModes>) -> Self {
+    pub(crate) fn with_modes(mut self, contact_substeps: usize, modes_kept: Vec<KeptModes>) -> Self {
         let mut hub_network = (*self.island_plan.network).clone();
         for (body, modes_kept) in self.bodies.iter_mut().zip(modes_kept) {
-            if let BodyPlan::Modal(modal_body) = &body.inside {
-                body.inside = BodyPlan::Modal(modal_body.only(&modes_kept.modes));
-                body.left_out = modes_kept.left_out;
+            if let BodyPlan::Modal(modal_body) = &body.plan {
+                body.plan = BodyPlan::Modal(modal_body.only(&modes_kept.modes));
+                body.left_out_db = modes_kept.left_out_db;
                 body.computed_modes = modes_kept.numbers();
-                ported::set_free(&mut hub_network, &body.inside);
+                ported::set_port_masses(&mut hub_network, &body.plan);
             }
         }
         self.island_plan.network = Arc::new(hub_network);
-        self.island_plan.bodies = self
-            .bodies
-            .iter()
-            .map(|ported_body| ported_body.inside.clone())
-            .collect();
+        self.island_plan.bodies = self.bodies.iter().map(|ported_body| ported_body.plan.clone()).collect();
         self.island_plan.contact_substeps = contact_substeps;
         self
     }
 }
 
-fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<Timeline, Error> {
+fn oversampled_timeline(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<Timeline, Error> {
     let mut mat_parts = network.mats().part.iter().map(|&part| part as usize);
     // A discrete network that is the reference has only one rate.
     let is_discrete = mat_parts.any(|part| network.parts()[part].ca_rate.is_some());
@@ -260,7 +261,7 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
 
 /// Chooses the contact substeps a frame of a network, at most `steps_max`; also returns whether laws may be computed
 /// between frames, and the certificate of the rest.
-pub(crate) fn hub(
+pub(crate) fn certified_hub(
     network: &Network,
     timeline: &Timeline,
     budget: &Budget,
@@ -273,26 +274,26 @@ pub(crate) fn hub(
     let mut reference_rates = mat_parts.map(|part| network.parts()[part].ca_rate);
     // If the discrete network is the reference, so are its contacts.
     let is_discrete = reference_rates.any(|reference_rate| reference_rate.is_some());
-    let steered = timeline.steered();
-    let (has_contacts, has_laws) = hub_scheme.has_fine(&steered);
+    let led_links = timeline.steered();
+    let (has_contacts, has_laws) = hub_scheme.has_substepped(&led_links);
     let mut contact_substeps = if has_contacts && !is_discrete {
         budget.contact_substeps().min(steps_max)
     } else {
         1
     };
     if contact_substeps > 1 {
-        hub_scheme.take_fine(&steered);
+        hub_scheme.take_substepped(&led_links);
     }
     let may_collocate = has_laws && !is_discrete && steps_max > 1;
-    let may_collocate_alone = may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
+    let laws_may_need_substeps = may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
     if timeline.is_unguarded {
-        hub_scheme.let_laws_give_way();
+        hub_scheme.drop_softening_laws();
     }
     let certificate = match hub_scheme.certify_or(network, refusal) {
         // Between frames a law is solved implicitly, so no slope of its friction is too steep.
-        Err(Error::Unstable { .. }) if may_collocate_alone && hub_scheme.bears_springs(network) => {
+        Err(Error::Unstable { .. }) if laws_may_need_substeps && hub_scheme.bears_springs(network) => {
             contact_substeps = FINE_SUBSTEPS_MIN.min(steps_max);
-            hub_scheme.take_fine(&steered);
+            hub_scheme.take_substepped(&led_links);
             hub_scheme.certify_or(network, refusal)?
         }
         certificate => certificate?,
@@ -301,6 +302,6 @@ pub(crate) fn hub(
 }
 
 /// Composes two maps.
-fn through(first: &[u32], second: &[u32]) -> Vec<u32> {
+fn composed_map(first: &[u32], second: &[u32]) -> Vec<u32> {
     second.iter().map(|&inner_index| first[inner_index as usize]).collect()
 }

@@ -20,56 +20,56 @@ pub enum ModeKind {
 }
 
 /// A body as a bank.
-pub(crate) struct Body {
+pub(crate) struct BankBody {
     pub(crate) bank: BankPlan,
     /// What outputs hear of its rest position   (its n_out)
-    pub(crate) rest: Vec<f64>,
-    pub(crate) modes: usize,
-    pub(crate) computed: KeptModes,
+    pub(crate) rest_outputs: Vec<f64>,
+    pub(crate) n_modes: usize,
+    pub(crate) computed_modes: KeptModes,
     pub(crate) kind: ModeKind,
 }
 
 /// Strikes on one MAT.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct PointBlows {
+pub(crate) struct MatImpulses {
     /// Impulse of each strike [N·s].
     pub(crate) impulses: Vec<f64>,
     /// Their parts: frame, fraction of a frame after it, impulse [N·s]; by rising frame.
-    pub(crate) parts: Vec<(u64, f64, f64)>,
+    pub(crate) frame_impulses: Vec<(u64, f64, f64)>,
 }
 
 /// Strikes on each MAT.
-pub(crate) type Blows = BTreeMap<u32, PointBlows>;
+pub(crate) type ImpulsesByMat = BTreeMap<u32, MatImpulses>;
 
 /// A body by its modes.
 pub(crate) trait ModalBody {
     fn n_modes(&self) -> usize;
     /// Of a mode [Hz].
-    fn frequency(&self, mode: usize) -> f64;
+    fn frequency_hz(&self, mode: usize) -> f64;
     /// Whether anything moves or is displaced at t = 0.
     fn is_moving(&self) -> bool;
     /// The loudest modes; the others together stay below `left_out_level_max` [dB].
-    fn loudest(&self, left_out_level_max: Option<f64>) -> KeptModes;
+    fn loudest_modes(&self, left_out_level_max: Option<f64>) -> KeptModes;
     /// A bank of chosen modes, heard by outputs.
     fn bank(&self, chosen_modes: &[usize], outputs: &[u32]) -> BankPlan;
 }
 
 /// Chooses the modes that are kept.
-pub(crate) fn keep(
+pub(crate) fn audible_modes(
     body: &impl ModalBody,
-    strikes: &Blows,
+    strikes: &ImpulsesByMat,
     network: &Network,
-    mut allowed: Option<f64>,
+    mut left_out_db_max: Option<f64>,
     budget: &Budget,
     rate: Rate,
 ) -> KeptModes {
-    let mut loudest = body.loudest(allowed);
-    let Some(loudness_max) = allowed else {
+    let mut loudest = body.loudest_modes(left_out_db_max);
+    let Some(loudness_max) = left_out_db_max else {
         return loudest;
     };
     let blow_frames = strikes
         .values()
-        .flat_map(|point_blows| &point_blows.parts)
+        .flat_map(|point_blows| &point_blows.frame_impulses)
         .map(|part| part.0);
     let first_blow = blow_frames.min().filter(|_| !body.is_moving());
     let outputs: Vec<u32> = (0..network.outputs().len() as u32).collect();
@@ -80,27 +80,27 @@ pub(crate) fn keep(
     let mut total_loudness = None;
     loop {
         let is_kept_mode = |mode: &usize| loudest.modes.binary_search(mode).is_ok();
-        let is_audible = |mode: &usize| body.frequency(*mode) <= budget.highest();
+        let is_audible = |mode: &usize| body.frequency_hz(*mode) <= budget.highest_audible_hz();
         let dropped_modes: Vec<usize> = (0..body.n_modes())
             .filter(|mode| !is_kept_mode(mode) && is_audible(mode))
             .collect();
         if dropped_modes.is_empty() {
-            loudest.left_out = None;
+            loudest.left_out_db = None;
             return loudest;
         }
         let total_loudness = total_loudness.get_or_insert_with(|| loudness(&(0..body.n_modes()).collect::<Vec<_>>()));
-        let dropped_loudness = loudness(&dropped_modes).relative_to(total_loudness);
-        loudest.left_out = Some(dropped_loudness);
+        let dropped_loudness = loudness(&dropped_modes).relative_db(total_loudness);
+        loudest.left_out_db = Some(dropped_loudness);
         if dropped_loudness <= loudness_max {
             return loudest;
         }
-        allowed = allowed.map(|db| db - (dropped_loudness - loudness_max).max(QUIETER_STEP_DB));
-        loudest = body.loudest(allowed);
+        left_out_db_max = left_out_db_max.map(|db| db - (dropped_loudness - loudness_max).max(QUIETER_STEP_DB));
+        loudest = body.loudest_modes(left_out_db_max);
     }
 }
 
 /// Impulses at each struck point [N·s].
-pub(crate) fn impulses(strikes: &Blows) -> Vec<Vec<f64>> {
+pub(crate) fn impulses_by_point(strikes: &ImpulsesByMat) -> Vec<Vec<f64>> {
     strikes
         .values()
         .map(|point_blows| point_blows.impulses.clone())

@@ -1,11 +1,11 @@
 //! An island that is one linear body, struck and heard: a bank of its normal modes or, if they do not suffice, of its
 //! complex modes.
 
-use crate::assembly::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
+use crate::assembly::audible::{self, BankBody, ImpulsesByMat, ModalBody, ModeKind, impulses_by_point};
 use crate::assembly::budget::Budget;
 use crate::assembly::cells::add_weight;
 use crate::assembly::complex_body;
-use crate::assembly::solved_modes::Memo;
+use crate::assembly::solved_modes::ModeCache;
 use crate::assembly::truncate::{self, KeptModes};
 use crate::assembly::unit::BankPlan;
 use crate::bank::{Oscillator, Strikes};
@@ -22,11 +22,11 @@ pub(crate) fn bank(
     timeline: &Timeline,
     budget: &Budget,
     pinned: Option<&[u32]>,
-    memo: &Memo<'_>,
-) -> Result<Body, NoModes> {
-    let is_handled = !timeline.keys.is_empty() || !timeline.drives.is_empty();
+    mode_cache: &ModeCache<'_>,
+) -> Result<BankBody, NoModes> {
+    let is_driven = !timeline.keys.is_empty() || !timeline.drives.is_empty();
     let is_led = !timeline.glides.is_empty() || !timeline.leads.is_empty();
-    if is_handled || !timeline.ergons.is_empty() || is_led {
+    if is_driven || !timeline.ergons.is_empty() || is_led {
         return Err(NoModes::Driven);
     }
     if !timeline.gates.is_empty() {
@@ -34,36 +34,36 @@ pub(crate) fn bank(
     }
     let first_part = subset.network.mats().part.first().map(|&part| part as usize);
     let is_discrete = first_part.is_some_and(|part| subset.network.parts()[part].ca_rate.is_some());
-    let strikes = blows(timeline, |_| true, is_discrete);
-    match normal(subset, timeline, budget, pinned, &strikes, memo) {
+    let strikes = impulses_by_mat(timeline, |_| true, is_discrete);
+    match normal_modes_bank(subset, timeline, budget, pinned, &strikes, mode_cache) {
         // A takeover in a session transfers the motion of a body mass by mass, by normal modes only.
         Err(NoModes::Damping | NoModes::ForceHeard | NoModes::Slow) if !is_discrete && !timeline.is_open => {
-            complex_body::bank(subset, timeline.rate, budget, pinned, &strikes, memo)
+            complex_body::bank(subset, timeline.rate, budget, pinned, &strikes, mode_cache)
         }
         normal_result => normal_result,
     }
 }
 
 /// The bank of normal modes, which damping does not couple.
-fn normal(
+fn normal_modes_bank(
     subset: &Subset,
     timeline: &Timeline,
     budget: &Budget,
     pinned: Option<&[u32]>,
-    strikes: &Blows,
-    memo: &Memo<'_>,
-) -> Result<Body, NoModes> {
+    strikes: &ImpulsesByMat,
+    mode_cache: &ModeCache<'_>,
+) -> Result<BankBody, NoModes> {
     let (network, rate) = (&subset.network, timeline.rate);
-    let OutputSums {
-        mut rows,
-        constant_parts,
-    } = output_sums(network)?;
+    let PositionSums {
+        position_rows: mut rows,
+        constant_sums: constant_parts,
+    } = position_sums_only(network)?;
     let n_outputs = rows.len();
     rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
-    let mut body_modes = memo.modes(network, &rows, rate)?;
+    let mut body_modes = mode_cache.normal_modes(network, &rows, rate)?;
     // What a session will strike is not known: any mode may move.
-    let turned = (!timeline.is_open).then(|| strikes.keys().map(|&mat| mat as usize).collect());
-    if turned.is_some() {
+    let rotation_mats = (!timeline.is_open).then(|| strikes.keys().map(|&mat| mat as usize).collect());
+    if rotation_mats.is_some() {
         body_modes.rotate(&(n_outputs..rows.len()).collect::<Vec<_>>(), rate);
     }
     if let Some(unfit_reason) = body_modes.unfit_reason(rate) {
@@ -74,7 +74,7 @@ fn normal(
         return Err(NoModes::Slow);
     }
     let (output_shapes, struck_shapes) = body_modes.shapes.split_at(n_outputs);
-    let normal_modes = Normal {
+    let normal_modes = NormalModeBody {
         modes: &body_modes,
         output_shapes,
         struck_shapes,
@@ -86,8 +86,8 @@ fn normal(
         Some(chosen_modes) => KeptModes::pinned(chosen_modes, body_modes.len()).ok_or(NoModes::Pinned)?,
         None => {
             // What a session will strike is not known: no audible mode is left out.
-            let left_out_level_max = budget.left_out().filter(|_| !timeline.is_open);
-            audible::keep(&normal_modes, strikes, network, left_out_level_max, budget, rate)
+            let left_out_level_max = budget.left_out_db_max().filter(|_| !timeline.is_open);
+            audible::audible_modes(&normal_modes, strikes, network, left_out_level_max, budget, rate)
         }
     };
     let rest = (0..n_outputs)
@@ -100,36 +100,36 @@ fn normal(
             modal_rest + constant_parts[output]
         })
         .collect();
-    Ok(Body {
+    Ok(BankBody {
         bank: BankPlan {
-            turned,
+            rotation_mats,
             ..normal_modes.bank(&chosen_modes.modes, &subset.outputs)
         },
-        rest,
-        modes: body_modes.len(),
-        computed: chosen_modes,
+        rest_outputs: rest,
+        n_modes: body_modes.len(),
+        computed_modes: chosen_modes,
         kind: ModeKind::Normal,
     })
 }
 
 /// A body by its normal modes, where they are heard and struck.
-struct Normal<'a> {
+struct NormalModeBody<'a> {
     modes: &'a Modes,
     /// (n_out, n_modes)
     output_shapes: &'a [Vec<f64>],
     /// (n_struck, n_modes)
     struck_shapes: &'a [Vec<f64>],
-    strikes: &'a Blows,
+    strikes: &'a ImpulsesByMat,
     budget: &'a Budget,
     rate: Rate,
 }
 
-impl ModalBody for Normal<'_> {
+impl ModalBody for NormalModeBody<'_> {
     fn n_modes(&self) -> usize {
         self.modes.len()
     }
 
-    fn frequency(&self, mode: usize) -> f64 {
+    fn frequency_hz(&self, mode: usize) -> f64 {
         self.modes.frequency_and_decay(mode, self.rate).0
     }
 
@@ -138,10 +138,10 @@ impl ModalBody for Normal<'_> {
         (0..modes.len()).any(|mode| modes.x0[mode] != modes.rest[mode] || modes.v0[mode] != 0.0)
     }
 
-    fn loudest(&self, left_out_level_max: Option<f64>) -> KeptModes {
+    fn loudest_modes(&self, left_out_level_max: Option<f64>) -> KeptModes {
         let (output_shapes, struck_shapes, impulse_rows) =
-            (self.output_shapes, self.struck_shapes, impulses(self.strikes));
-        truncate::keep(
+            (self.output_shapes, self.struck_shapes, impulses_by_point(self.strikes));
+        truncate::loudest_modes(
             self.modes,
             output_shapes,
             struck_shapes,
@@ -154,7 +154,7 @@ impl ModalBody for Normal<'_> {
 
     fn bank(&self, chosen_modes: &[usize], outputs: &[u32]) -> BankPlan {
         let output_and_struck_shapes = [self.output_shapes, self.struck_shapes];
-        bank_of(
+        oscillator_bank(
             self.modes,
             chosen_modes,
             output_and_struck_shapes,
@@ -166,12 +166,12 @@ impl ModalBody for Normal<'_> {
 }
 
 /// Some of the modes as a bank.
-fn bank_of(
+fn oscillator_bank(
     modes: &Modes,
     chosen_modes: &[usize],
     [output_shapes, struck_shapes]: [&[Vec<f64>]; 2],
     outputs: &[u32],
-    strikes: &Blows,
+    strikes: &ImpulsesByMat,
     rate: Rate,
 ) -> BankPlan {
     let mut bank_plan = BankPlan::default();
@@ -205,54 +205,58 @@ fn bank_of(
             } else {
                 rate.step() * rate.step()
             },
-            blows: blows.parts.clone(),
+            blows: blows.frame_impulses.clone(),
         });
     }
     bank_plan
 }
 
-/// Strikes on each MAT that `is_ours`. In a discrete network they act on frames.
-pub(crate) fn blows(timeline: &Timeline, is_ours: impl Fn(u32) -> bool, is_discrete: bool) -> Blows {
+/// Strikes on each MAT that pass `is_body_mat`. In a discrete network they act on frames.
+pub(crate) fn impulses_by_mat(
+    timeline: &Timeline,
+    is_body_mat: impl Fn(u32) -> bool,
+    is_discrete: bool,
+) -> ImpulsesByMat {
     let instants = if is_discrete {
         Instants::Nearest
     } else {
         Instants::Exact
     };
-    let mut blows_by_mat = Blows::new();
-    for strike in timeline.strikes.iter().filter(|strike| is_ours(strike.mat)) {
+    let mut blows_by_mat = ImpulsesByMat::new();
+    for strike in timeline.strikes.iter().filter(|strike| is_body_mat(strike.mat)) {
         let mat_blows = blows_by_mat.entry(strike.mat).or_default();
         mat_blows.impulses.push(strike.impulse);
         let strike_parts = timeline.parts(strike, instants);
         mat_blows
-            .parts
+            .frame_impulses
             .extend(strike_parts.map(|part| (part.frame, part.alpha, part.impulse)));
     }
     for mat_blows in blows_by_mat.values_mut() {
-        mat_blows.parts.sort_by_key(|part| part.0);
+        mat_blows.frame_impulses.sort_by_key(|part| part.0);
     }
     blows_by_mat
 }
 
 /// What outputs sum.
-pub(crate) struct OutputSums {
+pub(crate) struct PositionSums {
     /// Positions, by output.
-    pub(crate) rows: Vec<Row>,
+    pub(crate) position_rows: Vec<Row>,
     /// The constant part of each output, from points that never move.
-    pub(crate) constant_parts: Vec<f64>,
+    pub(crate) constant_sums: Vec<f64>,
 }
 
 /// What each output of a body sums; refused if one hears a force.
-pub(crate) fn output_sums(network: &Network) -> Result<OutputSums, NoModes> {
+pub(crate) fn position_sums_only(network: &Network) -> Result<PositionSums, NoModes> {
     let mut output_terms = network.outputs().iter().flat_map(|output| &output.terms);
     let hears_force = output_terms.any(|term| !matches!(term, Term::Position { .. }));
     if hears_force {
         return Err(NoModes::ForceHeard);
     }
-    position_sums(network)
+    position_and_spring_sums(network)
 }
 
 /// The same, with forces of undamped springs as sums of positions; refused if an output hears another force.
-pub(crate) fn position_sums(network: &Network) -> Result<OutputSums, NoModes> {
+pub(crate) fn position_and_spring_sums(network: &Network) -> Result<PositionSums, NoModes> {
     let mats = network.mats();
     let (mut rows, mut constant_parts) = (Vec::new(), Vec::new());
     for output in network.outputs() {
@@ -285,5 +289,8 @@ pub(crate) fn position_sums(network: &Network) -> Result<OutputSums, NoModes> {
         rows.push(output_row);
         constant_parts.push(static_sum + rest_forces);
     }
-    Ok(OutputSums { rows, constant_parts })
+    Ok(PositionSums {
+        position_rows: rows,
+        constant_sums: constant_parts,
+    })
 }

@@ -1,6 +1,6 @@
 //! How exact a plan has to be, or which method it has to use.
 
-use crate::assembly::constants::{BUDGET_SHARE_DB, INAUDIBLE_ERROR_DB, LEFT_OUT_LEVEL_MAX, PITCH_HERTZ_MAX};
+use crate::assembly::constants::{BUDGET_SHARE_DB, INAUDIBLE_ERROR_DB, LEFT_OUT_DB_MAX, PITCH_HERTZ_MAX};
 use crate::hearing::{Audible, HIGHEST_AUDIBLE, JUST_NOTICEABLE};
 use crate::integrate::MeshMethod;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
@@ -44,7 +44,7 @@ pub enum Budget {
         /// Largest error [cents].
         cents: f64,
         /// Up to this frequency [Hz].
-        upto: f64,
+        frequency_hz_max: f64,
     },
 }
 
@@ -54,14 +54,14 @@ impl Default for Budget {
     fn default() -> Self {
         Self::Cents {
             cents: JUST_NOTICEABLE[0],
-            upto: PITCH_HERTZ_MAX,
+            frequency_hz_max: PITCH_HERTZ_MAX,
         }
     }
 }
 
 impl Budget {
     /// Whether linear bodies are computed by their modes.
-    pub(crate) fn takes_modes(&self) -> bool {
+    pub(crate) fn allows_modes(&self) -> bool {
         match self {
             Self::Method(method) => *method == Method::Modal,
             Self::Error(_) | Self::Cents { .. } => true,
@@ -69,7 +69,7 @@ impl Budget {
     }
 
     /// Whether meshes may be computed by another method than CA.
-    pub(crate) fn takes_meshes(&self) -> bool {
+    pub(crate) fn allows_mesh_methods(&self) -> bool {
         match self {
             Self::Method(method) => method.mesh_method().is_some(),
             Self::Error(_) | Self::Cents { .. } => true,
@@ -77,16 +77,16 @@ impl Budget {
     }
 
     /// How loud all left-out modes may be together [dB]; `None`: none is left out.
-    pub(crate) fn left_out(&self) -> Option<f64> {
+    pub(crate) fn left_out_db_max(&self) -> Option<f64> {
         match *self {
             Self::Method(_) => None,
             Self::Error(db) => Some(db + BUDGET_SHARE_DB),
-            Self::Cents { .. } => Some(LEFT_OUT_LEVEL_MAX),
+            Self::Cents { .. } => Some(LEFT_OUT_DB_MAX),
         }
     }
 
     /// Largest error that contacts may have [dB].
-    pub(crate) fn contact(&self) -> f64 {
+    pub(crate) fn contact_error_db_max(&self) -> f64 {
         match *self {
             Self::Method(_) => f64::INFINITY,
             Self::Error(db) => db + BUDGET_SHARE_DB,
@@ -96,7 +96,7 @@ impl Budget {
 
     /// The error of the waveform that is asked for; if the budget is not one of the waveform, the accuracy of contacts
     /// [dB].
-    pub(crate) fn asked(&self) -> f64 {
+    pub(crate) fn waveform_error_db(&self) -> f64 {
         match *self {
             Self::Error(db) => db,
             Self::Cents { .. } | Self::Method(_) => INAUDIBLE_ERROR_DB,
@@ -120,7 +120,7 @@ impl Budget {
     }
 
     /// Modes above this are left out [Hz].
-    pub(crate) fn highest(&self) -> f64 {
+    pub(crate) fn highest_audible_hz(&self) -> f64 {
         match *self {
             Self::Cents { .. } => HIGHEST_AUDIBLE,
             Self::Method(_) | Self::Error(_) => f64::INFINITY,
@@ -128,7 +128,7 @@ impl Budget {
     }
 
     /// The largest audible error, as a multiple of what a budget of pitch allows; 0 for any other budget.
-    pub(crate) fn excess(&self, audible: &Audible) -> f64 {
+    pub(crate) fn excess_ratio(&self, audible: &Audible) -> f64 {
         match *self {
             Self::Cents { cents, .. } => audible.worst_excess() * JUST_NOTICEABLE[0] / cents,
             Self::Error(_) | Self::Method(_) => 0.0,

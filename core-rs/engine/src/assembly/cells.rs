@@ -15,22 +15,22 @@ use crate::units::Rate;
 use crate::units::frame;
 
 /// Most oscillators of one bank: enough to fill vectors, few enough to distribute banks over threads.
-const BANK_MAX: usize = 2_048;
+const BANK_OSCILLATORS_MAX: usize = 2_048;
 /// Memory is given back each time this many oscillators have been moved into banks.
 const SHRINK_EVERY: usize = 1 << 16;
 /// A part with at least this many CELs has banks of its own, so that its sound does not depend on other parts, bit for
 /// bit. Smaller parts share banks: a few CELs would leave most of a vector empty.
-const PART_MIN: usize = 256;
+const SEPARATE_BANK_CELLS_MIN: usize = 256;
 
 /// Whether an island is a single CEL or MAS that no link, hand or path touches. A CEL so slow that a two-term
 /// recurrence would round its pitch does not count.
-pub(crate) fn is_loose(network: &Network, island: &IslandMembers, rate: Rate) -> bool {
+pub(crate) fn is_uncoupled_cell(network: &Network, island: &IslandMembers, rate: Rate) -> bool {
     let &[mat] = &island.mats[..] else {
         return false;
     };
     let (mats, mat) = (network.mats(), mat as usize);
-    let is_weighed = mats.weight_of(mat) != 0.0;
-    if !island.links.is_empty() || island.is_handled || is_weighed || !mats.kind[mat].moves() {
+    let has_weight = mats.weight_of(mat) != 0.0;
+    if !island.links.is_empty() || island.is_driven || has_weight || !mats.kind[mat].moves() {
         return false;
     }
     if mats.kind[mat] == MatKind::Mas {
@@ -47,20 +47,24 @@ pub(crate) fn is_loose(network: &Network, island: &IslandMembers, rate: Rate) ->
     is_stable && kappa >= ANGLE_MIN * ANGLE_MIN
 }
 
-/// Makes banks of a network of isolated CELs, and adds what outputs hear of their rest positions to `still`.
-pub(crate) fn oscillators(subset: &Subset, timeline: &Timeline, still: &mut [f64]) -> Result<Vec<BankPlan>, Error> {
+/// Makes banks of a network of isolated CELs, and adds what outputs hear of their rest positions to `output_offsets`.
+pub(crate) fn oscillator_banks(
+    subset: &Subset,
+    timeline: &Timeline,
+    output_offsets: &mut [f64],
+) -> Result<Vec<BankPlan>, Error> {
     let network = &subset.network;
     let (mats, rate) = (network.mats(), timeline.rate);
     let scheme = Scheme::new(network, rate)?;
     let steps_before = backward_steps(network, timeline, &scheme, &mats.x0, &[], &|_| true);
     let mut cell_oscillators: Vec<Oscillator> = (0..network.n_mat())
         .map(|i| {
-            let now = mats.x0[i] - mats.rest[i];
+            let offset = mats.x0[i] - mats.rest[i];
             Oscillator {
                 a: 2.0 - scheme.kappa[i] - scheme.zeta[i],
                 b: 1.0 - scheme.zeta[i],
-                now,
-                before: now - steps_before[i],
+                now: offset,
+                before: offset - steps_before[i],
                 outputs: Vec::new(),
                 blows: Vec::new(),
             }
@@ -77,7 +81,7 @@ pub(crate) fn oscillators(subset: &Subset, timeline: &Timeline, still: &mut [f64
                 let cell = &mut cell_oscillators[i];
                 let weight = weight * if is_force { mats.k[i] } else { 1.0 };
                 if !is_force {
-                    still[index as usize] += weight * mats.rest[i];
+                    output_offsets[index as usize] += weight * mats.rest[i];
                 }
                 add_weight(&mut cell.outputs, index, weight);
             }
@@ -119,8 +123,9 @@ pub(crate) fn oscillators(subset: &Subset, timeline: &Timeline, still: &mut [f64
             continue;
         }
         oscillator.blows.sort_by_key(|blow| blow.frame);
-        let part = Some(mats.part[i]).filter(|part| part_sizes[part] >= PART_MIN);
-        let has_room = |last_bank: &BankPlan| last_bank.part == part && last_bank.mats.len() < BANK_MAX;
+        let part = Some(mats.part[i]).filter(|part| part_sizes[part] >= SEPARATE_BANK_CELLS_MIN);
+        let has_room =
+            |last_bank: &BankPlan| last_bank.part == part && last_bank.mats_and_rests.len() < BANK_OSCILLATORS_MAX;
         if !cell_banks.last().is_some_and(has_room) {
             cell_banks.push(BankPlan {
                 part,
@@ -129,7 +134,7 @@ pub(crate) fn oscillators(subset: &Subset, timeline: &Timeline, still: &mut [f64
             });
         }
         if let Some(last_bank) = cell_banks.last_mut() {
-            last_bank.mats.push((subset.mats[i], mats.rest[i]));
+            last_bank.mats_and_rests.push((subset.mats[i], mats.rest[i]));
             last_bank.oscillators.push(oscillator);
         }
     }

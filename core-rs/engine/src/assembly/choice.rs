@@ -10,7 +10,7 @@ use crate::network::Error;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Choice {
     /// Number of modules of the island, to detect a plan of another score.
-    pub(crate) modules: usize,
+    pub(crate) n_modules: usize,
     /// How it is computed.
     pub(crate) method: IslandMethod,
 }
@@ -69,7 +69,7 @@ pub(crate) struct MeshChoice {
 pub type ChoiceNumbers = (usize, u32, usize, Vec<Vec<u32>>, Option<u32>, u32);
 
 /// The first number of a body, which says what the others are.
-mod kind {
+mod body_kind {
     pub(super) const MODES: u32 = 0;
     pub(super) const MESH: u32 = 1;
     pub(super) const SLOW: u32 = 2;
@@ -82,12 +82,19 @@ impl Choice {
         match &self.method {
             IslandMethod::Bank(modes) => {
                 let contact_order = ContactOrder::default().number();
-                (self.modules, 1, 1, vec![tagged(kind::BANK, modes)], None, contact_order)
+                (
+                    self.n_modules,
+                    1,
+                    1,
+                    vec![with_kind(body_kind::BANK, modes)],
+                    None,
+                    contact_order,
+                )
             }
             IslandMethod::Stepped(stepped) => {
                 let body_numbers = stepped.bodies.iter().map(BodyChoice::numbers).collect();
                 (
-                    self.modules,
+                    self.n_modules,
                     stepped.oversampling,
                     stepped.contact_substeps,
                     body_numbers,
@@ -106,7 +113,7 @@ impl Choice {
         (modules, oversampling, contact_substeps, bodies, counted_cost, contact_order): ChoiceNumbers,
     ) -> Result<Self, Error> {
         let method = match &bodies[..] {
-            [body] if body.first() == Some(&kind::BANK) => IslandMethod::Bank(body[1..].to_vec()),
+            [body] if body.first() == Some(&body_kind::BANK) => IslandMethod::Bank(body[1..].to_vec()),
             bodies => IslandMethod::Stepped(SteppedChoice {
                 oversampling: oversampling.max(1),
                 contact_substeps: contact_substeps.max(1),
@@ -115,7 +122,10 @@ impl Choice {
                 bodies: BodyChoice::all_from_numbers(bodies).ok_or_else(wrong_plan_error)?,
             }),
         };
-        Ok(Self { modules, method })
+        Ok(Self {
+            n_modules: modules,
+            method,
+        })
     }
 }
 
@@ -123,9 +133,9 @@ impl BodyChoice {
     /// The choice as numbers; the first says what the others are.
     pub(crate) fn numbers(&self) -> Vec<u32> {
         match self {
-            Self::Modes(modes) => tagged(kind::MODES, modes),
+            Self::Modes(modes) => with_kind(body_kind::MODES, modes),
             Self::Mesh(mesh) => vec![
-                kind::MESH,
+                body_kind::MESH,
                 MeshMethod::ALL
                     .iter()
                     .position(|&method| method == mesh.method)
@@ -133,7 +143,7 @@ impl BodyChoice {
                 mesh.substeps,
                 u32::from(mesh.replaces_modes),
             ],
-            Self::Slow { macrostep } => vec![kind::SLOW, *macrostep],
+            Self::Slow { macrostep } => vec![body_kind::SLOW, *macrostep],
         }
     }
 
@@ -144,43 +154,45 @@ impl BodyChoice {
 
     fn from_numbers(numbers: &[u32]) -> Option<Self> {
         match *numbers {
-            [kind::MODES, ref modes @ ..] => Some(Self::Modes(modes.to_vec())),
-            [kind::MESH, method, substeps @ 1..=u32::MAX, replaces_modes @ 0..=1] => Some(Self::Mesh(MeshChoice {
-                method: *MeshMethod::ALL.get(method as usize)?,
-                substeps,
-                replaces_modes: replaces_modes == 1,
-            })),
-            [kind::SLOW, macrostep @ 1..=u32::MAX] => Some(Self::Slow { macrostep }),
+            [body_kind::MODES, ref modes @ ..] => Some(Self::Modes(modes.to_vec())),
+            [body_kind::MESH, method, substeps @ 1..=u32::MAX, replaces_modes @ 0..=1] => {
+                Some(Self::Mesh(MeshChoice {
+                    method: *MeshMethod::ALL.get(method as usize)?,
+                    substeps,
+                    replaces_modes: replaces_modes == 1,
+                }))
+            }
+            [body_kind::SLOW, macrostep @ 1..=u32::MAX] => Some(Self::Slow { macrostep }),
             _ => None,
         }
     }
 }
 
-fn tagged(kind: u32, modes: &[u32]) -> Vec<u32> {
+fn with_kind(kind: u32, modes: &[u32]) -> Vec<u32> {
     [&[kind], modes].concat()
 }
 
 /// Decisions that were made before, if any.
-pub(crate) struct Pins(Option<VecDeque<Choice>>);
+pub(crate) struct PinnedChoices(Option<VecDeque<Choice>>);
 
-impl Pins {
+impl PinnedChoices {
     pub(crate) fn new(pins: Option<Vec<Choice>>) -> Self {
         Self(pins.map(VecDeque::from))
     }
 
     /// What was decided for the next island.
-    pub(crate) fn next(&mut self, modules: usize) -> Result<Option<Choice>, Error> {
+    pub(crate) fn next_for_island(&mut self, modules: usize) -> Result<Option<Choice>, Error> {
         let Some(pin_queue) = &mut self.0 else {
             return Ok(None);
         };
         match pin_queue.pop_front() {
-            Some(choice) if choice.modules == modules => Ok(Some(choice)),
+            Some(choice) if choice.n_modules == modules => Ok(Some(choice)),
             _ => Err(wrong_plan_error()),
         }
     }
 
     /// Checks that no decisions are left over.
-    pub(crate) fn end(&self) -> Result<(), Error> {
+    pub(crate) fn check_all_used(&self) -> Result<(), Error> {
         match &self.0 {
             Some(unused_choices) if !unused_choices.is_empty() => Err(wrong_plan_error()),
             _ => Ok(()),
@@ -226,7 +238,7 @@ mod tests {
         ];
         let bank_methods = [vec![0, 2, 9], Vec::new()].map(IslandMethod::Bank);
         for method in bodies.map(stepped).into_iter().chain(bank_methods) {
-            let choice = Choice { modules: 7, method };
+            let choice = Choice { n_modules: 7, method };
             assert_eq!(Choice::from_numbers(choice.numbers()).unwrap(), choice);
         }
     }

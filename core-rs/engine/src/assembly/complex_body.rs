@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::assembly::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
+use crate::assembly::audible::{self, BankBody, ImpulsesByMat, ModalBody, ModeKind, impulses_by_point};
 use crate::assembly::budget::Budget;
 use crate::assembly::cells::add_weight;
-use crate::assembly::constants::{ENERGY_SPAN, TRUNCATED_COST_RATIO_MAX};
-use crate::assembly::solved_modes::Memo;
+use crate::assembly::constants::{ENERGY_SECONDS, TRUNCATED_COST_RATIO_MAX};
+use crate::assembly::solved_modes::ModeCache;
 use crate::assembly::truncate::{self, KeptModes};
 use crate::assembly::unit::BankPlan;
 use crate::bank::{Oscillator, Strikes};
@@ -25,14 +25,14 @@ pub(crate) fn bank(
     rate: Rate,
     budget: &Budget,
     pinned: Option<&[u32]>,
-    strikes: &Blows,
-    memo: &Memo<'_>,
-) -> Result<Body, NoModes> {
+    strikes: &ImpulsesByMat,
+    mode_cache: &ModeCache<'_>,
+) -> Result<BankBody, NoModes> {
     let network = &subset.network;
-    let (sum_rows, static_sums) = output_sums(network);
+    let (sum_rows, static_sums) = motion_sums(network);
     let struck_mats: Vec<usize> = strikes.keys().map(|&mat| mat as usize).collect();
-    let body_modes = memo.complex(network, &sum_rows, &struck_mats, rate)?;
-    let complex = Complex {
+    let body_modes = mode_cache.complex_modes(network, &sum_rows, &struck_mats, rate)?;
+    let complex = ComplexModeBody {
         modes: &body_modes,
         strikes,
         budget,
@@ -41,26 +41,26 @@ pub(crate) fn bank(
     let chosen_modes = match pinned {
         Some(chosen_modes) => KeptModes::pinned(chosen_modes, body_modes.len()).ok_or(NoModes::Pinned)?,
         None => {
-            let allowed = budget.left_out();
-            let chosen_modes = audible::keep(&complex, strikes, network, allowed, budget, rate);
-            complex.or_all(chosen_modes)
+            let allowed = budget.left_out_db_max();
+            let chosen_modes = audible::audible_modes(&complex, strikes, network, allowed, budget, rate);
+            complex.or_all_if_cheap(chosen_modes)
         }
     };
     let mut bank = complex.bank(&chosen_modes.modes, &subset.outputs);
-    let places = places(&parts(&body_modes, &chosen_modes.modes, rate));
+    let places = sequence_places(&audible_sequences(&body_modes, &chosen_modes.modes, rate));
     bank.complex = Some((Arc::new(network.clone()), places));
-    Ok(Body {
+    Ok(BankBody {
         bank,
-        rest: body_modes.rest.iter().zip(static_sums).map(|(a, b)| a + b).collect(),
-        modes: body_modes.len(),
-        computed: chosen_modes,
+        rest_outputs: body_modes.rest.iter().zip(static_sums).map(|(a, b)| a + b).collect(),
+        n_modes: body_modes.len(),
+        computed_modes: chosen_modes,
         kind: ModeKind::Complex,
     })
 }
 
 /// What each output sums of positions and velocities, and its constant part from fixed points and the rest lengths of
 /// links.
-fn output_sums(network: &Network) -> (Vec<Sum>, Vec<f64>) {
+fn motion_sums(network: &Network) -> (Vec<Sum>, Vec<f64>) {
     let mats = network.mats();
     let (mut sum_rows, mut static_sums) = (Vec::new(), Vec::new());
     for output in network.outputs() {
@@ -104,18 +104,18 @@ fn output_sums(network: &Network) -> (Vec<Sum>, Vec<f64>) {
 }
 
 /// A body by its complex modes, where they are heard and struck.
-struct Complex<'a> {
+struct ComplexModeBody<'a> {
     modes: &'a ComplexModes,
-    strikes: &'a Blows,
+    strikes: &'a ImpulsesByMat,
     budget: &'a Budget,
     rate: Rate,
 }
 
 /// A real sequence of a mode with a recurrence of its own: its real or its imaginary part.
-pub(crate) struct Part {
+pub(crate) struct ModeSequence {
     pub(crate) mode: usize,
     /// Index of the part, in the mode's number and in what an output sees of it.
-    pub(crate) part: usize,
+    pub(crate) component: usize,
     /// Sign of the part in what an output hears.
     pub(crate) sign: f64,
     /// a and b of x[n+1] = a·x[n] − b·x[n−1]
@@ -126,12 +126,12 @@ pub(crate) struct Part {
 }
 
 /// The parts of a mode.
-fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
+fn sequences_of_mode(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<ModeSequence> {
     let [x, y] = modes.start[mode];
     let time_step = rate.step();
-    let new_part = |recurrence, [now, before]: [f64; 2], part, sign| Part {
+    let new_part = |recurrence, [now, before]: [f64; 2], part, sign| ModeSequence {
         mode,
-        part,
+        component: part,
         sign,
         recurrence,
         now,
@@ -165,21 +165,28 @@ fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
 }
 
 /// The parts of some modes that outputs see.
-pub(crate) fn parts(modes: &ComplexModes, mode_indices: &[usize], rate: Rate) -> Vec<Part> {
-    let all_parts = mode_indices.iter().flat_map(|&mode| parts_of(modes, mode, rate));
-    let is_part_seen = |part: &Part| modes.output_shapes.iter().any(|row| row[part.mode][part.part] != 0.0);
+pub(crate) fn audible_sequences(modes: &ComplexModes, mode_indices: &[usize], rate: Rate) -> Vec<ModeSequence> {
+    let all_parts = mode_indices
+        .iter()
+        .flat_map(|&mode| sequences_of_mode(modes, mode, rate));
+    let is_part_seen = |part: &ModeSequence| {
+        modes
+            .output_shapes
+            .iter()
+            .any(|row| row[part.mode][part.component] != 0.0)
+    };
     all_parts.filter(is_part_seen).collect()
 }
 
 /// The response of a part to an impulse at a point.
-pub(crate) fn response(modes: &ComplexModes, part: &Part, point: usize) -> Response {
+pub(crate) fn impulse_response(modes: &ComplexModes, part: &ModeSequence, point: usize) -> Response {
     let mode_gain = modes.struck_shapes[point][part.mode];
     match modes.poles[part.mode] {
         // Im z = Re(−i·z).
         Pole::Pair { decay, omega } => Response::Pair {
             decay,
             omega,
-            gain: if part.part == 0 {
+            gain: if part.component == 0 {
                 mode_gain
             } else {
                 [mode_gain[1], -mode_gain[0]]
@@ -189,7 +196,7 @@ pub(crate) fn response(modes: &ComplexModes, part: &Part, point: usize) -> Respo
             decay,
             gain: mode_gain[0],
         },
-        Pole::Free if part.part == 0 => Response::Free { gain: mode_gain[1] },
+        Pole::Free if part.component == 0 => Response::Free { gain: mode_gain[1] },
         Pole::Free => Response::Real {
             decay: 0.0,
             gain: mode_gain[1],
@@ -198,20 +205,20 @@ pub(crate) fn response(modes: &ComplexModes, part: &Part, point: usize) -> Respo
 }
 
 /// Which parts of which modes the oscillators are.
-pub(crate) fn places(all_parts: &[Part]) -> Vec<ComplexPart> {
-    let place_of_part = |part: &Part| ComplexPart {
+pub(crate) fn sequence_places(all_parts: &[ModeSequence]) -> Vec<ComplexPart> {
+    let place_of_part = |part: &ModeSequence| ComplexPart {
         mode: part.mode,
-        part: part.part,
+        part: part.component,
         sign: part.sign,
     };
     all_parts.iter().map(place_of_part).collect()
 }
 
-impl Complex<'_> {
+impl ComplexModeBody<'_> {
     /// All modes, unless those that were kept are cheaper by enough.
-    fn or_all(&self, modes_kept: KeptModes) -> KeptModes {
+    fn or_all_if_cheap(&self, modes_kept: KeptModes) -> KeptModes {
         let all_modes: Vec<usize> = (0..self.modes.len()).collect();
-        let bank_cost = |mode_indices: &[usize]| parts(self.modes, mode_indices, self.rate).len() as f64;
+        let bank_cost = |mode_indices: &[usize]| audible_sequences(self.modes, mode_indices, self.rate).len() as f64;
         // A group of lanes costs the same whether it is full or not.
         if bank_cost(&all_modes) > LANES as f64
             && bank_cost(&modes_kept.modes) <= TRUNCATED_COST_RATIO_MAX * bank_cost(&all_modes)
@@ -220,17 +227,17 @@ impl Complex<'_> {
         }
         KeptModes {
             modes: all_modes,
-            left_out: None,
+            left_out_db: None,
         }
     }
 }
 
-impl ModalBody for Complex<'_> {
+impl ModalBody for ComplexModeBody<'_> {
     fn n_modes(&self) -> usize {
         self.modes.len()
     }
 
-    fn frequency(&self, mode: usize) -> f64 {
+    fn frequency_hz(&self, mode: usize) -> f64 {
         self.modes.frequency_and_decay(mode).0
     }
 
@@ -238,9 +245,9 @@ impl ModalBody for Complex<'_> {
         self.modes.start.iter().flatten().any(|x| *x != 0.0)
     }
 
-    fn loudest(&self, allowed: Option<f64>) -> KeptModes {
+    fn loudest_modes(&self, allowed: Option<f64>) -> KeptModes {
         let body_modes = self.modes;
-        let point_impulses = impulses(self.strikes);
+        let point_impulses = impulses_by_point(self.strikes);
         let squared_norm = |[re, im]: [f64; 2]| re * re + im * im;
         let mode_energy = |mode: usize| {
             let blow_energies =
@@ -253,10 +260,10 @@ impl ModalBody for Complex<'_> {
                     });
             let (_, decay) = body_modes.frequency_and_decay(mode);
             // ∫ e^(−2σt) over the first moments.
-            let decay_integral = if decay * ENERGY_SPAN > 1e-9 {
-                -expm1(-2.0 * decay * ENERGY_SPAN) / (2.0 * decay)
+            let decay_integral = if decay * ENERGY_SECONDS > 1e-9 {
+                -expm1(-2.0 * decay * ENERGY_SECONDS) / (2.0 * decay)
             } else {
-                ENERGY_SPAN
+                ENERGY_SECONDS
             };
             (squared_norm(body_modes.start[mode]) + blow_energies.sum::<f64>()) * decay_integral
         };
@@ -265,7 +272,7 @@ impl ModalBody for Complex<'_> {
         let seen_rows: Vec<Vec<f64>> = body_modes.output_shapes.iter().map(row_norms).collect();
         let seen_rows: Vec<&[f64]> = seen_rows.iter().map(Vec::as_slice).collect();
         let frequency = |mode: usize| body_modes.frequency_and_decay(mode).0;
-        let mut loudest = truncate::choose(&[energies], &seen_rows, allowed, self.budget, frequency);
+        let mut loudest = truncate::loudest_by_energy(&[energies], &seen_rows, allowed, self.budget, frequency);
         // Rigid motion stays, however quiet it is.
         let is_free_mode = |mode: &usize| body_modes.poles[*mode] == Pole::Free;
         loudest.modes.extend((0..body_modes.len()).filter(is_free_mode));
@@ -277,11 +284,11 @@ impl ModalBody for Complex<'_> {
     fn bank(&self, mode_indices: &[usize], outputs: &[u32]) -> BankPlan {
         let body_modes = self.modes;
         let mut bank_plan = BankPlan::default();
-        let all_parts = parts(body_modes, mode_indices, self.rate);
+        let all_parts = audible_sequences(body_modes, mode_indices, self.rate);
         for part in &all_parts {
             let mut weights = Vec::new();
             for (row, &output) in body_modes.output_shapes.iter().zip(outputs) {
-                add_weight(&mut weights, output, part.sign * row[part.mode][part.part]);
+                add_weight(&mut weights, output, part.sign * row[part.mode][part.component]);
             }
             let (a, b) = part.recurrence;
             bank_plan.oscillators.push(Oscillator {
@@ -296,10 +303,13 @@ impl ModalBody for Complex<'_> {
         for (point, blows) in self.strikes.values().enumerate() {
             bank_plan.strikes.push(Strikes {
                 among: 0..all_parts.len(),
-                responses: all_parts.iter().map(|part| response(body_modes, part, point)).collect(),
+                responses: all_parts
+                    .iter()
+                    .map(|part| impulse_response(body_modes, part, point))
+                    .collect(),
                 share: vec![1.0; all_parts.len()],
                 w: self.rate.step() * self.rate.step(),
-                blows: blows.parts.clone(),
+                blows: blows.frame_impulses.clone(),
             });
         }
         bank_plan

@@ -11,7 +11,7 @@ use crate::island::slow;
 pub const PITCH_HERTZ_MAX: f64 = 5_000.0;
 /// Loudness of all left-out partials together, relative to the sound, if the budget is one of pitch [dB]: masked by the
 /// rest, and below the noise of a 16-bit file at any usual level.
-pub(crate) const LEFT_OUT_LEVEL_MAX: f64 = -80.0;
+pub(crate) const LEFT_OUT_DB_MAX: f64 = -80.0;
 /// Accuracy of contacts, and of all whose audible error is not known, if the budget is one of pitch [dB]. A reference
 /// that is surer than this is not chaotic.
 pub const INAUDIBLE_ERROR_DB: f64 = -60.0;
@@ -33,12 +33,12 @@ pub(crate) const SUBSTEPS_MAX: usize = 64;
 
 // Slow parts and their stability.
 /// Largest turn of a mode between two kicks [rad]; above it the kicks do not resolve the mode.
-pub(crate) const TURN_MAX: f64 = 0.9 * PI;
+pub(crate) const KICK_TURN_RADIANS_MAX: f64 = 0.9 * PI;
 /// Most masses of a body: with more, dense products are hardly cheaper than stepping, and computing the flow takes
 /// seconds.
 pub(crate) const FLOW_MASSES_MAX: usize = slow::MASSES_MAX;
 /// Largest state of which all eigenvalues are computed.
-pub(crate) const DENSE_MAX: usize = 240;
+pub(crate) const DENSE_STATE_MAX: usize = 240;
 /// Tolerance for eigenvalues on the unit circle: rounding moves them off it, and double ones (a free mass) by the root
 /// of that.
 pub(crate) const UNIT_CIRCLE_TOLERANCE: f64 = 3e-7;
@@ -54,19 +54,19 @@ pub(crate) const COMMON_FRAMES_MAX: u64 = 20_000;
 pub(crate) const MODAL_MASSES_MIN: usize = 4;
 /// Ports that a body may have, however few its masses: contacts at all of them cost less by modes than with a mesh
 /// stepped as finely (60 on 100 masses: a fifth).
-pub(crate) const PORTS_ANY: usize = 64;
+pub(crate) const PORTS_ALWAYS_ALLOWED: usize = 64;
 /// A body with more ports goes by modes only if at most one in this many masses is a port (200 on 400 masses took 14
 /// times as long as the mesh).
 pub(crate) const MASSES_PER_PORT: usize = 4;
 /// Largest cost of a body by complex modes, as a multiple of stepping it: complex modes are exact, which no stepping at
 /// that multiple of the rate is.
-pub(crate) const COST_RATIO_MAX: f64 = 2.0;
+pub(crate) const COMPLEX_COST_RATIO_MAX: f64 = 2.0;
 /// Most ties of a body that may be stepped beside its modes: for a body that hangs in a few places.
-pub(crate) const TIES_MAX: usize = 8;
+pub(crate) const STEPPED_TIES_MAX: usize = 8;
 /// Modes are left out only if those kept cost at most this part of all: with all modes there is no error.
 pub(crate) const TRUNCATED_COST_RATIO_MAX: f64 = 0.5;
 /// Time over which energies are compared [s]: at the beginning, where high modes, which fade first, count most.
-pub(crate) const ENERGY_SPAN: f64 = 0.1;
+pub(crate) const ENERGY_SECONDS: f64 = 0.1;
 /// Least reduction of the permitted loudness of left-out modes after a failed attempt [dB].
 pub(crate) const QUIETER_STEP_DB: f64 = 2.0;
 
@@ -81,4 +81,4 @@ pub(crate) const LAW_INSTANTS: f64 = 12.0;
 pub(crate) const LAW_ROUNDS: f64 = 3.0;
 /// The share of the possible parts of a frame that are computed on average (a rope that is stretched 800 times a
 /// second).
-pub(crate) const LAW_PARTS: f64 = 0.25;
+pub(crate) const LAW_PARTS_SHARE: f64 = 0.25;

@@ -1,9 +1,9 @@
 //! The cost of a plan: amounts of work, multiplied by a table that ships as data.
 
-use crate::assembly::constants::{LAW_INSTANTS, LAW_PARTS, LAW_ROUNDS};
+use crate::assembly::constants::{LAW_INSTANTS, LAW_PARTS_SHARE, LAW_ROUNDS};
 use crate::assembly::cost_table::Costs;
 use crate::assembly::mesh::LADDER;
-use crate::assembly::unit::{BankPlan, IslandPlan, Unit};
+use crate::assembly::unit::{BankPlan, ComputationUnit, IslandPlan};
 use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::island::mesh::Mesh;
@@ -15,34 +15,34 @@ use crate::timeline::Timeline;
 
 impl IslandPlan {
     /// Nanoseconds a frame, by the table of costs.
-    pub(crate) fn cost(&self) -> f64 {
-        let body_costs = self.bodies.iter().map(body_cost);
-        f64::from(self.oversampling) * (self.hub_cost() + body_costs.sum::<f64>()) / f64::from(self.every)
+    pub(crate) fn frame_ns(&self) -> f64 {
+        let body_costs = self.bodies.iter().map(body_ns);
+        f64::from(self.oversampling) * (self.hub_step_ns() + body_costs.sum::<f64>()) / f64::from(self.frame_interval)
     }
 
     /// Cost of all but its bodies [ns a step].
-    pub(crate) fn hub_cost(&self) -> f64 {
+    pub(crate) fn hub_step_ns(&self) -> f64 {
         let by_motion = match self.counted_cost {
             Some(ns) => f64::from(ns) / f64::from(self.oversampling),
-            None => laws_cost(self),
+            None => fine_laws_ns(self),
         };
-        stepped_cost(&self.network, &self.timeline) + by_motion
+        stepped_ns(&self.network, &self.timeline) + by_motion
     }
 }
 
-impl Unit {
+impl ComputationUnit {
     /// Nanoseconds a frame, by the table of costs.
     pub(crate) fn cost(&self) -> f64 {
         match self {
-            Self::IslandPlan(island_plan) => island_plan.cost(),
-            Self::Bank(bank) => bank_cost(bank),
+            Self::IslandPlan(island_plan) => island_plan.frame_ns(),
+            Self::Bank(bank) => bank_ns(bank),
         }
     }
 }
 
 /// Cost of the modules that are stepped [ns a frame].
-pub(crate) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
-    let total_cost = modules_cost(network);
+pub(crate) fn stepped_ns(network: &Network, timeline: &Timeline) -> f64 {
+    let total_cost = modules_ns(network);
     if timeline.gestures.is_empty() {
         return total_cost;
     }
@@ -50,7 +50,7 @@ pub(crate) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
 }
 
 /// Cost of modules that are stepped, without hands [ns a frame].
-fn modules_cost(network: &Network) -> f64 {
+fn modules_ns(network: &Network) -> f64 {
     let mut total_cost = Costs::nanoseconds("frame") + network.n_moving() as f64 * Costs::nanoseconds("mat");
     for run in network.runs() {
         let link_cost = match &run.kind {
@@ -67,7 +67,7 @@ fn modules_cost(network: &Network) -> f64 {
                 total_cost += pairs.n_first as f64 * Costs::nanoseconds("pairwise") * friction_factor(pairs);
                 Costs::nanoseconds("pairwise") * friction_factor(pairs)
             }
-            LinkKind::Pairwise(pairs) => pairs.n_first as f64 * wall_cost(pairs) * friction_factor(pairs),
+            LinkKind::Pairwise(pairs) => pairs.n_first as f64 * wall_point_ns(pairs) * friction_factor(pairs),
             LinkKind::Ref if run.len > 1 => Costs::nanoseconds("link"),
             LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
                 Costs::nanoseconds("expression")
@@ -85,7 +85,7 @@ fn modules_cost(network: &Network) -> f64 {
 }
 
 /// Cost of a wall for each point [ns]; for a surface as if all points lay on it.
-fn wall_cost(pairs: &Pairwise) -> f64 {
+fn wall_point_ns(pairs: &Pairwise) -> f64 {
     match &pairs.link.measure {
         Measure::Surface(facets) => {
             Costs::nanoseconds("surface") + facets.crowding() * Costs::nanoseconds("surface_triangle")
@@ -100,7 +100,7 @@ fn friction_factor(pairs: &Pairwise) -> f64 {
 }
 
 /// Additional cost of laws that are computed finer than a frame [ns a frame].
-pub(crate) fn laws_cost(island_plan: &IslandPlan) -> f64 {
+pub(crate) fn fine_laws_ns(island_plan: &IslandPlan) -> f64 {
     let (network, body_plans) = (&*island_plan.network, &island_plan.bodies);
     let contact_substeps = island_plan.contact_substeps;
     if contact_substeps < FINE_SUBSTEPS_MIN {
@@ -120,7 +120,7 @@ pub(crate) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     let parts_max = contact_substeps / FINE_SUBSTEPS_MIN;
     // If a frame may be divided, laws are computed in this many parts on average.
     let mean_parts = if parts_max > 1 {
-        1.0 + LAW_PARTS * parts_max as f64
+        1.0 + LAW_PARTS_SHARE * parts_max as f64
     } else {
         1.0
     };
@@ -162,7 +162,7 @@ pub(crate) fn laws_cost(island_plan: &IslandPlan) -> f64 {
 
 /// Work that depends on the motion, done so far [ns]: that of contacts and laws between frames, and that of exact
 /// contacts beyond one solution a step. First their own, then that of the bodies that they touch.
-pub(crate) fn counted_cost(island: &Island) -> [f64; 2] {
+pub(crate) fn counted_ns(island: &Island) -> [f64; 2] {
     let (fine_work, exact_work) = (island.fine_work(), island.exact_work());
     let amounts = [
         ("kick", fine_work.instants),
@@ -178,19 +178,19 @@ pub(crate) fn counted_cost(island: &Island) -> [f64; 2] {
 }
 
 /// Cost of a body inside an island [ns a frame].
-pub(crate) fn body_cost(inside: &BodyPlan) -> f64 {
-    match inside {
+pub(crate) fn body_ns(body_plan: &BodyPlan) -> f64 {
+    match body_plan {
         BodyPlan::Modal(modal) => {
             let row_count = modal.ports.len() + modal.outputs.len();
             modal.modes.len() as f64 * (Costs::nanoseconds("mode") + row_count as f64 * Costs::nanoseconds("port"))
         }
-        BodyPlan::Mesh(mesh) => times(mesh) * modules_cost(&mesh.network),
-        BodyPlan::Slow(slow) => slow_cost(slow),
+        BodyPlan::Mesh(mesh) => ca_cost_ratio(mesh) * modules_ns(&mesh.network),
+        BodyPlan::Slow(slow) => slow_body_ns(slow),
     }
 }
 
 /// Cost of a mesh as a multiple of a step of CA a frame.
-fn times(mesh: &Mesh) -> f64 {
+fn ca_cost_ratio(mesh: &Mesh) -> f64 {
     let is_on_rung =
         |&&(method, substeps, _): &&(MeshMethod, u32, f64)| (method, substeps) == (mesh.method, mesh.substeps);
     LADDER
@@ -199,10 +199,10 @@ fn times(mesh: &Mesh) -> f64 {
         .map_or(1.0, |&(_, _, cost_factor)| cost_factor)
 }
 
-/// Additional cost of a body in a trial, beyond [`body_cost`] [ns a frame]: the rows of a small plate are shorter than
+/// Additional cost of a body in a trial, beyond [`body_ns`] [ns a frame]: the rows of a small plate are shorter than
 /// those that the table was measured with. A step of CA goes through the rows once, those of the other methods several
 /// times.
-pub(crate) fn short_rows_cost(inside: &BodyPlan) -> f64 {
+pub(crate) fn short_rows_ns(inside: &BodyPlan) -> f64 {
     const ROW: f64 = 2.5;
     const ROW_OF_STAGES: f64 = 6.0;
     match inside {
@@ -211,50 +211,50 @@ pub(crate) fn short_rows_cost(inside: &BodyPlan) -> f64 {
                 MeshMethod::Ca => ROW,
                 _ => ROW_OF_STAGES,
             };
-            times(mesh) * (row_cost * mesh.network.runs().len() as f64 + lone_laws_cost(&mesh.network))
+            ca_cost_ratio(mesh) * (row_cost * mesh.network.runs().len() as f64 + lone_laws_ns(&mesh.network))
         }
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => 0.0,
     }
 }
 
-/// Additional cost of laws on single links in a trial, beyond [`stepped_cost`] [ns a step]: the table was measured with
+/// Additional cost of laws on single links in a trial, beyond [`stepped_ns`] [ns a step]: the table was measured with
 /// long runs.
-pub(crate) fn lone_laws_cost(network: &Network) -> f64 {
+pub(crate) fn lone_laws_ns(network: &Network) -> f64 {
     const LAW: f64 = 20.0;
     let is_lone_law = |run: &&Run| run.len == 1 && matches!(run.kind, LinkKind::Lnl(_));
     LAW * network.runs().iter().filter(is_lone_law).count() as f64
 }
 
 /// What a slow body saves compared with stepping it module by module [ns a frame].
-pub(crate) fn saved(slow: &Slow) -> f64 {
-    let module_cost = modules_cost(&slow.network) - Costs::nanoseconds("frame");
+pub(crate) fn saved_ns(slow: &Slow) -> f64 {
+    let module_cost = modules_ns(&slow.network) - Costs::nanoseconds("frame");
     let port_cost = slow.ports.len() as f64 * Costs::nanoseconds("mat");
-    module_cost - port_cost - slow_cost(slow)
+    module_cost - port_cost - slow_body_ns(slow)
 }
 
 /// Whether the slow body costs more than stepping its modules, by more than an empty frame costs.
-pub(crate) fn is_dearer(slow: &Slow) -> bool {
-    slow.is_linear() && saved(slow) < -Costs::nanoseconds("frame")
+pub(crate) fn costs_more_than_stepping(slow: &Slow) -> bool {
+    slow.is_linear() && saved_ns(slow) < -Costs::nanoseconds("frame")
 }
 
-fn slow_cost(slow: &Slow) -> f64 {
+fn slow_body_ns(slow: &Slow) -> f64 {
     let kick_cost = match &slow.springs {
         Springs::Exact(flow) => flow.n_products() * Costs::nanoseconds("port"),
-        Springs::Stepped(_) => modules_cost(&slow.network),
+        Springs::Stepped(_) => modules_ns(&slow.network),
     };
     let frame_cost = Costs::nanoseconds("slow") + slow.ports.len() as f64 * Costs::nanoseconds("mat");
     kick_cost / f64::from(slow.kick_every) + frame_cost
 }
 
 /// Cost of a bank [ns a frame].
-pub(crate) fn bank_cost(bank: &BankPlan) -> f64 {
+pub(crate) fn bank_ns(bank: &BankPlan) -> f64 {
     let oscillators = bank.oscillators.iter();
     let tap_count: usize = oscillators.map(|oscillator| oscillator.outputs.len().max(1) - 1).sum();
     let oscillator_cost = bank.oscillators.len() as f64 * Costs::nanoseconds("oscillator");
     oscillator_cost + tap_count as f64 * Costs::nanoseconds("oscillator_tap")
 }
 
-pub(crate) fn seconds(ns: f64, timeline: &Timeline) -> f64 {
+pub(crate) fn work_per_second(ns: f64, timeline: &Timeline) -> f64 {
     ns * 1e-9 * timeline.rate.hertz()
 }
 
@@ -275,11 +275,11 @@ mod tests {
             network.mas(&format!("m{i}"), 1e-3, 0.0, 0.0).unwrap();
         }
         network.spring("s", 0, 1, 500.0, 0.0, 0.0).unwrap();
-        assert_eq!(lone_laws_cost(&network), 0.0);
+        assert_eq!(lone_laws_ns(&network), 0.0);
         network.lnl("a", 1, 2, law.clone(), 0.0).unwrap();
-        let lone_cost = lone_laws_cost(&network);
+        let lone_cost = lone_laws_ns(&network);
         network.lnl("b", 2, 3, law, 0.0).unwrap();
-        assert!(lone_cost > 10.0 && lone_laws_cost(&network) == 2.0 * lone_cost);
+        assert!(lone_cost > 10.0 && lone_laws_ns(&network) == 2.0 * lone_cost);
     }
 
     /// Cost of stepping 50 points in front of a wall [ns].
@@ -307,7 +307,7 @@ mod tests {
         network
             .pairwise("walls", wall_groups, 3, wall_law, wall_constants)
             .unwrap();
-        stepped_cost(&network, &Timeline::new(Rate::new(44_100.0).unwrap()))
+        stepped_ns(&network, &Timeline::new(Rate::new(44_100.0).unwrap()))
     }
 
     #[test]

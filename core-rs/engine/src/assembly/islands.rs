@@ -13,7 +13,7 @@ pub(crate) struct IslandMembers {
     /// Its own MATs, rising   (n_mat)
     pub(crate) mats: Vec<u32>,
     /// Held points of other islands that its links end on, rising.
-    pub(crate) guests: Vec<u32>,
+    pub(crate) foreign_held_mats: Vec<u32>,
     /// Its own links   (n_lia)
     pub(crate) links: Vec<u32>,
     /// An output listens to it.
@@ -21,13 +21,13 @@ pub(crate) struct IslandMembers {
     /// Something can set it in motion.
     pub(crate) is_moved: bool,
     /// A hand, a path, a force or a glide acts on it, or something in it follows a MAT: not strikes alone.
-    pub(crate) is_handled: bool,
+    pub(crate) is_driven: bool,
 }
 
 /// All islands, in the order of their first MATs.
 pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembers> {
     let mat_count = network.n_mat();
-    let is_free = free(network, timeline);
+    let is_free = free_mats(network, timeline);
     let mut forest = Forest::new(mat_count);
     for (a, b) in joined(network) {
         // Two held points that a link joins stay together: the link belongs to their island.
@@ -45,7 +45,7 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
             forest.join(key.struck, mat);
         }
     }
-    let (moved, listened) = (moved(network, timeline), Listened::new(network, timeline));
+    let (moved, listened) = (moving_mats(network, timeline), HeardModules::new(network, timeline));
     let mut island_of_root = vec![None; mat_count];
     let mut island_of = Vec::with_capacity(mat_count);
     let mut members: Vec<IslandMembers> = Vec::new();
@@ -72,9 +72,9 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
         island.is_moved |= listened.hears_link[link] && timeline.gates.iter().any(|gate| gate.links().contains(&link));
         let held_mats = mats.all().iter().filter(|&&mat| !is_free[mat]);
         for &other in held_mats.filter(|_| is_free[first_free]) {
-            island.guests.push(other as u32);
+            island.foreign_held_mats.push(other as u32);
             island.is_moved |= moved[other];
-            island.is_handled |= moved[other];
+            island.is_driven |= moved[other];
         }
     }
     // Masses that a proxy follows, and fixed points that guide it.
@@ -82,40 +82,40 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
         let island = &mut members[island_of[proxy.mat]];
         let guest_mats = proxy.masses().chain(proxy.guides());
         for other in guest_mats.filter(|&mat| !is_free[mat]) {
-            island.guests.push(other as u32);
+            island.foreign_held_mats.push(other as u32);
             island.is_moved |= moved[other];
-            island.is_handled |= moved[other];
+            island.is_driven |= moved[other];
         }
     }
     // MATs that laws and masses follow.
     for (mat, guide) in network.followed() {
         let island = &mut members[island_of[mat]];
-        island.is_handled = true;
+        island.is_driven = true;
         if !is_free[guide] {
-            island.guests.push(guide as u32);
+            island.foreign_held_mats.push(guide as u32);
             island.is_moved |= moved[guide];
         }
     }
     let struck_mats = timeline.keys.iter().map(|key| key.struck);
     let glided_mats = timeline.glides.iter().map(|glide| glide.mat);
     for mat in struck_mats.chain(timeline.driven()).chain(glided_mats) {
-        members[island_of[mat]].is_handled = true;
+        members[island_of[mat]].is_driven = true;
     }
     for (link, a, b) in ends(network) {
         if timeline.leads.iter().any(|lead| lead.links().contains(&link)) {
             let first_free = if is_free[a] { a } else { b };
-            members[island_of[first_free]].is_handled = true;
+            members[island_of[first_free]].is_driven = true;
         }
     }
     for island in &mut members {
-        island.guests.sort_unstable();
-        island.guests.dedup();
+        island.foreign_held_mats.sort_unstable();
+        island.foreign_held_mats.dedup();
     }
     members
 }
 
 /// MATs that a force can move.
-fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
+fn free_mats(network: &Network, timeline: &Timeline) -> Vec<bool> {
     let mat_kinds = network.mats().kind.iter();
     let mut is_free: Vec<bool> = mat_kinds.map(|&kind| !kind.is_held()).collect();
     for drive in &timeline.drives {
@@ -127,12 +127,12 @@ fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
 }
 
 /// What outputs hear and hands feel.
-struct Listened {
+struct HeardModules {
     hears_mat: Vec<bool>,
     hears_link: Vec<bool>,
 }
 
-impl Listened {
+impl HeardModules {
     fn new(network: &Network, timeline: &Timeline) -> Self {
         let mut listened = Self {
             hears_mat: vec![false; network.n_mat()],
@@ -160,7 +160,7 @@ impl Listened {
 }
 
 /// MATs that something sets in motion: an event, a hand, or a motion or force at the beginning.
-fn moved(network: &Network, timeline: &Timeline) -> Vec<bool> {
+fn moving_mats(network: &Network, timeline: &Timeline) -> Vec<bool> {
     let mats = network.mats();
     let mut is_moved: Vec<bool> = (0..network.n_mat())
         .map(|i| {

@@ -11,7 +11,7 @@ use crate::network::Network;
 use crate::units::Rate;
 
 /// Frames at once.
-const BLOCK: usize = 256;
+const BLOCK_FRAMES: usize = 256;
 
 /// What an output heard up to the end of a span.
 #[derive(Clone, Copy, Default)]
@@ -47,13 +47,13 @@ impl Loudness {
                 blow.0 -= first_frame;
             }
         }
-        let mut running_bank = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK, false);
+        let mut running_bank = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK_FRAMES, false);
         let span_frames = (SHORTEST_SECONDS * rate.hertz()) as usize;
-        let mut sound_block = vec![0.0; BLOCK * n_outputs];
+        let mut sound_block = vec![0.0; BLOCK_FRAMES * n_outputs];
         let mut output_sums = vec![OutputSums::default(); n_outputs];
         let span_sums = (0..LOUDNESS_SPANS).map(|_| {
-            for start in (0..span_frames).step_by(BLOCK) {
-                let n_frames = BLOCK.min(span_frames - start);
+            for start in (0..span_frames).step_by(BLOCK_FRAMES) {
+                let n_frames = BLOCK_FRAMES.min(span_frames - start);
                 let sound_block = &mut sound_block[..n_frames * n_outputs];
                 sound_block.fill(0.0);
                 running_bank.process(sound_block, (n_outputs, n_frames), |output| output as usize);
@@ -73,11 +73,11 @@ impl Loudness {
 
     /// The loudness of these modes relative to all, the largest over outputs and spans [dB]: ‖x‖/‖all − mean‖, as
     /// errors are measured.
-    pub(crate) fn relative_to(&self, all: &Self) -> f64 {
+    pub(crate) fn relative_db(&self, all: &Self) -> f64 {
         let output_pairs = self.0.iter().flatten().zip(all.0.iter().flatten());
-        let energy_ratios = output_pairs.filter_map(|(some, all)| {
+        let energy_ratios = output_pairs.filter_map(|(partial, all)| {
             let all = all.energy_about_mean();
-            (all > 0.0).then(|| some.energy / all)
+            (all > 0.0).then(|| partial.energy / all)
         });
         10.0 * log10(energy_ratios.fold(1e-40, f64::max))
     }

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use crate::assembly::body::position_sums;
+use crate::assembly::body::position_and_spring_sums;
 use crate::assembly::budget::Budget;
 use crate::assembly::choice::MeshChoice;
 use crate::assembly::split::local_links;
@@ -48,7 +48,7 @@ pub(crate) enum MethodChoice<'a> {
 }
 
 /// Error of a pitch [cents] by a method, with x = ωT for its step T.
-fn cents(method: MeshMethod, x: f64) -> f64 {
+fn pitch_error_cents(method: MeshMethod, x: f64) -> f64 {
     match method {
         MeshMethod::Ca | MeshMethod::Ieq => 72.13 * x * x,
         MeshMethod::Ca2p => 2.404 * x * x * x * x,
@@ -66,7 +66,7 @@ pub(crate) fn mesh(
     pin: Option<MeshChoice>,
     (choice, index): (MethodChoice<'_>, usize),
 ) -> Option<Mesh> {
-    let mesh_subset = network.subset(&body.mats, &body.guests, &body.links);
+    let mesh_subset = network.subset(&body.mats, &body.foreign_held_mats, &body.links);
     if is_discrete(network, &mesh_subset.network) {
         return None; // the discrete network is the reference
     }
@@ -88,12 +88,12 @@ pub(crate) fn mesh(
                 (method, substeps)
             }
             MethodChoice::Stepped => return None,
-            MethodChoice::Unconditional if !has_leads => choose(&stiffest_network, rate, budget, true)?,
-            _ if has_leads => choose_for_led(&stiffest_network, rate, budget)?,
-            _ => choose(&stiffest_network, rate, budget, false)?,
+            MethodChoice::Unconditional if !has_leads => method_within_budget(&stiffest_network, rate, budget, true)?,
+            _ if has_leads => method_for_led_mesh(&stiffest_network, rate, budget)?,
+            _ => method_within_budget(&stiffest_network, rate, budget, false)?,
         },
     };
-    let outputs = position_sums(&mesh_subset.network).ok()?;
+    let outputs = position_and_spring_sums(&mesh_subset.network).ok()?;
     let local_mat = |mat: u32| mesh_subset.mat(mat as usize);
     let port_pairs = body.ports.iter().map(|&mat| Some((local_mat(mat)?, mat as usize)));
     let mesh_strikes = timeline.strikes.iter().filter(|strike| local_mat(strike.mat).is_some());
@@ -109,7 +109,7 @@ pub(crate) fn mesh(
         method,
         substeps,
         ports: port_pairs.collect::<Option<_>>()?,
-        outputs: mesh_subset.outputs.iter().copied().zip(outputs.rows).collect(),
+        outputs: mesh_subset.outputs.iter().copied().zip(outputs.position_rows).collect(),
         strikes: strikes.collect::<Option<_>>()?,
         network: Arc::new(mesh_subset.network),
         leads,
@@ -122,7 +122,7 @@ pub(crate) fn mesh(
 /// # Errors
 /// With the name of a module of it.
 pub(crate) fn check_supported(network: &Network, rate: Rate, body: &Body, method: MeshMethod) -> Result<(), Error> {
-    let mesh_subset = network.subset(&body.mats, &body.guests, &body.links);
+    let mesh_subset = network.subset(&body.mats, &body.foreign_held_mats, &body.links);
     if method != MeshMethod::Ieq || is_discrete(network, &mesh_subset.network) {
         return Ok(()); // CA steps a discrete network, whatever method is asked for
     }
@@ -140,22 +140,26 @@ fn is_discrete(network: &Network, island: &Network) -> bool {
 
 /// BM4 with as many steps as the budget asks for: among the methods only BM4 preserves, to its own order, the action of
 /// an oscillation of changing frequency, and so its amplitude.
-fn choose_for_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(MeshMethod, u32)> {
+fn method_for_led_mesh(network: &Network, rate: Rate, budget: &Budget) -> Option<(MeshMethod, u32)> {
     let mesh_method = MeshMethod::Bm4;
     let mut stable_substeps = [1, 2, 4]
         .into_iter()
         .filter(|&substeps| certify(network, rate, mesh_method, substeps).is_ok());
-    let Budget::Cents { cents: cents_max, upto } = *budget else {
+    let Budget::Cents {
+        cents: cents_max,
+        frequency_hz_max: upto,
+    } = *budget
+    else {
         return stable_substeps.next().map(|substeps| (mesh_method, substeps));
     };
     let frame_angle = TAU * upto * rate.step();
-    let is_enough = |substeps: &u32| cents(mesh_method, frame_angle / f64::from(*substeps)) <= cents_max;
+    let is_enough = |substeps: &u32| pitch_error_cents(mesh_method, frame_angle / f64::from(*substeps)) <= cents_max;
     stable_substeps.find(is_enough).map(|substeps| (mesh_method, substeps))
 }
 
 /// The first method of `LADDER` that is stable and exact enough by its formula; `is_safe`: only methods that cannot
 /// diverge.
-fn choose(network: &Network, rate: Rate, budget: &Budget, is_safe: bool) -> Option<(MeshMethod, u32)> {
+fn method_within_budget(network: &Network, rate: Rate, budget: &Budget, is_safe: bool) -> Option<(MeshMethod, u32)> {
     if let Budget::Method(method) = budget {
         let method = method.mesh_method()?;
         return certify(network, rate, method, 1).ok().map(|_| (method, 1));
@@ -166,9 +170,12 @@ fn choose(network: &Network, rate: Rate, budget: &Budget, is_safe: bool) -> Opti
     for (method, substeps, _) in LADDER {
         let step_count = f64::from(substeps);
         let is_enough = match *budget {
-            Budget::Cents { cents: cents_max, upto } => {
+            Budget::Cents {
+                cents: cents_max,
+                frequency_hz_max: upto,
+            } => {
                 let substep_angle = (TAU * upto * rate.step()).min(angle_max) / step_count;
-                cents(method, substep_angle) <= cents_max
+                pitch_error_cents(method, substep_angle) <= cents_max
             }
             // The pilot finds better methods if necessary.
             Budget::Error(_) | Budget::Method(_) => true,

@@ -3,65 +3,65 @@
 
 use std::sync::Arc;
 
-use crate::assembly::body::{blows, output_sums, position_sums};
+use crate::assembly::body::{impulses_by_mat, position_and_spring_sums, position_sums_only};
 use crate::assembly::budget::Budget;
 use crate::assembly::choice::{BodyChoice, MeshChoice, SteppedChoice};
-use crate::assembly::complex_body::{self, Part};
-use crate::assembly::constants::{COST_RATIO_MAX, TIES_MAX};
+use crate::assembly::complex_body::{self, ModeSequence};
+use crate::assembly::constants::{COMPLEX_COST_RATIO_MAX, STEPPED_TIES_MAX};
 use crate::assembly::cost;
 use crate::assembly::mesh::{self, MethodChoice};
 use crate::assembly::slow::slow_bodies;
-use crate::assembly::solved_modes::Memo;
-use crate::assembly::split::{OwnTimeline, split};
-use crate::assembly::wiring::{Body, Wanted, Wiring};
+use crate::assembly::solved_modes::ModeCache;
+use crate::assembly::split::{LocalTimeline, split};
+use crate::assembly::wiring::{Body, BodyLinks, WantedBodies};
 use crate::body_modes::complex_modes::Sum;
 use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
 use crate::cell::Response;
 use crate::island::inside::BodyPlan;
-use crate::island::modal::{Answers, Modal, Mode, Port, Struck};
+use crate::island::modal::{ComplexResponses, Modal, Mode, Port, StruckPoint};
 use crate::network::forest::ends;
 use crate::network::{Error, Network, Subset, Term};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
 /// An island divided into bodies and the rest, which is stepped.
-pub(crate) struct Cut {
+pub(crate) struct IslandCut {
     /// The rest, which is stepped; ports of bodies are masses in it.
     pub(crate) hub: Subset,
-    pub(crate) timeline: OwnTimeline,
+    pub(crate) timeline: LocalTimeline,
     pub(crate) bodies: Vec<PortedBody>,
 }
 
 /// A body that is cut out of its island and computed by a method of its own.
 #[derive(Clone)]
 pub(crate) struct PortedBody {
-    pub(crate) inside: BodyPlan,
+    pub(crate) plan: BodyPlan,
     /// MATs and LIAs that are no longer stepped.
-    pub(crate) mats: usize,
-    pub(crate) links: usize,
+    pub(crate) n_mats: usize,
+    pub(crate) n_links: usize,
     pub(crate) parts: Vec<String>,
     /// If it has modes: how many, which are computed, and how loud the others would be together [dB].
     pub(crate) n_modes: usize,
     pub(crate) computed_modes: Vec<u32>,
-    pub(crate) left_out: Option<f64>,
+    pub(crate) left_out_db: Option<f64>,
     /// It is stepped as a mesh although it could go by modes.
     pub(crate) replaces_modes: bool,
 }
 
 /// Cuts bodies out of an island: linear ones by their modes, other meshes by a method of their own. Returns `None` if
 /// no body is worth it, and why some bodies have no modes.
-pub(crate) fn cut(
+pub(crate) fn cut_bodies(
     island: &Subset,
     timeline: &Timeline,
     budget: &Budget,
     pin: Option<&SteppedChoice>,
     choice: MethodChoice<'_>,
-    memo: &Memo<'_>,
-) -> (Option<Cut>, Option<NoModes>) {
+    mode_cache: &ModeCache<'_>,
+) -> (Option<IslandCut>, Option<NoModes>) {
     let network = &island.network;
-    let mut wiring = Wiring::new(network, timeline);
-    let (mut bodies_inside, mut modes_refusal) = (Vec::new(), None);
+    let mut wiring = BodyLinks::new(network, timeline);
+    let (mut cut_bodies, mut modes_refusal) = (Vec::new(), None);
     let slow_bodies = slow_bodies(network, timeline).bodies;
     // If an earlier decision took out the slow bodies alone, no others are taken out.
     let may_cut = !matches!(choice, MethodChoice::Stepped);
@@ -71,60 +71,60 @@ pub(crate) fn cut(
         None => matches!(choice, MethodChoice::Meshes(_)),
     };
     for (body, slow_plan) in slow_bodies {
-        wiring.take(&body.mats);
-        bodies_inside.push((body, BodyPlan::Slow(slow_plan)));
+        wiring.exclude_mats(&body.mats);
+        cut_bodies.push((body, BodyPlan::Slow(slow_plan)));
     }
     // The certificate for slow parts covers normal modes only, and a takeover transfers the motion of a body mass by
     // mass through normal modes.
-    let takes_complex = bodies_inside.is_empty() && !timeline.is_open;
-    if budget.takes_modes() && has_bodies && !prefers_meshes {
+    let allows_complex_modes = cut_bodies.is_empty() && !timeline.is_open;
+    if budget.allows_modes() && has_bodies && !prefers_meshes {
         let wanted_bodies = match budget.contact_substeps() {
-            1 => Wanted::Linear,
-            _ => Wanted::Touched,
+            1 => WantedBodies::Linear,
+            _ => WantedBodies::Touched,
         };
         for body in wiring.bodies(network, wanted_bodies) {
-            let modal_plan = match modal(network, timeline, &body, memo) {
-                Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body, memo),
+            let modal_plan = match normal_mode_plan(network, timeline, &body, mode_cache) {
+                Err(NoModes::Damping) if allows_complex_modes => {
+                    complex_mode_plan(network, timeline, &body, mode_cache)
+                }
                 modes_result => modes_result.map(BodyPlan::Modal),
             };
             match modal_plan {
-                Ok(modal) => bodies_inside.push((body, modal)),
-                Err(reason) => match untied(network, timeline, &body, memo) {
-                    Some((body, modal)) => bodies_inside.push((body, BodyPlan::Modal(modal))),
+                Ok(modal) => cut_bodies.push((body, modal)),
+                Err(reason) => match plan_without_ties(network, timeline, &body, mode_cache) {
+                    Some((body, modal)) => cut_bodies.push((body, BodyPlan::Modal(modal))),
                     None => modes_refusal = Some(reason),
                 },
             }
         }
     }
-    if budget.takes_meshes() && has_bodies {
-        for (body, _) in &bodies_inside {
-            wiring.take(&body.mats);
+    if budget.allows_mesh_methods() && has_bodies {
+        for (body, _) in &cut_bodies {
+            wiring.exclude_mats(&body.mats);
         }
         // If one method is asked for, it steps the smallest body too.
         let is_method_asked = prefers_meshes || matches!(budget, Budget::Method(_));
-        let wanted_bodies = if is_method_asked { Wanted::All } else { Wanted::Meshes };
+        let wanted_bodies = if is_method_asked {
+            WantedBodies::All
+        } else {
+            WantedBodies::Meshes
+        };
         for body in wiring.bodies(network, wanted_bodies) {
-            let mesh_pin = match pin.map(|pin| pin.bodies.get(bodies_inside.len())) {
+            let mesh_pin = match pin.map(|pin| pin.bodies.get(cut_bodies.len())) {
                 None => None,
                 Some(Some(BodyChoice::Mesh(mesh_choice))) => Some(*mesh_choice),
                 Some(_) => continue,
             };
-            if let Some(body_mesh) = mesh::mesh(
-                network,
-                timeline,
-                &body,
-                budget,
-                mesh_pin,
-                (choice, bodies_inside.len()),
-            ) {
-                bodies_inside.push((body, BodyPlan::Mesh(body_mesh)));
+            if let Some(body_mesh) = mesh::mesh(network, timeline, &body, budget, mesh_pin, (choice, cut_bodies.len()))
+            {
+                cut_bodies.push((body, BodyPlan::Mesh(body_mesh)));
             }
         }
     }
-    if bodies_inside.is_empty() {
+    if cut_bodies.is_empty() {
         return (None, modes_refusal);
     }
-    let mut island_cut = hub(island, timeline, bodies_inside);
+    let mut island_cut = hub_and_bodies(island, timeline, cut_bodies);
     let ported_bodies = island_cut.bodies.iter_mut();
     ported_bodies.for_each(|body| body.replaces_modes = prefers_meshes);
     (Some(island_cut), modes_refusal)
@@ -146,11 +146,11 @@ pub(crate) fn check_supported(network: &Network, timeline: &Timeline, budget: &B
     let Some(mesh_method) = method.mesh_method() else {
         return Ok(());
     };
-    let mut wiring = Wiring::new(network, timeline);
+    let mut wiring = BodyLinks::new(network, timeline);
     for (body, _) in slow_bodies(network, timeline).bodies {
-        wiring.take(&body.mats);
+        wiring.exclude_mats(&body.mats);
     }
-    let mesh_bodies = wiring.bodies(network, Wanted::All);
+    let mesh_bodies = wiring.bodies(network, WantedBodies::All);
     let check_body = |body: &Body| mesh::check_supported(network, timeline.rate, body, mesh_method);
     mesh_bodies.iter().try_for_each(check_body)
 }
@@ -158,7 +158,7 @@ pub(crate) fn check_supported(network: &Network, timeline: &Timeline, budget: &B
 impl PortedBody {
     /// What was decided for the body.
     pub(crate) fn choice(&self) -> BodyChoice {
-        match &self.inside {
+        match &self.plan {
             BodyPlan::Modal(_) => BodyChoice::Modes(self.computed_modes.clone()),
             BodyPlan::Mesh(mesh) => BodyChoice::Mesh(MeshChoice {
                 method: mesh.method,
@@ -173,7 +173,7 @@ impl PortedBody {
 }
 
 /// An island that no body is cut out of.
-pub(crate) fn uncut_island(island: &Subset, island_timeline: &OwnTimeline, timeline: Timeline) -> Cut {
+pub(crate) fn uncut_island(island: &Subset, island_timeline: &LocalTimeline, timeline: Timeline) -> IslandCut {
     let all_indices = |n: usize| (0..n as u32).collect::<Vec<u32>>();
     let hub = Subset {
         mats: all_indices(island.mats.len()),
@@ -181,12 +181,12 @@ pub(crate) fn uncut_island(island: &Subset, island_timeline: &OwnTimeline, timel
         outputs: all_indices(island.outputs.len()),
         network: island.network.clone(),
     };
-    let island_timeline = OwnTimeline {
+    let island_timeline = LocalTimeline {
         timeline,
         keys: all_indices(island_timeline.keys.len()),
         gestures: all_indices(island_timeline.gestures.len()),
     };
-    Cut {
+    IslandCut {
         hub,
         timeline: island_timeline,
         bodies: Vec::new(),
@@ -194,14 +194,19 @@ pub(crate) fn uncut_island(island: &Subset, island_timeline: &OwnTimeline, timel
 }
 
 /// A body by its modes; ports by their index in the island.
-fn modal(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -> Result<Modal, NoModes> {
+fn normal_mode_plan(
+    network: &Network,
+    timeline: &Timeline,
+    body: &Body,
+    mode_cache: &ModeCache<'_>,
+) -> Result<Modal, NoModes> {
     let rate = timeline.rate;
-    let body_subset = network.subset(&body.mats, &body.guests, &body.links);
-    let outputs = position_sums(&body_subset.network)?;
+    let body_subset = network.subset(&body.mats, &body.foreign_held_mats, &body.links);
+    let outputs = position_and_spring_sums(&body_subset.network)?;
     let local_mat = |mat: &u32| body_subset.mat(*mat as usize).unwrap_or(0);
     let row = |mat: usize| vec![(mat, 1.0)];
     let port_mats: Vec<usize> = body.ports.iter().map(local_mat).collect();
-    let strikes = blows(
+    let strikes = impulses_by_mat(
         timeline,
         |mat| body.mats.binary_search(&mat).is_ok(),
         is_discrete(network, body),
@@ -209,9 +214,9 @@ fn modal(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -
     let struck_mats: Vec<usize> = strikes.keys().map(local_mat).collect();
     let (port_count, n_outputs) = (port_mats.len(), body_subset.outputs.len());
     let mut body_rows: Vec<Row> = port_mats.iter().copied().map(row).collect();
-    body_rows.extend(outputs.rows);
+    body_rows.extend(outputs.position_rows);
     body_rows.extend(struck_mats.iter().copied().map(row));
-    let mut body_modes = memo.modes(&body_subset.network, &body_rows, rate)?;
+    let mut body_modes = mode_cache.normal_modes(&body_subset.network, &body_rows, rate)?;
     let mode_count = body_modes.len();
     // What a session will strike is not known: any mode may move.
     let rotation_mats = (!timeline.is_open).then(|| [port_mats, struck_mats].concat());
@@ -230,7 +235,7 @@ fn modal(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -
             .sum()
     };
     let still = (0..n_outputs)
-        .map(|row| rest_of_row(port_count + row) + outputs.constant_parts[row])
+        .map(|row| rest_of_row(port_count + row) + outputs.constant_sums[row])
         .collect();
     Ok(Modal {
         computed: (0..mode_count as u32).collect(),
@@ -256,9 +261,9 @@ fn modal(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -
         struck: strikes
             .into_values()
             .enumerate()
-            .map(|(row, blows)| Struck {
+            .map(|(row, blows)| StruckPoint {
                 shape: body_modes.shapes[port_count + n_outputs + row].clone(),
-                blows: blows.parts,
+                blows: blows.frame_impulses,
             })
             .collect(),
         rate,
@@ -269,40 +274,56 @@ fn modal(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -
 
 /// A body by its modes without its ties to fixed points, which are stepped as links at its ports: a gong hung by a
 /// nail, whose tie has other losses than its metal.
-fn untied(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -> Option<(Body, Modal)> {
-    let body = body.untied(network, TIES_MAX)?;
-    let modal = modal(network, timeline, &body, memo).ok()?;
+fn plan_without_ties(
+    network: &Network,
+    timeline: &Timeline,
+    body: &Body,
+    mode_cache: &ModeCache<'_>,
+) -> Option<(Body, Modal)> {
+    let body = body.without_ties(network, STEPPED_TIES_MAX)?;
+    let modal = normal_mode_plan(network, timeline, &body, mode_cache).ok()?;
     Some((body, modal))
 }
 
 /// A body by its complex modes; ports by their index in the island.
-fn complex(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -> Result<BodyPlan, NoModes> {
+fn complex_mode_plan(
+    network: &Network,
+    timeline: &Timeline,
+    body: &Body,
+    mode_cache: &ModeCache<'_>,
+) -> Result<BodyPlan, NoModes> {
     let rate = timeline.rate;
-    let body_subset = network.subset(&body.mats, &body.guests, &body.links);
-    let outputs = output_sums(&body_subset.network)?;
+    let body_subset = network.subset(&body.mats, &body.foreign_held_mats, &body.links);
+    let outputs = position_sums_only(&body_subset.network)?;
     let local_mat = |mat: &u32| body_subset.mat(*mat as usize).unwrap_or(0);
     let port_mats: Vec<usize> = body.ports.iter().map(local_mat).collect();
     let is_body_mat = |mat| body.mats.binary_search(&mat).is_ok();
-    let strikes = blows(timeline, is_body_mat, false);
+    let strikes = impulses_by_mat(timeline, is_body_mat, false);
     let force_points: Vec<usize> = port_mats.iter().copied().chain(strikes.keys().map(local_mat)).collect();
     let port_rows = port_mats.iter().map(|&mat| vec![(mat, 1.0)]);
-    let seen_sums: Vec<Sum> = port_rows.chain(outputs.rows).map(Sum::from_positions).collect();
-    let body_modes = memo.complex(&body_subset.network, &seen_sums, &force_points, rate)?;
+    let seen_sums: Vec<Sum> = port_rows
+        .chain(outputs.position_rows)
+        .map(Sum::from_positions)
+        .collect();
+    let body_modes = mode_cache.complex_modes(&body_subset.network, &seen_sums, &force_points, rate)?;
     let all_modes: Vec<usize> = (0..body_modes.len()).collect();
-    let (port_count, all_parts) = (port_mats.len(), complex_body::parts(&body_modes, &all_modes, rate));
+    let (port_count, all_parts) = (
+        port_mats.len(),
+        complex_body::audible_sequences(&body_modes, &all_modes, rate),
+    );
     let shape_of_row = |row: usize| -> Vec<f64> {
         let parts = all_parts.iter();
         parts
-            .map(|part| part.sign * body_modes.output_shapes[row][part.mode][part.part])
+            .map(|part| part.sign * body_modes.output_shapes[row][part.mode][part.component])
             .collect()
     };
     let answers = |point: usize| -> Vec<Response> {
         let parts = all_parts.iter();
         parts
-            .map(|part| complex_body::response(&body_modes, part, point))
+            .map(|part| complex_body::impulse_response(&body_modes, part, point))
             .collect()
     };
-    let static_sums = body_modes.rest[port_count..].iter().zip(&outputs.constant_parts);
+    let static_sums = body_modes.rest[port_count..].iter().zip(&outputs.constant_sums);
     let modal_plan = Modal {
         computed: (0..all_parts.len() as u32).collect(),
         turned: None,
@@ -321,30 +342,30 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>)
         still: static_sums.map(|(rest, constant_part)| rest + constant_part).collect(),
         struck: strikes
             .into_values()
-            .map(|blows| Struck {
+            .map(|blows| StruckPoint {
                 shape: vec![1.0; all_parts.len()],
-                blows: blows.parts,
+                blows: blows.frame_impulses,
             })
             .collect(),
         rate,
         network: Arc::new(body_subset.network),
-        answers: Some(Answers {
+        answers: Some(ComplexResponses {
             n_modes: body_modes.len(),
-            places: complex_body::places(&all_parts),
+            places: complex_body::sequence_places(&all_parts),
             ports: (0..port_count).map(answers).collect(),
             struck: (port_count..force_points.len()).map(answers).collect(),
         }),
     };
-    // The largest cost allowed: the same masses stepped module by module, times `COST_RATIO_MAX`. A few masses that
-    // contacts touch would create energy if they were stepped.
-    let cost_limit = COST_RATIO_MAX * cost::stepped_cost(&modal_plan.network, &Timeline::new(rate));
+    // The largest cost allowed: the same masses stepped module by module, times `COMPLEX_COST_RATIO_MAX`. A few masses
+    // that contacts touch would create energy if they were stepped.
+    let cost_limit = COMPLEX_COST_RATIO_MAX * cost::stepped_ns(&modal_plan.network, &Timeline::new(rate));
     let modal_plan = BodyPlan::Modal(modal_plan);
-    let is_cheap = body.is_small() || cost::body_cost(&modal_plan) <= cost_limit;
-    is_cheap.then_some(modal_plan).ok_or(NoModes::TooManyPorts)
+    let is_cheap_enough = body.is_small() || cost::body_ns(&modal_plan) <= cost_limit;
+    is_cheap_enough.then_some(modal_plan).ok_or(NoModes::TooManyPorts)
 }
 
 /// A part of a complex mode as a mode with a response of its own.
-fn part_plan(part: &Part) -> Mode {
+fn part_plan(part: &ModeSequence) -> Mode {
     let (a, b) = part.recurrence;
     Mode {
         a,
@@ -379,7 +400,7 @@ fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
 
 /// The rest of an island after the bodies are cut out: their ports stay, as masses that respond to a force at once as
 /// in the body.
-fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)>) -> Cut {
+fn hub_and_bodies(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)>) -> IslandCut {
     let network = &island.network;
     let (mut is_in_body, mut is_cut_link) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
     let mut port_mats: Vec<u32> = Vec::new();
@@ -396,7 +417,7 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
     port_mats.sort_unstable();
     let all_indices = 0..network.n_lia() as u32;
     let hub_links: Vec<u32> = all_indices.filter(|&link| !is_cut_link[link as usize]).collect();
-    let stays_in_hub = used(network, timeline, &is_cut_link);
+    let stays_in_hub = mats_of_hub(network, timeline, &is_cut_link);
     let all_indices = 0..network.n_mat() as u32;
     let hub_mats: Vec<u32> = all_indices
         .filter(|&mat| !is_in_body[mat as usize] && stays_in_hub[mat as usize])
@@ -429,21 +450,21 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
                 0
             }
         };
-        set_free(&mut hub.network, &inside);
+        set_port_masses(&mut hub.network, &inside);
         bodies.push(PortedBody {
-            mats: body.mats.len(),
-            links: body.links.len(),
+            n_mats: body.mats.len(),
+            n_links: body.links.len(),
             parts: network.parts_of(&body.mats),
-            left_out: None,
+            left_out_db: None,
             n_modes: mode_count,
             computed_modes: (0..mode_count as u32).collect(),
             replaces_modes: false,
-            inside,
+            plan: inside,
         });
     }
     let hub_split = split(vec![hub], &timeline).pop();
     let (hub, hub_timeline) = hub_split.unwrap_or_else(|| unreachable!("one subset in, one out"));
-    Cut {
+    IslandCut {
         hub,
         timeline: hub_timeline,
         bodies,
@@ -452,7 +473,7 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
 
 /// MATs that stay in the rest: those that move, that are driven or heard, or that a remaining link ends on; not points
 /// that only held bodies.
-fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
+fn mats_of_hub(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
     let mat_kinds = network.mats().kind.iter();
     let mut is_used_mat: Vec<bool> = mat_kinds.map(|&kind| !kind.is_held()).collect();
     for proxy in network.proxies() {
@@ -475,7 +496,7 @@ fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
 }
 
 /// Sets the mass of each port to what responds to a force within a step as the body does.
-pub(crate) fn set_free(hub: &mut Network, inside: &BodyPlan) {
+pub(crate) fn set_port_masses(hub: &mut Network, inside: &BodyPlan) {
     match inside {
         BodyPlan::Modal(modal) => {
             let time_step = modal.rate.step();

@@ -4,13 +4,13 @@ use crate::assembly::islands::IslandMembers;
 use crate::network::{Error, Network, Subset, Term};
 
 /// Whether anything of an island belongs to a part that is displayed.
-pub(crate) fn is_seen(network: &Network, island: &IslandMembers, seen: &[String]) -> bool {
-    !seen.is_empty() && is_any(&network.parts_of(&island.mats), seen)
+pub(crate) fn is_displayed(network: &Network, island: &IslandMembers, displayed_parts: &[String]) -> bool {
+    !displayed_parts.is_empty() && has_displayed_part(&network.parts_of(&island.mats), displayed_parts)
 }
 
 /// Whether any of some parts is displayed.
-pub(crate) fn is_any(parts: &[String], seen: &[String]) -> bool {
-    parts.iter().any(|name| seen.contains(name))
+pub(crate) fn has_displayed_part(parts: &[String], displayed_parts: &[String]) -> bool {
+    parts.iter().any(|name| displayed_parts.contains(name))
 }
 
 /// A subset for each island, and how many these are; all loose cells together follow as one further subset.
@@ -24,7 +24,7 @@ pub(crate) fn subsets(
         if is_loose(&island) {
             loose_mats.extend(island.mats);
         } else {
-            let island_subset = network.subset(&island.mats, &island.guests, &island.links);
+            let island_subset = network.subset(&island.mats, &island.foreign_held_mats, &island.links);
             all_subsets.push(with_probe_output(island_subset, &island.mats)?);
         }
     }

@@ -7,8 +7,8 @@ mod in_space;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use crate::assembly::body::output_sums;
-use crate::assembly::constants::TURN_MAX;
+use crate::assembly::body::position_sums_only;
+use crate::assembly::constants::KICK_TURN_RADIANS_MAX;
 use crate::assembly::cost;
 use crate::assembly::wiring::Body;
 use crate::gesture::script::Touch;
@@ -19,38 +19,38 @@ use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
 /// Why a body with many ports keeps the audio rate in a session, where each of its masses is a port.
-const DEARER: &str = "computing it once in several frames would cost more than at every frame: \
+const MANY_PORTS_REASON: &str = "computing it once in several frames would cost more than at every frame: \
                       in a session each of its masses may be struck";
 
 /// A part that asks to be slow but cannot be: its name, and why.
-pub(crate) type RefusedSlow = (String, String);
+pub(crate) type RefusedSlowPart = (String, String);
 
 /// The slow bodies of a network, and the parts that cannot be slow.
 #[derive(Default)]
 pub(crate) struct SlowBodies {
     pub(crate) bodies: Vec<(Body, Slow)>,
-    pub(crate) refused_slow: Vec<RefusedSlow>,
+    pub(crate) refused_slow: Vec<RefusedSlowPart>,
 }
 
-/// The slow bodies of a network, for the parts that have a macrostep.
+/// The slow bodies of all parts that have a macrostep, and the parts that cannot be slow.
 pub(crate) fn slow_bodies(network: &Network, timeline: &Timeline) -> SlowBodies {
-    let mut slow_found = SlowBodies::default();
+    let mut slow_bodies = SlowBodies::default();
     for (part, slow_part) in network.parts().iter().enumerate() {
         let is_in_network = || network.mats().part.contains(&(part as u32));
         let Some(macrostep) = slow_part.macrostep.filter(|_| is_in_network()) else {
             continue;
         };
         match needs_every_frame(network, timeline, part) {
-            Some(refusal_reason) => slow_found
+            Some(refusal_reason) => slow_bodies
                 .refused_slow
                 .push((slow_part.name.clone(), refusal_reason.to_owned())),
-            None => match bodies(network, timeline, part, macrostep) {
-                Ok(bodies) => slow_found.bodies.extend(bodies),
-                Err(refusal_reason) => slow_found.refused_slow.push((slow_part.name.clone(), refusal_reason)),
+            None => match slow_bodies_of_part(network, timeline, part, macrostep) {
+                Ok(bodies) => slow_bodies.bodies.extend(bodies),
+                Err(refusal_reason) => slow_bodies.refused_slow.push((slow_part.name.clone(), refusal_reason)),
             },
         }
     }
-    slow_found
+    slow_bodies
 }
 
 /// Why a gesture needs its key at every frame, if it does.
@@ -68,7 +68,12 @@ fn needs_every_frame(network: &Network, timeline: &Timeline, part: usize) -> Opt
 }
 
 /// The bodies of a part, or why it cannot be slow.
-fn bodies(network: &Network, timeline: &Timeline, part: usize, macrostep: u32) -> Result<Vec<(Body, Slow)>, String> {
+fn slow_bodies_of_part(
+    network: &Network,
+    timeline: &Timeline,
+    part: usize,
+    macrostep: u32,
+) -> Result<Vec<(Body, Slow)>, String> {
     let part_bodies = find_bodies(network, timeline, part);
     if part_bodies.is_empty() {
         return Err("no mass in it is held by linear springs or by links in space".to_owned());
@@ -78,23 +83,23 @@ fn bodies(network: &Network, timeline: &Timeline, part: usize, macrostep: u32) -
     let struck_mats: BTreeSet<u32> = strikes.chain(ergon_mats).collect();
     // A session may strike any of it.
     let is_struck = |mat: usize| timeline.is_open || struck_mats.contains(&(mat as u32));
-    let make_slow = |body: Body| {
-        let body_subset = network.subset(&body.mats, &body.guests, &body.links);
+    let slow_body = |body: Body| {
+        let body_subset = network.subset(&body.mats, &body.foreign_held_mats, &body.links);
         let (rate, part_and_macrostep) = (timeline.rate, (part, macrostep));
         // The exact flow of linear springs does not include gravity.
         let has_weight = body_subset.network.mats().weight.iter().any(|weight| *weight != 0.0);
         let slow_body = if has_weight || links_in_space(&body_subset.network).next().is_some() {
-            in_space::slow(rate, part_and_macrostep, &body, body_subset)?
+            in_space::slow_body_in_space(rate, part_and_macrostep, &body, body_subset)?
         } else {
-            exact::slow(rate, part_and_macrostep, &body, body_subset, is_struck)?
+            exact::slow_body_of_springs(rate, part_and_macrostep, &body, body_subset, is_struck)?
         };
         // Where a session plays, no trial decides.
-        if timeline.is_open && cost::is_dearer(&slow_body) {
-            return Err(DEARER.to_owned());
+        if timeline.is_open && cost::costs_more_than_stepping(&slow_body) {
+            return Err(MANY_PORTS_REASON.to_owned());
         }
         Ok((body, slow_body))
     };
-    part_bodies.into_iter().map(make_slow).collect()
+    part_bodies.into_iter().map(slow_body).collect()
 }
 
 /// The bodies of a part: sets of masses that its own links join or tie to the ground. Their ports are the masses that
@@ -105,21 +110,21 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
     let is_in_part = |mat: usize| mats.part[mat] as usize == part;
     let mut is_eligible: Vec<bool> = (0..mat_count).map(|i| is_in_part(i) && mats.kind[i].moves()).collect();
     let mut is_port = vec![false; mat_count];
-    let mut is_inner_link = vec![false; network.n_lia()];
+    let mut is_link_inside = vec![false; network.n_lia()];
     for run in network.runs().iter().filter(|run| run.part == part) {
-        is_inner_link[run.first..run.first + run.len].fill(may_be_slow(&run.kind));
+        is_link_inside[run.first..run.first + run.len].fill(may_be_slow(&run.kind));
     }
     timeline
         .gates
         .iter()
-        .for_each(|gate| is_inner_link[gate.links()].fill(false));
+        .for_each(|gate| is_link_inside[gate.links()].fill(false));
     timeline
         .leads
         .iter()
-        .for_each(|lead| is_inner_link[lead.links()].fill(false));
+        .for_each(|lead| is_link_inside[lead.links()].fill(false));
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         match *term {
-            Term::Force { first, len, .. } => is_inner_link[first..first + len].fill(false),
+            Term::Force { first, len, .. } => is_link_inside[first..first + len].fill(false),
             Term::Ground { first, len, .. } => is_eligible[first..first + len].fill(false),
             Term::Position { .. } | Term::Length { .. } => {}
         }
@@ -158,8 +163,8 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
                 .iter()
                 .all(|&mat| is_eligible[mat] || is_held_mat(mat))
         };
-        is_inner_link[run.first + i] &= run.pairs(i).all(|pair| is_inner_pair(&pair));
-        if is_inner_link[run.first + i] {
+        is_link_inside[run.first + i] &= run.pairs(i).all(|pair| is_inner_pair(&pair));
+        if is_link_inside[run.first + i] {
             // A link in space measures a distance: all coordinates of an end stay in one body.
             let (first_end, second_end) = run.pair(i, 0);
             for (other_a, other_b) in run.pairs(i).skip(1) {
@@ -172,7 +177,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
         }
     }
     for (link, first_end, second_end) in ends(network) {
-        if is_inner_link[link] && is_eligible[first_end] && is_eligible[second_end] {
+        if is_link_inside[link] && is_eligible[first_end] && is_eligible[second_end] {
             mat_forest.join(first_end, second_end);
         }
     }
@@ -192,10 +197,10 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
             let Some(body) = part_bodies.get_mut(&mat_forest.root(near)) else {
                 continue;
             };
-            if is_inner_link[link] && (is_eligible[other] || is_held_mat(other)) {
+            if is_link_inside[link] && (is_eligible[other] || is_held_mat(other)) {
                 body.links.push(link as u32);
                 if is_held_mat(other) {
-                    body.guests.push(other as u32);
+                    body.foreign_held_mats.push(other as u32);
                 }
             } else {
                 body.ports.push(near as u32);
@@ -204,7 +209,11 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
     }
     let is_tied_cell = |&mat: &u32| mats.kind[mat as usize] == MatKind::Cel;
     let has_springs = |body: &Body| !body.links.is_empty() || body.mats.iter().any(is_tied_cell);
-    part_bodies.into_values().map(Body::tidy).filter(has_springs).collect()
+    part_bodies
+        .into_values()
+        .map(Body::sorted)
+        .filter(has_springs)
+        .collect()
 }
 
 /// Whether links of a kind may pull once in many frames: linear springs, and links in space without memory. A gauge is
@@ -226,11 +235,11 @@ fn links_in_space(network: &Network) -> impl Iterator<Item = (&Run, usize)> {
 
 /// Whether kicks resolve a mode that turns by `turn` between two of them [rad]; false for NaN.
 fn resolves_turn(turn: f64) -> bool {
-    turn < TURN_MAX
+    turn < KICK_TURN_RADIANS_MAX
 }
 
 /// MATs of a body that move, by their index in the subset.
-fn free(body: &Body, subset: &Subset) -> Vec<usize> {
+fn moving_mats(body: &Body, subset: &Subset) -> Vec<usize> {
     let body_mats = body.mats.iter();
     body_mats.filter_map(|&mat| subset.mat(mat as usize)).collect()
 }
@@ -238,20 +247,20 @@ fn free(body: &Body, subset: &Subset) -> Vec<usize> {
 /// What a method of slow bodies has computed.
 struct Solution {
     /// Phase of the fastest mode from kick to kick [rad].
-    turn: f64,
+    turn_radians: f64,
     /// Frames from one kick to the next.
     kick_every: u32,
     /// Positions at which linear springs balance [m]   (n)
-    rest: Vec<f64>,
+    rest_positions: Vec<f64>,
     /// MATs that move, by their index in the subset, and 1/M of each at the rate of the island.
-    free: Vec<usize>,
-    w: Vec<f64>,
+    moving_mats: Vec<usize>,
+    inverse_masses: Vec<f64>,
     is_discrete: bool,
 }
 
 impl Solution {
     /// The body, or why an output cannot hear it; `springs` makes its springs for its ports and outputs.
-    fn slow(
+    fn into_slow_body(
         self,
         rate: Rate,
         (part, macrostep): (usize, u32),
@@ -259,11 +268,11 @@ impl Solution {
         subset: Subset,
         springs: impl FnOnce(&[(usize, usize)], &[Weights]) -> Springs,
     ) -> Result<Slow, String> {
-        let Self { free, .. } = self;
+        let Self { moving_mats: free, .. } = self;
         let free_count = free.len();
-        let outputs = output_sums(&subset.network).map_err(|no_modes| no_modes.as_str().to_owned())?;
+        let outputs = position_sums_only(&subset.network).map_err(|no_modes| no_modes.as_str().to_owned())?;
         let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
-        let output_rows = outputs.rows.into_iter().map(|row| {
+        let output_rows = outputs.position_rows.into_iter().map(|row| {
             let weights = row
                 .into_iter()
                 .filter_map(|(mat, weight)| Some((slot_of_mat(mat)?, weight)));
@@ -281,8 +290,8 @@ impl Solution {
             part,
             macrostep,
             kick_every: self.kick_every,
-            turn: self.turn,
-            rest: self.rest,
+            turn: self.turn_radians,
+            rest: self.rest_positions,
             x0: free.iter().map(|&i| mats.x0[i]).collect(),
             v0: free.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
             inner: (0..free_count).filter(|&slot| !is_port_slot(slot)).collect(),
@@ -291,7 +300,7 @@ impl Solution {
                 .collect(),
             springs: springs(&ports, &output_rows),
             outputs: subset.outputs.iter().copied().zip(output_rows).collect(),
-            w: self.w,
+            w: self.inverse_masses,
             is_discrete: self.is_discrete,
             ports,
             network: Arc::new(subset.network),

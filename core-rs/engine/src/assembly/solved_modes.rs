@@ -23,7 +23,7 @@ pub(crate) struct SolvedBody {
 struct SolvedComplex {
     network: Network,
     outputs: Vec<Sum>,
-    struck: Vec<usize>,
+    struck_mats: Vec<usize>,
     modes: Result<Arc<ComplexModes>, NoModes>,
 }
 
@@ -38,28 +38,28 @@ pub(crate) trait ModeStore {
 }
 
 /// Bodies known from an earlier plan, and those that the present plan has solved.
-pub(crate) struct Memo<'a> {
-    known: &'a [Arc<SolvedBody>],
-    solved: RefCell<Vec<Arc<SolvedBody>>>,
-    complex: RefCell<Vec<SolvedComplex>>,
+pub(crate) struct ModeCache<'a> {
+    earlier_bodies: &'a [Arc<SolvedBody>],
+    solved_bodies: RefCell<Vec<Arc<SolvedBody>>>,
+    complex_solutions: RefCell<Vec<SolvedComplex>>,
     /// Where complex modes are kept from one plan to the next.
     store: Option<&'a dyn ModeStore>,
     /// Bodies whose solution has been counted for this island. A solution known from elsewhere counts too, so that the
     /// work of an island does not depend on others.
-    counted: RefCell<Vec<Network>>,
+    counted_networks: RefCell<Vec<Network>>,
     /// Work of solutions that has not been taken yet [s].
-    work: Cell<f64>,
+    untaken_seconds: Cell<f64>,
 }
 
-impl<'a> Memo<'a> {
+impl<'a> ModeCache<'a> {
     pub(crate) fn new(known: &'a [Arc<SolvedBody>]) -> Self {
         Self {
-            known,
-            solved: RefCell::default(),
-            complex: RefCell::default(),
+            earlier_bodies: known,
+            solved_bodies: RefCell::default(),
+            complex_solutions: RefCell::default(),
             store: None,
-            counted: RefCell::default(),
-            work: Cell::default(),
+            counted_networks: RefCell::default(),
+            untaken_seconds: Cell::default(),
         }
     }
 
@@ -70,49 +70,50 @@ impl<'a> Memo<'a> {
 
     /// The solved bodies, for the next plan.
     pub(crate) fn into_solved(self) -> Vec<Arc<SolvedBody>> {
-        self.solved.into_inner()
+        self.solved_bodies.into_inner()
     }
 
     /// Begins another island.
-    pub(crate) fn begin(&self) {
-        self.counted.borrow_mut().clear();
-        self.work.set(0.0);
+    pub(crate) fn begin_island(&self) {
+        self.counted_networks.borrow_mut().clear();
+        self.untaken_seconds.set(0.0);
     }
 
-    fn count(&self, network: &Network, n_modes: usize) {
-        let mut counted = self.counted.borrow_mut();
+    fn count_solution(&self, network: &Network, n_modes: usize) {
+        let mut counted = self.counted_networks.borrow_mut();
         if !counted
             .iter()
             .any(|counted_network| counted_network.is_same_from_start(network))
         {
             counted.push(network.clone());
             let mode_count = n_modes as f64;
-            self.work.set(
-                self.work.get() + 1e-9 * Costs::nanoseconds("mode_solution") * mode_count * mode_count * mode_count,
+            self.untaken_seconds.set(
+                self.untaken_seconds.get()
+                    + 1e-9 * Costs::nanoseconds("mode_solution") * mode_count * mode_count * mode_count,
             );
         }
     }
 
     /// Work of solutions since the last call [s].
-    pub(crate) fn take_work(&self) -> f64 {
-        self.work.take()
+    pub(crate) fn take_seconds(&self) -> f64 {
+        self.untaken_seconds.take()
     }
 
     /// The same as [`Modes::new`], bit for bit, since each row is transformed by itself.
-    pub(crate) fn modes(&self, network: &Network, rows: &[Row], rate: Rate) -> Result<Modes, NoModes> {
+    pub(crate) fn normal_modes(&self, network: &Network, rows: &[Row], rate: Rate) -> Result<Modes, NoModes> {
         // Modes depend on the rate only if the discrete network is the reference.
         let is_same_problem = |solved: &&Arc<SolvedBody>| {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
                 && solved.network.is_same_from_start(network)
         };
-        let solved_in_plan = self.solved.borrow().iter().find(is_same_problem).cloned();
-        let already_solved = solved_in_plan.or_else(|| self.known.iter().find(is_same_problem).cloned());
+        let solved_in_plan = self.solved_bodies.borrow().iter().find(is_same_problem).cloned();
+        let already_solved = solved_in_plan.or_else(|| self.earlier_bodies.iter().find(is_same_problem).cloned());
         let row_index = |solved: &SolvedBody, row: &Row| solved.rows.iter().position(|solved_row| solved_row == row);
         if let Some(solved) = &already_solved {
             let row_indices: Option<Vec<usize>> = rows.iter().map(|row| row_index(solved, row)).collect();
             if let Some(row_indices) = row_indices {
-                self.count(network, solved.modes.len());
-                self.keep(solved.clone());
+                self.count_solution(network, solved.modes.len());
+                self.store_solution(solved.clone());
                 return Ok(solved.modes.seen_by(&row_indices));
             }
         }
@@ -123,10 +124,10 @@ impl<'a> Memo<'a> {
             all_rows.extend(other_rows.cloned());
         }
         let modes = Modes::new(network, &all_rows, rate)?;
-        self.count(network, modes.len());
+        self.count_solution(network, modes.len());
         let row_indices: Vec<usize> = (0..rows.len()).collect();
         let seen_modes = modes.seen_by(&row_indices);
-        self.keep(Arc::new(SolvedBody {
+        self.store_solution(Arc::new(SolvedBody {
             network: network.clone(),
             rate,
             rows: all_rows,
@@ -136,16 +137,16 @@ impl<'a> Memo<'a> {
     }
 
     /// The same as [`ComplexModes::new`], computed once for all rates at which an island is tried.
-    pub(crate) fn complex(
+    pub(crate) fn complex_modes(
         &self,
         network: &Network,
         outputs: &[Sum],
         struck: &[usize],
         rate: Rate,
     ) -> Result<Arc<ComplexModes>, NoModes> {
-        let mut solved_cache = self.complex.borrow_mut();
+        let mut solved_cache = self.complex_solutions.borrow_mut();
         let is_same_problem = |solved: &&SolvedComplex| {
-            solved.outputs == outputs && solved.struck == struck && solved.network.is_same_from_start(network)
+            solved.outputs == outputs && solved.struck_mats == struck && solved.network.is_same_from_start(network)
         };
         let complex_modes = match solved_cache.iter().find(is_same_problem) {
             Some(solved) => solved.modes.clone()?,
@@ -166,7 +167,7 @@ impl<'a> Memo<'a> {
                 solved_cache.push(SolvedComplex {
                     network: network.clone(),
                     outputs: outputs.to_vec(),
-                    struck: struck.to_vec(),
+                    struck_mats: struck.to_vec(),
                     modes: complex_modes.clone(),
                 });
                 complex_modes?
@@ -178,8 +179,8 @@ impl<'a> Memo<'a> {
         }
     }
 
-    fn keep(&self, solved: Arc<SolvedBody>) {
-        let mut solved_cache = self.solved.borrow_mut();
+    fn store_solution(&self, solved: Arc<SolvedBody>) {
+        let mut solved_cache = self.solved_bodies.borrow_mut();
         solved_cache.retain(|other| !solved.network.is_same_from_start(&other.network));
         solved_cache.push(solved);
     }
@@ -199,16 +200,16 @@ mod tests {
             network.spring(&spring_name, last_mat, next_mat, 1e3, 0.0, 0.0).unwrap();
             last_mat = next_mat;
         }
-        let memo = Memo::new(&[]);
+        let mode_cache = ModeCache::new(&[]);
         let solve = |hertz: f64| {
             let rate = Rate::new(hertz).unwrap();
-            let memo_modes = memo.modes(&network, &[vec![(last_mat, 1.0)]], rate);
-            (memo_modes.unwrap().lambda, memo.take_work())
+            let cached_modes = mode_cache.normal_modes(&network, &[vec![(last_mat, 1.0)]], rate);
+            (cached_modes.unwrap().lambda, mode_cache.take_seconds())
         };
         let (first_lambda, first_work) = solve(44_100.0);
         assert!(first_work > 0.0);
         assert_eq!(solve(88_200.0), (first_lambda.clone(), 0.0));
-        memo.begin();
+        mode_cache.begin_island();
         assert_eq!(
             solve(44_100.0),
             (first_lambda, first_work),

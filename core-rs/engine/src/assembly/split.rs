@@ -9,14 +9,14 @@ use crate::timeline::{DelayedPort, Drive, Ergon, Glide, Source, Strike, Timeline
 
 /// The timeline of one island, and the indices of its keys and gestures in the whole network.
 #[derive(Clone)]
-pub(crate) struct OwnTimeline {
+pub(crate) struct LocalTimeline {
     pub(crate) timeline: Timeline,
     pub(crate) keys: Vec<u32>,
     pub(crate) gestures: Vec<u32>,
 }
 
-impl OwnTimeline {
-    /// The same with one frame for `every` of these; `None` if the timeline has no such version.
+impl LocalTimeline {
+    /// The same with one frame in place of `every`; `None` if the timeline has no such version.
     pub(crate) fn slower(&self, every: u32) -> Option<Self> {
         Some(Self {
             timeline: self.timeline.slower(every)?,
@@ -29,12 +29,12 @@ impl OwnTimeline {
 type Home = (usize, usize);
 
 /// Gives each subset its share of the timeline. Events on MATs in no subset are dropped.
-pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, OwnTimeline)> {
+pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, LocalTimeline)> {
     let homes = homes(&subsets, timeline);
     let homes_of_mat = |mat: u32| homes.get(&mat).map_or(&[][..], Vec::as_slice);
-    let mut timelines: Vec<OwnTimeline> = subsets
+    let mut timelines: Vec<LocalTimeline> = subsets
         .iter()
-        .map(|_| OwnTimeline {
+        .map(|_| LocalTimeline {
             timeline: Timeline {
                 is_open: timeline.is_open,
                 is_unguarded: timeline.is_unguarded,

@@ -2,7 +2,7 @@
 //! budget allows.
 
 use crate::assembly::budget::Budget;
-use crate::assembly::constants::ENERGY_SPAN;
+use crate::assembly::constants::ENERGY_SECONDS;
 use crate::body_modes::normal_modes::Modes;
 use crate::maths::{expm1, log10, pow};
 use crate::units::Rate;
@@ -13,15 +13,15 @@ pub(crate) struct KeptModes {
     pub(crate) modes: Vec<usize>,
     /// How loud the others would have been together, relative to all [dB]; `None`: none are left out, or only silent
     /// ones.
-    pub(crate) left_out: Option<f64>,
+    pub(crate) left_out_db: Option<f64>,
 }
 
 impl KeptModes {
     /// For a body without modes.
-    pub(crate) fn none() -> Self {
+    pub(crate) fn empty() -> Self {
         Self {
             modes: Vec::new(),
-            left_out: None,
+            left_out_db: None,
         }
     }
 
@@ -35,33 +35,36 @@ impl KeptModes {
         let modes: Vec<usize> = numbers.iter().map(|&mode| mode as usize).collect();
         let is_rising = modes.windows(2).all(|pair| pair[0] < pair[1]);
         let fits_body = is_rising && modes.last().is_none_or(|&last| last < n_total);
-        fits_body.then_some(Self { modes, left_out: None })
+        fits_body.then_some(Self {
+            modes,
+            left_out_db: None,
+        })
     }
 }
 
-/// Keeps the loudest modes. Energies are A²/2 over the first `ENERGY_SPAN` seconds, with A the amplitude that an output
-/// hears, and add up over the impulses `blows` [N·s].
-pub(crate) fn keep(
+/// Keeps the loudest modes. Energies are A²/2 over the first `ENERGY_SECONDS` seconds, with A the amplitude that an
+/// output hears, and add up over the impulses `blows` [N·s].
+pub(crate) fn loudest_modes(
     modes: &Modes,
     output_shapes: &[Vec<f64>],
     struck_shapes: &[Vec<f64>],
     blows: &[Vec<f64>],
-    allowed: Option<f64>,
+    left_out_db_max: Option<f64>,
     budget: &Budget,
     rate: Rate,
 ) -> KeptModes {
     let energies: Vec<f64> = (0..modes.len())
-        .map(|mode| energy(modes, struck_shapes, blows, mode, rate))
+        .map(|mode| mode_energy(modes, struck_shapes, blows, mode, rate))
         .collect();
     let output_rows: Vec<&[f64]> = output_shapes.iter().map(Vec::as_slice).collect();
-    choose(&[energies], &output_rows, allowed, budget, |mode| {
+    loudest_by_energy(&[energies], &output_rows, left_out_db_max, budget, |mode| {
         modes.frequency_and_decay(mode, rate).0
     })
 }
 
-/// Keeps the loudest modes, so that the others together stay below `allowed` [dB] in every row, for each of several
-/// `excitations` in which modes may get their energies   (n_ways, n_modes).
-pub(crate) fn choose(
+/// Keeps the loudest modes, so that the others together stay below `left_out_db_max` [dB] in every row, for each of
+/// several `excitations` in which modes may get their energies   (n_ways, n_modes).
+pub(crate) fn loudest_by_energy(
     excitations: &[Vec<f64>],
     rows: &[&[f64]],
     allowed: Option<f64>,
@@ -87,9 +90,9 @@ pub(crate) fn choose(
     let share_allowed = allowed.map(|db| pow(10.0, db / 10.0));
     let (mut modes_kept, mut dropped_share) = (Vec::new(), 0.0);
     for (loudness, mode) in by_loudness {
-        let is_inaudible = frequency(mode) > budget.highest();
-        let may_fall = share_allowed.is_some_and(|share_allowed| dropped_share + loudness <= share_allowed);
-        if is_inaudible || may_fall {
+        let is_inaudible = frequency(mode) > budget.highest_audible_hz();
+        let may_be_left_out = share_allowed.is_some_and(|share_allowed| dropped_share + loudness <= share_allowed);
+        if is_inaudible || may_be_left_out {
             // A mode above hearing may be loud: it does not count as an error.
             dropped_share += if is_inaudible { 0.0 } else { loudness };
         } else {
@@ -99,12 +102,12 @@ pub(crate) fn choose(
     modes_kept.sort_unstable();
     KeptModes {
         modes: modes_kept,
-        left_out: (dropped_share > 0.0).then(|| 10.0 * log10(dropped_share)),
+        left_out_db: (dropped_share > 0.0).then(|| 10.0 * log10(dropped_share)),
     }
 }
 
 /// Energy of a mode's own motion, before an output weights it.
-fn energy(modes: &Modes, struck_shapes: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
+fn mode_energy(modes: &Modes, struck_shapes: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
     let (frequency, decay_rate) = modes.frequency_and_decay(mode, rate);
     let omega = (std::f64::consts::TAU * frequency)
         .max(decay_rate)
@@ -122,10 +125,10 @@ fn energy(modes: &Modes, struck_shapes: &[Vec<f64>], blows: &[Vec<f64>], mode: u
         amplitude_square += blows.iter().map(|p| p * p * impulse_gain * impulse_gain).sum::<f64>();
     }
     // ∫ e^(-2σt) over that time.
-    let decay_integral = if decay_rate * ENERGY_SPAN > 1e-9 {
-        -expm1(-2.0 * decay_rate * ENERGY_SPAN) / (2.0 * decay_rate)
+    let decay_integral = if decay_rate * ENERGY_SECONDS > 1e-9 {
+        -expm1(-2.0 * decay_rate * ENERGY_SECONDS) / (2.0 * decay_rate)
     } else {
-        ENERGY_SPAN
+        ENERGY_SECONDS
     };
     amplitude_square * decay_integral
 }

@@ -25,17 +25,17 @@ pub(crate) struct IslandPlan {
     /// Steps of the whole island in `every` frames: its timeline runs at this multiple of the rate.
     pub(crate) oversampling: u32,
     /// 1, except for what is only seen.
-    pub(crate) every: u32,
+    pub(crate) frame_interval: u32,
     /// Whether it is stopped when nobody hears it any more.
-    pub(crate) sleeps: bool,
-    pub(crate) to_whole: NetworkIndices,
+    pub(crate) stops_when_silent: bool,
+    pub(crate) network_indices: NetworkIndices,
 }
 
 impl IslandPlan {
     /// The outputs of the scene that hear it, in its order.
     pub(crate) fn scene_outputs(&self) -> impl Iterator<Item = usize> {
         let local_outputs = 0..self.network.outputs().len();
-        local_outputs.map(|local| to_network_index(&self.to_whole.outputs, local))
+        local_outputs.map(|local| to_network_index(&self.network_indices.outputs, local))
     }
 
     /// Its steps, with these contact substeps.
@@ -47,7 +47,7 @@ impl IslandPlan {
                 _ => ContactOrder::Fourth,
             },
             oversampling: self.oversampling,
-            every: self.every,
+            every: self.frame_interval,
         }
     }
 }
@@ -74,13 +74,13 @@ pub(crate) struct BankPlan {
     /// The part that the CELs belong to, if it has banks of its own.
     pub(crate) part: Option<u32>,
     /// The MAT of each oscillator, and where it rests; empty for modes.
-    pub(crate) mats: Vec<(u32, f64)>,
+    pub(crate) mats_and_rests: Vec<(u32, f64)>,
     /// The body whose modes they are; `None` for MATs.
     pub(crate) body: Option<Arc<Network>>,
     /// Which modes of the body they are.
     pub(crate) computed_modes: Vec<u32>,
     /// MATs of the body towards which modes of the same frequency were turned; `None` if modes were not turned.
-    pub(crate) turned: Option<Vec<usize>>,
+    pub(crate) rotation_mats: Option<Vec<usize>>,
     /// For complex modes: the body, and which part of which mode each oscillator is.
     pub(crate) complex: Option<(Arc<Network>, Vec<ComplexPart>)>,
     /// Further strikes may come that are not known yet.
@@ -89,7 +89,7 @@ pub(crate) struct BankPlan {
 
 impl BankPlan {
     /// The frame up to which it gives 0, if nothing comes from outside: that of its first blow.
-    pub(crate) fn silent_until(&self) -> u64 {
+    pub(crate) fn silent_until_frame(&self) -> u64 {
         let is_resting = |each: &Oscillator| each.now == 0.0 && each.before == 0.0;
         if self.is_open || !self.oscillators.iter().all(is_resting) {
             return 0;
@@ -103,7 +103,7 @@ impl BankPlan {
 
 /// One unit of computation: an island or a bank.
 #[derive(Clone, Debug)]
-pub(crate) enum Unit {
+pub(crate) enum ComputationUnit {
     IslandPlan(Box<IslandPlan>),
     Bank(BankPlan),
 }

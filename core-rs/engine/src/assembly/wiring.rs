@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::assembly::constants::{MASSES_PER_PORT, MODAL_MASSES_MIN, PORTS_ANY};
+use crate::assembly::constants::{MASSES_PER_PORT, MODAL_MASSES_MIN, PORTS_ALWAYS_ALLOWED};
 use crate::interrupt;
 use crate::network::forest::{Forest, ends};
 use crate::network::{Contact, LinkKind, Network, Proxy, Run, Term};
@@ -13,27 +13,27 @@ use crate::timeline::Timeline;
 #[derive(Clone)]
 pub(crate) struct Body {
     pub(crate) mats: Vec<u32>,
-    pub(crate) guests: Vec<u32>,
+    pub(crate) foreign_held_mats: Vec<u32>,
     pub(crate) links: Vec<u32>,
     pub(crate) ports: Vec<u32>,
     /// Whether a contact, a law or friction ends on one of its ports.
-    is_touched: bool,
+    touches_contact: bool,
 }
 
 /// Which links may lie inside a body, and which MATs.
-pub(crate) struct Wiring {
+pub(crate) struct BodyLinks {
     is_eligible: Vec<bool>,
     /// Springs that are not led; laws, and springs or laws that are led.
     is_spring: Vec<bool>,
     is_law: Vec<bool>,
     /// Contacts, laws and friction that a plan may follow between frames.
-    is_followed: Vec<bool>,
+    may_be_followed: Vec<bool>,
     is_driven: Vec<bool>,
 }
 
 /// The bodies that are wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wanted {
+pub(crate) enum WantedBodies {
     /// All that have links, with laws inside.
     All,
     /// Meshes with laws inside, if large enough and with few enough ports.
@@ -46,9 +46,9 @@ pub(crate) enum Wanted {
     Touched,
 }
 
-impl Wiring {
+impl BodyLinks {
     /// Marks MATs as belonging to a body already.
-    pub(crate) fn take(&mut self, mats: &[u32]) {
+    pub(crate) fn exclude_mats(&mut self, mats: &[u32]) {
         mats.iter().for_each(|&mat| self.is_eligible[mat as usize] = false);
     }
 
@@ -115,14 +115,14 @@ impl Wiring {
             is_eligible,
             is_spring,
             is_law,
-            is_followed,
+            may_be_followed: is_followed,
             is_driven,
         }
     }
 
     /// Sets of MATs that inner links join.
-    pub(crate) fn bodies(&self, network: &Network, wanted: Wanted) -> Vec<Body> {
-        let with_laws = matches!(wanted, Wanted::All | Wanted::Meshes);
+    pub(crate) fn bodies(&self, network: &Network, wanted: WantedBodies) -> Vec<Body> {
+        let with_laws = matches!(wanted, WantedBodies::All | WantedBodies::Meshes);
         let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
         let mut mat_forest = Forest::new(network.n_mat());
         for (link, a, b) in ends(network) {
@@ -150,11 +150,11 @@ impl Wiring {
                         body.links.push(link as u32);
                     }
                     if is_held_end {
-                        body.guests.push(far_end as u32);
+                        body.foreign_held_mats.push(far_end as u32);
                     }
                 } else {
                     body.ports.push(near_end as u32);
-                    body.is_touched |= self.is_followed[link];
+                    body.touches_contact |= self.may_be_followed[link];
                 }
             }
         }
@@ -167,17 +167,18 @@ impl Wiring {
             }
         }
         let is_worth_cut = |body: &Body| {
-            let is_large = !body.is_small() && body.ports.len() <= PORTS_ANY.max(body.mats.len() / MASSES_PER_PORT);
+            let is_large =
+                !body.is_small() && body.ports.len() <= PORTS_ALWAYS_ALLOWED.max(body.mats.len() / MASSES_PER_PORT);
             let takes_small = match wanted {
-                Wanted::All => true,
-                Wanted::Touched => body.is_touched,
-                Wanted::Meshes | Wanted::Linear => false,
+                WantedBodies::All => true,
+                WantedBodies::Touched => body.touches_contact,
+                WantedBodies::Meshes | WantedBodies::Linear => false,
             };
             is_large || (takes_small && !body.links.is_empty())
         };
         joined_bodies
             .into_values()
-            .map(Body::tidy)
+            .map(Body::sorted)
             .filter(is_worth_cut)
             .collect()
     }
@@ -186,15 +187,15 @@ impl Wiring {
 impl Body {
     /// The body without the single links that tie it to fixed points: they then end at ports. `None` if it has none, or
     /// more than `ties_max`.
-    pub(crate) fn untied(&self, network: &Network, ties_max: usize) -> Option<Self> {
+    pub(crate) fn without_ties(&self, network: &Network, ties_max: usize) -> Option<Self> {
         let is_single = |link: usize| {
             let mut runs = interrupt::each(network.runs());
             runs.any(|run| run.first == link && run.len == 1)
         };
-        let is_guest = |mat: usize| self.guests.binary_search(&(mat as u32)).is_ok();
+        let is_guest = |mat: usize| self.foreign_held_mats.binary_search(&(mat as u32)).is_ok();
         let is_body_link = |link: usize| self.links.binary_search(&(link as u32)).is_ok();
         let (mut freed_body, mut tie_links) = (self.clone(), Vec::new());
-        freed_body.guests.clear();
+        freed_body.foreign_held_mats.clear();
         for (link, a, b) in ends(network).filter(|&(link, ..)| is_body_link(link)) {
             let guest_pair = [(a, b), (b, a)].into_iter().find(|&(end, _)| is_guest(end));
             match guest_pair {
@@ -202,7 +203,7 @@ impl Body {
                     tie_links.push(link as u32);
                     freed_body.ports.push(port as u32);
                 }
-                Some((guest, _)) => freed_body.guests.push(guest as u32),
+                Some((guest, _)) => freed_body.foreign_held_mats.push(guest as u32),
                 None => {}
             }
         }
@@ -210,7 +211,7 @@ impl Body {
             interrupt::poll();
             !tie_links.contains(link)
         });
-        (1..=ties_max).contains(&tie_links.len()).then(|| freed_body.tidy())
+        (1..=ties_max).contains(&tie_links.len()).then(|| freed_body.sorted())
     }
 
     /// Whether it has so few masses that it is a body only for what touches it.
@@ -219,8 +220,8 @@ impl Body {
     }
 
     /// Sorts the lists and removes duplicates.
-    pub(crate) fn tidy(mut self) -> Self {
-        for list in [&mut self.guests, &mut self.links, &mut self.ports] {
+    pub(crate) fn sorted(mut self) -> Self {
+        for list in [&mut self.foreign_held_mats, &mut self.links, &mut self.ports] {
             list.sort_unstable();
             list.dedup();
         }
@@ -230,10 +231,10 @@ impl Body {
     pub(crate) fn empty() -> Self {
         Self {
             mats: Vec::new(),
-            guests: Vec::new(),
+            foreign_held_mats: Vec::new(),
             links: Vec::new(),
             ports: Vec::new(),
-            is_touched: false,
+            touches_contact: false,
         }
     }
 }

@@ -108,9 +108,9 @@ impl Content {
             contact_order: _,
             counted_cost: _,
             oversampling: _,
-            every: _,
-            sleeps,
-            to_whole: _,
+            frame_interval: _,
+            stops_when_silent: sleeps,
+            network_indices: _,
         } = island;
         let networks = bodies.iter().map(BodyPlan::network);
         let part_order = PartOrder::new(networks.chain([&**network]));

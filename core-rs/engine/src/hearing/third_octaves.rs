@@ -9,8 +9,8 @@ use crate::hearing::constants::{
 };
 use crate::maths::{log10, pow, sincos};
 
-/// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to 20 kHz, or up to `RATE_SHARE` of the rate if
-/// that is lower.
+/// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to 20 kHz, or up to `HIGHEST_BAND_RATE_SHARE` of
+/// the rate if that is lower.
 const CENTRE_HERTZ: f64 = 1_000.0;
 
 /// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: over the third octaves

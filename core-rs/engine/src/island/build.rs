@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::contact_peaks::ContactPeaks;
 use super::delayed_ports::{PortBinding, port_bindings};
 use super::energy_gain::{self, Gains};
-use super::energy_rise::Rise;
+use super::energy_rise::EnergyRise;
 use super::fault::Mutes;
 use super::fine::{ContactOrder, Fine};
 use super::inside::{self, BodyPlan};
@@ -184,7 +184,7 @@ fn island_scheme(network: &Network, timeline: &Timeline, contact_substeps: usize
     let fine_links = if contact_substeps < FINE_SUBSTEPS_MIN {
         Vec::new()
     } else {
-        scheme.take_fine(&timeline.steered())
+        scheme.take_substepped(&timeline.steered())
     };
     Ok((scheme, fine_links))
 }
@@ -218,7 +218,7 @@ fn start_matter(
     for run in &mut links {
         interrupt::poll();
         if is_led(timeline, run.first) {
-            run.set_loose();
+            run.make_adjustable();
         }
     }
     kernel::proxies::join(scheme, &mut body); // bodies have moved their ports
@@ -256,7 +256,7 @@ fn guard(
         let stiffest = greatest(network, &timeline.leads)?;
         let mut stiffest_scheme = Scheme::new(&stiffest, timeline.rate)?;
         if matter.fine.is_some() {
-            stiffest_scheme.take_fine(&timeline.steered());
+            stiffest_scheme.take_substepped(&timeline.steered());
         }
         Guard::new(&stiffest_scheme, &stiffest, Limit::CA, &body_ports)?
     };
@@ -279,14 +279,14 @@ fn energy_rise(
     scheme: &Scheme,
     matter: &Matter,
     options: Options,
-) -> Option<Box<Rise>> {
+) -> Option<Box<EnergyRise>> {
     // A force does work all the time, a constant one too, although no event falls on the island then.
     let is_pushed = timeline.drives.iter().any(Drive::pushes);
     if options.unchecked || is_pushed || !timeline.glides.is_empty() {
         return None;
     }
     let (bodies, fine_state) = (&matter.bodies, matter.fine.as_ref());
-    Rise::new(network, scheme, bodies, fine_state, timeline.rate)
+    EnergyRise::new(network, scheme, bodies, fine_state, timeline.rate)
 }
 
 /// Scratch memory of laws, and the partition of a mesh for several threads.

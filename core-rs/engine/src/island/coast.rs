@@ -18,12 +18,12 @@ use crate::timeline::{Drive, Source};
 
 /// Fewer steps are not worth coasting.
 const STEPS_MIN: usize = 2;
-/// Steps for which one bound on the swing of masses is valid: rounding adds less than about [`SLACK`] to it.
+/// Steps for which one bound on the swing of masses is valid: rounding adds less than about [`SWING_SLACK`] to it.
 const BOUND_STEPS: usize = 1024;
 /// Steps until the next attempt at such a bound.
 const RETRY_STEPS: usize = 32;
 /// Share by which bounds on the swing are enlarged for rounding.
-const SLACK: f64 = 1e-6;
+const SWING_SLACK: f64 = 1e-6;
 
 impl Island {
     /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and events alone act on
@@ -73,7 +73,7 @@ impl Island {
         let steps_ahead = modal_bodies.map(super::modal::RunningModal::ahead);
         let energy_rise = state.watch.energy_rise.as_ref();
         let look_steps = [
-            energy_rise.map(|_| energy_rise::Rise::steps_left(first_step)),
+            energy_rise.map(|_| energy_rise::EnergyRise::steps_left(first_step)),
             gains.map(|_| first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step),
         ];
         let look_steps = look_steps.into_iter().flatten().map(|steps| steps as usize);
@@ -97,7 +97,7 @@ impl Island {
                     let swing = |mat| swing(scheme, body, mat);
                     let fine_state = fine_state.as_ref();
                     if cannot_close(scheme, swing)
-                        && fine_state.is_none_or(|fine_state| fine_state.cannot_close(scheme, swing, SLACK))
+                        && fine_state.is_none_or(|fine_state| fine_state.cannot_close(scheme, swing, SWING_SLACK))
                     {
                         open_until = steps_done + BOUND_STEPS;
                     }
@@ -179,7 +179,8 @@ fn cannot_close(scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2]) -> bool {
         (0..run.len).all(|i| {
             let (first_mat, second_mat) = (run.a + i, run.b + i);
             let rest_elongation = scheme.rest[second_mat] - scheme.rest[first_mat] - run.rest;
-            contact_side * rest_elongation + (swing(first_mat)[0] + swing(second_mat)[0]) * (1.0 + SLACK) < -OPEN_MARGIN
+            contact_side * rest_elongation + (swing(first_mat)[0] + swing(second_mat)[0]) * (1.0 + SWING_SLACK)
+                < -OPEN_MARGIN
         })
     })
 }

@@ -72,7 +72,7 @@ pub(super) fn follow(bindings: &[PortBinding], body: &mut Body) {
 }
 
 /// Push every key by the force on its port a delay ago; between two steps by their forces, in proportion.
-pub(super) fn pass_on(bindings: &[PortBinding], states: &[PortState], body: &mut Body) {
+pub(super) fn push_keys(bindings: &[PortBinding], states: &[PortState], body: &mut Body) {
     for (binding, state) in bindings.iter().zip(states) {
         let oldest_share = binding.delay_steps - floor(binding.delay_steps);
         let second_oldest = (state.oldest + 1) % state.forces.len();

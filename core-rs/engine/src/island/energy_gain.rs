@@ -16,7 +16,7 @@ use crate::law::Law;
 use crate::network::SpaceLaw;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
-use link_work::{LinkWork, Watched};
+use link_work::{CheckedLink, LinkWork};
 
 /// Longest run of laws with accounts: a longer one would take more time for its accounts than for its steps.
 pub(super) const ACCOUNTED_LAWS_MAX: usize = 32;
@@ -34,7 +34,7 @@ pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<Run> {
 #[derive(Clone, Debug)]
 pub(super) struct Gains {
     link_work: Vec<LinkWork>,
-    links: Vec<Watched>,
+    links: Vec<CheckedLink>,
     pairs: Option<PairGains>,
     put_in: ImposedWork,
     /// Whether accounts begin at this step.
@@ -87,8 +87,8 @@ impl Gains {
         };
         let candidate_runs = scheme.runs.iter().chain(&scheme.exact).chain(fused);
         let candidate_runs = candidate_runs.filter(may_gain).flat_map(single_links);
-        let links: Vec<Watched> = candidate_runs.map(Watched::new).collect();
-        let link_work = links.iter().map(|Watched { run, .. }| {
+        let links: Vec<CheckedLink> = candidate_runs.map(CheckedLink::new).collect();
+        let link_work = links.iter().map(|CheckedLink { run, .. }| {
             let is_fused = fused.iter().any(|fused_run| fused_run.links().contains(&run.first));
             LinkWork::new(run, is_fused, run.gate.is_some() || is_led(run.first))
         });

@@ -37,7 +37,7 @@ enum Motion {
 
 /// The watch over the energy of an island.
 #[derive(Clone, Debug)]
-pub(super) struct Rise {
+pub(super) struct EnergyRise {
     motions: Vec<Motion>,
     rate: Rate,
     /// Energy at the first look since the last event, and the least since then [J]; NaN before that look.
@@ -54,9 +54,9 @@ pub(super) struct Rise {
     link: usize,
 }
 
-crate::archive::option!(Box<Rise>, fixed);
+crate::archive::option!(Box<EnergyRise>, fixed);
 
-crate::archive::state!(Rise {
+crate::archive::state!(EnergyRise {
     first,
     least,
     size,
@@ -80,7 +80,7 @@ impl Total {
     }
 }
 
-impl Rise {
+impl EnergyRise {
     /// `None` for an island whose energy may rise, or is not known: with links that give energy (a bow), laws that
     /// follow MATs, links in space, weights, rows of hardening springs, or bodies that do not go by undamped modes; and
     /// for one that is linear.
@@ -249,7 +249,7 @@ impl Island {
     }
 
     /// The energy of all MATs, bodies and links.
-    fn total(&self, energy_rise: &Rise) -> Total {
+    fn total(&self, energy_rise: &EnergyRise) -> Total {
         let state = &self.state;
         let body = &state.matter.body;
         let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);

@@ -209,7 +209,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
             let find_run =
                 |runs: &[crate::scheme::Run]| runs.iter().position(|scheme_run| scheme_run.first == run.first);
             let place = if let Some(index) = find_run(&scheme.runs) {
-                scheme.runs[index].set_loose();
+                scheme.runs[index].make_adjustable();
                 Place::Run(index)
             } else {
                 find_run(&scheme.exact).map_or(Place::Fine, Place::Exact)

@@ -10,7 +10,7 @@ mod plan;
 mod pushes;
 mod script;
 
-pub(crate) use plan::{Answers, Modal, Mode, Port, Struck};
+pub(crate) use plan::{ComplexResponses, Modal, Mode, Port, StruckPoint};
 
 use std::sync::Arc;
 

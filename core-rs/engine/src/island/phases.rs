@@ -33,7 +33,7 @@ pub(super) fn set_values(script: &Script, state: &mut State, mut scheme: Option<
         matter.place(); // bodies are damped by themselves
     }
     let hand_states = &mut hands.hand_states;
-    real_hands::arrive(&script.hand_bindings, hand_states, n, &mut matter.body);
+    real_hands::move_hands(&script.hand_bindings, hand_states, n, &mut matter.body);
     delayed_ports::follow(&script.port_bindings, &mut matter.body);
     if let Some(scheme) = scheme {
         glide::apply_following_masses(&script.scheme, scheme, &matter.body.x);
@@ -91,7 +91,7 @@ impl Frame<'_, '_> {
         for drive in &script.drives {
             drive.apply(n, scheme.rate, body, targets);
         }
-        delayed_ports::pass_on(&script.port_bindings, &hands.port_states, body);
+        delayed_ports::push_keys(&script.port_bindings, &hands.port_states, body);
         sounds_in::apply(&script.sound_drives, &hands.played, n, body, targets);
         if let Some(energy_rise) = &mut watch.energy_rise
             && hands.is_struck()
@@ -153,7 +153,7 @@ impl Frame<'_, '_> {
         let Matter {
             body, bodies, targets, ..
         } = matter;
-        real_hands::feel(&script.hand_bindings, &mut hands.hand_states, n, body);
+        real_hands::add_hand_forces(&script.hand_bindings, &mut hands.hand_states, n, body);
         delayed_ports::record_forces(&script.port_bindings, &mut hands.port_states, body);
         delayed_ports::lead(&script.port_bindings, scheme, targets, body);
         watch.touches.step(n, &body.link);

@@ -60,7 +60,7 @@ pub(super) fn hand_bindings(drives: &[Drive]) -> Vec<HandBinding> {
 }
 
 /// Set positions and last steps of the hands' MATs at frame `n`.
-pub(super) fn arrive(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64, body: &mut Body) {
+pub(super) fn move_hands(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64, body: &mut Body) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
         let (mat_position, mat_step) = (&mut body.x[binding.mat], &mut body.d[binding.mat]);
         let tick_frames = u64::from(binding.hand.tick_frames);
@@ -84,7 +84,7 @@ pub(super) fn arrive(hand_bindings: &[HandBinding], hand_states: &mut [HandState
 }
 
 /// Add the summed forces of frame `n` to the mean of the tick.
-pub(super) fn feel(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64, body: &Body) {
+pub(super) fn add_hand_forces(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64, body: &Body) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
         state.sum += body.force[binding.mat];
         let tick_frames = u64::from(binding.hand.tick_frames);

@@ -20,11 +20,11 @@ const STEPS_MAX: usize = 200;
 /// would take a hundred, as for light masses between stiff contacts, or friction that holds masses in a circle.
 const ROUNDS_MAX: usize = 200;
 /// Rounds before the first guess: what converges by itself is left alone.
-const PLAIN_ROUNDS: usize = 4;
+const UNACCELERATED_ROUNDS: usize = 4;
 /// Relative change of a force below which contacts that share a MAT have converged.
 const FORCE_TOLERANCE: f64 = 1e-14;
 /// The same relative to the largest force: less is rounding of the sums on their MATs.
-const ROUNDING: f64 = 4.0 * f64::EPSILON;
+const FORCE_ROUNDING_RATIO: f64 = 4.0 * f64::EPSILON;
 
 /// Solve all exact contacts and all dry friction, after all other forces are summed. Those that share a MAT are solved
 /// in turn until they converge (Gauss-Seidel; the problem is convex, so that this converges).
@@ -74,10 +74,10 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
                 force_mixing.record(index, force_before, force_now);
             }
         }
-        if change_max <= ROUNDING * largest {
+        if change_max <= FORCE_ROUNDING_RATIO * largest {
             break;
         }
-        if round >= PLAIN_ROUNDS && round + 1 < round_limit {
+        if round >= UNACCELERATED_ROUNDS && round + 1 < round_limit {
             let solved_runs = scheme.exact.iter().filter(is_solved);
             for (run, &guess) in solved_runs.zip(force_mixing.guess()) {
                 body.link[run.first] = guess - body.link[run.first];

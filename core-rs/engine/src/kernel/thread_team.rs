@@ -36,13 +36,13 @@ struct Task {
     call: unsafe fn(*const (), usize),
 }
 
-/// Bits of each count in `state`; a pass has at most `MASK` parts.
+/// Bits of each count in `state`; a pass has at most `COUNT_MASK` parts.
 const BITS: u32 = 8;
-const MASK: u64 = (1 << BITS) - 1;
+const COUNT_MASK: u64 = (1 << BITS) - 1;
 
 /// Number of parts, and index of the next part that no thread has taken.
 fn parts(state: u64) -> (u64, u64) {
-    (state >> BITS & MASK, state & MASK)
+    (state >> BITS & COUNT_MASK, state & COUNT_MASK)
 }
 
 impl ThreadTeam<'_> {
@@ -75,7 +75,7 @@ impl ThreadTeam<'_> {
             elements.iter_mut().for_each(work);
             return;
         };
-        debug_assert!(elements.len() as u64 <= MASK);
+        debug_assert!(elements.len() as u64 <= COUNT_MASK);
         let parts_pointer = Parts(elements.as_mut_ptr());
         shared_pass.run_pass(elements.len(), &|index| {
             // SAFETY: `run_pass` gives each index below the length to one thread, once, while `elements` is borrowed.
@@ -174,7 +174,7 @@ impl Drop for PassEnd<'_> {
     fn drop(&mut self) {
         let Self(shared_pass, leader_parts) = self;
         // If the leader unwinds, close the pass: parts that no thread has taken are skipped.
-        let closed_state = |state: u64| Some(state & !MASK | parts(state).0);
+        let closed_state = |state: u64| Some(state & !COUNT_MASK | parts(state).0);
         let state_before = shared_pass.state.fetch_update(AcqRel, Acquire, closed_state);
         let (_, parts_taken) = parts(state_before.unwrap_or_else(|state| state));
         let mut spin_count = 0;

@@ -4,7 +4,7 @@ use crate::assembly::audible::ModeKind;
 use crate::assembly::choice::Choice;
 use crate::content::{Sink, hex};
 use crate::island::ContactOrder;
-use crate::plan::row::{Computed, Reason, Row};
+use crate::plan::row::{Computation, LeftOutReason, Row};
 
 /// A hash of decisions, and of the rows that they concern.
 pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
@@ -14,21 +14,21 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             hash_sink.add((part.len() as u64).to_le_bytes());
             hash_sink.add(part);
         }
-        let computed_code: u64 = match row.what {
-            Computed::Stepped => 0,
-            Computed::Oscillators => 1,
-            Computed::Modes {
+        let computed_code: u64 = match row.computation {
+            Computation::Stepped => 0,
+            Computation::Oscillators => 1,
+            Computation::Modes {
                 kind: ModeKind::Normal, ..
             } => 2,
-            Computed::Modes {
+            Computation::Modes {
                 kind: ModeKind::Complex,
                 ..
             } => 7,
-            Computed::Mesh(..) => 3,
-            Computed::Slow { is_exact: true, .. } => 6,
-            Computed::Slow { .. } => 8,
-            Computed::LeftOut(Reason::Unheard) => 4,
-            Computed::LeftOut(Reason::Still) => 5,
+            Computation::Mesh(..) => 3,
+            Computation::Slow { is_exact: true, .. } => 6,
+            Computation::Slow { .. } => 8,
+            Computation::LeftOut(LeftOutReason::Unheard) => 4,
+            Computation::LeftOut(LeftOutReason::Still) => 5,
         };
         let numbers = [row.parts.len() as u64, row.mats as u64, row.links as u64, computed_code];
         numbers.iter().for_each(|number| hash_sink.add(number.to_le_bytes()));

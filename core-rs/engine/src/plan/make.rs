@@ -1,38 +1,38 @@
 //! How a plan is made: the network is divided into islands, and each gets the cheapest method that is exact enough.
 //!
-//! An island that is one linear body becomes a bank of modes (`assembly/body`). All other islands are stepped, as trials
-//! decide.
+//! An island that is one linear body becomes a bank of modes (`assembly/body`). All other islands are stepped, as
+//! trials decide.
 
 use std::sync::Arc;
 
 use crate::assembly::assemble::{Assembled, AssemblyOptions};
-use crate::assembly::audible::{Body as SolvedBank, ModeKind};
+use crate::assembly::audible::{BankBody as SolvedBank, ModeKind};
 use crate::assembly::body;
 use crate::assembly::budget::Budget;
 use crate::assembly::cells;
-use crate::assembly::choice::{Choice, IslandMethod, Pins, SteppedChoice, wrong_plan_error};
+use crate::assembly::choice::{Choice, IslandMethod, PinnedChoices, SteppedChoice, wrong_plan_error};
 use crate::assembly::cost;
 use crate::assembly::islands::islands;
 use crate::assembly::mesh::MethodChoice;
 use crate::assembly::ported::{self, PortedBody};
 use crate::assembly::seen;
-use crate::assembly::slow::RefusedSlow;
+use crate::assembly::slow::RefusedSlowPart;
 use crate::assembly::slow::growth::Growth;
-use crate::assembly::solved_modes::{Memo, ModeStore};
-use crate::assembly::split::{OwnTimeline, split};
-use crate::assembly::unit::Unit;
+use crate::assembly::solved_modes::{ModeCache, ModeStore};
+use crate::assembly::split::{LocalTimeline, split};
+use crate::assembly::unit::ComputationUnit;
 use crate::body_modes::linear::NoModes;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
 use crate::plan::constants::ISLAND_SHARE_MIN;
-use crate::plan::row::{self, Computed, Measured, Row};
+use crate::plan::row::{self, Computation, MeasuredError, Row};
 use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
 use crate::plan::trial::horizon;
 use crate::plan::trial::multirate;
 use crate::plan::trial::pilot_result::{self, ChosenIsland};
 use crate::plan::trial::record::TrialStore;
 use crate::plan::trial::stored_modes::StoredModes;
-use crate::plan::{Known, Plan};
+use crate::plan::{Plan, PlanContext};
 use crate::timeline::Timeline;
 
 mod drafts;
@@ -41,116 +41,124 @@ mod pilots;
 mod sort_islands;
 mod unheard;
 
-use sort_islands::{n_computed, subset_size};
+use sort_islands::{n_heard_modules, subset_size};
 
 /// A plan in the making.
-struct Maker<'a> {
+struct PlanBuilder<'a> {
     plan: Plan,
     budget: &'a Budget,
-    pins: Pins,
-    memo: Memo<'a>,
+    pins: PinnedChoices,
+    mode_cache: ModeCache<'a>,
     /// The work that the trials of all islands may take [s], and what is left of it.
-    work_max: f64,
-    work_left: f64,
+    trial_seconds_max: f64,
+    trial_seconds_left: f64,
     /// That of the present island.
     allowance: Allowance,
     /// Results of trials of earlier plans.
-    store: Option<&'a dyn TrialStore>,
+    trial_store: Option<&'a dyn TrialStore>,
     /// The budget of islands that no earlier plan has planned, if they are drafted.
-    drafts_by: Option<&'a Budget>,
+    draft_budget: Option<&'a Budget>,
     /// Parts that are displayed, and the units that are computed only for that.
-    seen: &'a [String],
-    seen_units: Vec<Unit>,
+    displayed_parts: &'a [String],
+    displayed_units: Vec<ComputationUnit>,
     /// Islands may be computed once in this many frames.
-    every: u32,
+    frame_interval: u32,
     /// Parts that are only seen may be computed once in this many frames, if the rest of their island is heard.
-    seen_every: u32,
+    displayed_frame_interval: u32,
 }
 
 /// How an island is computed.
-struct SolvedIsland {
+struct PlannedIsland {
     chosen: ChosenIsland,
-    growth: Option<Growth>,
+    slow_growth: Option<Growth>,
     /// The error that its slow parts add.
-    slow_error: Option<Measured>,
-    refused_slow: Vec<RefusedSlow>,
+    slow_error: Option<MeasuredError>,
+    refused_slow_parts: Vec<RefusedSlowPart>,
     /// It has slow parts that did not ask for it: keys, or parts that are only seen.
-    is_offered: bool,
+    is_slow_by_plan: bool,
 }
 
-pub(super) fn make(
+pub(super) fn make_plan(
     network: Arc<Network>,
     timeline: &Timeline,
     budget: &Budget,
     pins: Option<Vec<Choice>>,
-    known: Known<'_>,
+    context: PlanContext<'_>,
 ) -> Result<Plan, Error> {
     let all_islands = islands(&network, timeline);
-    let mode_store = known.store.map(StoredModes);
-    let mut maker = Maker {
-        pins: Pins::new(pins),
-        memo: Memo::new(known.like.map_or(&[], |like| &like.solved))
+    let mode_store = context.trial_store.map(StoredModes);
+    let mut builder = PlanBuilder {
+        pins: PinnedChoices::new(pins),
+        mode_cache: ModeCache::new(context.earlier_plan.map_or(&[], |like| &like.solved_bodies))
             .with_store(mode_store.as_ref().map(|store| store as &dyn ModeStore)),
-        ..Maker::new(&network, timeline, budget).with_known(known, n_computed(&all_islands))
+        ..PlanBuilder::new(&network, timeline, budget).in_context(context, n_heard_modules(&all_islands))
     };
-    let sorted = maker.sorted(all_islands, timeline);
-    let refusals = maker.plan_islands(sorted.refusals, (sorted.subsets, sorted.n_islands), timeline);
+    let sorted = builder.sort_islands(all_islands, timeline);
+    let refusals = builder.plan_islands(sorted.refusals, (sorted.subsets, sorted.n_islands), timeline);
     if let Some(refusals) = Error::combined(refusals) {
         return Err(refusals);
     }
-    maker.pins.end()?;
-    maker.plan.solved = maker.memo.into_solved();
-    (maker.plan.trials_cost, maker.plan.trials_most) = (maker.work_max - maker.work_left, maker.work_max);
-    let (mut final_plan, seen_units) = (maker.plan, maker.seen_units);
-    final_plan.n_heard = final_plan.units.len();
-    final_plan.unmoved.sort_unstable();
-    if !sorted.only_seen.is_empty() {
-        let seen_plan = unheard::plan(&network, timeline, budget, known, sorted.only_seen)?;
+    builder.pins.check_all_used()?;
+    builder.plan.solved_bodies = builder.mode_cache.into_solved();
+    (builder.plan.trial_seconds, builder.plan.trial_seconds_max) = (
+        builder.trial_seconds_max - builder.trial_seconds_left,
+        builder.trial_seconds_max,
+    );
+    let (mut final_plan, seen_units) = (builder.plan, builder.displayed_units);
+    final_plan.n_heard_units = final_plan.units.len();
+    final_plan.motionless_mats.sort_unstable();
+    if !sorted.displayed_unheard.is_empty() {
+        let seen_plan = unheard::plan_displayed(&network, timeline, budget, context, sorted.displayed_unheard)?;
         final_plan.units.extend(seen_plan.units);
-        final_plan.seen = seen_plan.rows;
+        final_plan.displayed_rows = seen_plan.rows;
     }
     final_plan.units.extend(seen_units);
     Ok(final_plan)
 }
 
-impl<'a> Maker<'a> {
-    /// A maker that has no allowance for trials and no earlier results.
+impl<'a> PlanBuilder<'a> {
+    /// A builder that has no allowance for trials and no earlier results.
     fn new(network: &Arc<Network>, timeline: &Timeline, budget: &'a Budget) -> Self {
         Self {
             plan: Plan::empty(network.clone(), timeline),
             budget,
-            pins: Pins::new(None),
-            work_max: 0.0,
-            work_left: 0.0,
+            pins: PinnedChoices::new(None),
+            trial_seconds_max: 0.0,
+            trial_seconds_left: 0.0,
             allowance: Allowance::with_total(0.0),
-            memo: Memo::new(&[]),
-            store: None,
-            drafts_by: None,
-            seen: &[],
-            seen_units: Vec::new(),
-            every: 1,
-            seen_every: 1,
+            mode_cache: ModeCache::new(&[]),
+            trial_store: None,
+            draft_budget: None,
+            displayed_parts: &[],
+            displayed_units: Vec::new(),
+            frame_interval: 1,
+            displayed_frame_interval: 1,
         }
     }
 
     /// The same with what is known, and with its share of the allowance of a plan of `n_modules`.
-    fn with_known(self, known: Known<'a>, n_modules: usize) -> Self {
-        let work_max = allowance_of_plan(n_modules, known.draft.map_or(known.share, |draft| draft.share));
+    fn in_context(self, context: PlanContext<'a>, n_modules: usize) -> Self {
+        let work_max = allowance_of_plan(
+            n_modules,
+            context
+                .draft
+                .map_or(context.allowance_share, |draft| draft.allowance_share),
+        );
         Self {
-            work_max,
-            work_left: work_max,
-            drafts_by: known.draft.map(|draft| draft.budget),
-            store: known.store,
-            seen: known.seen,
-            seen_every: known.seen_every,
+            trial_seconds_max: work_max,
+            trial_seconds_left: work_max,
+            draft_budget: context.draft.map(|draft| draft.budget),
+            trial_store: context.trial_store,
+            displayed_parts: context.displayed_parts,
+            displayed_frame_interval: context.displayed_frame_interval,
             ..self
         }
     }
 
-    /// Plans islands, and returns these and earlier `refusals`.
+    /// Plans islands; returns their errors after those in `errors`.
     fn plan_islands(
         &mut self,
-        mut refusals: Vec<Error>,
+        mut errors: Vec<Error>,
         (subsets, n_islands): (Vec<Subset>, usize),
         timeline: &Timeline,
     ) -> Vec<Error> {
@@ -159,84 +167,86 @@ impl<'a> Maker<'a> {
             let unit_result = if index < n_islands {
                 self.begin_allowance(subset_size(&subset), n_modules);
                 let island_result = self.stored_island(subset, island_timeline);
-                self.work_left -= self.allowance.spent().0;
+                self.trial_seconds_left -= self.allowance.seconds_spent().0;
                 island_result
             } else {
-                self.cells(&subset, &island_timeline)
+                self.plan_cells(&subset, &island_timeline)
             };
             if let Err(error) = unit_result {
                 // From here no trials: there is no plan any more, but the remaining islands are checked for further
                 // errors.
-                self.work_left = 0.0;
-                refusals.push(error);
+                self.trial_seconds_left = 0.0;
+                errors.push(error);
             }
         }
-        refusals
+        errors
     }
 
     /// Gives an island its part of the plan's allowance: one that is hard to plan leaves enough to the others. What it
     /// gets depends on no other island, as long as the plan's allowance is not spent.
     fn begin_allowance(&mut self, n_modules: usize, n_total: usize) {
         let size_share = n_modules as f64 / n_total as f64;
-        let island_work = self.work_max * size_share.max(ISLAND_SHARE_MIN);
-        self.allowance = Allowance::with_total(island_work.min(self.work_left));
+        let island_work = self.trial_seconds_max * size_share.max(ISLAND_SHARE_MIN);
+        self.allowance = Allowance::with_total(island_work.min(self.trial_seconds_left));
     }
 
     /// Isolated CELs.
-    fn cells(&mut self, subset: &Subset, island_timeline: &OwnTimeline) -> Result<(), Error> {
-        let cell_banks = cells::oscillators(subset, &island_timeline.timeline, &mut self.plan.still)?;
+    fn plan_cells(&mut self, subset: &Subset, island_timeline: &LocalTimeline) -> Result<(), Error> {
+        let cell_banks = cells::oscillator_banks(subset, &island_timeline.timeline, &mut self.plan.output_offsets)?;
         let mut cell_rows = row::cells(&self.plan.network, &cell_banks, &island_timeline.timeline);
         let refused_slow = multirate::refuse_all(subset, "its poles need none");
         cell_rows
             .iter_mut()
-            .for_each(|row| row.stays = stay_reasons(&refused_slow, row));
+            .for_each(|row| row.rate_refusal = rate_refusals(&refused_slow, row));
         self.plan.rows.extend(cell_rows);
-        self.plan.stay.extend(refused_slow);
-        self.plan.units.extend(cell_banks.into_iter().map(Unit::Bank));
+        self.plan.refused_rates.extend(refused_slow);
+        self.plan
+            .units
+            .extend(cell_banks.into_iter().map(ComputationUnit::Bank));
         Ok(())
     }
 
     /// Plans an island: as a bank of modes if it has them, else stepped.
-    fn island(&mut self, subset: Subset, island_timeline: OwnTimeline) -> Result<(), Error> {
-        self.memo.begin();
+    fn plan_island(&mut self, subset: Subset, island_timeline: LocalTimeline) -> Result<(), Error> {
+        self.mode_cache.begin_island();
         let module_count = subset_size(&subset);
-        let island_pin = self.pins.next(module_count)?;
+        let island_pin = self.pins.next_for_island(module_count)?;
         let (pinned_modes, pinned_steps) = match island_pin.as_ref().map(|island_pin| &island_pin.method) {
             None => (None, None),
             Some(IslandMethod::Bank(modes)) => (Some(&modes[..]), None),
             Some(IslandMethod::Stepped(stepped)) => (None, Some(stepped)),
         };
         let mut no_modes = None;
-        if self.budget.takes_modes() && pinned_steps.is_none() {
+        if self.budget.allows_modes() && pinned_steps.is_none() {
             let bank_result = body::bank(
                 &subset,
                 &island_timeline.timeline,
                 self.budget,
                 pinned_modes,
-                &self.memo,
+                &self.mode_cache,
             );
-            self.allowance.spend(self.memo.take_work());
+            self.allowance.spend_regardless(self.mode_cache.take_seconds());
             match bank_result {
                 Ok(mut solved_bank) => {
-                    label_bank(&mut solved_bank, &subset, &island_timeline);
-                    self.seen_units.extend(self.silent_modes(
+                    set_bank_origin(&mut solved_bank, &subset, &island_timeline);
+                    self.displayed_units.extend(self.unheard_modes_bank(
                         &subset,
                         &island_timeline,
                         &solved_bank.bank.computed_modes,
                     ));
-                    for (&output, rest) in subset.outputs.iter().zip(&solved_bank.rest) {
-                        self.plan.still[output as usize] += rest;
+                    for (&output, rest) in subset.outputs.iter().zip(&solved_bank.rest_outputs) {
+                        self.plan.output_offsets[output as usize] += rest;
                     }
                     self.plan.choices.push(Choice {
-                        modules: module_count,
-                        method: IslandMethod::Bank(solved_bank.computed.numbers()),
+                        n_modules: module_count,
+                        method: IslandMethod::Bank(solved_bank.computed_modes.numbers()),
                     });
                     let mut bank_row = Row::modal(&subset, &solved_bank, &island_timeline.timeline);
                     let refused_slow = multirate::refuse_all(&subset, "its modes need none");
-                    bank_row.stays = stay_reasons(&refused_slow, &bank_row);
-                    self.plan.stay.extend(refused_slow);
+                    bank_row.rate_refusal = rate_refusals(&refused_slow, &bank_row);
+                    self.plan.refused_rates.extend(refused_slow);
                     self.plan.rows.push(bank_row);
-                    self.plan.units.push(Unit::Bank(solved_bank.bank));
+                    self.plan.units.push(ComputationUnit::Bank(solved_bank.bank));
                     return Ok(());
                 }
                 Err(reason) => no_modes = Some(reason),
@@ -245,19 +255,24 @@ impl<'a> Maker<'a> {
         if pinned_modes.is_some() {
             return Err(wrong_plan_error());
         }
-        if self.every > 1 {
+        if self.frame_interval > 1 {
             return self.plan_at_lower_rate(&subset, &island_timeline, module_count, no_modes);
         }
-        self.stepped(&subset, &island_timeline, module_count, pinned_steps, no_modes)
+        self.plan_stepped(&subset, &island_timeline, module_count, pinned_steps, no_modes)
     }
 
     /// If the body is displayed: a bank of its moving modes that no output hears.
-    fn silent_modes(&self, subset: &Subset, island_timeline: &OwnTimeline, computed_modes: &[u32]) -> Option<Unit> {
-        if !seen::is_any(&subset.network.moving_parts(), self.seen) {
+    fn unheard_modes_bank(
+        &self,
+        subset: &Subset,
+        island_timeline: &LocalTimeline,
+        computed_modes: &[u32],
+    ) -> Option<ComputationUnit> {
+        if !seen::has_displayed_part(&subset.network.moving_parts(), self.displayed_parts) {
             return None;
         }
         let probed_subset = seen::with_probe_output(subset.clone(), &subset.mats).ok()?;
-        let empty_memo = Memo::new(&[]);
+        let empty_memo = ModeCache::new(&[]);
         let solve_bank = |chosen_modes| {
             body::bank(
                 &probed_subset,
@@ -268,67 +283,68 @@ impl<'a> Maker<'a> {
             )
             .ok()
         };
-        let mut silent_numbers = solve_bank(None)?.computed.numbers();
+        let mut silent_numbers = solve_bank(None)?.computed_modes.numbers();
         silent_numbers.retain(|mode| computed_modes.binary_search(mode).is_err());
         if silent_numbers.is_empty() {
             return None;
         }
         let mut solved_bank = solve_bank(Some(&silent_numbers))?;
-        label_bank(&mut solved_bank, subset, island_timeline);
-        Some(Unit::Bank(solved_bank.bank))
+        set_bank_origin(&mut solved_bank, subset, island_timeline);
+        Some(ComputationUnit::Bank(solved_bank.bank))
     }
 
     /// Plans an island that is stepped: bodies by methods of their own, the rest module by module, at the oversampling
     /// that the budget asks for.
-    fn stepped(
+    fn plan_stepped(
         &mut self,
         subset: &Subset,
-        island_timeline: &OwnTimeline,
+        island_timeline: &LocalTimeline,
         module_count: usize,
-        pin: Option<&SteppedChoice>,
+        earlier_choice: Option<&SteppedChoice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
         ported::check_supported(&subset.network, &island_timeline.timeline, self.budget)?;
-        let n_refused = self.allowance.n_refused();
-        let solved = match self.solve(subset, island_timeline, pin) {
-            Ok(solved) if pin.is_none() => {
-                let solved = self.without_rates(subset, island_timeline, solved);
-                self.offered(subset, island_timeline, solved)
+        let n_refused = self.allowance.n_refused_trials();
+        let planned_island = match self.choose_stepping(subset, island_timeline, earlier_choice) {
+            Ok(solved) if earlier_choice.is_none() => {
+                let solved = self.without_costly_rates(subset, island_timeline, solved);
+                self.with_offered_parts(subset, island_timeline, solved)
             }
-            Err(error) => match pin.and_then(|pin| self.pinned_offer(subset, island_timeline, pin)) {
+            Err(error) => match earlier_choice.and_then(|pin| self.pinned_offer(subset, island_timeline, pin)) {
                 Some(solved) => solved,
                 None => return Err(error),
             },
             Ok(solved) => solved,
         };
-        let SolvedIsland {
+        let PlannedIsland {
             chosen:
                 ChosenIsland {
                     island,
-                    error,
-                    diverges,
+                    measured_error: error,
+                    has_diverged: diverges,
                 },
-            growth,
+            slow_growth: growth,
             slow_error,
-            refused_slow,
-            is_offered,
+            refused_slow_parts: refused_slow,
+            is_slow_by_plan: is_offered,
             ..
-        } = solved;
+        } = planned_island;
         check_method(self.budget, subset, &island)?;
-        let is_discrete = island.is_discrete();
+        let is_discrete_reference = island.is_discrete_reference();
         let first_row = self.plan.rows.len();
-        let harder_at =
-            error.and_then(|error| horizon::harder_event(&island.island_plan, &island_timeline.timeline, error.over));
+        let harder_at = error.and_then(|error| {
+            horizon::harder_event(&island.island_plan, &island_timeline.timeline, error.duration_seconds)
+        });
         let unchecked_from = error.and_then(|error| horizon::unchecked_from(&island.island_plan, error));
         let Assembled {
             island_plan,
             bodies,
             certificate,
-            because,
+            modes_refusal: because,
             ..
         } = island;
         self.plan.choices.push(Choice {
-            modules: module_count,
+            n_modules: module_count,
             method: IslandMethod::Stepped(SteppedChoice {
                 oversampling: island_plan.oversampling,
                 contact_substeps: island_plan.contact_substeps,
@@ -337,72 +353,72 @@ impl<'a> Maker<'a> {
                 bodies: bodies.iter().map(PortedBody::choice).collect(),
             }),
         });
-        let port_count: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
+        let port_count: usize = bodies.iter().map(|body| body.plan.ports().len()).sum();
         if island_plan.network.n_mat() > port_count {
             let mut report_row = Row::stepped(&island_plan, certificate);
             report_row.mats -= port_count;
             (report_row.oversampling, report_row.error) = (island_plan.oversampling, error);
             let because = why.filter(|_| bodies.is_empty()).or(because);
-            report_row.because = because.map(|no_modes| no_modes.as_str().to_owned());
+            report_row.modes_refusal = because.map(|no_modes| no_modes.as_str().to_owned());
             self.plan.rows.push(report_row);
         }
         // The cost of the rest beside bodies has a row of its own, or is added to the row of the first body.
         let mut hub_cost = if self.plan.rows.len() == first_row {
-            cost::seconds(island_plan.hub_cost(), &island_plan.timeline)
+            cost::work_per_second(island_plan.hub_step_ns(), &island_plan.timeline)
         } else {
             0.0
         };
         for body in &bodies {
             let mut report_row = Row::ported(body, &island_plan.timeline);
-            report_row.cost += std::mem::take(&mut hub_cost);
+            report_row.work_per_second += std::mem::take(&mut hub_cost);
             (report_row.oversampling, report_row.error) = (island_plan.oversampling, error);
-            if let (Computed::Slow { .. }, Some(growth)) = (report_row.what, growth) {
+            if let (Computation::Slow { .. }, Some(growth)) = (report_row.computation, growth) {
                 report_row.error = slow_error;
-                report_row.word = Some(multirate::guarantee(growth, certificate.word));
-                report_row.radius = (growth.radius > 0.0).then_some(growth.radius);
-                report_row.is_offered = is_offered;
+                report_row.stability = Some(multirate::stability_with_growth(growth, certificate.word));
+                report_row.kick_growth_factor = (growth.growth_per_kick > 0.0).then_some(growth.growth_per_kick);
+                report_row.is_slow_by_plan = is_offered;
             }
             self.plan.rows.push(report_row);
         }
-        let is_cut_short = self.allowance.n_refused() > n_refused;
+        let is_cut_short = self.allowance.n_refused_trials() > n_refused;
         for report_row in &mut self.plan.rows[first_row..] {
-            report_row.is_reference = is_discrete;
-            report_row.is_cut_short = is_cut_short;
-            report_row.diverges = diverges;
-            report_row.harder_at = harder_at;
-            report_row.unchecked_from = unchecked_from;
-            report_row.stays = stay_reasons(&refused_slow, report_row);
+            report_row.is_discrete_reference = is_discrete_reference;
+            report_row.trials_cut_short = is_cut_short;
+            report_row.has_diverged = diverges;
+            report_row.harder_event_seconds = harder_at;
+            report_row.unchecked_from_seconds = unchecked_from;
+            report_row.rate_refusal = rate_refusals(&refused_slow, report_row);
         }
-        self.plan.stay.extend(refused_slow);
-        self.plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
+        self.plan.refused_rates.extend(refused_slow);
+        self.plan.units.push(ComputationUnit::IslandPlan(Box::new(island_plan)));
         Ok(())
     }
 
     /// Decides how an island is computed, with those of its slow parts slow that may be.
-    fn solve(
+    fn choose_stepping(
         &self,
         subset: &Subset,
-        island_timeline: &OwnTimeline,
+        island_timeline: &LocalTimeline,
         pin: Option<&SteppedChoice>,
-    ) -> Result<SolvedIsland, Error> {
+    ) -> Result<PlannedIsland, Error> {
         let (mut subset, mut refused_slow) = multirate::without_refused_slow(subset, island_timeline, self.budget);
         let (chosen_island, growth) = loop {
-            let assemble = |how: AssemblyOptions<'_>| {
-                let island = Assembled::new(&subset, island_timeline, self.budget, how, pin, &self.memo);
-                self.allowance.spend(self.memo.take_work());
+            let assemble = |options: AssemblyOptions<'_>| {
+                let island = Assembled::new(&subset, island_timeline, self.budget, options, pin, &self.mode_cache);
+                self.allowance.spend_regardless(self.mode_cache.take_seconds());
                 island
             };
             // An island that is unstable at once is not worth a pilot.
             let has_slow_parts = subset.network.has_slow_parts();
-            let first_try = has_slow_parts.then(|| assemble(AssemblyOptions::fine(1, MethodChoice::ByBudget)));
+            let first_try = has_slow_parts.then(|| assemble(AssemblyOptions::between_steps(1, MethodChoice::ByBudget)));
             let mut growth_result = match first_try {
-                Some(Ok(island)) => multirate::certify(&island, &self.allowance),
+                Some(Ok(island)) => multirate::certify_growth(&island, &self.allowance),
                 _ => Ok(None),
             };
             if growth_result.is_ok() {
                 let chosen_island = match pin {
-                    Some(pin) => pilot_result::pinned(
-                        assemble(AssemblyOptions::fine(pin.oversampling, MethodChoice::ByBudget))?,
+                    Some(pin) => pilot_result::with_earlier_choice(
+                        assemble(AssemblyOptions::between_steps(pin.oversampling, MethodChoice::ByBudget))?,
                         pin,
                     )
                     .ok_or_else(wrong_plan_error)?,
@@ -410,7 +426,7 @@ impl<'a> Maker<'a> {
                 };
                 // At a higher oversampling the island has to be certified again.
                 if chosen_island.island.island_plan.oversampling > 1 {
-                    growth_result = multirate::certify(&chosen_island.island, &self.allowance);
+                    growth_result = multirate::certify_growth(&chosen_island.island, &self.allowance);
                 }
                 if let Ok(growth) = growth_result {
                     break (chosen_island, growth);
@@ -424,7 +440,7 @@ impl<'a> Maker<'a> {
         };
         let slow_error = match growth {
             Some(_) if pin.is_none() && !island_timeline.timeline.is_open => {
-                let trial_context = (&self.memo, &self.allowance, self.store);
+                let trial_context = (&self.mode_cache, &self.allowance, self.trial_store);
                 multirate::slow_error(
                     &subset,
                     island_timeline,
@@ -435,20 +451,20 @@ impl<'a> Maker<'a> {
             }
             _ => None,
         };
-        Ok(SolvedIsland {
+        Ok(PlannedIsland {
             chosen: chosen_island,
-            growth,
+            slow_growth: growth,
             slow_error,
-            refused_slow,
-            is_offered: false,
+            refused_slow_parts: refused_slow,
+            is_slow_by_plan: false,
         })
     }
 }
 
 /// Notes on a bank which body it is of, and which of its modes.
-fn label_bank(solved_bank: &mut SolvedBank, subset: &Subset, island_timeline: &OwnTimeline) {
+fn set_bank_origin(solved_bank: &mut SolvedBank, subset: &Subset, island_timeline: &LocalTimeline) {
     solved_bank.bank.is_open = island_timeline.timeline.is_open;
-    solved_bank.bank.computed_modes = solved_bank.computed.numbers();
+    solved_bank.bank.computed_modes = solved_bank.computed_modes.numbers();
     // A takeover needs normal modes.
     let is_normal = solved_bank.kind == ModeKind::Normal;
     solved_bank.bank.body = is_normal.then(|| Arc::new(subset.network.clone()));
@@ -486,7 +502,7 @@ fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<
 }
 
 /// Why parts of a row that ask for a rate of their own are computed at every frame.
-fn stay_reasons(refused_slow: &[RefusedSlow], row: &Row) -> Option<String> {
+fn rate_refusals(refused_slow: &[RefusedSlowPart], row: &Row) -> Option<String> {
     let row_refusals = refused_slow.iter().filter(|(part, _)| row.parts.contains(part));
     let reason_texts: Vec<String> = row_refusals.map(|(part, why)| format!("{part}: {why}")).collect();
     (!reason_texts.is_empty()).then(|| reason_texts.join("; "))

@@ -1,6 +1,6 @@
 //! The report of a plan: a row for everything that is computed together, and for everything that is not computed.
 
-use crate::assembly::audible::{Body, ModeKind};
+use crate::assembly::audible::{BankBody, ModeKind};
 use crate::assembly::budget::Budget;
 use crate::assembly::cost;
 use crate::assembly::cost_table::Costs;
@@ -18,7 +18,7 @@ use crate::timeline::Timeline;
 
 /// Why something is not computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reason {
+pub enum LeftOutReason {
     /// No output listens to it, or to anything it can move.
     Unheard,
     /// Nothing ever moves it.
@@ -27,7 +27,7 @@ pub enum Reason {
 
 /// The method by which modules are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Computed {
+pub enum Computation {
     /// Module by module, by the CA scheme.
     Stepped,
     /// Each isolated CEL by its own poles.
@@ -37,11 +37,11 @@ pub enum Computed {
         /// Normal or complex.
         kind: ModeKind,
         /// All modes of the body.
-        total: usize,
+        n_modes: usize,
         /// The modes that are computed.
-        computed: usize,
+        n_computed: usize,
         /// How loud the others would be together, relative to all [dB].
-        left_out: Option<f64>,
+        left_out_db: Option<f64>,
     },
     /// As a mesh, by a method of its own: its name, and steps a frame.
     Mesh(&'static str, u32),
@@ -53,32 +53,34 @@ pub enum Computed {
         is_exact: bool,
     },
     /// Not at all.
-    LeftOut(Reason),
+    LeftOut(LeftOutReason),
 }
 
 /// An error that a pilot measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
+pub struct MeasuredError {
     /// Of the waveform [dB].
-    pub db: f64,
+    pub waveform_db: f64,
     /// Over how long from the start [s].
-    pub over: f64,
+    pub duration_seconds: f64,
     /// If runs part for good: mean difference of their third octaves over all that was compared [dB].
-    pub spectral: Option<f64>,
+    pub third_octave_db: Option<f64>,
     /// The audible error, if the budget is one of pitch.
     pub audible: Option<Audible>,
 }
 
-impl Measured {
+impl MeasuredError {
     /// The audible error as a multiple of what a budget allows; 0 if it is not known.
-    pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
-        self.audible.map_or(0.0, |audible| budget.excess(&audible))
+    pub(in crate::plan) fn budget_excess(&self, budget: &Budget) -> f64 {
+        self.audible.map_or(0.0, |audible| budget.excess_ratio(&audible))
     }
 
-    /// Adds the doubt of an estimate, but not beyond what is `asked` for: the budget has margins of its own.
-    pub(in crate::plan) fn doubted(self, asked: f64) -> Self {
+    /// Adds the doubt of an estimate, but not beyond `asked_db`: the budget has margins of its own.
+    pub(in crate::plan) fn with_estimate_margin(self, asked_db: f64) -> Self {
         Self {
-            db: self.db.max((self.db + ESTIMATE_MARGIN_DB).min(asked)),
+            waveform_db: self
+                .waveform_db
+                .max((self.waveform_db + ESTIMATE_MARGIN_DB).min(asked_db)),
             ..self
         }
     }
@@ -94,156 +96,160 @@ pub struct Row {
     /// LIAs.
     pub links: usize,
     /// How they are computed.
-    pub what: Computed,
+    pub computation: Computation,
     /// Seconds of work for a second of sound, by the table of costs.
-    pub cost: f64,
+    pub work_per_second: f64,
     /// Whether it can diverge; `None` where nothing is computed.
-    pub word: Option<StabilityGuarantee>,
-    /// Steps taken in `every` frames.
+    pub stability: Option<StabilityGuarantee>,
+    /// Steps taken in `frame_interval` frames.
     pub oversampling: u32,
     /// 1, except for what is only seen.
-    pub every: u32,
+    pub frame_interval: u32,
     /// Contact substeps a step while contacts may be closed.
     pub contact_substeps: usize,
     /// The order of contacts between frames: 2 or 4.
     pub contact_order: u32,
     /// The error that a pilot measured; `None`: not measured, or exact but for what is left out.
-    pub error: Option<Measured>,
+    pub error: Option<MeasuredError>,
     /// Why it is not computed by a better method.
-    pub because: Option<String>,
+    pub modes_refusal: Option<String>,
     /// Largest magnitude of an eigenvalue of the map of slow parts and all that they touch, for one kick; `None` if no
     /// part is slow.
-    pub radius: Option<f64>,
+    pub kick_growth_factor: Option<f64>,
     /// Parts that ask for a rate of their own but are computed at every frame, and why.
-    pub stays: Option<String>,
+    pub rate_refusal: Option<String>,
     /// It is slow by the choice of the plan, because its island then costs less.
-    pub is_offered: bool,
+    pub is_slow_by_plan: bool,
     /// Its discrete network is the reference: nothing but what is left out is an error.
-    pub is_reference: bool,
+    pub is_discrete_reference: bool,
     /// The allowance of trials was spent before all of them were played.
-    pub is_cut_short: bool,
+    pub trials_cut_short: bool,
     /// It is planned for a low cost, because no earlier plan has run its trials.
     pub is_drafted: bool,
     /// Its motion diverged in its trial.
-    pub diverges: bool,
+    pub has_diverged: bool,
     /// When it is played harder than while `error` was measured [s].
-    pub harder_at: Option<f64>,
+    pub harder_event_seconds: Option<f64>,
     /// From when on its error was not checked, though it may grow [s].
-    pub unchecked_from: Option<f64>,
+    pub unchecked_from_seconds: Option<f64>,
 }
 
 impl Row {
     /// Whether a slow part sounds as it would at every frame, as far as a pilot measured.
     pub fn is_preserved(&self) -> bool {
-        let (Computed::Slow { macrostep, .. }, Some(pilot_error)) = (self.what, self.error) else {
+        let (Computation::Slow { macrostep, .. }, Some(pilot_error)) = (self.computation, self.error) else {
             return false;
         };
         let island_macrostep = macrostep / self.oversampling.max(1);
         PRESERVED_LIMITS
             .iter()
-            .any(|&(every_max, db)| island_macrostep <= every_max && pilot_error.db <= db)
+            .any(|&(every_max, db)| island_macrostep <= every_max && pilot_error.waveform_db <= db)
     }
 
     /// A row of parts, with their moving MATs and their LIAs; nothing else is filled in.
-    fn new(parts: Vec<String>, [mats, links]: [usize; 2], what: Computed) -> Self {
+    fn new(parts: Vec<String>, [mats, links]: [usize; 2], what: Computation) -> Self {
         Self {
             parts,
             mats,
             links,
-            what,
-            cost: 0.0,
-            word: None,
+            computation: what,
+            work_per_second: 0.0,
+            stability: None,
             oversampling: 1,
-            every: 1,
+            frame_interval: 1,
             contact_substeps: 1,
             contact_order: ContactOrder::default().number(),
             error: None,
-            because: None,
-            radius: None,
-            stays: None,
-            is_offered: false,
-            is_reference: false,
-            is_cut_short: false,
+            modes_refusal: None,
+            kick_growth_factor: None,
+            rate_refusal: None,
+            is_slow_by_plan: false,
+            is_discrete_reference: false,
+            trials_cut_short: false,
             is_drafted: false,
-            diverges: false,
-            harder_at: None,
-            unchecked_from: None,
+            has_diverged: false,
+            harder_event_seconds: None,
+            unchecked_from_seconds: None,
         }
     }
 
     /// Fills in the cost of a second of sound, from nanoseconds a frame, and whether it can diverge.
-    fn costing(self, ns: f64, timeline: &Timeline, word: StabilityGuarantee) -> Self {
+    fn with_cost(self, ns: f64, timeline: &Timeline, word: StabilityGuarantee) -> Self {
         Self {
-            cost: cost::seconds(ns, timeline),
-            word: Some(word),
+            work_per_second: cost::work_per_second(ns, timeline),
+            stability: Some(word),
             ..self
         }
     }
 
-    pub(in crate::plan) fn left_out(network: &Network, island: &IslandMembers, reason: Reason) -> Self {
+    pub(in crate::plan) fn left_out(network: &Network, island: &IslandMembers, reason: LeftOutReason) -> Self {
         let mats = network.mats();
         let first_part = mats.part[island.mats[0] as usize] as usize;
         let mat_moves = |mat: &&u32| mats.kind[**mat as usize].moves();
         let module_counts = [island.mats.iter().filter(mat_moves).count(), island.links.len()];
         let part_names = vec![network.parts()[first_part].name.clone()];
-        Self::new(part_names, module_counts, Computed::LeftOut(reason))
+        Self::new(part_names, module_counts, Computation::LeftOut(reason))
     }
 
     pub(in crate::plan) fn stepped(island_plan: &IslandPlan, certificate: Certificate) -> Self {
-        let frame_cost = island_plan.hub_cost();
+        let frame_cost = island_plan.hub_step_ns();
         let timeline = &island_plan.timeline;
         let steps = island_plan.step_numbers(island_plan.contact_substeps);
         Self {
             contact_substeps: steps.contact_substeps,
             contact_order: steps.contact_order.number(),
-            ..Self::for_network(&island_plan.network, Computed::Stepped).costing(frame_cost, timeline, certificate.word)
+            ..Self::for_network(&island_plan.network, Computation::Stepped).with_cost(
+                frame_cost,
+                timeline,
+                certificate.word,
+            )
         }
     }
 
     /// The row of a body inside an island.
     pub(in crate::plan) fn ported(ported: &PortedBody, timeline: &Timeline) -> Self {
-        let computed_as = match &ported.inside {
+        let computed_as = match &ported.plan {
             BodyPlan::Modal(modal) => match &modal.answers {
-                Some(answers) => Computed::Modes {
+                Some(answers) => Computation::Modes {
                     kind: ModeKind::Complex,
-                    total: answers.n_modes,
-                    computed: answers.n_modes,
-                    left_out: None,
+                    n_modes: answers.n_modes,
+                    n_computed: answers.n_modes,
+                    left_out_db: None,
                 },
-                None => Computed::Modes {
+                None => Computation::Modes {
                     kind: ModeKind::Normal,
-                    total: ported.n_modes,
-                    computed: modal.modes.len(),
-                    left_out: ported.left_out,
+                    n_modes: ported.n_modes,
+                    n_computed: modal.modes.len(),
+                    left_out_db: ported.left_out_db,
                 },
             },
-            BodyPlan::Mesh(mesh) => Computed::Mesh(mesh.method.facts().name, mesh.substeps),
-            BodyPlan::Slow(slow) => Computed::Slow {
+            BodyPlan::Mesh(mesh) => Computation::Mesh(mesh.method.facts().name, mesh.substeps),
+            BodyPlan::Slow(slow) => Computation::Slow {
                 macrostep: slow.macrostep,
                 is_exact: slow.is_linear(),
             },
         };
-        let frame_cost = cost::body_cost(&ported.inside);
-        Self::new(ported.parts.clone(), [ported.mats, ported.links], computed_as).costing(
+        let frame_cost = cost::body_ns(&ported.plan);
+        Self::new(ported.parts.clone(), [ported.n_mats, ported.n_links], computed_as).with_cost(
             frame_cost,
             timeline,
-            guarantee(&ported.inside),
+            guarantee(&ported.plan),
         )
     }
 
-    pub(in crate::plan) fn modal(subset: &Subset, body: &Body, timeline: &Timeline) -> Self {
-        let computed_as = Computed::Modes {
+    pub(in crate::plan) fn modal(subset: &Subset, body: &BankBody, timeline: &Timeline) -> Self {
+        let computed_as = Computation::Modes {
             kind: body.kind,
-            total: body.modes,
-            computed: body.computed.modes.len(),
-            left_out: body.computed.left_out,
+            n_modes: body.n_modes,
+            n_computed: body.computed_modes.modes.len(),
+            left_out_db: body.computed_modes.left_out_db,
         };
-        let frame_cost = cost::bank_cost(&body.bank);
-        Self::for_network(&subset.network, computed_as).costing(frame_cost, timeline, StabilityGuarantee::Proved)
+        let frame_cost = cost::bank_ns(&body.bank);
+        Self::for_network(&subset.network, computed_as).with_cost(frame_cost, timeline, StabilityGuarantee::Proved)
     }
 
     /// The row of a whole network.
-    fn for_network(network: &Network, what: Computed) -> Self {
+    fn for_network(network: &Network, what: Computation) -> Self {
         let module_counts = [network.n_moving(), network.n_lia()];
         Self::new(network.moving_parts(), module_counts, what)
     }
@@ -252,7 +258,7 @@ impl Row {
 /// A row for each part that has isolated CELs.
 pub(in crate::plan) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) -> Vec<Row> {
     let mut cell_counts = vec![0_usize; network.parts().len()];
-    for (mat, _) in banks.iter().flat_map(|bank| &bank.mats) {
+    for (mat, _) in banks.iter().flat_map(|bank| &bank.mats_and_rests) {
         cell_counts[network.mats().part[*mat as usize] as usize] += 1;
     }
     let counted_parts = network.parts().iter().zip(cell_counts);
@@ -260,7 +266,7 @@ pub(in crate::plan) fn cells(network: &Network, banks: &[BankPlan], timeline: &T
         .filter(|(_, count)| *count > 0)
         .map(|(part, count)| {
             let frame_cost = Costs::nanoseconds("oscillator") * count as f64;
-            Row::new(vec![part.name.clone()], [count, 0], Computed::Oscillators).costing(
+            Row::new(vec![part.name.clone()], [count, 0], Computation::Oscillators).with_cost(
                 frame_cost,
                 timeline,
                 StabilityGuarantee::Proved,
@@ -288,13 +294,13 @@ mod tests {
     #[test]
     fn doubted_error_stays_within_the_limit() {
         let stated_error = |db: f64| {
-            let measured = Measured {
-                db,
-                over: 0.3,
-                spectral: None,
+            let measured = MeasuredError {
+                waveform_db: db,
+                duration_seconds: 0.3,
+                third_octave_db: None,
                 audible: None,
             };
-            measured.doubted(-60.0).db
+            measured.with_estimate_margin(-60.0).waveform_db
         };
         assert_eq!(stated_error(-80.0), -76.5);
         assert_eq!(stated_error(-62.0), -60.0);

@@ -30,7 +30,7 @@ pub enum StabilityGuarantee {
 
 /// How the largest eigenvalue was bounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Means {
+pub enum BoundMethod {
     /// From the sums at the two ends of each link.
     Gershgorin,
     /// All eigenvalues of a small network.
@@ -45,7 +45,7 @@ pub struct Certificate {
     /// Upper bound of λmax(M⁻¹(K + c·Z)); c = 2 for CA.
     pub lambda_max: f64,
     /// Method of the bound.
-    pub means: Means,
+    pub means: BoundMethod,
     /// What the certificate guarantees.
     pub word: StabilityGuarantee,
 }
@@ -135,14 +135,14 @@ fn has_fixed_pairs(run: &Run) -> bool {
 }
 
 /// The stability limit of 4, reduced by the possible rounding error of an eigenvalue.
-const LIMIT: f64 = 4.0 * (1.0 - 1e-14);
+const STABILITY_LIMIT: f64 = 4.0 * (1.0 - 1e-14);
 /// Up to this many MATs all eigenvalues are computed: this is exact at the limit, and just as quick.
 const DENSE_MAX: usize = 200;
 
 /// The largest eigenvalue of M⁻¹(K + c·Z), or an upper bound of it.
 pub(crate) struct LargestEigenvalue {
     pub(crate) lambda: f64,
-    pub(crate) means: Means,
+    pub(crate) means: BoundMethod,
     /// The MAT with the largest amplitude in the mode of `lambda`; 0 if only sums were computed.
     pub(crate) worst: usize,
 }
@@ -167,19 +167,19 @@ pub(crate) fn largest_eigenvalue_up_to(
     search_limit: f64,
 ) -> Result<LargestEigenvalue, Error> {
     let weights: Vec<f64> = scheme.runs.iter().map(|run| weight(run, c)).collect();
-    let lambda = by_sums(scheme, network, c, &weights)?;
+    let lambda = gershgorin_bound(scheme, network, c, &weights)?;
     if lambda < sufficient_bound {
         return Ok(LargestEigenvalue {
             lambda,
-            means: Means::Gershgorin,
+            means: BoundMethod::Gershgorin,
             worst: 0,
         });
     }
-    Ok(by_eigenvalue(scheme, network, c, &weights, search_limit))
+    Ok(exact_largest_eigenvalue(scheme, network, c, &weights, search_limit))
 }
 
 /// Gershgorin's bound, from the sums D = Σ(K + c·Z) at both ends of each link.
-fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Result<f64, Error> {
+fn gershgorin_bound(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Result<f64, Error> {
     let weighted_runs = || scheme.runs.iter().zip(weights).filter(|(_, weight)| **weight != 0.0);
     let mat_count = scheme.n_mat();
     let mut mat_sums: Vec<f64> = (0..mat_count)
@@ -261,7 +261,13 @@ fn proxy_factor(scheme: &Scheme) -> impl Fn(usize) -> f64 + '_ {
 }
 
 /// The largest eigenvalue of M^-½ (K + c·Z) M^-½, with proxies at their initial positions.
-fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], search_limit: f64) -> LargestEigenvalue {
+fn exact_largest_eigenvalue(
+    scheme: &Scheme,
+    network: &Network,
+    c: f64,
+    weights: &[f64],
+    search_limit: f64,
+) -> LargestEigenvalue {
     let mat_count = scheme.n_mat();
     let mut inverse_roots: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
     for proxy in &scheme.proxies {
@@ -305,7 +311,7 @@ fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], se
         let largest = spectrum::largest_up_to(mat_count, &mut apply_matrix, search_limit);
         return LargestEigenvalue {
             lambda: largest.theta + largest.residual,
-            means: Means::Lanczos,
+            means: BoundMethod::Lanczos,
             worst: largest_entry(&|i| largest.vector[i]),
         };
     }
@@ -321,7 +327,7 @@ fn by_eigenvalue(scheme: &Scheme, network: &Network, c: f64, weights: &[f64], se
     let largest_index = eigensystem.eigenvalues.imax();
     LargestEigenvalue {
         lambda: eigensystem.eigenvalues[largest_index],
-        means: Means::Dense,
+        means: BoundMethod::Dense,
         worst: largest_entry(&|i| eigensystem.eigenvectors[(i, largest_index)]),
     }
 }
@@ -346,8 +352,8 @@ fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u3
         };
         Scheme::new(network, finer_rate).is_ok_and(|mut finer| {
             finer.runs.retain(|run| first_links.contains(&run.first));
-            let largest_eigen = largest_eigenvalue_up_to(&finer, network, 2.0, LIMIT, LIMIT);
-            largest_eigen.is_ok_and(|largest_eigen| largest_eigen.lambda < LIMIT)
+            let largest_eigen = largest_eigenvalue_up_to(&finer, network, 2.0, STABILITY_LIMIT, STABILITY_LIMIT);
+            largest_eigen.is_ok_and(|largest_eigen| largest_eigen.lambda < STABILITY_LIMIT)
         })
     };
     let mut high_multiple = oversampling(lambda);
@@ -375,7 +381,8 @@ fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u3
 
 /// Whether the scheme is stable without its damping.
 pub(super) fn bears_springs(scheme: &Scheme, network: &Network) -> bool {
-    largest_eigenvalue_up_to(scheme, network, 0.0, LIMIT, LIMIT).is_ok_and(|top| top.lambda < LIMIT)
+    largest_eigenvalue_up_to(scheme, network, 0.0, STABILITY_LIMIT, STABILITY_LIMIT)
+        .is_ok_and(|top| top.lambda < STABILITY_LIMIT)
 }
 
 pub(super) fn certify(scheme: &Scheme, network: &Network, refusal: Refusal) -> Result<Certificate, Error> {
@@ -386,16 +393,16 @@ pub(super) fn certify(scheme: &Scheme, network: &Network, refusal: Refusal) -> R
     };
     let search_limit = match refusal {
         Refusal::Explained => f64::INFINITY,
-        Refusal::Bare => LIMIT,
+        Refusal::Bare => STABILITY_LIMIT,
     };
-    let largest_eigen = largest_eigenvalue_up_to(scheme, network, 2.0, LIMIT, search_limit)?;
+    let largest_eigen = largest_eigenvalue_up_to(scheme, network, 2.0, STABILITY_LIMIT, search_limit)?;
     // The eigenvalue holds for the initial position of a proxy only.
     let has_moving_proxy = scheme.proxies.iter().any(Proxy::is_moving);
     let guarantee = match largest_eigen.means {
-        Means::Dense | Means::Lanczos if has_moving_proxy => StabilityGuarantee::Tried,
+        BoundMethod::Dense | BoundMethod::Lanczos if has_moving_proxy => StabilityGuarantee::Tried,
         _ => guarantee,
     };
-    if largest_eigen.lambda < LIMIT {
+    if largest_eigen.lambda < STABILITY_LIMIT {
         return Ok(Certificate {
             lambda_max: largest_eigen.lambda,
             means: largest_eigen.means,

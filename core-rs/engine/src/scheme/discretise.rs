@@ -59,7 +59,7 @@ fn without_numbers(network: &Network, rate: Rate) -> Scheme {
 
 /// The inverse masses, and κ and ζ of each CEL. Refuses those above half the rate, all at once.
 fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) -> Result<(), Error> {
-    let cancels = cancelling(network);
+    let cancels = mats_with_negative_stiffness(network);
     let mats = network.mats();
     let mut too_high = Vec::new();
     for i in (0..network.n_mat()).filter(|&i| mats.kind[i].moves()) {
@@ -76,7 +76,7 @@ fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) ->
             }
             None => {
                 let cell = Cell::new(m, k, z);
-                too_high.extend(above_nyquist(network, i, cell.frequency(), rate));
+                too_high.extend(check_below_nyquist(network, i, cell.frequency(), rate));
                 (rate.step() * rate.step() / m, cell.ratios(rate))
             }
             Some(design_rate) => {
@@ -89,7 +89,7 @@ fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) ->
                 let cell_frequency = design_ratios
                     .pitch(design_rate)
                     .map_or(0.0, |(cell_frequency, _)| cell_frequency);
-                too_high.extend(above_nyquist(network, i, cell_frequency, rate));
+                too_high.extend(check_below_nyquist(network, i, cell_frequency, rate));
                 (rate_ratio * rate_ratio / m, resampled(design_ratios, design_rate, rate))
             }
         };
@@ -102,7 +102,7 @@ fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) ->
 
 /// The links: those whose force is explicit, and those whose force is solved for, friction last.
 fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), Error> {
-    let mut scratch = Scratch::default();
+    let mut scratch = ScratchSlots::default();
     let mut dry_runs = Vec::new();
     for run in network.runs() {
         let design_rate = ca_rate(network, run.part);
@@ -145,13 +145,13 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
 
 /// Scratch memory that links share, numbered for each kind by itself.
 #[derive(Default)]
-struct Scratch {
+struct ScratchSlots {
     laws: Vec<Arc<Law>>,
     n_pairwise: usize,
     n_followed: usize,
 }
 
-impl Scratch {
+impl ScratchSlots {
     /// The kind of a link, with its coefficients for one step.
     fn kind(&mut self, kind: &LinkKind, per_step: f64) -> Kind {
         match kind {
@@ -224,7 +224,7 @@ fn shares_moving_mass(scheme: &Scheme) -> bool {
 
 /// MATs of bodies in which some tie or spring has a negative stiffness, as in those of MODES. Such stiffnesses cancel
 /// others, and would not if a tie were discretised by its own poles   (n_mat).
-fn cancelling(network: &Network) -> Vec<bool> {
+fn mats_with_negative_stiffness(network: &Network) -> Vec<bool> {
     let mut joined_mats = Forest::new(network.n_mat());
     let springs = network.runs().iter();
     let springs = springs.filter(|run| run.kind == LinkKind::Ref && run.len == 1);
@@ -251,7 +251,7 @@ fn ca_rate(network: &Network, part: usize) -> Option<Rate> {
 }
 
 /// Refuses a CEL above half the rate: its exact poles would be those of its alias, stable but of another pitch.
-fn above_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Option<Error> {
+fn check_below_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Option<Error> {
     (f > 0.5 * rate.hertz()).then(|| Error::Refused {
         module: network.mat_name(mat),
         message: format!(

@@ -75,9 +75,9 @@ fn certify_by_eigenvalue_beyond_coarse_sums() {
     let row_cosine = crate::maths::cos(std::f64::consts::PI / (2 * mass_count) as f64);
     let limit_stiffness = 1.0 / (row_cosine * row_cosine);
     let coarse_bound = certify(&row(mass_count, 1.0 - 1e-12)).unwrap();
-    assert_eq!(coarse_bound.means, Means::Gershgorin);
+    assert_eq!(coarse_bound.means, BoundMethod::Gershgorin);
     let certificate = certify(&row(mass_count, limit_stiffness * (1.0 - 1e-9))).unwrap();
-    assert_ne!(certificate.means, Means::Gershgorin);
+    assert_ne!(certificate.means, BoundMethod::Gershgorin);
     assert!((certificate.lambda_max - 4.0).abs() < 1e-8 && certificate.lambda_max < 4.0);
     let (module, lambda, _) = unstable(&row(mass_count, limit_stiffness * (1.0 + 1e-9)));
     assert!((4.0..4.0 + 1e-7).contains(&lambda));
@@ -181,7 +181,7 @@ fn certify_of_an_empty_network() {
     assert_eq!(certify(&Network::new()).unwrap().lambda_max, 0.0);
     let mut network = discrete();
     network.sol("s", 1.0).unwrap();
-    assert_eq!(certify(&network).unwrap().means, Means::Gershgorin);
+    assert_eq!(certify(&network).unwrap().means, BoundMethod::Gershgorin);
 }
 
 #[test]

@@ -96,7 +96,7 @@ impl<'a> BodyCandidate<'a> {
         for (&(unit, bank), _) in unmatched(&side.banks, banks) {
             let Some(network) = &bank.body else { continue };
             let body_place = Place { unit, body: None };
-            let modes_kept = (&bank.computed_modes[..], bank.turned.as_deref());
+            let modes_kept = (&bank.computed_modes[..], bank.rotation_mats.as_deref());
             let mass_source = MassSource::Modes(network, modes_kept, side.rate);
             candidates.push(Self::new(body_place, network, &moving(network), mass_source, time_step));
         }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Mutex;
 
-use crate::assembly::unit::{IslandPlan, Unit};
+use crate::assembly::unit::{ComputationUnit, IslandPlan};
 use crate::bank::Bank;
 use crate::interrupt;
 use crate::island::{Fault, Island, Options};
@@ -101,15 +101,15 @@ impl Group {
         Ok(new_group)
     }
 
-    fn add(&mut self, unit: &Unit, rate: Rate, options: Options) -> Result<(), Error> {
+    fn add(&mut self, unit: &ComputationUnit, rate: Rate, options: Options) -> Result<(), Error> {
         self.units.push(match unit {
-            Unit::IslandPlan(island_plan) => {
+            ComputationUnit::IslandPlan(island_plan) => {
                 let IslandPlan {
                     network,
                     timeline,
                     bodies,
                     contact_substeps,
-                    sleeps,
+                    stops_when_silent: sleeps,
                     ..
                 } = &**island_plan;
                 let step_numbers = island_plan.step_numbers(*contact_substeps);
@@ -121,7 +121,7 @@ impl Group {
                 self.sound.resize(self.sound.len().max(block_samples), 0.0);
                 RunningUnit::Island(Box::new(island))
             }
-            Unit::Bank(bank) => {
+            ComputationUnit::Bank(bank) => {
                 let strikes = bank.strikes.clone();
                 let (oscillators, is_open) = (&bank.oscillators, bank.is_open);
                 RunningUnit::Bank(Bank::new(oscillators, strikes, rate, UNIT_BLOCK, is_open))
@@ -186,7 +186,7 @@ impl RunningUnit {
     /// (n_frames · n_out); `sound` is a buffer for the unit's own outputs.
     fn process(
         &mut self,
-        (unit, source): (&Unit, &mut SoundSource),
+        (unit, source): (&ComputationUnit, &mut SoundSource),
         sound: &mut [f64],
         out: &mut [f64],
         (outputs, done, n_frames): (&[u32], u64, usize),
@@ -197,7 +197,7 @@ impl RunningUnit {
                 bank.process(out, (outputs.len(), n_frames), |output| column(outputs, output));
             }
             (Self::Island(_), _) if matches!(source, SoundSource::Skipped) => {}
-            (Self::Island(island), Unit::IslandPlan(island_plan)) => {
+            (Self::Island(island), ComputationUnit::IslandPlan(island_plan)) => {
                 let n_island_out = island.n_out();
                 let n_frames = island.due_frames(done, n_frames);
                 let sound = &mut sound[..n_island_out * n_frames];
@@ -211,7 +211,7 @@ impl RunningUnit {
                     add(sound, n_island_out, island_plan, out, outputs);
                 }
             }
-            (Self::Island(_), Unit::Bank(_)) => {}
+            (Self::Island(_), ComputationUnit::Bank(_)) => {}
         }
         None
     }
@@ -237,7 +237,7 @@ pub(super) fn assign_teams(groups: &mut [Group], plan: &Plan, threads: usize) {
     let team_size = threads.min(processors);
     let costs = |group: &Group| -> f64 {
         let group_units = &plan.units[group.first..][..group.units.len()];
-        group_units.iter().map(Unit::cost).sum()
+        group_units.iter().map(ComputationUnit::cost).sum()
     };
     // Time of groups in parallel: that of the most expensive one, or the sum divided by the threads, if that is longer.
     let time_in_parallel = |costs: &[f64]| {
@@ -287,14 +287,14 @@ pub(super) fn run_on_threads(
 }
 
 /// The outputs that hear a unit.
-fn outputs_of(unit: &Unit) -> Vec<u32> {
+fn outputs_of(unit: &ComputationUnit) -> Vec<u32> {
     match unit {
-        Unit::Bank(bank) => {
+        ComputationUnit::Bank(bank) => {
             let weights = bank.oscillators.iter().flat_map(|oscillator| &oscillator.outputs);
             let outputs: BTreeSet<u32> = weights.map(|&(output, _)| output).collect();
             Vec::from_iter(outputs)
         }
-        Unit::IslandPlan(island_plan) => island_plan.scene_outputs().map(|output| output as u32).collect(),
+        ComputationUnit::IslandPlan(island_plan) => island_plan.scene_outputs().map(|output| output as u32).collect(),
     }
 }
 

@@ -8,14 +8,14 @@ use std::sync::Arc;
 
 use super::Simulation;
 use super::group::RunningUnit;
-use crate::assembly::unit::{Unit, to_network_index};
+use crate::assembly::unit::{ComputationUnit, to_network_index};
 use crate::island::inside::RunningBody;
 use crate::island::{Island, Record};
 use crate::network::Network;
 use crate::plan::Plan;
 use crate::timeline::Timeline;
 use crate::units::Rate;
-use maker::Maker;
+use maker::LookMaker;
 
 mod glance;
 mod maker;
@@ -117,11 +117,11 @@ impl Look {
     /// What can be seen of a simulation. Takes as long as finding the modes of its bodies.
     fn new(simulation: &Simulation) -> Self {
         let plan = &simulation.plan;
-        let mut maker = Maker::new(&plan.network, plan.timeline_rate.hertz());
+        let mut maker = LookMaker::new(&plan.network, plan.timeline_rate.hertz());
         for (unit_index, unit) in plan.units.iter().enumerate() {
             match unit {
-                Unit::IslandPlan(island) => maker.island(unit_index, island),
-                Unit::Bank(bank) => maker.bank(unit_index, bank),
+                ComputationUnit::IslandPlan(island) => maker.island(unit_index, island),
+                ComputationUnit::Bank(bank) => maker.bank(unit_index, bank),
             }
         }
         maker.finish(plan.clone())

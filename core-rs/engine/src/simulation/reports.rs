@@ -3,7 +3,7 @@
 use super::Simulation;
 use super::group::RunningUnit;
 use crate::assembly::cost;
-use crate::assembly::unit::{Unit, to_network_index};
+use crate::assembly::unit::{ComputationUnit, to_network_index};
 use crate::gesture::report::Report;
 use crate::island::{Energy, FramedErgon, Island, Record};
 
@@ -16,8 +16,8 @@ impl Simulation {
                 let mut report = *report;
                 report.pushed_by = report
                     .pushed_by
-                    .map(|mat| to_network_index(&island_plan.to_whole.mats, mat));
-                all_reports[to_network_index(&island_plan.to_whole.gestures, local)] = report;
+                    .map(|mat| to_network_index(&island_plan.network_indices.mats, mat));
+                all_reports[to_network_index(&island_plan.network_indices.gestures, local)] = report;
             }
         }
         all_reports
@@ -28,13 +28,13 @@ impl Simulation {
         let mut framed_ergons = Vec::new();
         let running_units = self.groups.iter_mut().flat_map(|group| &mut group.units);
         for (running, unit) in running_units.zip(&self.plan.units) {
-            let (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) = (running, unit) else {
+            let (RunningUnit::Island(island), ComputationUnit::IslandPlan(island_plan)) = (running, unit) else {
                 continue;
             };
             let island_ergons = island.take_ergons().into_iter();
             framed_ergons.extend(island_ergons.map(|record| FramedErgon {
                 record: Record {
-                    mat: to_network_index(&island_plan.to_whole.mats, record.record.mat as usize) as u32,
+                    mat: to_network_index(&island_plan.network_indices.mats, record.record.mat as usize) as u32,
                     ..record.record
                 },
                 frame: island.frame_at(record.frame),
@@ -67,7 +67,7 @@ impl Simulation {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn energy(&self) -> Option<Energy> {
-        let is_bank_unit = |(unit, _): (&RunningUnit, &Unit)| matches!(unit, RunningUnit::Bank(_));
+        let is_bank_unit = |(unit, _): (&RunningUnit, &ComputationUnit)| matches!(unit, RunningUnit::Bank(_));
         if self.units().any(is_bank_unit) {
             return None;
         }
@@ -91,7 +91,7 @@ impl Simulation {
     /// and that of exact contacts beyond one solution a step [s].
     pub fn counted_work(&self) -> f64 {
         let islands = self.islands();
-        let island_costs = islands.flat_map(|(island, _)| cost::counted_cost(island));
+        let island_costs = islands.flat_map(|(island, _)| cost::counted_ns(island));
         1e-9 * island_costs.sum::<f64>()
     }
 

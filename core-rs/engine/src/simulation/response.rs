@@ -10,11 +10,11 @@ use crate::timeline::{HandWay, Timeline};
 use crate::units::Rate;
 
 /// Displacement of the hand [m]. A network with closed contacts is linear: any value far above rounding will do.
-const DISPLACEMENT: f64 = 1e-3;
+const DISPLACEMENT_METRES: f64 = 1e-3;
 /// The response is followed until its end is this small, relative to its largest force after the first two ticks.
 const DECAYED_RATIO: f64 = 1e-4;
 /// Largest amount of work for that [MATs × ticks].
-const WORK_MAX: usize = 1 << 17;
+const WORK_MAX_MAT_TICKS: usize = 1 << 17;
 /// Largest number of steps a frame, for a closed network that is too stiff for one.
 const OVERSAMPLING_MAX: u32 = 64;
 
@@ -107,7 +107,7 @@ impl ReachableNetwork {
     fn displaced_hand(&self, network: &Network, rate: Rate, tick_frames: u32) -> Result<Timeline, Error> {
         let mut timeline = Timeline::new(rate);
         // The path begins at 0: the hand is at rest before its displacement.
-        let hand_path = [0.0, DISPLACEMENT, 0.0];
+        let hand_path = [0.0, DISPLACEMENT_METRES, 0.0];
         timeline
             .hand(network, self.mat, tick_frames, HandWay::Line, &hand_path)
             .map_err(|error| self.refused(error))?;
@@ -126,14 +126,16 @@ impl ReachableNetwork {
         let mut simulation = Simulation::planned(Arc::new(plan), options)?;
         let tick_frames = u64::from(tick_frames);
         let [ticks_min, ticks_max] = ticks;
-        let ticks_max = ticks_max.min(WORK_MAX / self.network.n_mat().max(1)).max(ticks_min);
+        let ticks_max = ticks_max
+            .min(WORK_MAX_MAT_TICKS / self.network.n_mat().max(1))
+            .max(ticks_min);
         let mut response = Vec::with_capacity(ticks_max);
         // Faults are muted.
         let _ = simulation.skip(tick_frames);
         while response.len() < ticks_min || (response.len() < ticks_max && rings(&response)) {
             for _ in 0..ticks_min.min(ticks_max - response.len()) {
                 let _ = simulation.skip(tick_frames);
-                response.push(-simulation.hand_force(0) / DISPLACEMENT);
+                response.push(-simulation.hand_force(0) / DISPLACEMENT_METRES);
             }
         }
         let is_whole = simulation.n_muted() == 0 && response.iter().all(|force| force.is_finite());

@@ -1,7 +1,7 @@
 //! One of the two simulations of a takeover, as `Takeover::new` compares them.
 
 use super::{RunningUnit, Simulation};
-use crate::assembly::unit::{IslandPlan, Unit};
+use crate::assembly::unit::{ComputationUnit, IslandPlan};
 use crate::island::Island;
 use crate::network::Network;
 
@@ -40,11 +40,11 @@ impl<'a> Side<'a> {
             let group_units = group.units.iter().zip(&plan.units[group.first..]);
             for (u, pair) in group_units.enumerate() {
                 match pair {
-                    (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
+                    (RunningUnit::Island(island), ComputationUnit::IslandPlan(island_plan)) => {
                         side.islands.push(((g, u), island, island_plan));
                     }
-                    (_, Unit::Bank(bank)) => side.banks.push(((g, u), bank)),
-                    (RunningUnit::Bank(_), Unit::IslandPlan(_)) => {}
+                    (_, ComputationUnit::Bank(bank)) => side.banks.push(((g, u), bank)),
+                    (RunningUnit::Bank(_), ComputationUnit::IslandPlan(_)) => {}
                 }
             }
         }
@@ -69,7 +69,7 @@ pub(super) fn mat_locations(side: &Side<'_>, [same_islands, same_banks]: [&[bool
         locations.extend(free_mats.map(|(mat, _)| (island_plan.network.mat_name(mat), MatLocation::Island(unit, mat))));
     }
     for (&(unit, bank), _) in unmatched(&side.banks, same_banks) {
-        let bank_mats = bank.mats.iter().enumerate();
+        let bank_mats = bank.mats_and_rests.iter().enumerate();
         locations.extend(bank_mats.map(|(index, &(mat, rest))| {
             (
                 side.network.mat_name(mat as usize),

@@ -9,7 +9,7 @@ mod keys;
 use super::Simulation;
 use super::group::{Group, RunningUnit, SoundSource, UNIT_BLOCK};
 use crate::archive::Damaged;
-use crate::assembly::unit::Unit;
+use crate::assembly::unit::ComputationUnit;
 use crate::interrupt;
 use crate::island::{Fault, Island};
 use crate::kernel::thread_team::{ThreadTeam, flushed};
@@ -30,7 +30,9 @@ impl Simulation {
     pub fn storable(&self) -> Vec<StorableIsland> {
         let indexed_units = self.units().enumerate();
         let islands = indexed_units.filter_map(|(unit, pair)| match pair {
-            (RunningUnit::Island(island), Unit::IslandPlan(_)) if unit < self.plan.n_heard && island.is_storable() => {
+            (RunningUnit::Island(island), ComputationUnit::IslandPlan(_))
+                if unit < self.plan.n_heard_units && island.is_storable() =>
+            {
                 Some(StorableIsland {
                     unit,
                     n_out: island.n_out(),

@@ -66,7 +66,7 @@ impl Takeover {
         takeover.memory(&old_side, &new_side, &same_islands);
         takeover.histories(&old_side, &new_side, &same_islands);
         takeover.voices(&old_side, &new_side, new.frame);
-        takeover.gates_hands_and_parts(&old_side, &new_side);
+        takeover.match_gates_hands_and_parts(&old_side, &new_side);
         takeover
     }
 
@@ -106,7 +106,7 @@ impl Takeover {
     fn banks(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) -> [Vec<bool>; 2] {
         let mut same_banks = [vec![false; old_side.banks.len()], vec![false; new_side.banks.len()]];
         let first_mat_name =
-            |side: &Side<'_>, bank: &crate::assembly::unit::BankPlan| match (&bank.body, bank.mats.first()) {
+            |side: &Side<'_>, bank: &crate::assembly::unit::BankPlan| match (&bank.body, bank.mats_and_rests.first()) {
                 (Some(network), _) => network.mat_name(0),
                 (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
                 (None, None) => String::new(),
@@ -125,10 +125,14 @@ impl Takeover {
                 (None, None) => {
                     let mat_identity =
                         |network: &Network, mat: &(u32, f64)| (network.mat_name(mat.0 as usize), mat.1.to_bits());
-                    bank.mats.len() == old_bank.mats.len()
-                        && bank.mats.iter().zip(&old_bank.mats).all(|(new_item, old_item)| {
-                            mat_identity(new_side.network, new_item) == mat_identity(old_side.network, old_item)
-                        })
+                    bank.mats_and_rests.len() == old_bank.mats_and_rests.len()
+                        && bank
+                            .mats_and_rests
+                            .iter()
+                            .zip(&old_bank.mats_and_rests)
+                            .all(|(new_item, old_item)| {
+                                mat_identity(new_side.network, new_item) == mat_identity(old_side.network, old_item)
+                            })
                 }
                 _ => false,
             };

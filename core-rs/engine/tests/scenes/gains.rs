@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::network::{But, Network, Term, Tie};
-use ergon_engine::plan::{Budget, Known, Method, Plan};
+use ergon_engine::plan::{Budget, Method, Plan, PlanContext};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -187,11 +187,11 @@ const Z: f64 = 1e-3;
 fn rattled(n_heard: usize, z: f64, on_fault: OnFault) -> (Simulation, Result<Vec<f64>, String>) {
     let (network, timeline) = (Arc::new(rattling(n_heard, z)), Timeline::new(Rate::new(HERTZ).unwrap()));
     let budget = Budget::Error(-20.0);
-    let known = Known {
-        share: 0.0,
-        ..Known::default()
+    let known = PlanContext {
+        allowance_share: 0.0,
+        ..PlanContext::default()
     };
-    let plan = Plan::with(network, &timeline, &budget, None, known).unwrap();
+    let plan = Plan::in_context(network, &timeline, &budget, None, known).unwrap();
     let mut simulation = Simulation::planned(Arc::new(plan), options(on_fault)).unwrap();
     let mut out = vec![0.0; (1 + n_heard) * 88_200];
     let played = simulation.process(&mut out).map(|()| out);

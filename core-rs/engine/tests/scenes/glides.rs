@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use ergon_engine::network::{But, Network, Term, Tie};
-use ergon_engine::plan::{Budget, Computed, Method, Plan};
+use ergon_engine::plan::{Budget, Computation, Method, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -285,8 +285,8 @@ fn take_over_of_a_slow_key() {
     let budgets = [Budget::default(), Budget::Method(Method::Ca)];
     let plans = |k: f64| budgets.each_ref().map(|budget| plan(network(k), &key(), budget));
     let (before, after) = (plans(150.0), plans(150.0 * (1.0 + 1e-13)));
-    assert!(before[0].rows().iter().any(|row| row.what
-        == Computed::Slow {
+    assert!(before[0].rows().iter().any(|row| row.computation
+        == Computation::Slow {
             macrostep: 8,
             is_exact: true
         }));

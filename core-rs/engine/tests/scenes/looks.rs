@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::network::{But, Network, Term, Tie};
-use ergon_engine::plan::{Budget, Known, Plan};
+use ergon_engine::plan::{Budget, Plan, PlanContext};
 use ergon_engine::simulation::{Look, OnFault, Options, PointMotion, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -76,11 +76,11 @@ fn scene(discrete: bool) -> (Arc<Network>, Timeline) {
 }
 
 fn plan(network: &Arc<Network>, timeline: &Timeline, seen: &[String], budget: &Budget) -> Arc<Plan> {
-    let known = Known {
-        seen,
-        ..Known::default()
+    let known = PlanContext {
+        displayed_parts: seen,
+        ..PlanContext::default()
     };
-    Arc::new(Plan::with(network.clone(), timeline, budget, None, known).unwrap())
+    Arc::new(Plan::in_context(network.clone(), timeline, budget, None, known).unwrap())
 }
 
 fn all(network: &Network) -> Vec<String> {
@@ -173,7 +173,7 @@ fn look_changes_no_sample() {
         let seen = plan(&network, &timeline, &all(&network), &budget);
         assert_eq!(listened.hash(), seen.hash());
         assert_eq!(listened.rows().len(), seen.rows().len());
-        assert!(!seen.seen().is_empty() && listened.seen().is_empty());
+        assert!(!seen.displayed_rows().is_empty() && listened.displayed_rows().is_empty());
         for threads in [1, 3] {
             assert!(sound(&listened, threads) == out, "{discrete}, {threads} threads");
             assert!(sound(&seen, threads) == out, "{discrete}, {threads} threads, all seen");

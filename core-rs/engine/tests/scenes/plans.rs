@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
-use ergon_engine::plan::{Budget, Computed, Method, Plan};
+use ergon_engine::plan::{Budget, Computation, Method, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -78,11 +78,11 @@ fn modal_discrete_body_equals_its_network() {
     };
     let complete = Simulation::new(network.clone(), &timeline, options).unwrap();
     let plan = Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap();
-    let Computed::Modes {
-        total: source,
-        computed: saved,
+    let Computation::Modes {
+        n_modes: source,
+        n_computed: saved,
         ..
-    } = plan.rows()[0].what
+    } = plan.rows()[0].computation
     else {
         panic!("{:?}", plan.rows());
     };
@@ -144,7 +144,7 @@ fn modal_discrete_body_equals_its_network_in_contact() {
         let complete = render(Simulation::new(network.clone(), &timeline, options).unwrap(), n_frames);
         let plan = Arc::new(Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap());
         assert!(
-            matches!(plan.rows()[1].what, Computed::Modes { total: 12, .. }),
+            matches!(plan.rows()[1].computation, Computation::Modes { n_modes: 12, .. }),
             "{:?}",
             plan.rows()
         );

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::scene::options;
 use super::space::{RATE, hear, link, point};
 use ergon_engine::network::{Network, SpaceLaw, Term, Tie};
-use ergon_engine::plan::{Budget, Known, Method, Plan};
+use ergon_engine::plan::{Budget, Method, Plan, PlanContext};
 use ergon_engine::simulation::{OnFault, Options, PointMotion, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -61,12 +61,12 @@ fn timeline_at(rate: f64, network: &Network) -> Timeline {
 
 fn plan(network: &Arc<Network>, timeline: &Timeline, every: u32, budget: &Budget) -> Arc<Plan> {
     let seen = ["swing".to_owned()];
-    let known = Known {
-        seen: &seen,
-        seen_every: every,
-        ..Known::default()
+    let known = PlanContext {
+        displayed_parts: &seen,
+        displayed_frame_interval: every,
+        ..PlanContext::default()
     };
-    Arc::new(Plan::with(network.clone(), timeline, budget, None, known).unwrap())
+    Arc::new(Plan::in_context(network.clone(), timeline, budget, None, known).unwrap())
 }
 
 fn plain() -> Options {
@@ -185,11 +185,11 @@ fn seen_part_cost_and_error_by_rate() {
     let mut last = (f64::INFINITY, -400.0);
     for every in [1, 7, EVERY] {
         let plan = plan(&network, &timeline, every, &Budget::Error(-60.0));
-        let [row] = plan.seen() else {
-            panic!("{:?}", plan.seen());
+        let [row] = plan.displayed_rows() else {
+            panic!("{:?}", plan.displayed_rows());
         };
-        assert_eq!((row.every, row.oversampling), (every, 1));
-        let all: f64 = row.cost * f64::from(every);
+        assert_eq!((row.frame_interval, row.oversampling), (every, 1));
+        let all: f64 = row.work_per_second * f64::from(every);
         if every == 1 {
             last.0 = all;
             assert!(row.error.is_none());
@@ -198,9 +198,12 @@ fn seen_part_cost_and_error_by_rate() {
         assert!((all - last.0).abs() < 1e-12 * all, "{every}: {all} of {last:?}");
         // The pilot finds the error of a run of the same beginning: of order 2, or of order 1 when contacts close.
         let error = row.error.unwrap();
-        assert!(error.db > last.1 && error.db < -20.0, "{every}: {error:?}");
-        assert!(error.over >= 0.3);
-        last.1 = error.db;
+        assert!(
+            error.waveform_db > last.1 && error.waveform_db < -20.0,
+            "{every}: {error:?}"
+        );
+        assert!(error.duration_seconds >= 0.3);
+        last.1 = error.waveform_db;
     }
 }
 
@@ -227,7 +230,7 @@ fn take_over_of_a_seen_part_mid_step() {
         // If an output hears it from then on, it continues at every frame.
         let listened = network(true);
         let plan = plan(&listened, &timeline, EVERY, &budget);
-        assert!(plan.seen().is_empty());
+        assert!(plan.displayed_rows().is_empty());
         let mut next = taken_over_by(&plan);
         let mut before = playing(&slow, 1);
         before.skip(from).unwrap();
@@ -258,17 +261,17 @@ fn seen_part_too_stiff_is_oversampled() {
     let network = Arc::new(network);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     timeline.strike(&network, 0, 0.01, 1e-3, Some(0.0), 0).unwrap();
-    let known = Known {
-        seen: &rows,
-        seen_every: EVERY,
-        ..Known::default()
+    let known = PlanContext {
+        displayed_parts: &rows,
+        displayed_frame_interval: EVERY,
+        ..PlanContext::default()
     };
     let budget = Budget::Error(-60.0);
-    let plan = Plan::with(network.clone(), &timeline, &budget, None, known).unwrap();
+    let plan = Plan::in_context(network.clone(), &timeline, &budget, None, known).unwrap();
     let mut paces = Vec::new();
-    for row in plan.seen() {
-        paces.push((row.every, row.oversampling));
-        assert_eq!(row.stays.is_some(), row.every == 1, "{row:?}");
+    for row in plan.displayed_rows() {
+        paces.push((row.frame_interval, row.oversampling));
+        assert_eq!(row.rate_refusal.is_some(), row.frame_interval == 1, "{row:?}");
     }
     // Stability: λh² is at most 4.
     let steps = |(every, oversampling): (u32, u32)| RATE * f64::from(oversampling) / f64::from(every);

@@ -8,7 +8,7 @@ use ergon_engine::gesture::script::{Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{But, Network, Side, Term, Tie};
-use ergon_engine::plan::{Budget, Known, Method, Plan};
+use ergon_engine::plan::{Budget, Method, Plan, PlanContext};
 use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::{HandWay, Timeline};
 use ergon_engine::units::Rate;
@@ -240,14 +240,14 @@ fn take_over_by_an_equal_version_bitwise() {
     ] {
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
         let next = Arc::new(
-            Plan::with(
+            Plan::in_context(
                 network.clone(),
                 &timeline,
                 &budget,
                 None,
-                Known {
-                    like: Some(&plan),
-                    ..Known::default()
+                PlanContext {
+                    earlier_plan: Some(&plan),
+                    ..PlanContext::default()
                 },
             )
             .unwrap(),
@@ -302,11 +302,11 @@ fn plan_of_a_session_ignores_written_events() {
         let budget = Budget::default();
         match like {
             Some(like) => {
-                let known = Known {
-                    like: Some(like),
-                    ..Known::default()
+                let known = PlanContext {
+                    earlier_plan: Some(like),
+                    ..PlanContext::default()
                 };
-                Plan::with(network.clone(), timeline, &budget, None, known)
+                Plan::in_context(network.clone(), timeline, &budget, None, known)
             }
             None => Plan::new(network.clone(), timeline, &budget, None),
         }

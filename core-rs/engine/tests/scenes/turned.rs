@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::network::{But, Network, Term};
-use ergon_engine::plan::{Budget, Computed, Plan};
+use ergon_engine::plan::{Budget, Computation, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -57,8 +57,8 @@ fn plan(by: By, is_open: bool) -> Arc<Plan> {
 }
 
 fn n_computed(plan: &Plan) -> usize {
-    let modes = plan.rows().iter().find_map(|row| match row.what {
-        Computed::Modes { computed: kept, .. } => Some(kept),
+    let modes = plan.rows().iter().find_map(|row| match row.computation {
+        Computation::Modes { n_computed: kept, .. } => Some(kept),
         _ => None,
     });
     modes.unwrap_or_else(|| panic!("{:?}", plan.rows()))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ergon.instruments.spread import MAX_SPREAD
+from ergon.instruments.spread import MAX_LINKED_POINTS
 from ergon.notation.text.errors import quote
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.grammar import STRINGS
@@ -83,8 +83,8 @@ class Macro:
         if not self.is_whole or len(moving_rows) == 1:
             return [self.member(row, *self.span(row)) for row in moving_rows]
         count = len(moving_rows) * self.span(moving_rows[0])[1]
-        firsts = range(0, count, MAX_SPREAD)
-        return [f"{self.name}.{a}..{min(a + MAX_SPREAD, count) - 1}" for a in firsts]
+        firsts = range(0, count, MAX_LINKED_POINTS)
+        return [f"{self.name}.{a}..{min(a + MAX_LINKED_POINTS, count) - 1}" for a in firsts]
 
     def neighbours(self) -> list[tuple[str, str]]:
         """Both ends of all links along a single row; those between moving points are given as
@@ -93,8 +93,8 @@ class Macro:
         first_moving, moving_count = self.span(0)
         inner_links = [
             (self.member(0, offset, size), self.member(0, offset + 1, size))
-            for offset in range(first_moving, first_moving + moving_count - 1, MAX_SPREAD)
-            if (size := min(MAX_SPREAD, first_moving + moving_count - 1 - offset))
+            for offset in range(first_moving, first_moving + moving_count - 1, MAX_LINKED_POINTS)
+            if (size := min(MAX_LINKED_POINTS, first_moving + moving_count - 1 - offset))
         ]
         if not first_moving:
             return inner_links

@@ -11,7 +11,7 @@ from ergon import _core
 from ergon.instruments import following
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Module, Output, Target
-from ergon.instruments.module_kinds import GENERATORS, LINKS
+from ergon.instruments.module_kinds import GENERATOR_KINDS, LINK_KINDS
 from ergon.instruments.proxies import add as add_proxy
 from ergon.instruments.proxies import targets
 from ergon.instruments.spread import single_links
@@ -121,7 +121,7 @@ class _Builder:
             )
             self.points_by_module[module_key] = [len(self.to.points)]
             self.to.points.append(holder_point)
-        elif part_module.kind in GENERATORS:
+        elif part_module.kind in GENERATOR_KINDS:
             self._generator(piece_part, part_module, holder_name)
 
     def _proxy(self, part: Part, proxy_module: Module) -> None:
@@ -175,7 +175,7 @@ class _Builder:
             self._refuse(module.place, f"{name}: members that start elsewhere than the others")
             return
         assembly = Assembly()
-        assembly.part(part.name, [module], ca_rate=part.ca_rate)
+        assembly.add_part(part.name, [module], ca_rate=part.ca_rate)
         network = assembly.network
         count, table = network.count(0), network.elements([part.name])
         if not {*table.kinds} <= {"CEL", "RES", "FRO", "REF"} or (table.stiffness < 0).any():
@@ -260,7 +260,7 @@ class _Builder:
             return
         if module.kind in ("ENX", "ENF"):
             self._input(module, ground_name)
-        elif module.kind in LINKS:
+        elif module.kind in LINK_KINDS:
             if module.kind not in _WRITTEN:
                 self._refuse(module.place, f"{ground_name}: {module.kind} is not written yet")
                 return
@@ -369,7 +369,7 @@ class _Builder:
         return members[target.first : target.first + target.count]
 
     def _input(self, module: Module, name: str) -> None:
-        driven_target = module.driven
+        driven_target = module.driven_mat
         if (driven_target.part, driven_target.module) not in self.points_by_module:
             self.to.left_out.append(f"{name}, which feeds {driven_target.text}")
             return
@@ -414,7 +414,7 @@ class _Builder:
             refusal_reason = f"{name}: an output of which each member goes to its own loudspeaker"
             self._refuse(output.place, refusal_reason)
             return
-        traits, output_points, output_links = output.traits, list[int](), list[int]()
+        traits, output_points, output_links = output.kind_facts, list[int](), list[int]()
         for output_target in output.targets:
             if output.is_movement:
                 if (output_target.part, output_target.module) not in self.points_by_module:

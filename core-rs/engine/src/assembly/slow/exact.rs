@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::{Solution, free, resolves_turn};
+use super::{Solution, moving_mats, resolves_turn};
 use crate::assembly::constants::{FLOW_MASSES_MAX, LOOSE_STIFFNESS_RATIO};
 use crate::assembly::wiring::Body;
 use crate::integrate::flow::{Flow, frame};
@@ -17,7 +17,7 @@ use crate::scheme::Scheme;
 use crate::units::Rate;
 
 /// A body of linear springs, or why it has no flow; `is_struck`: whether a MAT of the island may be struck.
-pub(super) fn slow(
+pub(super) fn slow_body_of_springs(
     rate: Rate,
     (part, macrostep): (usize, u32),
     body: &Body,
@@ -38,7 +38,7 @@ pub(super) fn slow(
     };
     let scheme = scheme.map_err(|error| error.to_string())?;
     let matrices = Matrices::new(&subset, &scheme, body);
-    let eigenmodes = matrices.modes();
+    let eigenmodes = matrices.eigenmodes();
     let lambda_max = eigenmodes
         .eigenvalues
         .iter()
@@ -55,35 +55,35 @@ pub(super) fn slow(
     if !resolves_turn(angle_max) {
         return Err(too_fast());
     }
-    let frame = frame(&matrices.k, &matrices.z, is_discrete);
+    let frame = frame(&matrices.stiffness, &matrices.viscosity, is_discrete);
     let frame_flow = Flow::new(&frame).ok_or_else(too_fast)?;
     let solution = Solution {
-        turn: angle_max,
+        turn_radians: angle_max,
         kick_every: 1,
-        rest: matrices.rest(&eigenmodes.eigenvalues, &eigenmodes.eigenvectors),
-        free: matrices.free,
-        w: matrices.w.clone(),
+        rest_positions: matrices.equilibrium(&eigenmodes.eigenvalues, &eigenmodes.eigenvectors),
+        moving_mats: matrices.moving_mats,
+        inverse_masses: matrices.inverse_masses.clone(),
         is_discrete,
     };
     let springs = |ports: &[(usize, usize)], outputs: &[Weights]| {
-        let missing = |local: usize| frame_flow.missing(local, &moved_by_strike(&frame, local, is_discrete));
+        let missing = |local: usize| frame_flow.missing(local, &state_after_strike(&frame, local, is_discrete));
         let ports = ports.iter();
         let ports = ports.map(|&(local, mat)| (local, is_struck(mat).then(|| missing(local))));
         let interface = Interface {
-            w: &matrices.w,
+            w: &matrices.inverse_masses,
             ports: ports.collect(),
             outputs: outputs.to_vec(),
         };
         let n_frames = best_block(mass_count, interface.ports.len());
         Springs::Exact(Arc::new(BlockFlow::new(frame_flow.clone(), interface, n_frames)))
     };
-    let slow_body = solution.slow(rate, (part, macrostep), body, subset, springs)?;
+    let slow_body = solution.into_slow_body(rate, (part, macrostep), body, subset, springs)?;
     Ok(slow_body)
 }
 
 /// Positions and velocities one frame after a push by a metre a frame: in a CA network only the pushed mass has moved;
 /// continuous motion follows the flow of a frame.
-fn moved_by_strike(frame: &Square, port: usize, is_discrete: bool) -> Vec<f64> {
+fn state_after_strike(frame: &Square, port: usize, is_discrete: bool) -> Vec<f64> {
     let mass_count = frame.n / 2;
     let mut moved_state = vec![0.0; 2 * mass_count];
     moved_state[mass_count + port] = 1.0;
@@ -97,19 +97,19 @@ fn moved_by_strike(frame: &Square, port: usize, is_discrete: bool) -> Vec<f64> {
 /// Springs and dampers of the body as matrices, in units of a frame.
 struct Matrices {
     /// MATs that move, by their index in the subset.
-    free: Vec<usize>,
-    w: Vec<f64>,
+    moving_mats: Vec<usize>,
+    inverse_masses: Vec<f64>,
     /// M⁻¹K and M⁻¹Z   (n, n)
-    k: Square,
-    z: Square,
+    stiffness: Square,
+    viscosity: Square,
     /// Force where all are at 0 [N]   (n)
-    force: Vec<f64>,
+    force_at_origin: Vec<f64>,
 }
 
 impl Matrices {
     fn new(subset: &Subset, scheme: &Scheme, body: &Body) -> Self {
         let mats = subset.network.mats();
-        let free = free(body, subset);
+        let free = moving_mats(body, subset);
         let free_count = free.len();
         let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
         let w: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();
@@ -143,28 +143,34 @@ impl Matrices {
                 }
             }
         }
-        Self { free, w, k, z, force }
+        Self {
+            moving_mats: free,
+            inverse_masses: w,
+            stiffness: k,
+            viscosity: z,
+            force_at_origin: force,
+        }
     }
 
     /// Modes of M^-½ K M^-½.
-    fn modes(&self) -> nalgebra::SymmetricEigen<f64, nalgebra::Dyn> {
-        let mass_count = self.w.len();
-        let inverse_roots: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
+    fn eigenmodes(&self) -> nalgebra::SymmetricEigen<f64, nalgebra::Dyn> {
+        let mass_count = self.inverse_masses.len();
+        let inverse_roots: Vec<f64> = self.inverse_masses.iter().map(|w| w.sqrt()).collect();
         let scaled_entry =
-            |row: usize, column: usize| self.k.get(row, column) * inverse_roots[column] / inverse_roots[row];
+            |row: usize, column: usize| self.stiffness.get(row, column) * inverse_roots[column] / inverse_roots[row];
         // Rounding makes the matrix slightly unsymmetric.
         let mean_entry = |row, column| 0.5 * (scaled_entry(row, column) + scaled_entry(column, row));
         DMatrix::from_fn(mass_count, mass_count, mean_entry).symmetric_eigen()
     }
 
     /// The equilibrium of the springs: K·x = force, and x = 0 along modes that nothing holds.
-    fn rest(&self, eigenvalues: &nalgebra::DVector<f64>, eigenvectors: &DMatrix<f64>) -> Vec<f64> {
-        let mass_count = self.w.len();
+    fn equilibrium(&self, eigenvalues: &nalgebra::DVector<f64>, eigenvectors: &DMatrix<f64>) -> Vec<f64> {
+        let mass_count = self.inverse_masses.len();
         let mut rest_position = vec![0.0; mass_count];
-        if self.force.iter().all(|force| *force == 0.0) {
+        if self.force_at_origin.iter().all(|force| *force == 0.0) {
             return rest_position;
         }
-        let inverse_roots: Vec<f64> = self.w.iter().map(|w| w.sqrt()).collect();
+        let inverse_roots: Vec<f64> = self.inverse_masses.iter().map(|w| w.sqrt()).collect();
         let lambda_max = eigenvalues.iter().fold(0.0_f64, |lambda_max, x| lambda_max.max(*x));
         for (mode, &eigenvalue) in eigenvalues
             .iter()
@@ -172,7 +178,7 @@ impl Matrices {
             .filter(|(_, eigenvalue)| **eigenvalue > LOOSE_STIFFNESS_RATIO * lambda_max)
         {
             let mode_force: f64 = (0..mass_count)
-                .map(|i| eigenvectors[(i, mode)] * inverse_roots[i] * self.force[i])
+                .map(|i| eigenvectors[(i, mode)] * inverse_roots[i] * self.force_at_origin[i])
                 .sum();
             for (i, rest_position) in rest_position.iter_mut().enumerate() {
                 *rest_position += eigenvectors[(i, mode)] * inverse_roots[i] * (mode_force / eigenvalue);

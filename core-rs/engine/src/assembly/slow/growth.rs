@@ -7,7 +7,7 @@
 use nalgebra::DMatrix;
 
 use crate::assembly::constants::{
-    COMMON_FRAMES_MAX, DENSE_MAX, GROWTH_TOLERANCE, TRIAL_KICKS, TRIAL_WORK_MAX, UNIT_CIRCLE_TOLERANCE,
+    COMMON_FRAMES_MAX, DENSE_STATE_MAX, GROWTH_TOLERANCE, TRIAL_KICKS, TRIAL_WORK_MAX, UNIT_CIRCLE_TOLERANCE,
 };
 use crate::assembly::cost_table::Costs;
 use crate::assembly::unit::IslandPlan;
@@ -19,24 +19,24 @@ use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
 /// Work that a frame adds to the counter of interruptions, for each number of the state.
-const FRAME_STEPS: usize = 4;
+const INTERRUPT_STEPS_PER_NUMBER: usize = 4;
 
 /// How much an island grows from kick to kick.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Growth {
     /// Largest magnitude of an eigenvalue, for one kick; 0 if none is known.
-    pub(crate) radius: f64,
+    pub(crate) growth_per_kick: f64,
     /// The island was only simulated for a while, or part of it was left out.
     pub(crate) is_tried: bool,
     /// It grows only where contacts are closed.
     pub(crate) is_by_contacts: bool,
     /// Work of the test [s].
-    pub(crate) work: f64,
+    pub(crate) test_seconds: f64,
 }
 
 impl Growth {
     pub(crate) fn is_stable(self) -> bool {
-        self.radius
+        self.growth_per_kick
             <= 1.0
                 + if self.is_tried {
                     GROWTH_TOLERANCE
@@ -49,21 +49,21 @@ impl Growth {
 /// How much an island grows, the worse of contacts open and closed; `None` if the test would take too long.
 pub(crate) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
     let mut growth = Growth {
-        radius: 0.0,
+        growth_per_kick: 0.0,
         is_tried: false,
         is_by_contacts: false,
-        work: 0.0,
+        test_seconds: 0.0,
     };
     for closed in [false, true] {
-        let Some(mut linear_map) = Map::new(island_plan, closed) else {
+        let Some(mut linear_map) = KickMap::new(island_plan, closed) else {
             growth.is_tried = true;
             continue;
         };
-        let is_dense = linear_map.len() <= DENSE_MAX && linear_map.dense_work() <= TRIAL_WORK_MAX;
+        let is_dense = linear_map.len() <= DENSE_STATE_MAX && linear_map.eigenvalue_seconds() <= TRIAL_WORK_MAX;
         let trial_work = if is_dense {
-            linear_map.dense_work()
+            linear_map.eigenvalue_seconds()
         } else {
-            linear_map.simulation_work()
+            linear_map.simulation_seconds()
         };
         if trial_work > TRIAL_WORK_MAX {
             return None;
@@ -74,16 +74,16 @@ pub(crate) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
             linear_map.simulated_growth()
         };
         let was_stable = growth.is_stable();
-        growth.radius = growth.radius.max(radius);
+        growth.growth_per_kick = growth.growth_per_kick.max(radius);
         growth.is_tried |= !is_dense || linear_map.is_partial;
         growth.is_by_contacts = closed && was_stable && !growth.is_stable();
-        growth.work += trial_work;
+        growth.test_seconds += trial_work;
     }
     Some(growth)
 }
 
 /// A linear link: its ends, stiffness and viscosity.
-struct Link {
+struct LinearLink {
     a: usize,
     b: usize,
     k: f64,
@@ -91,36 +91,36 @@ struct Link {
 }
 
 /// The modes of a body, and their state one frame before.
-struct Modes<'a> {
+struct ModalState<'a> {
     modal: &'a Modal,
-    now: Vec<f64>,
-    before: Vec<f64>,
+    amplitudes: Vec<f64>,
+    previous_amplitudes: Vec<f64>,
 }
 
 /// The map from one common kick to the next, and the state that it acts on.
-struct Map<'a> {
+struct KickMap<'a> {
     scheme: Scheme,
-    links: Vec<Link>,
+    links: Vec<LinearLink>,
     body: Body,
     /// MATs that the scheme steps.
-    stepped: Vec<usize>,
-    slow: Vec<RunningSlow>,
-    modes: Vec<Modes<'a>>,
+    stepped_mats: Vec<usize>,
+    slow_bodies: Vec<RunningSlow>,
+    modes: Vec<ModalState<'a>>,
     /// Frames from one common kick of all slow parts to the next.
-    frames: u64,
+    period_frames: u64,
     /// Kicks of the quickest slow part in these frames.
-    kicks: f64,
+    kicks_per_period: f64,
     /// Some body is replaced by the masses of its ports.
     is_partial: bool,
 }
 
-impl<'a> Map<'a> {
+impl<'a> KickMap<'a> {
     fn new(island_plan: &'a IslandPlan, closed: bool) -> Option<Self> {
         let scheme = Scheme::new(&island_plan.network, island_plan.timeline.rate).ok()?;
         let links = scheme
             .runs
             .iter()
-            .filter_map(|run| linear(run, closed, island_plan.contact_substeps > 1))
+            .filter_map(|run| linear_links(run, closed, island_plan.contact_substeps > 1))
             .flatten()
             .collect();
         let mat_count = scheme.n_mat();
@@ -152,23 +152,23 @@ impl<'a> Map<'a> {
         let start_slow = |slow: &&Slow| RunningSlow::new(&slow.frame_by_frame().deviation(), &body);
         let running_slow: Vec<RunningSlow> = slow.iter().map(start_slow).collect();
         (frames <= COMMON_FRAMES_MAX).then(|| Self {
-            slow: running_slow,
+            slow_bodies: running_slow,
             modes: body_plans()
                 .filter_map(|inside| match inside {
-                    BodyPlan::Modal(modal) => Some(Modes {
-                        now: vec![0.0; modal.modes.len()],
-                        before: vec![0.0; modal.modes.len()],
+                    BodyPlan::Modal(modal) => Some(ModalState {
+                        amplitudes: vec![0.0; modal.modes.len()],
+                        previous_amplitudes: vec![0.0; modal.modes.len()],
                         modal,
                     }),
                     _ => None,
                 })
                 .collect(),
-            stepped: (0..mat_count)
+            stepped_mats: (0..mat_count)
                 .filter(|&i| scheme.w[i] > 0.0 && !is_port_mat[i])
                 .collect(),
-            kicks: frames as f64 / shortest_period as f64,
+            kicks_per_period: frames as f64 / shortest_period as f64,
             is_partial,
-            frames,
+            period_frames: frames,
             links,
             body,
             scheme,
@@ -177,55 +177,55 @@ impl<'a> Map<'a> {
 
     /// Size of the state.
     fn len(&self) -> usize {
-        let slow_size: usize = self.slow.iter().map(RunningSlow::n_state).sum();
-        let modes_size: usize = self.modes.iter().map(|modes| 2 * modes.now.len()).sum();
-        2 * self.stepped.len() + slow_size + modes_size
+        let slow_size: usize = self.slow_bodies.iter().map(RunningSlow::n_state).sum();
+        let modes_size: usize = self.modes.iter().map(|modes| 2 * modes.amplitudes.len()).sum();
+        2 * self.stepped_mats.len() + slow_size + modes_size
     }
 
     /// Visits each number of the state, always in the same order.
-    fn each(&mut self, mut visit: impl FnMut(&mut f64)) {
-        for &i in &self.stepped {
+    fn visit_state(&mut self, mut visit: impl FnMut(&mut f64)) {
+        for &i in &self.stepped_mats {
             visit(&mut self.body.x[i]);
             visit(&mut self.body.d[i]);
         }
-        self.slow.iter_mut().for_each(|slow| slow.each(&mut visit));
+        self.slow_bodies.iter_mut().for_each(|slow| slow.each(&mut visit));
         for modes in &mut self.modes {
-            modes.now.iter_mut().for_each(&mut visit);
-            modes.before.iter_mut().for_each(&mut visit);
+            modes.amplitudes.iter_mut().for_each(&mut visit);
+            modes.previous_amplitudes.iter_mut().for_each(&mut visit);
         }
     }
 
     /// Takes a state from one common kick to the next.
     fn apply(&mut self, state: &mut [f64]) {
         let mut state_in = state.iter();
-        self.each(|value| *value = *state_in.next().unwrap_or(&0.0));
-        self.place();
-        for n in 0..self.frames {
-            self.frame(n);
+        self.visit_state(|value| *value = *state_in.next().unwrap_or(&0.0));
+        self.set_port_positions();
+        for n in 0..self.period_frames {
+            self.step_frame(n);
         }
         let mut state_out = state.iter_mut();
-        self.each(|value| {
+        self.visit_state(|value| {
             if let Some(state_out) = state_out.next() {
                 *state_out = *value;
             }
         });
     }
 
-    fn place(&mut self) {
-        for slow in &self.slow {
+    fn set_port_positions(&mut self) {
+        for slow in &self.slow_bodies {
             slow.place(&mut self.body);
         }
         for modes in &self.modes {
             for port in &modes.modal.ports {
                 let port_position = |q: &[f64]| q.iter().zip(&port.shape).map(|(q, s)| q * s).sum::<f64>();
-                let x = port_position(&modes.now);
+                let x = port_position(&modes.amplitudes);
                 self.body.x[port.mat] = x;
-                self.body.d[port.mat] = x - port_position(&modes.before);
+                self.body.d[port.mat] = x - port_position(&modes.previous_amplitudes);
             }
         }
     }
 
-    fn frame(&mut self, n: u64) {
+    fn step_frame(&mut self, n: u64) {
         let Body { x, d, force, .. } = &mut self.body;
         force.fill(0.0);
         for link in &self.links {
@@ -234,11 +234,15 @@ impl<'a> Map<'a> {
             force[first_end] += link_force;
             force[second_end] -= link_force;
         }
-        for slow in &mut self.slow {
+        for slow in &mut self.slow_bodies {
             slow.step(n, force);
         }
         for modes in &mut self.modes {
-            let Modes { modal, now, before } = modes;
+            let ModalState {
+                modal,
+                amplitudes: now,
+                previous_amplitudes: before,
+            } = modes;
             for (mode, mode_plan) in modal.modes.iter().enumerate() {
                 let add_push =
                     |port_push: f64, port: &crate::island::modal::Port| port_push + port.shape[mode] * force[port.mat];
@@ -248,38 +252,43 @@ impl<'a> Map<'a> {
             }
         }
         let Scheme { w, kappa, zeta, .. } = &self.scheme;
-        for &i in &self.stepped {
+        for &i in &self.stepped_mats {
             d[i] += force[i] * w[i] - kappa[i] * x[i] - zeta[i] * d[i];
             x[i] += d[i];
         }
-        self.place();
+        self.set_port_positions();
     }
 
     /// Work of one application of the map [s].
-    fn work(&self) -> f64 {
-        let modal_products = self.modes.iter().map(|modes| modes.now.len() * modes.modal.ports.len());
+    fn period_seconds(&self) -> f64 {
+        let modal_products = self
+            .modes
+            .iter()
+            .map(|modes| modes.amplitudes.len() * modes.modal.ports.len());
         // A slow body's springs are a dense product at each kick.
-        let kick_sizes = self.slow.iter().map(RunningSlow::n_state);
+        let kick_sizes = self.slow_bodies.iter().map(RunningSlow::n_state);
         let dense_products: usize = kick_sizes.map(|n| n * n / 2).sum();
         let frame_products = self.len() + 2 * self.links.len() + modal_products.sum::<usize>();
-        let products = self.frames as f64 * frame_products as f64 + self.kicks * dense_products as f64;
+        let products =
+            self.period_frames as f64 * frame_products as f64 + self.kicks_per_period * dense_products as f64;
         1e-9 * Costs::nanoseconds("number") * products
     }
 
     /// Work of the eigenvalues [s].
-    fn dense_work(&self) -> f64 {
+    fn eigenvalue_seconds(&self) -> f64 {
         let state_size = self.len() as f64;
-        state_size * self.work() + 1e-9 * Costs::nanoseconds("eigenvalue") * state_size * state_size * state_size
+        state_size * self.period_seconds()
+            + 1e-9 * Costs::nanoseconds("eigenvalue") * state_size * state_size * state_size
     }
 
     /// Work of simulating the island for a while [s].
-    fn simulation_work(&self) -> f64 {
-        self.n_applications() as f64 * self.work()
+    fn simulation_seconds(&self) -> f64 {
+        self.n_applications() as f64 * self.period_seconds()
     }
 
     /// Applications of the map for which a large island is simulated.
     fn n_applications(&self) -> usize {
-        (TRIAL_KICKS as f64 / self.kicks).ceil().max(4.0) as usize
+        (TRIAL_KICKS as f64 / self.kicks_per_period).ceil().max(4.0) as usize
     }
 
     /// The largest magnitude of an eigenvalue, for one kick.
@@ -289,7 +298,7 @@ impl<'a> Map<'a> {
         let mut state_column = vec![0.0; state_size];
         let mut is_finite = true;
         for j in 0..state_size {
-            interrupt::spend(state_size * (state_size + FRAME_STEPS * self.frames as usize));
+            interrupt::spend(state_size * (state_size + INTERRUPT_STEPS_PER_NUMBER * self.period_frames as usize));
             state_column.fill(0.0);
             state_column[j] = 1.0;
             self.apply(&mut state_column);
@@ -305,7 +314,7 @@ impl<'a> Map<'a> {
             (re * re + im * im).sqrt()
         });
         let largest = magnitudes.fold(0.0, f64::max);
-        crate::maths::pow(largest, 1.0 / self.kicks)
+        crate::maths::pow(largest, 1.0 / self.kicks_per_period)
     }
 
     /// Growth at each kick of a motion that excites everything: from the largest energy in the second quarter of the
@@ -315,10 +324,10 @@ impl<'a> Map<'a> {
         let n_applications = self.n_applications();
         let mut quarters = [0.0_f64; 4];
         for application in 0..n_applications {
-            interrupt::spend(FRAME_STEPS * self.frames as usize * self.len());
-            self.place();
-            for n in 0..self.frames {
-                self.frame(n);
+            interrupt::spend(INTERRUPT_STEPS_PER_NUMBER * self.period_frames as usize * self.len());
+            self.set_port_positions();
+            for n in 0..self.period_frames {
+                self.step_frame(n);
             }
             let state_energy = self.energy();
             if !state_energy.is_finite() {
@@ -331,7 +340,7 @@ impl<'a> Map<'a> {
             return 0.0; // all of it has come to rest
         }
         // Amplitude grows as the root of the energy; the two quarters are half the time apart.
-        let kick_total = n_applications as f64 * self.kicks;
+        let kick_total = n_applications as f64 * self.kicks_per_period;
         crate::maths::pow(quarters[3] / quarters[1], 1.0 / kick_total)
     }
 
@@ -343,15 +352,15 @@ impl<'a> Map<'a> {
             let random_bits = draw_count.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
             random_bits as f64 / 8_388_608.0 - 1.0
         };
-        for &i in &self.stepped {
+        for &i in &self.stepped_mats {
             (self.body.x[i], self.body.d[i]) = (0.0, next_random() * self.scheme.w[i].sqrt());
         }
-        for slow in &mut self.slow {
+        for slow in &mut self.slow_bodies {
             slow.randomise(&mut next_random);
         }
         for modes in &mut self.modes {
-            modes.before.fill(0.0);
-            for (now, mode_plan) in modes.now.iter_mut().zip(&modes.modal.modes) {
+            modes.previous_amplitudes.fill(0.0);
+            for (now, mode_plan) in modes.amplitudes.iter_mut().zip(&modes.modal.modes) {
                 *now = next_random() * mode_plan.gain.sqrt();
             }
         }
@@ -361,13 +370,13 @@ impl<'a> Map<'a> {
     fn energy(&self) -> f64 {
         let Body { x, d, .. } = &self.body;
         let Scheme { w, kappa, .. } = &self.scheme;
-        let entries = self.stepped.iter();
+        let entries = self.stepped_mats.iter();
         let stepped_energy: f64 = entries.map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i]).sum();
-        let elongation_squared = |link: &Link| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
+        let elongation_squared = |link: &LinearLink| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
         let link_energy: f64 = self.links.iter().map(|link| link.k * elongation_squared(link)).sum();
-        let slow_energy: f64 = self.slow.iter().map(RunningSlow::energy).sum();
-        let energy_of = |modes: &Modes<'_>| -> f64 {
-            let amplitude_pairs = modes.now.iter().zip(&modes.before);
+        let slow_energy: f64 = self.slow_bodies.iter().map(RunningSlow::energy).sum();
+        let energy_of = |modes: &ModalState<'_>| -> f64 {
+            let amplitude_pairs = modes.amplitudes.iter().zip(&modes.previous_amplitudes);
             let entries = amplitude_pairs.zip(&modes.modal.modes);
             entries
                 .map(|((now, before), mode_plan)| {
@@ -382,14 +391,18 @@ impl<'a> Map<'a> {
 }
 
 /// A run as linear links; `None` if it is open, is computed finer than a frame, or has no linear form.
-fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item = Link> + use<>> {
+fn linear_links(
+    run: &Run,
+    are_contacts_closed: bool,
+    is_fine: bool,
+) -> Option<impl Iterator<Item = LinearLink> + use<>> {
     let is_contact = matches!(run.kind, Kind::But(_));
-    if is_contact && (!closed || (is_fine && run.can_substep())) {
+    if is_contact && (!are_contacts_closed || (is_fine && run.can_substep())) {
         return None;
     }
     let [k, z] = run.linear_form()?; // links without one are left out of the map
     let (first_end, second_end) = (run.a, run.b);
-    Some((0..run.len).map(move |i| Link {
+    Some((0..run.len).map(move |i| LinearLink {
         a: first_end + i,
         b: second_end + i,
         k,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Solution, free, resolves_turn};
+use super::{Solution, moving_mats, resolves_turn};
 use crate::assembly::wiring::Body;
 use crate::island::slow::{Slow, Springs};
 use crate::maths;
@@ -11,7 +11,12 @@ use crate::scheme::Scheme;
 use crate::units::Rate;
 
 /// A body with links in space, or why it is not stable at that rate.
-pub(super) fn slow(rate: Rate, (part, macrostep): (usize, u32), body: &Body, subset: Subset) -> Result<Slow, String> {
+pub(super) fn slow_body_in_space(
+    rate: Rate,
+    (part, macrostep): (usize, u32),
+    body: &Body,
+    subset: Subset,
+) -> Result<Slow, String> {
     let macro_frames = f64::from(macrostep);
     let macro_rate = Rate::new(rate.hertz() / macro_frames).map_err(|error| error.to_string())?;
     let stiff_message = || "its springs are too stiff for that rate".to_owned();
@@ -24,18 +29,18 @@ pub(super) fn slow(rate: Rate, (part, macrostep): (usize, u32), body: &Body, sub
     if !resolves_turn(turn) {
         return Err(stiff_message());
     }
-    let free = free(body, &subset);
+    let free = moving_mats(body, &subset);
     let solution = Solution {
-        turn,
+        turn_radians: turn,
         kick_every: macrostep,
-        rest: vec![0.0; free.len()],
-        w: free
+        rest_positions: vec![0.0; free.len()],
+        inverse_masses: free
             .iter()
             .map(|&mat| macro_scheme.w[mat] / (macro_frames * macro_frames))
             .collect(),
-        free,
+        moving_mats: free,
         is_discrete: false,
     };
     let springs = Springs::Stepped(Arc::new(macro_scheme));
-    solution.slow(rate, (part, macrostep), body, subset, |_, _| springs)
+    solution.into_slow_body(rate, (part, macrostep), body, subset, |_, _| springs)
 }

@@ -66,7 +66,7 @@ impl SpaceWork {
 
 /// A link whose account is checked.
 #[derive(Clone, Debug)]
-pub(super) struct Watched {
+pub(super) struct CheckedLink {
     /// A run of only this link.
     pub(super) run: Run,
     /// Elongations [m] when the account began, and a step before; of bristles, their bend, twice.
@@ -76,9 +76,9 @@ pub(super) struct Watched {
     pub(super) worst: Option<Gain>,
 }
 
-crate::archive::state!(Watched { from, is_whole, worst });
+crate::archive::state!(CheckedLink { from, is_whole, worst });
 
-impl Watched {
+impl CheckedLink {
     pub(super) fn new(run: Run) -> Self {
         Self {
             run,
@@ -142,7 +142,7 @@ impl LinkWork {
     }
 
     /// Begin anew.
-    pub(super) fn begin(&mut self, link: &mut Watched, scheme: &Scheme, gates: &[f64], body: &Body) {
+    pub(super) fn begin(&mut self, link: &mut CheckedLink, scheme: &Scheme, gates: &[f64], body: &Body) {
         self.account = Account::default();
         self.stretch = body.d[self.b] - body.d[self.a];
         self.force = self.force_now(body);
@@ -156,7 +156,7 @@ impl LinkWork {
     }
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
-    pub(super) fn step(&mut self, link: &Watched, scheme: &Scheme, gates: &[f64], body: &Body) {
+    pub(super) fn step(&mut self, link: &CheckedLink, scheme: &Scheme, gates: &[f64], body: &Body) {
         let link_force = self.force_now(body);
         if let Some(strength_before) = self.strength {
             let strength_now = strength(&link.run, scheme, gates);
@@ -189,7 +189,7 @@ impl LinkWork {
 
     /// The energy created so far, by frame `n`; `moving_energy` is the energy of all masses, `hand_work` what hands put
     /// in.
-    pub(super) fn gain(&self, link: &Watched, body: &Body, (moving_energy, hand_work): (f64, f64), n: u64) -> Gain {
+    pub(super) fn gain(&self, link: &CheckedLink, body: &Body, (moving_energy, hand_work): (f64, f64), n: u64) -> Gain {
         let mut account = self.account;
         if !link.is_whole {
             account.add_start(self.start(link));
@@ -201,7 +201,7 @@ impl LinkWork {
     }
 
     /// The energy that its link stored when the account began [J].
-    fn start(&self, link: &Watched) -> f64 {
+    fn start(&self, link: &CheckedLink) -> f64 {
         self.strength.unwrap_or(1.0) * stored(&link.run, link.from)
     }
 

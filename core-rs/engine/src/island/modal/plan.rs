@@ -20,7 +20,7 @@ pub(crate) struct Port {
 
 /// Strikes on one point of a body.
 #[derive(Clone, Debug)]
-pub(crate) struct Struck {
+pub(crate) struct StruckPoint {
     /// Weight of a strike on each mode   (n_modes)
     pub(crate) shape: Vec<f64>,
     /// Frame, part of a frame after it, impulse [N·s]; rising.
@@ -46,7 +46,7 @@ pub(crate) struct Mode {
 
 /// Responses of the parts of complex modes: a push moves each with a phase that depends on where it acts.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Answers {
+pub(crate) struct ComplexResponses {
     /// Number of complex modes.
     pub(crate) n_modes: usize,
     /// The part of a complex mode that each mode is   (n_modes of the body)
@@ -71,10 +71,10 @@ pub(crate) struct Modal {
     pub(crate) outputs: Vec<(u32, Vec<f64>)>,
     /// Constant part of each of these outputs, from the rest position.
     pub(crate) still: Vec<f64>,
-    pub(crate) struck: Vec<Struck>,
+    pub(crate) struck: Vec<StruckPoint>,
     pub(crate) rate: Rate,
     /// Responses, if the modes are parts of complex ones; ports and outputs see them by their shapes.
-    pub(crate) answers: Option<Answers>,
+    pub(crate) answers: Option<ComplexResponses>,
 }
 
 impl Modal {
@@ -212,7 +212,7 @@ impl Modal {
             struck: self
                 .struck
                 .iter()
-                .map(|struck| Struck {
+                .map(|struck| StruckPoint {
                     shape: select_modes(&struck.shape),
                     blows: struck.blows.clone(),
                 })
@@ -225,7 +225,7 @@ impl Modal {
                         .map(|point| modes_kept.iter().map(|&mode| point[mode]).collect())
                         .collect()
                 };
-                Answers {
+                ComplexResponses {
                     n_modes: answers.n_modes,
                     places: modes_kept.iter().map(|&mode| answers.places[mode]).collect(),
                     ports: select_modes(&answers.ports),

@@ -10,7 +10,7 @@ use crate::kernel::ports;
 const PAIRS_MAX: usize = 4096;
 /// Pushed ports of a frame from which on windows of one frame may cost less: a push moves every row in all frames of a
 /// window. 24 ports of 24 modes take 6 times as long in long windows.
-const MANY_PORTS: usize = 8;
+const PUSHED_PORTS_MIN: usize = 8;
 /// Modes for each of these ports up to which they do: more modes are quicker in registers (450 by 24 ports break even).
 const MODES_PER_PORT: usize = 12;
 
@@ -68,7 +68,7 @@ impl RunningModal {
     pub(super) fn push(&mut self) {
         let n_pushed = self.forces.iter().filter(|force| **force != 0.0).count();
         let n_modes = self.script.plan.modes.len();
-        let has_many_pushes = n_pushed >= MANY_PORTS && n_pushed * MODES_PER_PORT > n_modes;
+        let has_many_pushes = n_pushed >= PUSHED_PORTS_MIN && n_pushed * MODES_PER_PORT > n_modes;
         if self.script.responses.is_empty() || has_many_pushes {
             self.discard_ahead();
             self.quiet_frames = 0;

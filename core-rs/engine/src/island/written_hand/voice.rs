@@ -52,7 +52,7 @@ pub(crate) struct Voice {
     flight: Flight,
     pub(crate) sparks: Sparks,
     /// The gesture that runs.
-    running: Option<Running>,
+    running: Option<RunningGesture>,
     /// Present if the key is held on its path in this frame: the ergon is known once all other forces are.
     tracked: Option<TrackedFrame>,
     /// Whether a path led the key to this frame.
@@ -71,7 +71,7 @@ impl State for Voice {
 }
 
 #[derive(Clone, Debug, Default)]
-struct Running {
+struct RunningGesture {
     gesture: usize,
     leg: usize,
     cursor: usize,
@@ -82,8 +82,8 @@ struct Running {
     target: f64,
 }
 
-crate::archive::option!(Running, optional);
-crate::archive::state!(Running {
+crate::archive::option!(RunningGesture, optional);
+crate::archive::state!(RunningGesture {
     gesture,
     leg,
     cursor,
@@ -388,7 +388,7 @@ impl Voice {
     }
 }
 
-impl Running {
+impl RunningGesture {
     fn new(gesture: usize, joining: Option<Joining>) -> Self {
         Self {
             gesture,

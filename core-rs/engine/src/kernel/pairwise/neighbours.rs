@@ -12,12 +12,12 @@ use crate::network::{AXES_MAX, Measure, PairRun, Pairwise};
 use crate::state::ContactHistory;
 
 /// Width of the long list: pairs are kept up to this much beyond the distance of touch, as a fraction of it.
-const SKIN: f64 = 0.36;
+const LONG_LIST_MARGIN: f64 = 0.36;
 /// Width of the short list, whose pairs are examined in every frame. It stays valid until a point has moved half of
 /// this.
-const MARGIN: f64 = 0.06;
+const SHORT_LIST_MARGIN: f64 = 0.06;
 /// Slightly less than half, so that rounding leaves out no pair.
-const HALF: f64 = 0.499_999;
+const ALMOST_HALF: f64 = 0.499_999;
 /// Active points with fewer inactive ones between them than this form one range: a short gap costs less than a loop.
 const GAP_MIN: usize = 8;
 
@@ -124,7 +124,7 @@ impl Neighbours {
     fn update(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
         let all_points = 0..self.x.len();
         gather(run, slice::from_ref(&all_points), &mut self.x, x);
-        if !self.is_made || !are_within(&self.x, &self.narrowed_at, moved_square(MARGIN * run.rest)) {
+        if !self.is_made || !are_within(&self.x, &self.narrowed_at, moved_square(SHORT_LIST_MARGIN * run.rest)) {
             self.narrow(run);
         }
     }
@@ -149,13 +149,13 @@ impl Neighbours {
                 add_squares(&x[first_mat..][..range.len()], narrowed_at, axis, squares);
             }
         }
-        are_at_most(&self.squares, moved_square(MARGIN * run.rest))
+        are_at_most(&self.squares, moved_square(SHORT_LIST_MARGIN * run.rest))
     }
 
     /// Select the short list for the positions of all points, and search the long one if it no longer holds.
     #[cold]
     fn narrow(&mut self, run: &PairRun) {
-        let (skin_width, margin_width) = (SKIN * run.rest, MARGIN * run.rest);
+        let (skin_width, margin_width) = (LONG_LIST_MARGIN * run.rest, SHORT_LIST_MARGIN * run.rest);
         if !self.is_made || !are_within(&self.x, &self.searched_at, moved_square(skin_width - margin_width)) {
             let n_first = run.pairs.n_first;
             let reach = run.rest + skin_width;
@@ -243,7 +243,7 @@ fn square(x: f64) -> f64 {
 
 /// Square of the way that a point may have moved, for a list of this width to hold [m²].
 fn moved_square(width: f64) -> f64 {
-    square(HALF * width)
+    square(ALMOST_HALF * width)
 }
 
 /// The parts of ranges that lie within another range.

@@ -9,7 +9,7 @@ use std::ops::Range;
 use crate::scheme::{ForceEnds, Spring};
 
 /// Zeros before and behind the forces of each run. A row reads at most so far beyond them, and no vector is longer.
-pub(super) const PAD: usize = 8;
+pub(super) const PADDING: usize = 8;
 /// Links whose forces are computed before rows are summed. The forces and the motion of so many stay in the first
 /// cache, and were written long enough ago to be read at another alignment.
 const TILE_LINKS: usize = 1_024;
@@ -19,10 +19,10 @@ const BLOCK_COST: usize = 3;
 /// 290,000 links, faster by 1.2.
 const LINKS_MAX: usize = 65_536;
 
-/// Forces of [`PAD`] links, as one cache line.
+/// Forces of [`PADDING`] links, as one cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub(super) struct Line(#[expect(dead_code, reason = "read by pointers")] [f64; PAD]);
+pub(super) struct Line(#[expect(dead_code, reason = "read by pointers")] [f64; PADDING]);
 
 /// Where a run of springs reads and writes.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,7 @@ pub(super) struct Place {
     pub(super) a: usize,
     pub(super) b: usize,
     pub(super) len: usize,
-    /// Index of its first force, a multiple of [`PAD`].
+    /// Index of its first force, a multiple of [`PADDING`].
     pub(super) first: usize,
 }
 
@@ -84,13 +84,13 @@ impl Rows {
         }
         let rows = Self::for_any(springs, mat_count);
         // A vector of forces takes about as long to be summed as a link that is computed by itself.
-        let vectors = |row: &Row| row.terms.len() * row.mats.len().div_ceil(PAD);
+        let vectors = |row: &Row| row.terms.len() * row.mats.len().div_ceil(PADDING);
         (rows.rows.iter().map(vectors).sum::<usize>() <= link_count).then_some(rows)
     }
 
     /// [`Self::new`] for any springs.
     pub(super) fn for_any(springs: &[Spring], mat_count: usize) -> Self {
-        let (mut places, mut force_count) = (Vec::with_capacity(springs.len()), PAD);
+        let (mut places, mut force_count) = (Vec::with_capacity(springs.len()), PADDING);
         for &Spring { a, b, len, .. } in springs {
             places.push(Place {
                 a,
@@ -98,12 +98,12 @@ impl Rows {
                 len,
                 first: force_count,
             });
-            force_count += len.next_multiple_of(PAD) + PAD;
+            force_count += len.next_multiple_of(PADDING) + PADDING;
         }
         let mut built = Self {
             motion_count: springs.iter().map(|run| run.a.max(run.b) + run.len).max().unwrap_or(0),
             // The last vector of a row may reach beyond it.
-            force_count: force_count + PAD,
+            force_count: force_count + PADDING,
             mat_count,
             terms: Vec::new(),
             rows: Vec::new(),
@@ -115,7 +115,7 @@ impl Rows {
         for mats in pulls.blocks() {
             let ends = pulls.on_any(&mats);
             match &mut row {
-                Some((row_mats, row_ends)) if row_mats.len().is_multiple_of(PAD) && *row_ends == ends => {
+                Some((row_mats, row_ends)) if row_mats.len().is_multiple_of(PADDING) && *row_ends == ends => {
                     row_mats.end = mats.end;
                 }
                 _ => built.push_row(&pulls, row.replace((mats, ends))),
@@ -129,7 +129,7 @@ impl Rows {
 
     /// Room for the forces.
     pub(super) fn zeros(&self) -> Vec<Line> {
-        vec![Line([0.0; PAD]); self.force_count.div_ceil(PAD)]
+        vec![Line([0.0; PADDING]); self.force_count.div_ceil(PADDING)]
     }
 
     fn push_row(&mut self, pulls: &Pulls, row: Option<(Range<usize>, Vec<usize>)>) {
@@ -199,14 +199,14 @@ impl Pulls {
         ends
     }
 
-    /// All MATs in blocks of at most [`PAD`], so that the ends on each block are as few as possible in all.
+    /// All MATs in blocks of at most [`PADDING`], so that the ends on each block are as few as possible in all.
     fn blocks(&self) -> Vec<Range<usize>> {
         let mat_count = self.offsets.len() - 1;
         // The least cost of all MATs from each on, and the length of the block there.
         let mut best = vec![(0, 0); mat_count + 1];
         for first in (0..mat_count).rev() {
             let (mut end_count, mut least) = (0, (usize::MAX, 0));
-            for mat in first..mat_count.min(first + PAD) {
+            for mat in first..mat_count.min(first + PADDING) {
                 // An end was counted already if it pulls on a MAT between.
                 let is_new = |end: &&usize| mat == first || self.mats[**end].start == mat;
                 end_count += self.ends_of(mat).iter().filter(is_new).count();

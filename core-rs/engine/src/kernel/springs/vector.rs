@@ -7,10 +7,10 @@
 use std::arch::x86_64::*;
 
 use super::Part;
-use super::rows::{Line, PAD, Place, Rows, Term};
+use super::rows::{Line, PADDING, Place, Rows, Term};
 use crate::scheme::Spring;
 
-/// A vector of numbers, at most [`PAD`]. Only processors with its instructions may use it. Of the pointers, `WIDTH`
+/// A vector of numbers, at most [`PADDING`]. Only processors with its instructions may use it. Of the pointers, `WIDTH`
 /// numbers are read or written, or `count`, fewer than that.
 trait Vector: Copy {
     const WIDTH: usize;
@@ -262,7 +262,7 @@ unsafe fn set_forces<V: Vector, const PART: u8>(
     assert!(
         springs.len() == rows.places.len()
             && motion.iter().all(|numbers| numbers.len() >= rows.motion_count)
-            && forces.len() * PAD >= rows.force_count
+            && forces.len() * PADDING >= rows.force_count
             && sums.len() == rows.mat_count
     );
     let motion = motion.map(<[f64]>::as_ptr);

@@ -4,55 +4,55 @@
 //! Sound that an earlier render has computed can be recalled if its island is planned as it was then. No other plan
 //! reads these decisions, so a draft changes none.
 
-use super::Maker;
+use super::PlanBuilder;
 use crate::assembly::budget::Budget;
-use crate::assembly::choice::{Choice, Pins};
-use crate::assembly::split::OwnTimeline;
+use crate::assembly::choice::{Choice, PinnedChoices};
+use crate::assembly::split::LocalTimeline;
 use crate::content::island::IslandContent;
 use crate::network::{Error, Subset};
 use crate::plan::trial::record::TrialRecord;
 
-impl<'a> Maker<'a> {
+impl<'a> PlanBuilder<'a> {
     /// Plans an island, and stores what was decided; of a draft, as was decided before, if anything was.
-    pub(super) fn stored_island(&mut self, subset: Subset, island_timeline: OwnTimeline) -> Result<(), Error> {
-        let Some(store) = self.store else {
-            return self.island(subset, island_timeline);
+    pub(super) fn stored_island(&mut self, subset: Subset, island_timeline: LocalTimeline) -> Result<(), Error> {
+        let Some(store) = self.trial_store else {
+            return self.plan_island(subset, island_timeline);
         };
         // Whatever happens when: an island with other strikes goes by the same decision.
         let label = format_args!("choice {:?}", self.budget);
         let key = IslandContent::new(&subset.network, &island_timeline.timeline, label).fixed();
-        let stored_choice = store.get(&key).and_then(|record| choice_of(&record));
-        if let Some(draft_budget) = self.drafts_by {
-            return self.drafted(subset, island_timeline, stored_choice, draft_budget);
+        let stored_choice = store.get(&key).and_then(|record| choice_of_record(&record));
+        if let Some(draft_budget) = self.draft_budget {
+            return self.plan_drafted(subset, island_timeline, stored_choice, draft_budget);
         }
-        self.island(subset, island_timeline)?;
+        self.plan_island(subset, island_timeline)?;
         let choice = self.plan.choices.last();
         if let Some(choice) = choice.filter(|choice| stored_choice.as_ref() != Some(choice)) {
-            store.put(&key, record_of(choice));
+            store.put(&key, record_of_choice(choice));
         }
         Ok(())
     }
 
     /// Plans an island as was decided before, or else by the budget of drafts.
-    fn drafted(
+    fn plan_drafted(
         &mut self,
         subset: Subset,
-        island_timeline: OwnTimeline,
+        island_timeline: LocalTimeline,
         stored_choice: Option<Choice>,
         draft_budget: &'a Budget,
     ) -> Result<(), Error> {
         let counts_before = self.counts();
         if let Some(choice) = stored_choice {
-            self.pins = Pins::new(Some(vec![choice]));
-            let stored_result = self.island(subset.clone(), island_timeline.clone());
-            self.pins = Pins::new(None);
+            self.pins = PinnedChoices::new(Some(vec![choice]));
+            let stored_result = self.plan_island(subset.clone(), island_timeline.clone());
+            self.pins = PinnedChoices::new(None);
             if stored_result.is_ok() {
                 return stored_result;
             }
             self.truncate(counts_before);
         }
         let budget = std::mem::replace(&mut self.budget, draft_budget);
-        let drafted_result = self.island(subset, island_timeline);
+        let drafted_result = self.plan_island(subset, island_timeline);
         self.budget = budget;
         let [_, first_row, ..] = counts_before;
         let drafted_rows = self.plan.rows[first_row..].iter_mut();
@@ -62,7 +62,7 @@ impl<'a> Maker<'a> {
 }
 
 /// A record of what was decided: first its numbers, then those of each body.
-fn record_of(choice: &Choice) -> TrialRecord {
+fn record_of_choice(choice: &Choice) -> TrialRecord {
     let (modules, oversampling, contact_substeps, bodies, counted_cost, contact_order) = choice.numbers();
     let counted_cost = counted_cost.map_or(0, |cost| cost.saturating_add(1));
     let sizes = [modules, contact_substeps].map(|size| u32::try_from(size).unwrap_or(u32::MAX));
@@ -71,7 +71,7 @@ fn record_of(choice: &Choice) -> TrialRecord {
 }
 
 /// What was decided by a record; `None` if it says nothing of the kind.
-fn choice_of(record: &TrialRecord) -> Option<Choice> {
+fn choice_of_record(record: &TrialRecord) -> Option<Choice> {
     let (head, bodies) = record.counts.split_first().filter(|_| record.is_without_trial())?;
     let [modules, oversampling, contact_substeps, counted_cost, contact_order] = head[..] else {
         return None;
@@ -96,8 +96,8 @@ mod tests {
         for counted_cost in [None, Some(0), Some(70)] {
             let numbers = (9, 2, 3, vec![vec![0, 1, 4], vec![2, 5]], counted_cost, 4);
             let choice = Choice::from_numbers(numbers).unwrap();
-            assert_eq!(choice_of(&record_of(&choice)), Some(choice));
+            assert_eq!(choice_of_record(&record_of_choice(&choice)), Some(choice));
         }
-        assert_eq!(choice_of(&TrialRecord::default()), None);
+        assert_eq!(choice_of_record(&TrialRecord::default()), None);
     }
 }

@@ -1,69 +1,73 @@
 //! The pilot of an island, or the record of an earlier one.
 
-use super::Maker;
+use super::PlanBuilder;
 use crate::assembly::assemble::{Assembled, AssemblyOptions};
 use crate::assembly::budget::Budget;
 use crate::assembly::choice::SteppedChoice;
-use crate::assembly::split::OwnTimeline;
+use crate::assembly::split::LocalTimeline;
 use crate::content::island::IslandContent;
 use crate::network::{Error, Subset};
-use crate::plan::row::Measured;
+use crate::plan::row::MeasuredError;
 use crate::plan::trial::pilot;
 use crate::plan::trial::pilot_result::{ChosenIsland, PilotResult};
-use crate::plan::trial::record::Series;
+use crate::plan::trial::record::TrialSeries;
 
-impl Maker<'_> {
+impl PlanBuilder<'_> {
     /// Decides an island by its pilot, and by one of a stricter budget if the error of the first grows beyond the
     /// budget after its end.
     pub(super) fn choose_by_pilot(
         &self,
         subset: &Subset,
-        island_timeline: &OwnTimeline,
+        island_timeline: &LocalTimeline,
         assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     ) -> Result<ChosenIsland, Error> {
-        let trial_context = (&self.allowance, self.store);
+        let trial_context = (&self.allowance, self.trial_store);
         let pilot_result = self.pilot((subset, island_timeline), self.budget, assemble)?;
-        let first_error = pilot_result.chosen.error;
+        let first_error = pilot_result.chosen.measured_error;
         let chosen = pilot_result.extend_error(self.budget, trial_context)?;
-        let Some(stricter_budget) = chosen.stricter(first_error, self.budget) else {
+        let Some(stricter_budget) = chosen.stricter_budget(first_error, self.budget) else {
             return Ok(chosen);
         };
         let pilot_result = self.pilot((subset, island_timeline), &stricter_budget, assemble)?;
         let stricter_island = pilot_result.extend_error(&stricter_budget, trial_context)?;
-        let is_within = |error: Measured| match self.budget {
-            Budget::Cents { .. } => error.excess(self.budget) <= 1.0,
-            Budget::Error(_) | Budget::Method(_) => error.spectral.is_none() && error.db <= self.budget.asked(),
+        let is_within = |error: MeasuredError| match self.budget {
+            Budget::Cents { .. } => error.budget_excess(self.budget) <= 1.0,
+            Budget::Error(_) | Budget::Method(_) => {
+                error.third_octave_db.is_none() && error.waveform_db <= self.budget.waveform_error_db()
+            }
         };
-        let is_exact = stricter_island.island.is_discrete() && stricter_island.error.is_none();
-        Ok(match is_exact || stricter_island.error.is_some_and(is_within) {
-            true => stricter_island,
-            false => chosen,
-        })
+        let is_exact = stricter_island.island.is_discrete_reference() && stricter_island.measured_error.is_none();
+        Ok(
+            match is_exact || stricter_island.measured_error.is_some_and(is_within) {
+                true => stricter_island,
+                false => chosen,
+            },
+        )
     }
 
     /// The result of a pilot, or the record of an earlier one that would find the same.
     fn pilot(
         &self,
-        (subset, island_timeline): (&Subset, &OwnTimeline),
+        (subset, island_timeline): (&Subset, &LocalTimeline),
         budget: &Budget,
         assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     ) -> Result<PilotResult, Error> {
         let is_tried = !matches!(budget, Budget::Method(_)) && !island_timeline.timeline.is_open;
-        let record_series = self.store.filter(|_| is_tried).map(|store| {
+        let record_series = self.trial_store.filter(|_| is_tried).map(|store| {
             let content_label = format_args!("pilot {budget:?}");
-            Series::new(
+            TrialSeries::new(
                 store,
                 IslandContent::new(&subset.network, &island_timeline.timeline, content_label),
             )
         });
         let recalled = record_series.as_ref().and_then(|record_series| {
             let (taken_work, pilot_record) = record_series.find(&self.allowance)?;
-            let assemble = |how: AssemblyOptions<'_>, pin: Option<&SteppedChoice>| {
-                Assembled::new(subset, island_timeline, self.budget, how, pin, &self.memo)
+            let assemble = |options: AssemblyOptions<'_>, pin: Option<&SteppedChoice>| {
+                Assembled::new(subset, island_timeline, self.budget, options, pin, &self.mode_cache)
             };
-            let pilot_result = PilotResult::recalled(&pilot_record, &assemble)?;
+            let pilot_result = PilotResult::from_record(&pilot_record, &assemble)?;
             // The record includes the work of solving bodies.
-            self.memo.take_work();
+            self.mode_cache.take_seconds();
             self.allowance.replay(&taken_work);
             Some(pilot_result)
         });

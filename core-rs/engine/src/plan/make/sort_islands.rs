@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use super::Maker;
+use super::PlanBuilder;
 use crate::assembly::cells;
 use crate::assembly::islands::IslandMembers;
 use crate::assembly::seen;
 use crate::interrupt;
 use crate::network::{Error, Subset};
-use crate::plan::row::{Reason, Row};
+use crate::plan::row::{LeftOutReason, Row};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
@@ -19,7 +19,7 @@ pub(super) struct SortedIslands {
     /// The number of subsets without the loose MATs.
     pub(super) n_islands: usize,
     /// What is seen but not heard.
-    pub(super) only_seen: Vec<IslandMembers>,
+    pub(super) displayed_unheard: Vec<IslandMembers>,
     pub(super) refusals: Vec<Error>,
 }
 
@@ -29,44 +29,44 @@ pub(super) fn subset_size(subset: &Subset) -> usize {
 }
 
 /// Modules that are computed because they are heard: those that nothing plays leave the trials as they are.
-pub(super) fn n_computed(islands: &[IslandMembers]) -> usize {
+pub(super) fn n_heard_modules(islands: &[IslandMembers]) -> usize {
     let computed = islands.iter().filter(|island| island.is_heard && island.is_moved);
     computed.map(|island| island.mats.len() + island.links.len()).sum()
 }
 
-impl Maker<'_> {
+impl PlanBuilder<'_> {
     /// Sorts islands, and reports those that are not computed.
-    pub(super) fn sorted(&mut self, all_islands: Vec<IslandMembers>, timeline: &Timeline) -> SortedIslands {
+    pub(super) fn sort_islands(&mut self, all_islands: Vec<IslandMembers>, timeline: &Timeline) -> SortedIslands {
         let network = self.plan.network.clone();
         let (mut refusals, mut only_seen) = (Vec::new(), Vec::new());
-        let (mut loose_mats, mut subsets, mut gliding_mats) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut uncoupled_mats, mut subsets, mut gliding_mats) = (Vec::new(), Vec::new(), Vec::new());
         let glide_mats = timeline.glides.iter().map(|glide| glide.mat as u32);
         let glide_mats: BTreeSet<u32> = glide_mats.collect();
         for island in all_islands {
             interrupt::poll();
             let is_gliding = |mat: &u32| glide_mats.contains(mat);
-            let is_loose = || self.budget.takes_modes() && cells::is_loose(&network, &island, timeline.rate);
+            let is_loose = || self.budget.allows_modes() && cells::is_uncoupled_cell(&network, &island, timeline.rate);
             if !island.is_moved {
-                self.plan.unmoved.extend(&island.mats);
+                self.plan.motionless_mats.extend(&island.mats);
             }
             match (island.is_heard, island.is_moved) {
                 (false, is_moved) => {
-                    self.report_left_out(&island, Reason::Unheard);
-                    if is_moved && seen::is_seen(&network, &island, self.seen) {
+                    self.add_left_out_row(&island, LeftOutReason::Unheard);
+                    if is_moved && seen::is_displayed(&network, &island, self.displayed_parts) {
                         only_seen.push(island);
                     }
                 }
                 (true, false) => {
                     refusals.extend(self.add_constant(&island).err());
-                    self.report_left_out(&island, Reason::Still);
+                    self.add_left_out_row(&island, LeftOutReason::Still);
                 }
-                (true, true) if is_loose() => loose_mats.extend(island.mats),
+                (true, true) if is_loose() => uncoupled_mats.extend(island.mats),
                 // Gliding cells are stepped as one island: one island for each would take far longer.
                 (true, true) if island.links.is_empty() && island.mats.iter().all(is_gliding) => {
                     gliding_mats.extend(island.mats);
                 }
                 (true, true) => {
-                    subsets.push(network.subset(&island.mats, &island.guests, &island.links));
+                    subsets.push(network.subset(&island.mats, &island.foreign_held_mats, &island.links));
                 }
             }
         }
@@ -74,24 +74,25 @@ impl Maker<'_> {
             subsets.push(network.subset(&gliding_mats, &[], &[]));
         }
         let n_islands = subsets.len();
-        if !loose_mats.is_empty() {
-            subsets.push(network.subset(&loose_mats, &[], &[]));
+        if !uncoupled_mats.is_empty() {
+            subsets.push(network.subset(&uncoupled_mats, &[], &[]));
         }
         SortedIslands {
             subsets,
             n_islands,
-            only_seen,
+            displayed_unheard: only_seen,
             refusals,
         }
     }
 
     /// Reports an island that is not computed, in one row with others of its part.
-    fn report_left_out(&mut self, island: &IslandMembers, reason: Reason) {
+    fn add_left_out_row(&mut self, island: &IslandMembers, reason: LeftOutReason) {
         let new_row = Row::left_out(&self.plan.network, island, reason);
         if new_row.mats + new_row.links == 0 {
             return; // points that hold nothing
         }
-        let is_same_row = |known_row: &&mut Row| known_row.what == new_row.what && known_row.parts == new_row.parts;
+        let is_same_row =
+            |known_row: &&mut Row| known_row.computation == new_row.computation && known_row.parts == new_row.parts;
         match self.plan.rows.iter_mut().find(is_same_row) {
             Some(known_row) => {
                 known_row.mats += new_row.mats;
@@ -103,12 +104,15 @@ impl Maker<'_> {
 
     /// Adds what outputs hear of modules that never move.
     fn add_constant(&mut self, island: &IslandMembers) -> Result<(), Error> {
-        let island_subset = self.plan.network.subset(&island.mats, &island.guests, &island.links);
+        let island_subset = self
+            .plan
+            .network
+            .subset(&island.mats, &island.foreign_held_mats, &island.links);
         let scheme = Scheme::new(&island_subset.network, self.plan.timeline_rate)?;
-        let mut rest_level = vec![0.0; island_subset.outputs.len()];
-        crate::island::outputs_at_rest(&island_subset.network, &scheme, &mut rest_level);
-        for (&output, rest_level) in island_subset.outputs.iter().zip(rest_level) {
-            self.plan.still[output as usize] += rest_level;
+        let mut rest_outputs = vec![0.0; island_subset.outputs.len()];
+        crate::island::outputs_at_rest(&island_subset.network, &scheme, &mut rest_outputs);
+        for (&output, rest_level) in island_subset.outputs.iter().zip(rest_outputs) {
+            self.plan.output_offsets[output as usize] += rest_level;
         }
         Ok(())
     }

@@ -5,51 +5,56 @@
 
 use std::sync::Arc;
 
-use super::Maker;
+use super::PlanBuilder;
 use crate::assembly::budget::Budget;
 use crate::assembly::cells;
 use crate::assembly::islands::IslandMembers;
 use crate::assembly::seen;
-use crate::assembly::split::{OwnTimeline, split};
-use crate::assembly::unit::Unit;
+use crate::assembly::split::{LocalTimeline, split};
+use crate::assembly::unit::ComputationUnit;
 use crate::body_modes::linear::NoModes;
 use crate::network::{Error, Network, Subset};
 use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
 use crate::plan::trial::seen_rate;
-use crate::plan::{Known, Plan};
+use crate::plan::{Plan, PlanContext};
 use crate::timeline::Timeline;
 
 /// Plans the islands that are seen but not heard.
-pub(super) fn plan(
+pub(super) fn plan_displayed(
     network: &Arc<Network>,
     timeline: &Timeline,
     budget: &Budget,
-    known: Known<'_>,
+    known: PlanContext<'_>,
     unheard: Vec<IslandMembers>,
 ) -> Result<Plan, Error> {
     let module_count = network.n_mat() + network.n_lia();
-    let (budget, share) = known
-        .draft
-        .map_or((budget, known.share), |draft| (draft.budget, draft.share));
+    let (budget, share) = known.draft.map_or((budget, known.allowance_share), |draft| {
+        (draft.budget, draft.allowance_share)
+    });
     let allowance = Allowance::with_total(allowance_of_plan(module_count, share));
-    let mut maker = Maker {
-        every: known.seen_every,
-        ..Maker::new(network, timeline, budget)
+    let mut maker = PlanBuilder {
+        frame_interval: known.displayed_frame_interval,
+        ..PlanBuilder::new(network, timeline, budget)
     };
-    let is_loose = |members: &IslandMembers| budget.takes_modes() && cells::is_loose(network, members, timeline.rate);
+    let is_loose =
+        |members: &IslandMembers| budget.allows_modes() && cells::is_uncoupled_cell(network, members, timeline.rate);
     let (subsets, n_islands) = seen::subsets(network, unheard, is_loose)?;
     for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
         if index >= n_islands {
-            maker.cells(&subset, &island_timeline)?;
+            maker.plan_cells(&subset, &island_timeline)?;
             continue;
         }
         let first_row = maker.plan.rows.len();
-        maker.island(subset.clone(), island_timeline.clone())?;
-        if let Some(Unit::IslandPlan(island_plan)) = maker.plan.units.last()
-            && island_plan.every > 1
+        maker.plan_island(subset.clone(), island_timeline.clone())?;
+        if let Some(ComputationUnit::IslandPlan(island_plan)) = maker.plan.units.last()
+            && island_plan.frame_interval > 1
         {
             let island_context = (&subset, &island_timeline, budget);
-            let rate_error = seen_rate::error(island_plan, island_context, (&maker.memo, &allowance, known.store))?;
+            let rate_error = seen_rate::lower_rate_error(
+                island_plan,
+                island_context,
+                (&maker.mode_cache, &allowance, known.trial_store),
+            )?;
             let island_rows = maker.plan.rows[first_row..].iter_mut();
             island_rows.for_each(|row| row.error = rate_error);
         }
@@ -57,14 +62,14 @@ pub(super) fn plan(
     Ok(maker.plan)
 }
 
-impl Maker<'_> {
-    /// Plans an island at the lowest rate at which it works, at least once in `self.every` frames.
+impl PlanBuilder<'_> {
+    /// Plans an island at the lowest rate at which it works, at least once in `self.frame_interval` frames.
     pub(super) fn plan_at_lower_rate(
         &mut self,
         subset: &Subset,
-        island_timeline: &OwnTimeline,
+        island_timeline: &LocalTimeline,
         module_count: usize,
-        why: Option<NoModes>,
+        modes_refusal: Option<NoModes>,
     ) -> Result<(), Error> {
         let network_parts = subset.network.parts();
         let mut mat_parts = subset.network.mats().part.iter();
@@ -75,31 +80,37 @@ impl Maker<'_> {
             network: subset.network.with_macrosteps(|_, _| None),
             ..subset.clone()
         };
-        let mut every_frames = if is_discrete { 1 } else { self.every };
-        while every_frames > 1 {
+        let mut frame_interval = if is_discrete { 1 } else { self.frame_interval };
+        while frame_interval > 1 {
             let counts_before = self.counts();
-            let slower_timeline = island_timeline.slower(every_frames);
+            let slower_timeline = island_timeline.slower(frame_interval);
             let is_planned = slower_timeline.is_some_and(|slower_timeline| {
-                self.stepped(&uniform_subset, &slower_timeline, module_count, None, why.clone())
-                    .is_ok()
+                self.plan_stepped(
+                    &uniform_subset,
+                    &slower_timeline,
+                    module_count,
+                    None,
+                    modes_refusal.clone(),
+                )
+                .is_ok()
             });
-            if is_planned && self.set_every(counts_before, every_frames) {
+            if is_planned && self.set_every(counts_before, frame_interval) {
                 return Ok(());
             }
             self.truncate(counts_before);
-            every_frames /= 2;
+            frame_interval /= 2;
         }
         let [_, first_row, ..] = self.counts();
-        self.stepped(subset, island_timeline, module_count, None, why)?;
-        let stay_reason = if is_discrete {
+        self.plan_stepped(subset, island_timeline, module_count, None, modes_refusal)?;
+        let rate_refusal = if is_discrete {
             "its numbers are those of one rate (`units: ca`)"
-        } else if island_timeline.slower(self.every).is_none() {
+        } else if island_timeline.slower(self.frame_interval).is_none() {
             "it is played live, or a gesture is too fast for a slower one"
         } else {
             "it is not stable at a slower one"
         };
         let new_rows = self.plan.rows[first_row..].iter_mut();
-        new_rows.for_each(|row| row.stays = Some(stay_reason.to_owned()));
+        new_rows.for_each(|row| row.rate_refusal = Some(rate_refusal.to_owned()));
         Ok(())
     }
 
@@ -110,7 +121,7 @@ impl Maker<'_> {
             current_plan.units.len(),
             current_plan.rows.len(),
             current_plan.choices.len(),
-            current_plan.stay.len(),
+            current_plan.refused_rates.len(),
         ]
     }
 
@@ -119,24 +130,24 @@ impl Maker<'_> {
         self.plan.units.truncate(unit_count);
         self.plan.rows.truncate(row_count);
         self.plan.choices.truncate(choice_count);
-        self.plan.stay.truncate(stay_count);
+        self.plan.refused_rates.truncate(stay_count);
     }
 
     /// Sets what was just planned to be computed once in `every` frames. Returns false if it would then still take as
     /// many steps as frames.
     fn set_every(&mut self, [first_unit, first_row, ..]: [usize; 4], every: u32) -> bool {
         for unit in &mut self.plan.units[first_unit..] {
-            if let Unit::IslandPlan(island_plan) = unit {
+            if let ComputationUnit::IslandPlan(island_plan) = unit {
                 if island_plan.oversampling >= every {
                     return false;
                 }
-                island_plan.every = every;
+                island_plan.frame_interval = every;
             }
         }
         for row in &mut self.plan.rows[first_row..] {
-            row.every = every;
+            row.frame_interval = every;
             // Only trials of what is heard count as cut short.
-            row.is_cut_short = false;
+            row.trials_cut_short = false;
         }
         true
     }

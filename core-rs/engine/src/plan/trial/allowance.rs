@@ -34,17 +34,17 @@ pub(in crate::plan) fn unless_spent<T>(result: Result<T, TrialError>) -> Result<
 
 /// What a series of trials took: enough to account for it again without playing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::plan) struct Taken {
+pub(in crate::plan) struct WorkTaken {
     /// Work [s].
-    pub(in crate::plan) drawn: f64,
+    pub(in crate::plan) drawn_seconds: f64,
     /// The least allowance that gives the same results [s].
-    pub(in crate::plan) needed: f64,
+    pub(in crate::plan) needed_seconds: f64,
     /// What was left when the series began, if its results depend on that.
-    pub(in crate::plan) left: Option<WorkLeft>,
+    pub(in crate::plan) left_at_start: Option<WorkLeft>,
     /// The series ended because the allowance was spent.
-    pub(in crate::plan) is_refused: bool,
+    pub(in crate::plan) ended_early: bool,
     /// How far the longest trial of the series played [frames of the scene].
-    pub(in crate::plan) frames: u64,
+    pub(in crate::plan) frames_played: u64,
 }
 
 /// What is left of an allowance.
@@ -85,19 +85,19 @@ impl WorkLeft {
 /// The work that the trials of one plan may take [s], and what they have taken.
 #[derive(Debug)]
 pub(in crate::plan) struct Allowance {
-    total: f64,
+    total_seconds: f64,
     /// Work drawn before the current series of trials.
-    drawn_before: Cell<f64>,
+    drawn_before_seconds: Cell<f64>,
     /// Work drawn by the current series.
-    drawn: Cell<f64>,
+    series_seconds: Cell<f64>,
     /// Most work that the current series asked for.
-    needed: Cell<f64>,
+    series_needed_seconds: Cell<f64>,
     /// How far the longest trial of the series plays [frames].
-    frames: Cell<u64>,
+    series_frames: Cell<u64>,
     /// Work taken from the reserve.
-    drawn_reserve: Cell<f64>,
+    reserve_seconds: Cell<f64>,
     /// Trials that ended because the allowance was spent.
-    n_refused: Cell<usize>,
+    n_refused_trials: Cell<usize>,
 }
 
 /// The work that the trials of a plan of `n_modules` may take [s], if they may take the part `share` of the usual.
@@ -109,65 +109,66 @@ impl Allowance {
     /// An allowance of `total` work [s].
     pub(in crate::plan) fn with_total(total: f64) -> Self {
         Self {
-            total,
-            drawn_before: Cell::new(0.0),
-            drawn: Cell::new(0.0),
-            needed: Cell::new(0.0),
-            frames: Cell::new(0),
-            drawn_reserve: Cell::new(0.0),
-            n_refused: Cell::new(0),
+            total_seconds: total,
+            drawn_before_seconds: Cell::new(0.0),
+            series_seconds: Cell::new(0.0),
+            series_needed_seconds: Cell::new(0.0),
+            series_frames: Cell::new(0),
+            reserve_seconds: Cell::new(0.0),
+            n_refused_trials: Cell::new(0),
         }
     }
 
     /// What was left when the current series began.
-    fn left(&self) -> WorkLeft {
-        match self.n_refused.get() {
-            0 => WorkLeft::Seconds(self.total - self.drawn_before.get()),
+    fn left_for_series(&self) -> WorkLeft {
+        match self.n_refused_trials.get() {
+            0 => WorkLeft::Seconds(self.total_seconds - self.drawn_before_seconds.get()),
             _ => WorkLeft::Spent,
         }
     }
 
     /// Begins a series of trials and returns how much work is left for it.
     pub(in crate::plan) fn begin(&self) -> WorkLeft {
-        self.drawn_before.set(self.drawn_before.get() + self.drawn.take());
-        self.needed.set(0.0);
-        self.frames.set(0);
-        self.left()
+        self.drawn_before_seconds
+            .set(self.drawn_before_seconds.get() + self.series_seconds.take());
+        self.series_needed_seconds.set(0.0);
+        self.series_frames.set(0);
+        self.left_for_series()
     }
 
     /// What the current series has taken, if so much was left when it began.
-    pub(in crate::plan) fn taken(&self, left: WorkLeft) -> Taken {
-        let is_refused = self.n_refused.get() > 0;
-        let is_bound = is_refused || !left.pays_for(self.needed.get());
-        Taken {
-            drawn: self.drawn.get(),
-            needed: self.needed.get(),
-            left: is_bound.then_some(left),
-            is_refused,
-            frames: self.frames.get(),
+    pub(in crate::plan) fn work_taken(&self, left: WorkLeft) -> WorkTaken {
+        let is_refused = self.n_refused_trials.get() > 0;
+        let depends_on_rest = is_refused || !left.pays_for(self.series_needed_seconds.get());
+        WorkTaken {
+            drawn_seconds: self.series_seconds.get(),
+            needed_seconds: self.series_needed_seconds.get(),
+            left_at_start: depends_on_rest.then_some(left),
+            ended_early: is_refused,
+            frames_played: self.series_frames.get(),
         }
     }
 
     /// Whether a series of trials that was played before would go the same way if it began now.
-    pub(in crate::plan) fn begin_replay_if_enough(&self, taken: &Taken) -> bool {
+    pub(in crate::plan) fn begin_replay_if_enough(&self, taken: &WorkTaken) -> bool {
         let work_left = self.begin();
-        match taken.left {
+        match taken.left_at_start {
             Some(recorded_left) => recorded_left == work_left,
-            None => work_left.pays_for(taken.needed),
+            None => work_left.pays_for(taken.needed_seconds),
         }
     }
 
     /// Accounts for a series of trials that was played before, as if it were played now.
-    pub(in crate::plan) fn replay(&self, taken: &Taken) {
+    pub(in crate::plan) fn replay(&self, taken: &WorkTaken) {
         self.begin();
-        self.drawn.set(taken.drawn);
-        let n_refused = self.n_refused.get() + usize::from(taken.is_refused);
-        self.n_refused.set(n_refused);
+        self.series_seconds.set(taken.drawn_seconds);
+        let n_refused = self.n_refused_trials.get() + usize::from(taken.ended_early);
+        self.n_refused_trials.set(n_refused);
     }
 
     /// Records that a trial plays up to frame `n_frames` of the scene.
     pub(in crate::plan) fn note_frames(&self, n_frames: usize) {
-        self.frames.set(self.frames.get().max(n_frames as u64));
+        self.series_frames.set(self.series_frames.get().max(n_frames as u64));
     }
 
     /// Takes `seconds` of work before it is done.
@@ -177,23 +178,25 @@ impl Allowance {
     /// [`TrialError::AllowanceSpent`] if less is left. The allowance then counts as spent, even if smaller trials would
     /// still fit.
     pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), TrialError> {
-        let work_drawn = self.drawn.get() + seconds;
-        if !self.left().pays_for(work_drawn) {
-            self.n_refused.set(self.n_refused.get() + 1);
+        let work_drawn = self.series_seconds.get() + seconds;
+        if !self.left_for_series().pays_for(work_drawn) {
+            self.n_refused_trials.set(self.n_refused_trials.get() + 1);
             return Err(TrialError::AllowanceSpent);
         }
-        self.needed.set(self.needed.get().max(work_drawn));
-        self.drawn.set(work_drawn);
+        self.series_needed_seconds
+            .set(self.series_needed_seconds.get().max(work_drawn));
+        self.series_seconds.set(work_drawn);
         interrupt::spend((seconds * 1e9) as usize); // a step is a nanosecond
         Ok(())
     }
 
     /// Takes work [s] that is done even if less is left; trials have that much less.
-    pub(in crate::plan) fn spend(&self, seconds: f64) {
-        let work_drawn = self.drawn.get() + seconds;
-        self.needed.set(self.needed.get().max(work_drawn));
-        let work_left = self.total - self.drawn_before.get();
-        self.drawn.set(work_drawn.min(work_left).max(0.0));
+    pub(in crate::plan) fn spend_regardless(&self, seconds: f64) {
+        let work_drawn = self.series_seconds.get() + seconds;
+        self.series_needed_seconds
+            .set(self.series_needed_seconds.get().max(work_drawn));
+        let work_left = self.total_seconds - self.drawn_before_seconds.get();
+        self.series_seconds.set(work_drawn.min(work_left).max(0.0));
     }
 
     /// Checks that `seconds` of work are left, and takes nothing.
@@ -201,62 +204,71 @@ impl Allowance {
     /// # Errors
     ///
     /// [`TrialError::AllowanceSpent`] if less is left. The allowance then counts as spent.
-    pub(in crate::plan) fn affords(&self, seconds: f64) -> Result<(), TrialError> {
-        let work_drawn = self.drawn.get() + seconds;
-        if !self.left().pays_for(work_drawn) {
+    pub(in crate::plan) fn check_affordable(&self, seconds: f64) -> Result<(), TrialError> {
+        let work_drawn = self.series_seconds.get() + seconds;
+        if !self.left_for_series().pays_for(work_drawn) {
             return self.draw(f64::INFINITY);
         }
-        self.needed.set(self.needed.get().max(work_drawn));
+        self.series_needed_seconds
+            .set(self.series_needed_seconds.get().max(work_drawn));
         self.draw(0.0)
     }
 
     /// The part of `seconds` of work that is left (0 to 1); nothing is taken.
     pub(in crate::plan) fn share_left(&self, seconds: f64) -> f64 {
-        let work_drawn = self.drawn.get();
-        self.needed.set(self.needed.get().max(work_drawn + seconds));
-        match self.left() {
+        let work_drawn = self.series_seconds.get();
+        self.series_needed_seconds
+            .set(self.series_needed_seconds.get().max(work_drawn + seconds));
+        match self.left_for_series() {
             WorkLeft::Seconds(left) => ((left - work_drawn) / seconds).clamp(0.0, 1.0),
             WorkLeft::Spent => 0.0,
         }
     }
 
     /// A separate allowance of the part `share` (0 to 1) of what is left.
-    pub(in crate::plan) fn fraction(&self, share: f64) -> Self {
-        match self.left() {
-            WorkLeft::Seconds(left) => Self::with_total((share * (left - self.drawn.get())).max(0.0)),
+    pub(in crate::plan) fn split_off(&self, share: f64) -> Self {
+        match self.left_for_series() {
+            WorkLeft::Seconds(left) => Self::with_total((share * (left - self.series_seconds.get())).max(0.0)),
             WorkLeft::Spent => Self::with_total(0.0),
         }
     }
 
     /// Takes what was drawn from such a separate part. If the part ran out, that does not end other trials.
-    pub(in crate::plan) fn spend_fraction(&self, fraction: &Self, share: f64) {
-        let work_needed = match fraction.n_refused() {
-            0 => fraction.drawn.get() / share,
+    pub(in crate::plan) fn spend_split(&self, fraction: &Self, share: f64) {
+        let work_needed = match fraction.n_refused_trials() {
+            0 => fraction.series_seconds.get() / share,
             // With a larger part it would have taken more.
             _ => f64::INFINITY,
         };
-        self.needed.set(self.needed.get().max(self.drawn.get() + work_needed));
-        self.spend(fraction.drawn.get());
+        self.series_needed_seconds.set(
+            self.series_needed_seconds
+                .get()
+                .max(self.series_seconds.get() + work_needed),
+        );
+        self.spend_regardless(fraction.series_seconds.get());
     }
 
     /// What is left of the reserve, as a separate allowance: if it runs out, no other trial ends.
     pub(in crate::plan) fn reserve(&self) -> Self {
-        Self::with_total(ALLOWANCE_RESERVE * self.total - self.drawn_reserve.get())
+        Self::with_total(ALLOWANCE_RESERVE * self.total_seconds - self.reserve_seconds.get())
     }
 
     /// Takes work [s] from the reserve.
     pub(in crate::plan) fn spend_reserve(&self, seconds: f64) {
-        self.drawn_reserve.set(self.drawn_reserve.get() + seconds);
+        self.reserve_seconds.set(self.reserve_seconds.get() + seconds);
     }
 
     /// Trials that ended because the allowance was spent.
-    pub(in crate::plan) fn n_refused(&self) -> usize {
-        self.n_refused.get()
+    pub(in crate::plan) fn n_refused_trials(&self) -> usize {
+        self.n_refused_trials.get()
     }
 
     /// Work that the trials have taken, and the most that they may [s].
-    pub(in crate::plan) fn spent(&self) -> (f64, f64) {
-        (self.drawn_before.get() + self.drawn.get(), self.total)
+    pub(in crate::plan) fn seconds_spent(&self) -> (f64, f64) {
+        (
+            self.drawn_before_seconds.get() + self.series_seconds.get(),
+            self.total_seconds,
+        )
     }
 }
 
@@ -279,16 +291,19 @@ mod tests {
         assert!(allowance.draw(0.75).is_ok());
         assert!(matches!(allowance.draw(0.5), Err(TrialError::AllowanceSpent)));
         assert!(matches!(allowance.draw(0.01), Err(TrialError::AllowanceSpent)));
-        assert_eq!((allowance.n_refused(), allowance.spent()), (2, (0.75, 1.0)));
+        assert_eq!(
+            (allowance.n_refused_trials(), allowance.seconds_spent()),
+            (2, (0.75, 1.0))
+        );
     }
 
     #[test]
     fn spend_of_required_work_leaves_less_for_trials() {
         let allowance = Allowance::with_total(1.0);
-        allowance.spend(0.75);
+        allowance.spend_regardless(0.75);
         assert!(matches!(allowance.draw(0.5), Err(TrialError::AllowanceSpent)));
-        allowance.spend(9.0);
-        assert_eq!(allowance.spent(), (1.0, 1.0));
+        allowance.spend_regardless(9.0);
+        assert_eq!(allowance.seconds_spent(), (1.0, 1.0));
     }
 
     #[test]
@@ -296,16 +311,19 @@ mod tests {
         let first_allowance = Allowance::with_total(1.0);
         let work_left = first_allowance.begin();
         first_allowance.draw(0.25).unwrap();
-        first_allowance.affords(0.5).unwrap();
-        let taken = first_allowance.taken(work_left);
-        assert_eq!((taken.drawn, taken.needed, taken.left), (0.25, 0.75, None));
+        first_allowance.check_affordable(0.5).unwrap();
+        let taken = first_allowance.work_taken(work_left);
+        assert_eq!(
+            (taken.drawn_seconds, taken.needed_seconds, taken.left_at_start),
+            (0.25, 0.75, None)
+        );
         // First after trials that leave enough, then after trials that do not.
         for (other_work, is_same) in [(0.25, true), (0.375, false)] {
             let replay_allowance = Allowance::with_total(1.0);
             replay_allowance.draw(other_work).unwrap();
             assert_eq!(replay_allowance.begin_replay_if_enough(&taken), is_same);
             replay_allowance.replay(&taken);
-            assert_eq!(replay_allowance.spent().0, other_work + 0.25);
+            assert_eq!(replay_allowance.seconds_spent().0, other_work + 0.25);
         }
     }
 
@@ -315,19 +333,19 @@ mod tests {
         let work_left = first_allowance.begin();
         first_allowance.draw(0.75).unwrap();
         assert!(first_allowance.draw(0.5).is_err());
-        let taken = first_allowance.taken(work_left);
-        assert!(taken.is_refused && taken.left == Some(WorkLeft::Seconds(1.0)));
+        let taken = first_allowance.work_taken(work_left);
+        assert!(taken.ended_early && taken.left_at_start == Some(WorkLeft::Seconds(1.0)));
         let replay_allowance = Allowance::with_total(1.0);
         assert!(replay_allowance.begin_replay_if_enough(&taken));
         replay_allowance.replay(&taken);
-        assert!(replay_allowance.n_refused() > 0 && replay_allowance.draw(0.01).is_err());
+        assert!(replay_allowance.n_refused_trials() > 0 && replay_allowance.draw(0.01).is_err());
         let later_allowance = Allowance::with_total(1.0);
         later_allowance.draw(0.01).unwrap();
         assert!(!later_allowance.begin_replay_if_enough(&taken));
         // If nothing is left, nothing is played: how much was left before does not matter.
         let work_left = replay_allowance.begin();
         assert!(replay_allowance.draw(0.01).is_err());
-        let nothing_taken = replay_allowance.taken(work_left);
+        let nothing_taken = replay_allowance.work_taken(work_left);
         let half_allowance = Allowance::with_total(0.5);
         assert!(half_allowance.draw(2.0).is_err());
         assert!(half_allowance.begin_replay_if_enough(&nothing_taken));

@@ -26,39 +26,39 @@ const MESH_METHODS: [(MeshMethod, u32); 6] = [
 pub(in crate::plan) struct Candidate {
     pub(in crate::plan) island: Assembled,
     /// Contact substeps a step.
-    pub(in crate::plan) substeps: usize,
+    pub(in crate::plan) contact_substeps: usize,
     /// Nanoseconds a frame; what depends on the motion is an estimate until it was played.
-    pub(in crate::plan) cost: f64,
+    pub(in crate::plan) frame_ns: f64,
     /// Which of the table's methods of bodies and steps a frame it has.
-    pub(in crate::plan) group: usize,
+    pub(in crate::plan) group_index: usize,
 }
 
 /// How a family of candidates computes its bodies, contacts and laws; its members differ in their steps alone.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::plan) struct Family {
-    pub(in crate::plan) bodies: MethodChoice<'static>,
-    pub(in crate::plan) is_plain: bool,
+    pub(in crate::plan) body_methods: MethodChoice<'static>,
+    pub(in crate::plan) is_once_a_step: bool,
 }
 
 impl Family {
     /// All contacts and laws are computed once a step.
-    pub(in crate::plan) const PLAIN: Self = Self {
-        bodies: MethodChoice::ByBudget,
-        is_plain: true,
+    pub(in crate::plan) const ONCE_A_STEP: Self = Self {
+        body_methods: MethodChoice::ByBudget,
+        is_once_a_step: true,
     };
     /// The families among which a reference is looked for, those of the highest order first, and last the one that is
     /// needed where friction holds all that is heard.
     pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 4] = [
-        Self::fine(MethodChoice::ByBudget),
-        Self::fine(MethodChoice::All((MeshMethod::Bm4, 1))),
-        Self::PLAIN,
-        Self::fine(MethodChoice::Stepped),
+        Self::between_steps(MethodChoice::ByBudget),
+        Self::between_steps(MethodChoice::All((MeshMethod::Bm4, 1))),
+        Self::ONCE_A_STEP,
+        Self::between_steps(MethodChoice::Stepped),
     ];
 
-    const fn fine(bodies: MethodChoice<'static>) -> Self {
+    const fn between_steps(bodies: MethodChoice<'static>) -> Self {
         Self {
-            bodies,
-            is_plain: false,
+            body_methods: bodies,
+            is_once_a_step: false,
         }
     }
 
@@ -66,15 +66,15 @@ impl Family {
     pub(in crate::plan) fn with_steps(self, oversampling: u32) -> AssemblyOptions<'static> {
         AssemblyOptions {
             oversampling,
-            bodies: self.bodies,
-            is_plain: self.is_plain,
+            body_methods: self.body_methods,
+            is_plain: self.is_once_a_step,
         }
     }
 }
 
 /// Whether contacts or laws of an island may be computed finer than once a step.
-pub(in crate::plan) fn has_fine(island: &Assembled) -> bool {
-    !island.is_plain && (island.may_collocate || island.island_plan.contact_substeps > 1)
+pub(in crate::plan) fn has_fine_links(island: &Assembled) -> bool {
+    !island.is_once_a_step && (island.can_solve_laws_between_steps || island.island_plan.contact_substeps > 1)
 }
 
 /// All candidates for an island, in rising order of cost. What contacts and laws cost between frames is taken from the
@@ -93,28 +93,34 @@ pub(in crate::plan) fn candidates<F: Fn(AssemblyOptions<'_>) -> Result<Assembled
     let mut candidates: Vec<Candidate> = Vec::new();
     for (group, (bodies, steps)) in choice_groups.enumerate() {
         for is_plain in [true, false] {
-            let family = Family { bodies, is_plain };
+            let family = Family {
+                body_methods: bodies,
+                is_once_a_step: is_plain,
+            };
             let Ok(island) = assemble(family.with_steps(steps)) else {
                 continue;
             };
-            for substeps in substeps_of(&island) {
+            for substeps in substeps_to_try(&island) {
                 let candidate = Candidate::new(island.clone(), substeps, Some(reference));
                 if !candidates.iter().any(|earlier| earlier.is_same(&candidate)) {
-                    candidates.push(Candidate { group, ..candidate });
+                    candidates.push(Candidate {
+                        group_index: group,
+                        ..candidate
+                    });
                 }
             }
         }
     }
     candidates.sort_by(|left, right| {
-        let cost_order = left.cost.total_cmp(&right.cost);
-        cost_order.then(left.substeps.cmp(&right.substeps))
+        let cost_order = left.frame_ns.total_cmp(&right.frame_ns);
+        cost_order.then(left.contact_substeps.cmp(&right.contact_substeps))
     });
     candidates
 }
 
 /// Contact substeps a step that are worth trying.
-fn substeps_of(island: &Assembled) -> Vec<usize> {
-    if !has_fine(island) {
+fn substeps_to_try(island: &Assembled) -> Vec<usize> {
+    if !has_fine_links(island) {
         return vec![1];
     }
     let doublings = FINE_SUBSTEPS_MIN.ilog2()..=SUBSTEPS_MAX.ilog2();
@@ -123,55 +129,61 @@ fn substeps_of(island: &Assembled) -> Vec<usize> {
 
 impl Candidate {
     /// A candidate whose cost between frames is estimated from the run of another one.
-    pub(in crate::plan) fn new(mut island: Assembled, substeps: usize, played: Option<(&Self, &PilotRun)>) -> Self {
+    pub(in crate::plan) fn new(
+        mut island: Assembled,
+        substeps: usize,
+        played_candidate_and_run: Option<(&Self, &PilotRun)>,
+    ) -> Self {
         let island_plan = &mut island.island_plan;
         island_plan.contact_substeps = substeps;
-        if let Some((played_candidate, played_run)) = played.filter(|_| substeps > 1) {
+        if let Some((played_candidate, played_run)) = played_candidate_and_run.filter(|_| substeps > 1) {
             let counted = if island_plan.bodies.is_empty() {
-                played_run.counted_cost.contacts
+                played_run.counted_cost.contacts_ns
             } else {
-                played_run.counted_cost.all()
+                played_run.counted_cost.total_ns()
             };
             let frame_steps = f64::from(island_plan.oversampling) * substeps as f64;
             island_plan.counted_cost =
-                Some((f64::from(counted) * frame_steps / played_candidate.steps_per_frame()) as u32);
+                Some((f64::from(counted) * frame_steps / played_candidate.substeps_per_frame()) as u32);
         }
         Self {
-            cost: island.island_plan.cost(),
+            frame_ns: island.island_plan.frame_ns(),
             island,
-            substeps,
-            group: 0,
+            contact_substeps: substeps,
+            group_index: 0,
         }
     }
 
     /// Whether an allowance pays for playing `n_frames` of it, as far as its cost is known; nothing is taken.
     pub(in crate::plan) fn is_within(&self, allowance: &Allowance, n_frames: usize) -> bool {
-        allowance.share_left(1e-9 * self.cost * n_frames as f64) >= 1.0
+        allowance.share_left(1e-9 * self.frame_ns * n_frames as f64) >= 1.0
     }
 
     /// Whether it differs from `other` by more substeps alone.
     pub(in crate::plan) fn is_finer_than(&self, other: &Self) -> bool {
-        self.group == other.group && self.substeps > other.substeps && other.substeps > 1
+        self.group_index == other.group_index
+            && self.contact_substeps > other.contact_substeps
+            && other.contact_substeps > 1
     }
 
     /// Substeps of contacts a frame.
-    fn steps_per_frame(&self) -> f64 {
-        f64::from(self.island.island_plan.oversampling) * self.substeps as f64
+    fn substeps_per_frame(&self) -> f64 {
+        f64::from(self.island.island_plan.oversampling) * self.contact_substeps as f64
     }
 
     /// The same with the cost that its run had.
-    pub(in crate::plan) fn counted(mut self, run: &PilotRun) -> Self {
+    pub(in crate::plan) fn with_counted_cost(mut self, run: &PilotRun) -> Self {
         let island_plan = &mut self.island.island_plan;
-        island_plan.counted_cost = Some(run.counted_cost.all());
-        self.cost = island_plan.cost();
+        island_plan.counted_cost = Some(run.counted_cost.total_ns());
+        self.frame_ns = island_plan.frame_ns();
         self
     }
 
     /// Whether both compute the same under two names.
     fn is_same(&self, other: &Self) -> bool {
         let [first_plan, other_plan] = [self, other].map(|candidate| &candidate.island.island_plan);
-        self.cost.to_bits() == other.cost.to_bits()
-            && self.substeps == other.substeps
+        self.frame_ns.to_bits() == other.frame_ns.to_bits()
+            && self.contact_substeps == other.contact_substeps
             && first_plan.oversampling == other_plan.oversampling
             && self.island.mesh_methods() == other.island.mesh_methods()
     }

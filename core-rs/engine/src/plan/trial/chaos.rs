@@ -14,51 +14,51 @@ use crate::plan::constants::{
     ATTACK_ERROR_MIN, ATTACK_SECONDS, FIRST_STRETCH_SECONDS, GROWTH_MARGIN_DB, NUDGE_SHARE, PARTED_DB,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::pilot_run::{BLOCK, Excerpt, PilotRun, nudged};
-use crate::plan::trial::waveform_error::{FACTOR_TWO_DB, Spans};
+use crate::plan::trial::pilot_run::{BLOCK_FRAMES, Excerpt, PilotRun, play_nudged};
+use crate::plan::trial::waveform_error::{ComparedSpans, FACTOR_TWO_DB};
 
 /// Stretches of time after the first sound, each ending at twice the time of the one before.
 #[derive(Clone, Debug)]
-pub(in crate::plan) struct Stretches {
+pub(in crate::plan) struct ComparedStretches {
     n_out: usize,
     /// Where the first begins, and where each ends [frames].
-    edges: Vec<usize>,
+    frame_edges: Vec<usize>,
 }
 
 /// How far two runs are apart, stretch by stretch [dB], over all outputs, each normalised to the same loudness.
-struct Profile {
+struct DifferenceProfile {
     /// Over each stretch alone; `None` if it is too quiet.
-    stretch_levels: Vec<Option<f64>>,
+    stretch_db: Vec<Option<f64>>,
     /// From the start of the first to the end of each.
-    cumulative_levels: Vec<f64>,
+    cumulative_db: Vec<f64>,
 }
 
 /// The comparison of two runs that part for good.
 #[derive(Clone, Debug)]
-pub(in crate::plan) struct Parting {
+pub(in crate::plan) struct ChaoticComparison {
     /// Error from the first sound to the end of each stretch [dB].
-    cumulative_errors: Vec<f64>,
+    cumulative_errors_db: Vec<f64>,
     /// The error over the attack [dB].
-    pub(in crate::plan) attack: f64,
+    pub(in crate::plan) attack_error_db: f64,
     /// How much a nudge grows over the attack [dB].
-    growth: f64,
+    nudge_growth_db: f64,
     /// Mean difference of third octaves [dB].
-    pub(in crate::plan) spectral: f64,
+    pub(in crate::plan) third_octave_db: f64,
 }
 
 /// Two runs of an island, the second more exact, with the spans and stretches over which they are compared.
 #[derive(Clone, Copy)]
-pub(in crate::plan) struct Pair<'a> {
-    pub(in crate::plan) run: &'a PilotRun,
-    pub(in crate::plan) finer: &'a PilotRun,
-    pub(in crate::plan) spans: &'a Spans,
-    pub(in crate::plan) stretches: &'a Stretches,
+pub(in crate::plan) struct RunPair<'a> {
+    pub(in crate::plan) coarse_run: &'a PilotRun,
+    pub(in crate::plan) fine_run: &'a PilotRun,
+    pub(in crate::plan) spans: &'a ComparedSpans,
+    pub(in crate::plan) stretches: &'a ComparedStretches,
 }
 
-impl Stretches {
+impl ComparedStretches {
     /// Stretches from the first sound after the event.
-    pub(in crate::plan) fn new(sound: &[f64], spans: &Spans) -> Self {
-        let (n_outputs, event_frame) = (spans.n_out.max(1), spans.event());
+    pub(in crate::plan) fn new(sound: &[f64], spans: &ComparedSpans) -> Self {
+        let (n_outputs, event_frame) = (spans.n_out.max(1), spans.event_frame());
         let event_sound = &sound[(event_frame * n_outputs).min(sound.len())..];
         let displacement = |frame: &[f64], output: usize| (frame[output] - event_sound[output]).abs();
         let mut peak_motion = vec![0.0_f64; n_outputs];
@@ -72,7 +72,7 @@ impl Stretches {
         Self::from(event_frame + silent_frames, sound.len() / n_outputs, spans)
     }
 
-    fn from(start: usize, n_frames: usize, spans: &Spans) -> Self {
+    fn from(start: usize, n_frames: usize, spans: &ComparedSpans) -> Self {
         let mut edges = vec![start];
         let mut stretch_length = FIRST_STRETCH_SECONDS * spans.rate;
         while ((start as f64 + 1.5 * stretch_length) as usize) < n_frames {
@@ -82,17 +82,17 @@ impl Stretches {
         edges.push(n_frames.max(start));
         Self {
             n_out: spans.n_out,
-            edges,
+            frame_edges: edges,
         }
     }
 
     /// When the first begins [frames].
-    fn start(&self) -> usize {
-        self.edges[0]
+    fn first_frame(&self) -> usize {
+        self.frame_edges[0]
     }
 
-    fn profile(&self, a: &[f64], b: &[f64]) -> Profile {
-        let stretch_count = self.edges.len() - 1;
+    fn profile(&self, a: &[f64], b: &[f64]) -> DifferenceProfile {
+        let stretch_count = self.frame_edges.len() - 1;
         // For each stretch: squared difference, and squared sound.
         let mut stretch_sums = vec![(0.0, 0.0); stretch_count];
         for output in 0..self.n_out {
@@ -100,13 +100,13 @@ impl Stretches {
                 let samples = x.iter().skip(output).step_by(self.n_out);
                 samples.skip(edges[0]).take(edges[1] - edges[0]).copied().collect()
             };
-            let all_samples = stretch_samples(b, &[self.edges[0], self.edges[stretch_count]]);
+            let all_samples = stretch_samples(b, &[self.frame_edges[0], self.frame_edges[stretch_count]]);
             let sample_mean = all_samples.iter().sum::<f64>() / all_samples.len().max(1) as f64;
             let total_energy: f64 = all_samples.iter().map(|x| (x - sample_mean) * (x - sample_mean)).sum();
             if total_energy <= 0.0 {
                 continue;
             }
-            for (sum, edges) in stretch_sums.iter_mut().zip(self.edges.windows(2)) {
+            for (sum, edges) in stretch_sums.iter_mut().zip(self.frame_edges.windows(2)) {
                 let (a, b) = (stretch_samples(a, edges), stretch_samples(b, edges));
                 let difference_energy: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
                 let sound_energy: f64 = b.iter().map(|x| (x - sample_mean) * (x - sample_mean)).sum();
@@ -124,18 +124,19 @@ impl Stretches {
             };
             20.0 * log10(sqrt(energy_ratio).clamp(1e-15, 1e15))
         };
-        let stretch_power =
-            |stretch: usize| stretch_sums[stretch].1 / (self.edges[stretch + 1] - self.edges[stretch]).max(1) as f64;
+        let stretch_power = |stretch: usize| {
+            stretch_sums[stretch].1 / (self.frame_edges[stretch + 1] - self.frame_edges[stretch]).max(1) as f64
+        };
         let loudest_power = (0..stretch_count).map(stretch_power).fold(0.0, f64::max);
         let mut running_sums = (0.0, 0.0);
-        Profile {
-            stretch_levels: (0..stretch_count)
+        DifferenceProfile {
+            stretch_db: (0..stretch_count)
                 .map(|stretch| {
                     (stretch_power(stretch) > QUIET_POWER_RATIO * loudest_power)
                         .then(|| ratio_level(stretch_sums[stretch]))
                 })
                 .collect(),
-            cumulative_levels: stretch_sums
+            cumulative_db: stretch_sums
                 .iter()
                 .map(|sum| {
                     running_sums = (running_sums.0 + sum.0, running_sums.1 + sum.1);
@@ -146,25 +147,25 @@ impl Stretches {
     }
 
     /// How many stretches end within `seconds`; at least one.
-    fn count_within(&self, seconds: f64, spans: &Spans) -> usize {
-        let last_frame = self.start() + (seconds * spans.rate) as usize;
-        let stretch_ends = self.edges.iter().skip(1);
+    fn count_within(&self, seconds: f64, spans: &ComparedSpans) -> usize {
+        let last_frame = self.first_frame() + (seconds * spans.rate) as usize;
+        let stretch_ends = self.frame_edges.iter().skip(1);
         stretch_ends.take_while(|end| **end <= last_frame).count().max(1)
     }
 }
 
-impl Pair<'_> {
-    /// How much a nudge of `run` grows over the attack [dB], if that shows chaos; `None` otherwise.
-    pub(in crate::plan) fn chaos(
+impl RunPair<'_> {
+    /// How much a nudge of `coarse_run` grows over the attack [dB], if that shows chaos; `None` otherwise.
+    pub(in crate::plan) fn chaotic_growth_db(
         &self,
         island_plan: &IslandPlan,
         contact_substeps: usize,
         allowance: &Allowance,
     ) -> Result<Option<f64>, TrialError> {
-        if self.run.is_lost || is_linear(island_plan) {
+        if self.coarse_run.is_unusable || is_linear(island_plan) {
             return Ok(None);
         }
-        let growth_levels = self.nudge(island_plan, contact_substeps, allowance)?;
+        let growth_levels = self.nudge_difference_db(island_plan, contact_substeps, allowance)?;
         if !is_chaotic(&growth_levels) {
             return Ok(None);
         }
@@ -177,19 +178,19 @@ impl Pair<'_> {
         ))
     }
 
-    /// Compares the runs, given that a nudge grows by `growth` over the attack [dB]. The finer one parts from the true
-    /// motion too, so errors of the waveform count twice.
-    pub(in crate::plan) fn compare(&self, growth: f64) -> Parting {
-        let (run_sound, finer_sound) = (&self.run.sound, &self.finer.sound);
-        let mut cumulative_errors = self.stretches.profile(run_sound, finer_sound).cumulative_levels;
+    /// Compares the runs, given that a nudge grows by `growth_db` over the attack [dB]. The finer one parts from the
+    /// true motion too, so errors of the waveform count twice.
+    pub(in crate::plan) fn compare(&self, growth_db: f64) -> ChaoticComparison {
+        let (run_sound, finer_sound) = (&self.coarse_run.sound, &self.fine_run.sound);
+        let mut cumulative_errors = self.stretches.profile(run_sound, finer_sound).cumulative_db;
         cumulative_errors.iter_mut().for_each(|db| *db += FACTOR_TWO_DB);
-        let first_sample = self.stretches.start() * self.spans.n_out;
+        let first_sample = self.stretches.first_frame() * self.spans.n_out;
         let (n_outputs, frame_rate) = (self.spans.n_out, self.spans.rate);
-        Parting {
-            attack: cumulative_errors[self.stretches.count_within(ATTACK_SECONDS, self.spans) - 1],
-            cumulative_errors,
-            growth,
-            spectral: level_difference(
+        ChaoticComparison {
+            attack_error_db: cumulative_errors[self.stretches.count_within(ATTACK_SECONDS, self.spans) - 1],
+            cumulative_errors_db: cumulative_errors,
+            nudge_growth_db: growth_db,
+            third_octave_db: level_difference(
                 &run_sound[first_sample..],
                 &finer_sound[first_sample..],
                 n_outputs,
@@ -199,26 +200,26 @@ impl Pair<'_> {
     }
 
     /// How far a nudge takes the run from itself, stretch by stretch [dB].
-    fn nudge(
+    fn nudge_difference_db(
         &self,
         island_plan: &IslandPlan,
         contact_substeps: usize,
         allowance: &Allowance,
     ) -> Result<Vec<Option<f64>>, TrialError> {
-        let n_frames = self.run.sound.len() / self.spans.n_out.max(1);
-        let nudge_start = self.stretches.start().next_multiple_of(BLOCK);
-        let nudged = nudged(
+        let n_frames = self.coarse_run.sound.len() / self.spans.n_out.max(1);
+        let nudge_start = self.stretches.first_frame().next_multiple_of(BLOCK_FRAMES);
+        let nudged = play_nudged(
             (island_plan, contact_substeps),
             Excerpt {
-                from: self.run.from,
+                first_frame: self.coarse_run.from,
                 n_frames,
             },
             (nudge_start, 1.0 - NUDGE_SHARE),
             allowance,
         )?;
         // After the nudged block the run goes on freely.
-        let free_stretches = Stretches::from(nudge_start + BLOCK, n_frames, self.spans);
-        Ok(free_stretches.profile(&nudged.sound, &self.run.sound).stretch_levels)
+        let free_stretches = ComparedStretches::from(nudge_start + BLOCK_FRAMES, n_frames, self.spans);
+        Ok(free_stretches.profile(&nudged.sound, &self.coarse_run.sound).stretch_db)
     }
 }
 
@@ -238,24 +239,29 @@ fn is_chaotic(growth_levels: &[Option<f64>]) -> bool {
     growth_levels.iter().enumerate().any(grows_fast)
 }
 
-impl Parting {
-    /// Whether an attack with an error as small as `attack` [dB] is attainable: errors of the first stretch, at least
-    /// `ATTACK_ERROR_MIN`, grow by `growth`.
-    pub(in crate::plan) fn is_attainable(&self, attack: f64) -> bool {
-        attack - self.growth > ATTACK_ERROR_MIN
+impl ChaoticComparison {
+    /// Whether an attack with an error as small as `error_limit_db` is attainable: errors of the first stretch, at
+    /// least `ATTACK_ERROR_MIN`, grow by `nudge_growth_db`.
+    pub(in crate::plan) fn is_attainable(&self, error_limit_db: f64) -> bool {
+        error_limit_db - self.nudge_growth_db > ATTACK_ERROR_MIN
     }
 
     /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `error_allowed`; if it
     /// never is, as long as the runs agree at all.
-    pub(in crate::plan) fn valid_span(&self, error_allowed: f64, stretches: &Stretches) -> (f64, usize) {
-        let count_below = |error_max: f64| self.cumulative_errors.iter().take_while(|db| **db <= error_max).count();
+    pub(in crate::plan) fn valid_span(&self, error_allowed: f64, stretches: &ComparedStretches) -> (f64, usize) {
+        let count_below = |error_max: f64| {
+            self.cumulative_errors_db
+                .iter()
+                .take_while(|db| **db <= error_max)
+                .count()
+        };
         let stretch_count = [count_below(error_allowed), count_below(PARTED_DB), 1]
             .into_iter()
             .find(|stretch_count| *stretch_count > 0)
             .unwrap_or(1);
         (
-            self.cumulative_errors[stretch_count - 1],
-            stretches.edges[stretch_count],
+            self.cumulative_errors_db[stretch_count - 1],
+            stretches.frame_edges[stretch_count],
         )
     }
 }

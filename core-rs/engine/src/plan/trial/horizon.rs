@@ -13,16 +13,16 @@ use crate::plan::constants::{
     EQUAL_ERRORS_DB, ERROR_CHECK_SECONDS, HARDER_RATIO, PARTED_DB, RESERVE_FITS, RESERVE_PLANNED, RING_SECONDS,
     SPECTRUM_NOISE,
 };
-use crate::plan::row::Measured;
+use crate::plan::row::MeasuredError;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::chaos::is_linear;
-use crate::plan::trial::pilot_run::{Excerpt, frames_at_rest, frames_per_second, play, work};
+use crate::plan::trial::pilot_run::{Excerpt, frame_seconds, frames_at_rest, frames_per_second, play};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
-use crate::plan::trial::waveform_error::Spans;
+use crate::plan::trial::waveform_error::ComparedSpans;
 use crate::timeline::Timeline;
 
 /// A way to play an island: its plan, and its contact substeps a step.
-type Played<'a> = (&'a IslandPlan, usize);
+type PlayedIsland<'a> = (&'a IslandPlan, usize);
 
 /// Whether errors may grow after a pilot: if keys are led to contacts, so that each contact begins where the one before
 /// it ended, or if parts are slow.
@@ -48,7 +48,7 @@ pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timelin
             measured_until,
         ),
         first_harder(
-            gestures.map(|gesture| (gesture.start, greatest_speed(gesture))),
+            gestures.map(|gesture| (gesture.start, speed_bound(gesture))),
             measured_until,
         ),
     ];
@@ -65,7 +65,7 @@ fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, measured_until
 }
 
 /// A bound on the speed of a gesture: its range in the shortest time between two written points [m/s]; 0 for a take.
-fn greatest_speed(gesture: &Gesture) -> f64 {
+fn speed_bound(gesture: &Gesture) -> f64 {
     let point_intervals = gesture.points.windows(2).map(|pair| pair[1].0 - pair[0].0);
     let (range_low, range_high) = gesture.range();
     (range_high - range_low) / point_intervals.fold(f64::INFINITY, f64::min)
@@ -75,54 +75,57 @@ fn greatest_speed(gesture: &Gesture) -> f64 {
 /// of work allows. Returns the error and the time until which it stays within the budget or close to what the pilot
 /// measured. By ear that is what is heard of all that was played.
 pub(in crate::plan) fn extend_error(
-    measured: Measured,
+    measured: MeasuredError,
     budget: &Budget,
-    [run, other]: [Played<'_>; 2],
+    [coarse_island, other]: [PlayedIsland<'_>; 2],
     (allowance, store): (&Allowance, Option<&dyn TrialStore>),
-) -> Result<Measured, TrialError> {
-    let frame_rate = frames_per_second(run.0);
-    if measured.db > PARTED_DB {
+) -> Result<MeasuredError, TrialError> {
+    let frame_rate = frames_per_second(coarse_island.0);
+    if measured.waveform_db > PARTED_DB {
         return Ok(measured); // the runs have no waveform in common
     }
     // The reserve is separate: if it runs out, the pilot's result stands as it is.
     let reserve = allowance.reserve();
-    let frame_work = work(run.0) + work(other.0);
+    let frame_work = frame_seconds(coarse_island.0) + frame_seconds(other.0);
     // The pilot has already drawn the work of finding this rest.
-    let Some(first_frame) = unless_spent(frames_at_rest(run.0, &allowance.reserve()))? else {
+    let Some(first_frame) = unless_spent(frames_at_rest(coarse_island.0, &allowance.reserve()))? else {
         return Ok(measured);
     };
-    let n_frames =
-        (end(run.0) * frame_rate - first_frame as f64).min(RESERVE_PLANNED * reserve.spent().1 / frame_work) as usize;
-    let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(first_frame);
+    let n_frames = (end_seconds(coarse_island.0) * frame_rate - first_frame as f64)
+        .min(RESERVE_PLANNED * reserve.seconds_spent().1 / frame_work) as usize;
+    let pilot_frames = ((measured.duration_seconds * frame_rate) as usize).saturating_sub(first_frame);
     let look_frames = ((ERROR_CHECK_SECONDS * frame_rate) as usize).max(1);
     if n_frames < pilot_frames + look_frames {
         return Ok(measured);
     }
-    let longest_excerpt = Excerpt {
-        from: first_frame,
-        n_frames,
-    };
-    let key = store.map(|_| key(measured, budget, [run, other], longest_excerpt.end()));
+    let longest_excerpt = Excerpt { first_frame, n_frames };
+    let key = store.map(|_| trial_key(measured, budget, [coarse_island, other], longest_excerpt.end()));
     let store_and_key = store.zip(key.as_deref());
     let recalled = store_and_key.and_then(|(store, key)| record::find(store, key, &reserve));
     if let Some((taken_work, trial_record)) = recalled
-        && let Some(Some(recalled_error)) = trial_record.error_alone()
+        && let Some(Some(recalled_error)) = trial_record.sole_error()
     {
-        allowance.spend_reserve(taken_work.drawn);
+        allowance.spend_reserve(taken_work.drawn_seconds);
         return Ok(recalled_error);
     }
     let reserve_left = reserve.begin();
-    let extended = extend_over(measured, budget, [run, other], (longest_excerpt, look_frames), &reserve)?;
+    let extended = extend_error_over(
+        measured,
+        budget,
+        [coarse_island, other],
+        (longest_excerpt, look_frames),
+        &reserve,
+    )?;
     if let Some((store, key)) = store_and_key {
         let trial_record = TrialRecord::from_error(Some(extended));
         record::keep(store, key, (&reserve, reserve_left), trial_record);
     }
-    allowance.spend_reserve(reserve.spent().0);
+    allowance.spend_reserve(reserve.seconds_spent().0);
     Ok(extended)
 }
 
-/// A hash of all that the result of [`extend_over`] depends on.
-fn key(measured: Measured, budget: &Budget, played: [Played<'_>; 2], n_frames: usize) -> String {
+/// A hash of all that the result of [`extend_error_over`] depends on.
+fn trial_key(measured: MeasuredError, budget: &Budget, played: [PlayedIsland<'_>; 2], n_frames: usize) -> String {
     let [run_key, other_key] = played.map(|(island_plan, contact_substeps)| {
         let content = Content::new(island_plan).key(island_plan, (0, n_frames as u64), "");
         (content, contact_substeps)
@@ -133,20 +136,20 @@ fn key(measured: Measured, budget: &Budget, played: [Played<'_>; 2], n_frames: u
 }
 
 /// The same over an excerpt or its beginning, with the error looked at every `look_interval` frames.
-fn extend_over(
-    measured: Measured,
+fn extend_error_over(
+    measured: MeasuredError,
     budget: &Budget,
-    [coarse, other]: [Played<'_>; 2],
+    [coarse, other]: [PlayedIsland<'_>; 2],
     (longest, look_interval): (Excerpt, usize),
     reserve: &Allowance,
-) -> Result<Measured, TrialError> {
+) -> Result<MeasuredError, TrialError> {
     let frame_rate = frames_per_second(coarse.0);
-    let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / frame_rate;
-    let pilot_frames = ((measured.over * frame_rate) as usize).saturating_sub(longest.from);
+    let seconds = |n_frames: usize| (longest.first_frame + n_frames) as f64 / frame_rate;
+    let pilot_frames = ((measured.duration_seconds * frame_rate) as usize).saturating_sub(longest.first_frame);
     let played_runs = play(coarse.0, coarse.1, longest, reserve).and_then(|run| {
         // What contacts added to the first run is assumed to add to each step of the other too.
         let step_ratio = f64::from(other.0.oversampling) / f64::from(coarse.0.oversampling);
-        let reserve_share = reserve.share_left(step_ratio * reserve.spent().0 / RESERVE_FITS);
+        let reserve_share = reserve.share_left(step_ratio * reserve.seconds_spent().0 / RESERVE_FITS);
         let n_frames = (reserve_share * longest.n_frames as f64) as usize;
         if n_frames < pilot_frames + look_interval {
             return Err(TrialError::AllowanceSpent);
@@ -159,29 +162,29 @@ fn extend_over(
         Err(TrialError::AllowanceSpent) => return Ok(measured),
         Err(error) => return Err(error),
     };
-    let spans = Spans::new(coarse.0, n_frames);
-    let changes = changes(&run.sound, &other.sound, spans.n_out, look_interval);
+    let spans = ComparedSpans::new(coarse.0, n_frames);
+    let changes = relative_changes_db(&run.sound, &other.sound, spans.n_out, look_interval);
     let change_at = |looked_frames: usize| changes[looked_frames.div_ceil(look_interval).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
-    let error_excess = measured.db - change_at(pilot_frames);
+    let error_excess = measured.waveform_db - change_at(pilot_frames);
     // The first run may have been played further.
     let sound_pair = (&run.sound[..other.sound.len()], &*other.sound);
     let audible = spans.audible_error(budget, sound_pair);
     let audible_error = measured.audible.zip(audible).map(|(pilot_error, audible)| {
         // The finer run has up to as large an error as the change.
-        Measured {
-            db: measured.db.max(change_at(n_frames) + error_excess),
-            over: seconds(n_frames),
+        MeasuredError {
+            waveform_db: measured.waveform_db.max(change_at(n_frames) + error_excess),
+            duration_seconds: seconds(n_frames),
             audible: Some(audible.plus(audible).with(pilot_error)),
             ..measured
         }
     });
-    let is_allowed = |error: &Measured| error.excess(budget) <= 1.0;
+    let is_allowed = |error: &MeasuredError| error.budget_excess(budget) <= 1.0;
     if let Some(error) = audible_error.filter(is_allowed) {
         return Ok(error);
     }
-    let parting_level = budget.asked().max(measured.db + EQUAL_ERRORS_DB);
-    let (mut valid_frames, mut db) = (pilot_frames, measured.db);
+    let parting_level = budget.waveform_error_db().max(measured.waveform_db + EQUAL_ERRORS_DB);
+    let (mut valid_frames, mut db) = (pilot_frames, measured.waveform_db);
     let mut looked_frames = pilot_frames;
     while looked_frames < n_frames {
         looked_frames = (looked_frames + look_interval).min(n_frames);
@@ -197,24 +200,24 @@ fn extend_over(
             );
             // Runs that differ by rounding alone have parted for good.
             let is_noise = spectral <= SPECTRUM_NOISE;
-            return Ok(audible_error.filter(|_| !is_noise).unwrap_or(Measured {
-                db,
-                over: seconds(valid_frames),
-                spectral: Some(spectral),
+            return Ok(audible_error.filter(|_| !is_noise).unwrap_or(MeasuredError {
+                waveform_db: db,
+                duration_seconds: seconds(valid_frames),
+                third_octave_db: Some(spectral),
                 ..measured
             }));
         }
         (valid_frames, db) = (looked_frames, db.max(error_now));
     }
-    Ok(audible_error.unwrap_or(Measured {
-        db,
-        over: seconds(n_frames),
+    Ok(audible_error.unwrap_or(MeasuredError {
+        waveform_db: db,
+        duration_seconds: seconds(n_frames),
         ..measured
     }))
 }
 
 /// ‖a − b‖ / ‖b‖ [dB] of the worst output, from the start to each look; the mean of `b` does not count as sound.
-fn changes(a: &[f64], b: &[f64], n_outputs: usize, look_interval: usize) -> Vec<f64> {
+fn relative_changes_db(a: &[f64], b: &[f64], n_outputs: usize, look_interval: usize) -> Vec<f64> {
     let n_outputs = n_outputs.max(1);
     // Sums so far for each output: the squared difference, and b and its square, both relative to the first frame.
     let mut output_sums = vec![[0.0; 3]; n_outputs];
@@ -253,14 +256,15 @@ fn changes(a: &[f64], b: &[f64], n_outputs: usize, look_interval: usize) -> Vec<
 
 /// From when on the error of an island may be larger than a pilot measured [s]: it may grow, and events follow the time
 /// over which it was checked. `None` if it holds for all that is played.
-pub(in crate::plan) fn unchecked_from(island_plan: &IslandPlan, error: Measured) -> Option<f64> {
-    let last_event = end(island_plan) - RING_SECONDS;
-    let is_unchecked = error.spectral.is_none() && error_may_grow(island_plan) && error.over < last_event;
-    is_unchecked.then_some(error.over)
+pub(in crate::plan) fn unchecked_from(island_plan: &IslandPlan, error: MeasuredError) -> Option<f64> {
+    let last_event = end_seconds(island_plan) - RING_SECONDS;
+    let is_unchecked =
+        error.third_octave_db.is_none() && error_may_grow(island_plan) && error.duration_seconds < last_event;
+    is_unchecked.then_some(error.duration_seconds)
 }
 
 /// When the last event has been played and heard [s].
-pub(in crate::plan) fn end(island_plan: &IslandPlan) -> f64 {
+pub(in crate::plan) fn end_seconds(island_plan: &IslandPlan) -> f64 {
     let timeline = &island_plan.timeline;
     let gestures = timeline.gestures.iter();
     let gesture_ends = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
@@ -279,12 +283,16 @@ mod tests {
         let changed_sound: Vec<f64> = (0..400)
             .map(|n| reference[n] + if n < 200 { 1e-3 } else { 1.0 })
             .collect();
-        let change_levels = changes(&changed_sound, &reference, 1, 100);
+        let change_levels = relative_changes_db(&changed_sound, &reference, 1, 100);
         assert_eq!(change_levels.len(), 4);
         // The values 0 … 6 have a variance of 4.
         assert!((change_levels[0] + 66.0).abs() < 0.1, "{}", change_levels[0]);
         assert!((change_levels[1] + 66.0).abs() < 0.1, "{}", change_levels[1]);
         assert!((change_levels[3] + 9.0).abs() < 0.1, "{}", change_levels[3]);
-        assert!(changes(&reference, &reference, 1, 100).iter().all(|db| *db <= -290.0));
+        assert!(
+            relative_changes_db(&reference, &reference, 1, 100)
+                .iter()
+                .all(|db| *db <= -290.0)
+        );
     }
 }

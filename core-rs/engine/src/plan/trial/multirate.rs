@@ -8,20 +8,20 @@ use crate::assembly::budget::Budget;
 use crate::assembly::cost;
 use crate::assembly::mesh::MethodChoice;
 use crate::assembly::slow::growth::{self, Growth};
-use crate::assembly::slow::{RefusedSlow, slow_bodies};
-use crate::assembly::solved_modes::Memo;
-use crate::assembly::split::OwnTimeline;
+use crate::assembly::slow::{RefusedSlowPart, slow_bodies};
+use crate::assembly::solved_modes::ModeCache;
+use crate::assembly::split::LocalTimeline;
 use crate::assembly::unit::IslandPlan;
 use crate::content::island::IslandContent;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
 use crate::plan::constants::KEY_TURN_MAX;
-use crate::plan::row::Measured;
+use crate::plan::row::MeasuredError;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{find_excerpt, is_affordable, play};
-use crate::plan::trial::record::{Series, TrialStore, measured};
-use crate::plan::trial::waveform_error::{Spans, difference};
+use crate::plan::trial::pilot_run::{is_affordable, pilot_excerpt, play};
+use crate::plan::trial::record::{TrialSeries, TrialStore, measured_error};
+use crate::plan::trial::waveform_error::{ComparedSpans, difference_db};
 use crate::scheme::StabilityGuarantee;
 use crate::timeline::Timeline;
 
@@ -29,9 +29,9 @@ use crate::timeline::Timeline;
 /// reasons.
 pub(in crate::plan) fn without_refused_slow(
     subset: &Subset,
-    island_timeline: &OwnTimeline,
+    island_timeline: &LocalTimeline,
     budget: &Budget,
-) -> (Subset, Vec<RefusedSlow>) {
+) -> (Subset, Vec<RefusedSlowPart>) {
     let refused_slow = match budget {
         Budget::Method(_) => refuse_all(subset, "the score asks for one method for everything"),
         Budget::Error(_) | Budget::Cents { .. } => slow_bodies(&subset.network, &island_timeline.timeline).refused_slow,
@@ -39,20 +39,20 @@ pub(in crate::plan) fn without_refused_slow(
     (without_slow(subset, &refused_slow), refused_slow)
 }
 
-/// All parts of the island that ask to be slow, each with the reason `why` not to be.
-pub(in crate::plan) fn refuse_all(subset: &Subset, why: &str) -> Vec<RefusedSlow> {
+/// All parts of the island that ask to be slow, each with the `reason` not to be.
+pub(in crate::plan) fn refuse_all(subset: &Subset, reason: &str) -> Vec<RefusedSlowPart> {
     let mats = subset.network.mats();
     let indexed_parts = subset.network.parts().iter().enumerate();
     let has_part_mats = |part_index: usize| mats.part.contains(&(part_index as u32));
     indexed_parts
         .filter(|(part_index, part)| part.macrostep.is_some() && has_part_mats(*part_index))
-        .map(|(_, part)| (part.name.clone(), why.to_owned()))
+        .map(|(_, part)| (part.name.clone(), reason.to_owned()))
         .collect()
 }
 
 /// The same island with the parts in `refused_slow` computed at every frame.
-pub(in crate::plan) fn without_slow(subset: &Subset, refused_slow: &[RefusedSlow]) -> Subset {
-    let is_refused = |name: &str| refused_slow.iter().any(|(own, _)| own == name);
+pub(in crate::plan) fn without_slow(subset: &Subset, refused_slow: &[RefusedSlowPart]) -> Subset {
+    let is_refused = |name: &str| refused_slow.iter().any(|(refused_name, _)| refused_name == name);
     Subset {
         network: subset
             .network
@@ -66,7 +66,7 @@ pub(in crate::plan) fn without_slow(subset: &Subset, refused_slow: &[RefusedSlow
 /// unknown, nor where the discrete network is the reference: there a plan may change only rounding.
 pub(in crate::plan) fn with_offered_slow(
     subset: &Subset,
-    island_timeline: &OwnTimeline,
+    island_timeline: &LocalTimeline,
     budget: &Budget,
     offered: Offered,
     macrostep: u32,
@@ -101,7 +101,7 @@ pub(in crate::plan) fn with_offered_slow(
     let fitting_parts: BTreeSet<usize> = slowed_bodies
         .bodies
         .iter()
-        .filter(|(_, slow)| slow.turn <= offered.turn_max() && cost::saved(slow) > 0.0)
+        .filter(|(_, slow)| slow.turn <= offered.turn_radians_max() && cost::saved_ns(slow) > 0.0)
         .map(|(_, slow)| slow.part)
         .collect();
     let is_fitting =
@@ -125,7 +125,7 @@ pub(in crate::plan) enum Offered {
 
 impl Offered {
     /// Largest turn of their modes from kick to kick [rad].
-    fn turn_max(self) -> f64 {
+    fn turn_radians_max(self) -> f64 {
         match self {
             Self::Keys => KEY_TURN_MAX,
             // As much as any slow body may turn: its error is measured.
@@ -181,7 +181,7 @@ fn has_more_slow_parts(network: &Network, compared_network: &Network) -> bool {
 
 /// How much an island with slow parts grows from kick to kick; `None` if it has none. The error says why its parts
 /// cannot be slow.
-pub(in crate::plan) fn certify(island: &Assembled, allowance: &Allowance) -> Result<Option<Growth>, String> {
+pub(in crate::plan) fn certify_growth(island: &Assembled, allowance: &Allowance) -> Result<Option<Growth>, String> {
     let body_plans = &island.island_plan.bodies;
     if !body_plans.iter().any(|body| matches!(body, BodyPlan::Slow(_))) {
         return Ok(None);
@@ -189,15 +189,15 @@ pub(in crate::plan) fn certify(island: &Assembled, allowance: &Allowance) -> Res
     let Some(growth) = growth::growth(&island.island_plan) else {
         return Err("its stability at its own rate is too expensive to test".to_owned());
     };
-    allowance.spend(growth.work);
+    allowance.spend_regardless(growth.test_seconds);
     if growth.is_stable() {
         return Ok(Some(growth));
     }
-    Err(too_stiff(&island.island_plan, growth))
+    Err(stiffness_refusal(&island.island_plan, growth))
 }
 
 /// Why an island grows: the stiffest link at its slow parts, and by how much.
-fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
+fn stiffness_refusal(island_plan: &IslandPlan, growth: Growth) -> String {
     let network = &*island_plan.network;
     let body_plans = island_plan.bodies.iter();
     let slow_bodies = body_plans.filter(|body| matches!(body, BodyPlan::Slow(_)));
@@ -216,7 +216,7 @@ fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
     let growth_cause = stiffest.map_or(plural_cause.to_owned(), |(k, link)| {
         format!("the {link_kind} {} (K {k} N/m) is", network.link_name(link))
     });
-    let percent = 100.0 * (growth.radius - 1.0);
+    let percent = 100.0 * (growth.growth_per_kick - 1.0);
     format!("{growth_cause} too stiff for that rate: motion would grow by {percent:.2}% in each of its steps")
 }
 
@@ -224,30 +224,37 @@ fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
 /// with kicks at every frame. `None` if that would take too long.
 pub(in crate::plan) fn slow_error(
     subset: &Subset,
-    island_timeline: &OwnTimeline,
+    island_timeline: &LocalTimeline,
     budget: &Budget,
     island: &Assembled,
-    (memo, allowance, store): (&Memo<'_>, &Allowance, Option<&dyn TrialStore>),
-) -> Result<Option<Measured>, Error> {
+    (mode_cache, allowance, store): (&ModeCache<'_>, &Allowance, Option<&dyn TrialStore>),
+) -> Result<Option<MeasuredError>, Error> {
     let methods = island.mesh_methods();
     let (oversampling, contact_substeps) = (island.island_plan.oversampling, island.island_plan.contact_substeps);
-    let assembly_how = AssemblyOptions::fine(oversampling, MethodChoice::AsBefore(&methods));
-    let slow_island = Assembled::new(subset, island_timeline, budget, assembly_how, None, memo)?;
+    let assembly_options = AssemblyOptions::between_steps(oversampling, MethodChoice::AsBefore(&methods));
+    let slow_island = Assembled::new(subset, island_timeline, budget, assembly_options, None, mode_cache)?;
     let every_frame = Subset {
         network: subset.network.with_macrosteps(|_, macrostep| macrostep.map(|_| 1)),
         ..subset.clone()
     };
-    let Ok(every_frame) = Assembled::new(&every_frame, island_timeline, budget, assembly_how, None, memo) else {
+    let Ok(every_frame) = Assembled::new(
+        &every_frame,
+        island_timeline,
+        budget,
+        assembly_options,
+        None,
+        mode_cache,
+    ) else {
         return Ok(None);
     };
     let trial_series = store.map(|store| {
         let also_hashed = format_args!("slow {budget:?} {oversampling} {contact_substeps} {methods:?}");
-        Series::new(
+        TrialSeries::new(
             store,
             IslandContent::new(&subset.network, &island_timeline.timeline, also_hashed),
         )
     });
-    let slow_error = measured(trial_series, allowance, || {
+    let slow_error = measured_error(trial_series, allowance, || {
         compare_with_every_frame(&slow_island, &every_frame, contact_substeps, (budget, allowance))
     })?;
     let Some(slow_error) = slow_error else {
@@ -269,14 +276,14 @@ fn compare_with_every_frame(
     every_frame: &Assembled,
     contact_substeps: usize,
     (budget, allowance): (&Budget, &Allowance),
-) -> Result<Option<Measured>, Error> {
-    let excerpt = unless_spent(find_excerpt(&slow_island.island_plan, allowance))?;
+) -> Result<Option<MeasuredError>, Error> {
+    let excerpt = unless_spent(pilot_excerpt(&slow_island.island_plan, allowance))?;
     let excerpt =
         excerpt.filter(|excerpt| excerpt.n_frames > 0 && is_affordable(&every_frame.island_plan, excerpt.n_frames));
     let Some(excerpt) = excerpt else {
         return Ok(None);
     };
-    let spans = Spans::new(&slow_island.island_plan, excerpt.n_frames);
+    let spans = ComparedSpans::new(&slow_island.island_plan, excerpt.n_frames);
     let play_island = |island: &Assembled| {
         let played_run = play(&island.island_plan, contact_substeps, excerpt, allowance);
         unless_spent(played_run)
@@ -284,19 +291,19 @@ fn compare_with_every_frame(
     let (Some(slow_run), Some(every_frame_run)) = (play_island(slow_island)?, play_island(every_frame)?) else {
         return Ok(None);
     };
-    let db = difference(&slow_run.sound, &every_frame_run.sound, &spans);
-    Ok(db.is_finite().then_some(Measured {
-        db,
-        over: excerpt.end() as f64 / spans.rate,
-        spectral: None,
+    let db = difference_db(&slow_run.sound, &every_frame_run.sound, &spans);
+    Ok(db.is_finite().then_some(MeasuredError {
+        waveform_db: db,
+        duration_seconds: excerpt.end() as f64 / spans.rate,
+        third_octave_db: None,
         audible: spans
             .audible_error(budget, (&slow_run.sound, &every_frame_run.sound))
-            .filter(|_| !slow_run.is_lost),
+            .filter(|_| !slow_run.is_unusable),
     }))
 }
 
 /// The certificate of an island with slow parts; `others` is that of its other links.
-pub(in crate::plan) fn guarantee(growth: Growth, others: StabilityGuarantee) -> StabilityGuarantee {
+pub(in crate::plan) fn stability_with_growth(growth: Growth, others: StabilityGuarantee) -> StabilityGuarantee {
     if growth.is_tried {
         StabilityGuarantee::Tried
     } else {

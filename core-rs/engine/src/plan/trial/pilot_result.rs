@@ -1,6 +1,6 @@
 //! The result of a trial: an island and its error, kept as a record that a later plan can read.
 
-use crate::assembly::assemble::{Assembled, AssemblyOptions, Shape};
+use crate::assembly::assemble::{Assembled, AssemblyOptions, CutShape};
 use crate::assembly::budget::Budget;
 use crate::assembly::choice::{BodyChoice, SteppedChoice};
 use crate::assembly::constants::SUBSTEPS_MAX;
@@ -11,7 +11,7 @@ use crate::island::ContactOrder;
 use crate::island::inside::BodyPlan;
 use crate::network::Error;
 use crate::plan::constants::OVERSAMPLING_MAX;
-use crate::plan::row::Measured;
+use crate::plan::row::MeasuredError;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::horizon;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
@@ -25,9 +25,9 @@ const NOTHING_LEFT_OUT_DB: f64 = -300.0;
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct ChosenIsland {
     pub(in crate::plan) island: Assembled,
-    pub(in crate::plan) error: Option<Measured>,
+    pub(in crate::plan) measured_error: Option<MeasuredError>,
     /// Its motion diverged in its trial.
-    pub(in crate::plan) diverges: bool,
+    pub(in crate::plan) has_diverged: bool,
 }
 
 impl ChosenIsland {
@@ -35,33 +35,41 @@ impl ChosenIsland {
     pub(in crate::plan) fn unmeasured(island: Assembled) -> Self {
         Self {
             island,
-            error: None,
-            diverges: false,
+            measured_error: None,
+            has_diverged: false,
         }
     }
 
     /// A stricter budget, within which the error may stay within `budget` to its end: the error that the pilot measured
     /// `first_error` was within it, and has grown beyond it. A discrete network that is the reference is exact with all
     /// its modes.
-    pub(in crate::plan) fn stricter(&self, first_error: Option<Measured>, budget: &Budget) -> Option<Budget> {
-        let (error_now, first_error) = self.error.zip(first_error)?;
+    pub(in crate::plan) fn stricter_budget(
+        &self,
+        first_error: Option<MeasuredError>,
+        budget: &Budget,
+    ) -> Option<Budget> {
+        let (error_now, first_error) = self.measured_error.zip(first_error)?;
         match *budget {
-            Budget::Error(error_asked) if self.island.is_discrete() => {
-                let has_left_budget = error_now.spectral.is_some() || error_now.db > error_asked;
+            Budget::Error(error_asked) if self.island.is_discrete_reference() => {
+                let has_left_budget = error_now.third_octave_db.is_some() || error_now.waveform_db > error_asked;
                 has_left_budget.then_some(Budget::Error(NOTHING_LEFT_OUT_DB))
             }
             Budget::Error(error_asked) => {
-                let error_growth = error_now.db - first_error.db;
-                let has_left_budget =
-                    error_now.spectral.is_none() && error_now.db > error_asked && first_error.db <= error_asked;
+                let error_growth = error_now.waveform_db - first_error.waveform_db;
+                let has_left_budget = error_now.third_octave_db.is_none()
+                    && error_now.waveform_db > error_asked
+                    && first_error.waveform_db <= error_asked;
                 has_left_budget.then_some(Budget::Error(error_asked - error_growth))
             }
-            Budget::Cents { cents, upto } => {
-                let error_growth = error_now.excess(budget) / first_error.excess(budget);
-                let has_left_budget = error_now.excess(budget) > 1.0 && first_error.excess(budget) <= 1.0;
+            Budget::Cents {
+                cents,
+                frequency_hz_max: upto,
+            } => {
+                let error_growth = error_now.budget_excess(budget) / first_error.budget_excess(budget);
+                let has_left_budget = error_now.budget_excess(budget) > 1.0 && first_error.budget_excess(budget) <= 1.0;
                 has_left_budget.then_some(Budget::Cents {
                     cents: cents / error_growth,
-                    upto,
+                    frequency_hz_max: upto,
                 })
             }
             Budget::Method(_) => None,
@@ -70,20 +78,20 @@ impl ChosenIsland {
 }
 
 /// The island with what an earlier plan decided; `None` if that does not fit it.
-pub(in crate::plan) fn pinned(island: Assembled, pin: &SteppedChoice) -> Option<ChosenIsland> {
+pub(in crate::plan) fn with_earlier_choice(island: Assembled, pin: &SteppedChoice) -> Option<ChosenIsland> {
     if pin.bodies.len() != island.bodies.len() {
         return None;
     }
     let body_pairs = pin.bodies.iter().zip(&island.island_plan.bodies);
     let modes_kept = body_pairs.map(|pair| match pair {
         (BodyChoice::Modes(modes), BodyPlan::Modal(modal)) => KeptModes::pinned(modes, modal.modes.len()),
-        (BodyChoice::Mesh(_), BodyPlan::Mesh(_)) => Some(KeptModes::none()),
-        (BodyChoice::Slow { macrostep }, BodyPlan::Slow(slow)) => (*macrostep == slow.macrostep).then(KeptModes::none),
+        (BodyChoice::Mesh(_), BodyPlan::Mesh(_)) => Some(KeptModes::empty()),
+        (BodyChoice::Slow { macrostep }, BodyPlan::Slow(slow)) => (*macrostep == slow.macrostep).then(KeptModes::empty),
         _ => None,
     });
     let modes_kept = modes_kept.collect::<Option<Vec<_>>>()?;
     let substeps = pin.contact_substeps.clamp(1, SUBSTEPS_MAX);
-    let mut island = island.only(substeps, modes_kept);
+    let mut island = island.with_modes(substeps, modes_kept);
     (island.island_plan.counted_cost, island.island_plan.contact_order) = (pin.counted_cost, pin.contact_order);
     Some(ChosenIsland::unmeasured(island))
 }
@@ -92,13 +100,13 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &SteppedChoice) -> Option<
 pub(in crate::plan) struct PilotResult {
     pub(in crate::plan) chosen: ChosenIsland,
     /// What to play on to see how long the error holds; `None` if it need not be checked.
-    pub(in crate::plan) long_run: Option<LongRun>,
+    pub(in crate::plan) long_comparison: Option<LongComparison>,
 }
 
 /// The island at half its step, unless its own is the reference, and with all its modes: with it the chosen one is
 /// compared.
-pub(in crate::plan) struct LongRun {
-    pub(in crate::plan) finer: Assembled,
+pub(in crate::plan) struct LongComparison {
+    pub(in crate::plan) finer_island: Assembled,
     /// Contact substeps a step, of both islands.
     pub(in crate::plan) contact_substeps: usize,
 }
@@ -110,27 +118,32 @@ impl PilotResult {
         budget: &Budget,
         trial_context: (&Allowance, Option<&dyn TrialStore>),
     ) -> Result<ChosenIsland, Error> {
-        let Self { mut chosen, long_run } = self;
-        if let (Some(measured), Some(long_run)) = (chosen.error, long_run) {
-            let played_pair = [&chosen.island.island_plan, &long_run.finer.island_plan]
+        let Self {
+            mut chosen,
+            long_comparison: long_run,
+        } = self;
+        if let (Some(measured), Some(long_run)) = (chosen.measured_error, long_run) {
+            let played_pair = [&chosen.island.island_plan, &long_run.finer_island.island_plan]
                 .map(|island_plan| (island_plan, long_run.contact_substeps));
-            chosen.error = unless_spent(horizon::extend_error(measured, budget, played_pair, trial_context))?;
+            chosen.measured_error = unless_spent(horizon::extend_error(measured, budget, played_pair, trial_context))?;
         }
-        chosen.error = chosen.error.map(|error| error.doubted(budget.asked()));
+        chosen.measured_error = chosen
+            .measured_error
+            .map(|error| error.with_estimate_margin(budget.waveform_error_db()));
         Ok(chosen)
     }
 
-    /// The record that [`PilotResult::recalled`] reads.
+    /// The record that [`PilotResult::from_record`] reads.
     pub(in crate::plan) fn record(&self) -> TrialRecord {
         let Assembled {
             island_plan,
             bodies,
-            because,
-            shape,
-            is_plain,
+            modes_refusal: because,
+            cut_shape: shape,
+            is_once_a_step: is_plain,
             ..
         } = &self.chosen.island;
-        let long_run = self.long_run.as_ref();
+        let long_run = self.long_comparison.as_ref();
         let long_run_substeps = long_run.map_or(0, |long_run| long_run.contact_substeps);
         let mut head_counts = vec![
             island_plan.oversampling,
@@ -138,12 +151,12 @@ impl PilotResult {
             *shape as u32,
             u32::from(*is_plain),
             long_run_substeps as u32,
-            u32::from(self.chosen.diverges),
+            u32::from(self.chosen.has_diverged),
             island_plan.contact_order.number(),
         ];
         head_counts.extend(island_plan.counted_cost);
-        let mut numbers = TrialRecord::numbers_of(self.chosen.error);
-        numbers.extend(bodies.iter().map(|body| body.left_out));
+        let mut numbers = TrialRecord::numbers_of(self.chosen.measured_error);
+        numbers.extend(bodies.iter().map(|body| body.left_out_db));
         let body_numbers = bodies.iter().map(|body| body.choice().numbers());
         TrialRecord {
             numbers,
@@ -153,7 +166,7 @@ impl PilotResult {
     }
 
     /// What an earlier pilot found; `None` if the record does not fit. `assemble` also takes a choice to repeat.
-    pub(in crate::plan) fn recalled(
+    pub(in crate::plan) fn from_record(
         record: &TrialRecord,
         assemble: &impl Fn(AssemblyOptions<'_>, Option<&SteppedChoice>) -> Result<Assembled, Error>,
     ) -> Option<Self> {
@@ -187,7 +200,7 @@ impl PilotResult {
         if !(1..=2 * OVERSAMPLING_MAX).contains(&oversampling) || long_run_substeps > RECORDED_SUBSTEPS_MAX {
             return None;
         }
-        let shape = *Shape::ALL.get(shape as usize)?;
+        let shape = *CutShape::ALL.get(shape as usize)?;
         let stepped_choice = SteppedChoice {
             oversampling,
             contact_substeps: contact_substeps as usize,
@@ -195,28 +208,28 @@ impl PilotResult {
             counted_cost,
             bodies: BodyChoice::all_from_numbers(body_counts)?,
         };
-        let how = AssemblyOptions {
+        let options = AssemblyOptions {
             oversampling,
-            bodies: MethodChoice::ByBudget,
+            body_methods: MethodChoice::ByBudget,
             is_plain,
         };
-        let island = assemble(how, Some(&stepped_choice)).ok()?;
-        let ChosenIsland { mut island, .. } = pinned(island, &stepped_choice)?;
-        island.shape = shape;
+        let island = assemble(options, Some(&stepped_choice)).ok()?;
+        let ChosenIsland { mut island, .. } = with_earlier_choice(island, &stepped_choice)?;
+        island.cut_shape = shape;
         if left_out.len() != island.bodies.len() {
             return None;
         }
         for (body, left_out) in island.bodies.iter_mut().zip(left_out) {
-            body.left_out = *left_out;
+            body.left_out_db = *left_out;
         }
-        island.because = match &record.reason {
+        island.modes_refusal = match &record.reason {
             Some(why) => Some(NoModes::from_text(why)?),
             None => None,
         };
         let long_run = if long_run_substeps > 0 {
             let methods = island.mesh_methods();
-            Some(LongRun {
-                finer: assemble(island.more_exact(&methods), None).ok()?,
+            Some(LongComparison {
+                finer_island: assemble(island.options_for_half_step(&methods), None).ok()?,
                 contact_substeps: long_run_substeps,
             })
         } else {
@@ -225,16 +238,19 @@ impl PilotResult {
         Some(Self {
             chosen: ChosenIsland {
                 island,
-                error,
-                diverges,
+                measured_error: error,
+                has_diverged: diverges,
             },
-            long_run,
+            long_comparison: long_run,
         })
     }
 }
 
 impl From<ChosenIsland> for PilotResult {
     fn from(chosen: ChosenIsland) -> Self {
-        Self { chosen, long_run: None }
+        Self {
+            chosen,
+            long_comparison: None,
+        }
     }
 }

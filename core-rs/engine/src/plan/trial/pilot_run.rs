@@ -10,11 +10,11 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::plan::constants::{ENERGY_CHECKS, EXCERPT_SECONDS_MAX, PILOT_SECONDS};
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::silence::Silence;
+use crate::plan::trial::silence::SilentOutputs;
 use crate::waveform::is_still;
 
 /// Frames of a block, after each of which the modes are looked at.
-pub(in crate::plan) const BLOCK: usize = 64;
+pub(in crate::plan) const BLOCK_FRAMES: usize = 64;
 /// Frames that it takes to see whether an island rests from its beginning on.
 const REST_PROBE_FRAMES: usize = 1024;
 /// Frames of a rest that are played at once.
@@ -24,7 +24,7 @@ const REST_SKIP_FRAMES: usize = 1 << 14;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::plan) struct Excerpt {
     /// The first of them: the island rests until then.
-    pub(in crate::plan) from: usize,
+    pub(in crate::plan) first_frame: usize,
     /// The number of frames.
     pub(in crate::plan) n_frames: usize,
 }
@@ -32,7 +32,7 @@ pub(in crate::plan) struct Excerpt {
 impl Excerpt {
     /// The frame after the last one.
     pub(in crate::plan) fn end(self) -> usize {
-        self.from + self.n_frames
+        self.first_frame + self.n_frames
     }
 }
 
@@ -44,33 +44,33 @@ pub(in crate::plan) struct PilotRun {
     /// (n_frames · n_out)
     pub(in crate::plan) sound: Vec<f64>,
     /// Square of the amplitude that each mode of each body reached.
-    pub(in crate::plan) squares: Vec<Vec<f64>>,
+    pub(in crate::plan) mode_amplitudes_squared: Vec<Vec<f64>>,
     /// Work that was drawn for it [s].
-    pub(in crate::plan) work: f64,
+    pub(in crate::plan) work_seconds: f64,
     /// Work that depends on the motion, from the first touch on.
     pub(in crate::plan) counted_cost: CountedCost,
     /// A part of the island diverged.
     pub(in crate::plan) has_diverged: bool,
     /// It diverged, or its energy rose although nothing drove it.
-    pub(in crate::plan) is_lost: bool,
+    pub(in crate::plan) is_unusable: bool,
     /// The largest share that an output hears of what it would hear if no motion were cancelled.
     pub(in crate::plan) loudest_share: f64,
-    pub(in crate::plan) created: Created,
+    pub(in crate::plan) energy_gains: EnergyGains,
 }
 
 /// The largest gain of energy by the errors of one link, relative to the energy of the island.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::plan) struct Created {
-    pub(in crate::plan) contacts: f64,
+pub(in crate::plan) struct EnergyGains {
+    pub(in crate::plan) contact_share: f64,
     /// In the first half of the run, and in all of it.
-    pub(in crate::plan) laws: [f64; 2],
+    pub(in crate::plan) law_shares: [f64; 2],
 }
 
-impl Created {
-    fn look(&mut self, island: &Island, is_first_half: bool) {
+impl EnergyGains {
+    fn update(&mut self, island: &Island, is_first_half: bool) {
         let [contacts, law_share] = island.created_shares();
-        self.contacts = self.contacts.max(contacts);
-        let [first_half, full_run] = &mut self.laws;
+        self.contact_share = self.contact_share.max(contacts);
+        let [first_half, full_run] = &mut self.law_shares;
         *full_run = full_run.max(law_share);
         if is_first_half {
             *first_half = first_half.max(law_share);
@@ -81,36 +81,36 @@ impl Created {
 /// Work that depends on the motion: that of contacts and laws [ns a frame].
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::plan) struct CountedCost {
-    pub(in crate::plan) contacts: u32,
+    pub(in crate::plan) contacts_ns: u32,
     /// Of the modes of the bodies that they touch.
-    pub(in crate::plan) bodies: u32,
+    pub(in crate::plan) bodies_ns: u32,
 }
 
 impl CountedCost {
     /// The mean over `n_frames` of what was counted since `before` [ns].
     fn new(island: &Island, before: [f64; 2], n_frames: usize) -> Self {
-        let counted = cost::counted_cost(island);
+        let counted = cost::counted_ns(island);
         let mean_cost = |index: usize| ((counted[index] - before[index]) / n_frames.max(1) as f64).round() as u32;
         Self {
-            contacts: mean_cost(0),
-            bodies: mean_cost(1),
+            contacts_ns: mean_cost(0),
+            bodies_ns: mean_cost(1),
         }
     }
 
-    pub(in crate::plan) fn all(self) -> u32 {
-        self.contacts.saturating_add(self.bodies)
+    pub(in crate::plan) fn total_ns(self) -> u32 {
+        self.contacts_ns.saturating_add(self.bodies_ns)
     }
 }
 
 /// Seconds of work for a frame, by the table of costs.
-pub(in crate::plan) fn work(island_plan: &IslandPlan) -> f64 {
-    let body_costs: f64 = island_plan.bodies.iter().map(cost::body_cost).sum();
+pub(in crate::plan) fn frame_seconds(island_plan: &IslandPlan) -> f64 {
+    let body_costs: f64 = island_plan.bodies.iter().map(cost::body_ns).sum();
     1e-9 * f64::from(island_plan.oversampling)
-        * (cost::stepped_cost(&island_plan.network, &island_plan.timeline) + body_costs)
+        * (cost::stepped_ns(&island_plan.network, &island_plan.timeline) + body_costs)
 }
 
 pub(in crate::plan) fn is_affordable(island_plan: &IslandPlan, n_frames: usize) -> bool {
-    work(island_plan) * n_frames as f64 <= TRIAL_WORK_MAX
+    frame_seconds(island_plan) * n_frames as f64 <= TRIAL_WORK_MAX
 }
 
 /// How many frames an island rests from its beginning on; 0 if finding that out would take too long.
@@ -122,8 +122,8 @@ pub(in crate::plan) fn frames_at_rest(island_plan: &IslandPlan, allowance: &Allo
     if !is_affordable(island_plan, REST_PROBE_FRAMES) {
         return Ok(0);
     }
-    let mut meter = Meter::new(island_plan, allowance);
-    let mut island = island(island_plan, island_plan.contact_substeps)?;
+    let mut meter = WorkMeter::new(island_plan, allowance);
+    let mut island = start_island(island_plan, island_plan.contact_substeps)?;
     let mut rest_sound = vec![0.0; REST_PROBE_FRAMES * island.n_out()];
     // Faults are muted: a pilot does not report them.
     let _ = island.process(&mut rest_sound, REST_PROBE_FRAMES, &mut ThreadTeam::alone());
@@ -141,10 +141,10 @@ pub(in crate::plan) fn frames_at_rest(island_plan: &IslandPlan, allowance: &Allo
 /// # Errors
 ///
 /// [`TrialError::Engine`] if the island cannot be played, [`TrialError::AllowanceSpent`] if the allowance ends first.
-pub(in crate::plan) fn find_excerpt(island_plan: &IslandPlan, allowance: &Allowance) -> Result<Excerpt, TrialError> {
+pub(in crate::plan) fn pilot_excerpt(island_plan: &IslandPlan, allowance: &Allowance) -> Result<Excerpt, TrialError> {
     let widest = Excerpt {
-        from: frames_at_rest(island_plan, allowance)?,
-        n_frames: longest(island_plan),
+        first_frame: frames_at_rest(island_plan, allowance)?,
+        n_frames: frames_max(island_plan),
     };
     let frame_rate = frames_per_second(island_plan);
     let pilot_length = find_length(island_plan, (widest, frame_rate), allowance);
@@ -153,7 +153,7 @@ pub(in crate::plan) fn find_excerpt(island_plan: &IslandPlan, allowance: &Allowa
         Ok(n_frames) if n_frames > 0 => n_frames,
         _ => widest.n_frames,
     };
-    allowance.note_frames(widest.from + looked_frames);
+    allowance.note_frames(widest.first_frame + looked_frames);
     Ok(Excerpt {
         n_frames: pilot_length?,
         ..widest
@@ -167,19 +167,19 @@ fn find_length(
     allowance: &Allowance,
 ) -> Result<usize, TrialError> {
     let Excerpt {
-        from,
+        first_frame: from,
         n_frames: longest,
     } = excerpt;
     let frames_after = (PILOT_SECONDS * rate) as usize;
     if island_plan.contact_substeps > 1 {
-        let mut island = island(island_plan, island_plan.contact_substeps)?;
-        let mut meter = Meter::new(island_plan, allowance);
-        let mut block_sound = vec![0.0; BLOCK * island.n_out()];
+        let mut island = start_island(island_plan, island_plan.contact_substeps)?;
+        let mut meter = WorkMeter::new(island_plan, allowance);
+        let mut block_sound = vec![0.0; BLOCK_FRAMES * island.n_out()];
         meter.play_rest(&mut island, from)?;
-        for first_frame in (0..longest).step_by(BLOCK) {
-            meter.draw(&island, BLOCK)?;
+        for first_frame in (0..longest).step_by(BLOCK_FRAMES) {
+            meter.draw(&island, BLOCK_FRAMES)?;
             // Faults are muted: a pilot does not report them.
-            let _ = island.process(&mut block_sound, BLOCK, &mut ThreadTeam::alone());
+            let _ = island.process(&mut block_sound, BLOCK_FRAMES, &mut ThreadTeam::alone());
             if island.has_touched() {
                 return Ok((first_frame + frames_after).min(longest));
             }
@@ -213,12 +213,12 @@ fn next_event(island_plan: &IslandPlan, earliest: f64, rate: f64) -> f64 {
 
 /// The excerpt up to a while after the next event, for an island that is silent until then; `None` if there is none, or
 /// it would take too long.
-pub(in crate::plan) fn longer(island_plan: &IslandPlan, excerpt: Excerpt) -> Option<Excerpt> {
+pub(in crate::plan) fn up_to_next_event(island_plan: &IslandPlan, excerpt: Excerpt) -> Option<Excerpt> {
     let frame_rate = frames_per_second(island_plan);
     let event_time = next_event(island_plan, excerpt.end() as f64 / frame_rate, frame_rate);
     let end_frame = ((event_time + PILOT_SECONDS) * frame_rate).min(1e12) as usize;
-    let n_frames = end_frame.saturating_sub(excerpt.from);
-    (event_time.is_finite() && n_frames <= longest(island_plan)).then_some(Excerpt { n_frames, ..excerpt })
+    let n_frames = end_frame.saturating_sub(excerpt.first_frame);
+    (event_time.is_finite() && n_frames <= frames_max(island_plan)).then_some(Excerpt { n_frames, ..excerpt })
 }
 
 /// Frames that outputs hear in a second [Hz].
@@ -227,34 +227,34 @@ pub(in crate::plan) fn frames_per_second(island_plan: &IslandPlan) -> f64 {
 }
 
 /// Most frames of an excerpt.
-fn longest(island_plan: &IslandPlan) -> usize {
-    let work_frames = (TRIAL_WORK_MAX / work(island_plan)) as usize;
+fn frames_max(island_plan: &IslandPlan) -> usize {
+    let work_frames = (TRIAL_WORK_MAX / frame_seconds(island_plan)) as usize;
     work_frames.min((EXCERPT_SECONDS_MAX * frames_per_second(island_plan)) as usize)
 }
 
 /// Draws the work of a trial from an allowance, block by block: frames before they are played, and what contacts and
 /// guards added to them afterwards.
-struct Meter<'a> {
+struct WorkMeter<'a> {
     allowance: &'a Allowance,
     /// Work of a frame [s].
-    frame_work: f64,
+    frame_seconds: f64,
     /// Work of one step that a guard adds [s].
-    step_work: f64,
+    step_seconds: f64,
     /// What contacts and guards have cost so far [s].
-    added: f64,
+    added_seconds: f64,
 }
 
-impl<'a> Meter<'a> {
+impl<'a> WorkMeter<'a> {
     fn new(island_plan: &IslandPlan, allowance: &'a Allowance) -> Self {
-        let rows_cost: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
-        let short_cost = rows_cost + cost::lone_laws_cost(&island_plan.network);
-        let frame_work = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short_cost;
+        let rows_cost: f64 = island_plan.bodies.iter().map(cost::short_rows_ns).sum();
+        let short_cost = rows_cost + cost::lone_laws_ns(&island_plan.network);
+        let frame_work = frame_seconds(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short_cost;
         let comparison = 1e-9 * Costs::nanoseconds("comparison") * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
-            frame_work: frame_work + comparison,
-            step_work: frame_work / f64::from(island_plan.oversampling),
-            added: 0.0,
+            frame_seconds: frame_work + comparison,
+            step_seconds: frame_work / f64::from(island_plan.oversampling),
+            added_seconds: 0.0,
         }
     }
 
@@ -272,27 +272,27 @@ impl<'a> Meter<'a> {
             );
             let computed_frames = (island.computed() - computed_before) as usize;
             let skipped_share = 1.0 - computed_frames as f64 / block_frames as f64;
-            self.added += skipped_share * (self.added_work(island) - self.added);
+            self.added_seconds += skipped_share * (self.guard_and_contact_seconds(island) - self.added_seconds);
             self.draw(island, computed_frames)?;
         }
-        Ok(cost::counted_cost(island))
+        Ok(cost::counted_ns(island))
     }
 
     /// What contacts and guards have added so far [s].
-    fn added_work(&self, island: &Island) -> f64 {
-        let counted: f64 = cost::counted_cost(island).into_iter().sum();
-        1e-9 * counted + self.step_work * island.guard_steps() as f64
+    fn guard_and_contact_seconds(&self, island: &Island) -> f64 {
+        let counted: f64 = cost::counted_ns(island).into_iter().sum();
+        1e-9 * counted + self.step_seconds * island.guard_steps() as f64
     }
 
     fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
-        let added_work = self.added_work(island);
-        let more_work = added_work - self.added;
-        self.added = added_work;
-        self.allowance.draw(self.frame_work * n_frames as f64 + more_work)
+        let added_work = self.guard_and_contact_seconds(island);
+        let more_work = added_work - self.added_seconds;
+        self.added_seconds = added_work;
+        self.allowance.draw(self.frame_seconds * n_frames as f64 + more_work)
     }
 }
 
-fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
+fn start_island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
     let options = Options {
         ledger: false,
         record: false,
@@ -324,7 +324,7 @@ pub(in crate::plan) fn play(
     allowance: &Allowance,
 ) -> Result<PilotRun, TrialError> {
     let played_plan = (island_plan, contact_substeps);
-    nudged(played_plan, excerpt, (excerpt.n_frames, 1.0), allowance)
+    play_nudged(played_plan, excerpt, (excerpt.n_frames, 1.0), allowance)
 }
 
 /// The same, but stops as soon as `goes_on`, given the frames played and their sound, is false; `None` if it was
@@ -339,7 +339,7 @@ pub(in crate::plan) fn play_while(
     allowance: &Allowance,
     goes_on: impl FnMut(usize, &[f64]) -> bool,
 ) -> Result<Option<PilotRun>, TrialError> {
-    run(played, excerpt, (excerpt.n_frames, 1.0), allowance, goes_on)
+    play_nudged_while(played, excerpt, (excerpt.n_frames, 1.0), allowance, goes_on)
 }
 
 /// Plays an excerpt to its end; in the block that begins at frame `nudge.0` all motion fades by the factor `nudge.1` at
@@ -348,17 +348,17 @@ pub(in crate::plan) fn play_while(
 /// # Errors
 ///
 /// Those of [`play`].
-pub(in crate::plan) fn nudged(
+pub(in crate::plan) fn play_nudged(
     played: (&IslandPlan, usize),
     excerpt: Excerpt,
     nudge: (usize, f64),
     allowance: &Allowance,
 ) -> Result<PilotRun, TrialError> {
-    let run = run(played, excerpt, nudge, allowance, |_, _| true)?;
+    let run = play_nudged_while(played, excerpt, nudge, allowance, |_, _| true)?;
     Ok(run.unwrap_or_else(|| unreachable!("nothing ends it")))
 }
 
-fn run(
+fn play_nudged_while(
     (island_plan, contact_substeps): (&IslandPlan, usize),
     excerpt: Excerpt,
     (nudge_frame, damping_factor): (usize, f64),
@@ -367,12 +367,14 @@ fn run(
 ) -> Result<Option<PilotRun>, TrialError> {
     let n_frames = excerpt.n_frames;
     allowance.note_frames(excerpt.end());
-    let (drawn_before, _) = allowance.spent();
-    let mut meter = Meter::new(island_plan, allowance);
+    let (drawn_before, _) = allowance.seconds_spent();
+    let mut meter = WorkMeter::new(island_plan, allowance);
     // A run that the allowance cannot pay for is not begun.
-    meter.allowance.affords(work(island_plan) * n_frames as f64)?;
-    let mut island = island(island_plan, contact_substeps)?;
-    let counted_at_rest = meter.play_rest(&mut island, excerpt.from)?;
+    meter
+        .allowance
+        .check_affordable(frame_seconds(island_plan) * n_frames as f64)?;
+    let mut island = start_island(island_plan, contact_substeps)?;
+    let counted_at_rest = meter.play_rest(&mut island, excerpt.first_frame)?;
     let n_outputs = island.n_out();
     let mut sound = vec![0.0; n_frames * n_outputs];
     let mut derivatives = Derivatives::new(&island_plan.network, frames_per_second(island_plan));
@@ -381,27 +383,27 @@ fn run(
         .iter()
         .map(|body| vec![0.0; body.n_modes()])
         .collect();
-    let (mut touched_from, mut silence) = (None, Silence::new(island_plan, &island));
-    let mut created = Created::default();
+    let (mut touched_from, mut silence) = (None, SilentOutputs::new(island_plan, &island));
+    let mut created = EnergyGains::default();
     let look_frames = (n_frames / ENERGY_CHECKS).max(1);
-    for first_frame in (0..n_frames).step_by(BLOCK) {
+    for first_frame in (0..n_frames).step_by(BLOCK_FRAMES) {
         if first_frame == nudge_frame {
             island.damp(damping_factor);
-        } else if first_frame == nudge_frame + BLOCK {
+        } else if first_frame == nudge_frame + BLOCK_FRAMES {
             island.damp(1.0);
         }
-        let block_end = (first_frame + BLOCK).min(n_frames);
+        let block_end = (first_frame + BLOCK_FRAMES).min(n_frames);
         let block_sound = &mut sound[first_frame * n_outputs..block_end * n_outputs];
         meter.draw(&island, block_end - first_frame)?;
         let _ = island.process(block_sound, block_end - first_frame, &mut ThreadTeam::alone());
-        silence.note(&island, block_sound);
+        silence.note_block(&island, block_sound);
         if first_frame / look_frames < block_end / look_frames || block_end == n_frames {
-            created.look(&island, 2 * block_end <= n_frames);
+            created.update(&island, 2 * block_end <= n_frames);
         }
         derivatives.process(block_sound, n_outputs);
         island.squares(&mut squares);
-        silence.keep(block_sound, &squares);
-        if touched_from.is_none() && cost::counted_cost(&island)[0] > counted_at_rest[0] {
+        silence.hold_first_values(block_sound, &squares);
+        if touched_from.is_none() && cost::counted_ns(&island)[0] > counted_at_rest[0] {
             touched_from = Some(first_frame);
         }
         if !goes_on(block_end, &sound[..block_end * n_outputs]) {
@@ -409,15 +411,15 @@ fn run(
         }
     }
     Ok(Some(PilotRun {
-        from: excerpt.from,
-        work: allowance.spent().0 - drawn_before,
+        from: excerpt.first_frame,
+        work_seconds: allowance.seconds_spent().0 - drawn_before,
         loudest_share: silence.loudest_share(&squares),
-        created,
+        energy_gains: created,
         sound,
-        squares,
+        mode_amplitudes_squared: squares,
         counted_cost: CountedCost::new(&island, counted_at_rest, n_frames - touched_from.unwrap_or(0)),
         has_diverged: island.n_muted() > 0,
-        is_lost: island.n_muted() > 0 || island.has_risen(),
+        is_unusable: island.n_muted() > 0 || island.has_risen(),
     }))
 }
 

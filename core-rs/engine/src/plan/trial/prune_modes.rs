@@ -3,7 +3,7 @@
 use crate::assembly::assemble::Assembled;
 use crate::assembly::budget::Budget;
 use crate::assembly::constants::QUIETER_STEP_DB;
-use crate::assembly::truncate::{KeptModes, choose};
+use crate::assembly::truncate::{KeptModes, loudest_by_energy};
 use crate::assembly::unit::IslandPlan;
 use crate::island::inside::BodyPlan;
 use crate::island::modal::Modal;
@@ -12,7 +12,7 @@ use crate::network::{Error, LinkKind};
 use crate::plan::constants::PRUNE_TRIES;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, is_affordable, play};
-use crate::plan::trial::waveform_error::{Spans, difference};
+use crate::plan::trial::waveform_error::{ComparedSpans, difference_db};
 
 /// The island without the modes that are not heard, together at most `error_max` loud [dB]: chosen by their energies,
 /// then checked by playing.
@@ -23,16 +23,16 @@ pub(in crate::plan) fn prune(
     allowance: &Allowance,
 ) -> Result<Assembled, Error> {
     let counted = |mut island: Assembled, run: &PilotRun| {
-        island.island_plan.counted_cost = Some(run.counted_cost.all());
+        island.island_plan.counted_cost = Some(run.counted_cost.total_ns());
         island
     };
     let pruned_within = |allowed: Option<f64>| {
-        let bodies = island.island_plan.bodies.iter().zip(&run.squares);
+        let bodies = island.island_plan.bodies.iter().zip(&run.mode_amplitudes_squared);
         let pruned_modes = bodies.map(|(body, squares)| match body {
-            BodyPlan::Modal(modal) => keep(&island.island_plan, modal, squares, allowed, budget),
-            BodyPlan::Mesh(_) | BodyPlan::Slow(_) => KeptModes::none(),
+            BodyPlan::Modal(modal) => audible_modes(&island.island_plan, modal, squares, allowed, budget),
+            BodyPlan::Mesh(_) | BodyPlan::Slow(_) => KeptModes::empty(),
         });
-        counted(island.clone().only(contact_substeps, pruned_modes.collect()), run)
+        counted(island.clone().with_modes(contact_substeps, pruned_modes.collect()), run)
     };
     let count_modes = |island: &Assembled| island.island_plan.bodies.iter().map(BodyPlan::n_modes).sum::<usize>();
     let Some(error_max) = error_max else {
@@ -52,7 +52,7 @@ pub(in crate::plan) fn prune(
         };
         run.sound
     };
-    let spans = Spans::new(&island.island_plan, excerpt.n_frames);
+    let spans = ComparedSpans::new(&island.island_plan, excerpt.n_frames);
     let mut allowed = error_max;
     for _ in 0..PRUNE_TRIES {
         let mut pruned_island = pruned_within(Some(allowed));
@@ -63,10 +63,10 @@ pub(in crate::plan) fn prune(
         let Some(run) = unless_spent(run)? else {
             break;
         };
-        let dropped_loudness = difference(&run.sound, &reference_sound, &spans);
+        let dropped_loudness = difference_db(&run.sound, &reference_sound, &spans);
         if dropped_loudness <= error_max {
             let bodies = pruned_island.bodies.iter_mut();
-            bodies.for_each(|body| body.left_out = body.left_out.map(|_| dropped_loudness));
+            bodies.for_each(|body| body.left_out_db = body.left_out_db.map(|_| dropped_loudness));
             return Ok(counted(pruned_island, &run));
         }
         allowed -= (dropped_loudness - error_max).max(QUIETER_STEP_DB);
@@ -75,27 +75,37 @@ pub(in crate::plan) fn prune(
 }
 
 /// The modes of a body that its outputs hear and its ports need.
-fn keep(island_plan: &IslandPlan, body: &Modal, squares: &[f64], allowed: Option<f64>, budget: &Budget) -> KeptModes {
+fn audible_modes(
+    island_plan: &IslandPlan,
+    body: &Modal,
+    amplitudes_squared: &[f64],
+    allowed: Option<f64>,
+    budget: &Budget,
+) -> KeptModes {
     // All complex modes stay: the two parts of one can only be dropped together, and computing them costs less than a
     // pilot to choose among them.
     if body.answers.is_some() {
         return KeptModes {
             modes: (0..body.modes.len()).collect(),
-            left_out: None,
+            left_out_db: None,
         };
     }
     let port_shapes = body.ports.iter().map(|port| port.shape.as_slice());
     let output_shapes = body.outputs.iter().map(|(_, shape)| shape.as_slice());
     let shape_rows: Vec<&[f64]> = port_shapes.chain(output_shapes).collect();
-    let mut modes_kept = choose(&excitations(body, squares), &shape_rows, allowed, budget, |mode| {
-        body.frequency(mode)
-    });
+    let mut modes_kept = loudest_by_energy(
+        &excitations(body, amplitudes_squared),
+        &shape_rows,
+        allowed,
+        budget,
+        |mode| body.frequency(mode),
+    );
     // Rigid motion of the body stays, however quiet it is.
     let rigid_modes = (0..body.modes.len()).filter(|&mode| body.compliance(mode).is_none());
     modes_kept.modes.extend(rigid_modes);
     modes_kept.modes.sort_unstable();
     modes_kept.modes.dedup();
-    let Some(left_out_level) = budget.left_out() else {
+    let Some(left_out_level) = budget.left_out_db_max() else {
         return modes_kept;
     };
     // Modes that are left out make the ports stiffer: that has to stay too small for a contact to notice.
@@ -104,18 +114,18 @@ fn keep(island_plan: &IslandPlan, body: &Modal, squares: &[f64], allowed: Option
         .filter(|mode| modes_kept.modes.binary_search(mode).is_err())
         .collect();
     for port in &body.ports {
-        let port_stiffness = stiffest(island_plan, port.mat);
+        let port_stiffness = stiffest_link(island_plan, port.mat);
         let compliance_share = |mode: usize| {
             let compliance = body.compliance(mode).unwrap_or(0.0);
             port_stiffness * port.shape[mode] * port.shape[mode] * compliance
         };
-        let mut compliance_lost: f64 = dropped_modes.iter().map(|&mode| compliance_share(mode)).sum();
+        let mut lost_compliance: f64 = dropped_modes.iter().map(|&mode| compliance_share(mode)).sum();
         // The lowest modes yield most; those that do not move the port yield nothing.
         dropped_modes.retain(|&mode| {
-            if compliance_lost <= stiffening_max || compliance_share(mode) == 0.0 {
+            if lost_compliance <= stiffening_max || compliance_share(mode) == 0.0 {
                 return true;
             }
-            compliance_lost -= compliance_share(mode);
+            lost_compliance -= compliance_share(mode);
             modes_kept.modes.push(mode);
             false
         });
@@ -143,7 +153,7 @@ fn excitations(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
 }
 
 /// Stiffness of the stiffest link on a MAT [N/m].
-fn stiffest(island_plan: &IslandPlan, mat: usize) -> f64 {
+fn stiffest_link(island_plan: &IslandPlan, mat: usize) -> f64 {
     let link_runs = island_plan.network.runs().iter();
     let mat_runs = link_runs.filter(|run| [run.a, run.b].iter().any(|&end| (end..end + run.len).contains(&mat)));
     mat_runs

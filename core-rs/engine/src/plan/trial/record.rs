@@ -9,8 +9,8 @@ use crate::content::hex_of;
 use crate::content::island::IslandContent;
 use crate::hearing::{Audible, JUST_NOTICEABLE};
 use crate::network::Error;
-use crate::plan::row::Measured;
-use crate::plan::trial::allowance::{Allowance, Taken, WorkLeft};
+use crate::plan::row::MeasuredError;
+use crate::plan::trial::allowance::{Allowance, WorkLeft, WorkTaken};
 
 /// Most lengths that are remembered for one island.
 const LENGTHS_MAX: usize = 8;
@@ -27,7 +27,7 @@ pub struct TrialRecord {
 }
 
 /// The reason of a record that holds no result of a trial.
-const NO_TRIAL: &str = "no trial";
+const NO_TRIAL_REASON: &str = "no trial";
 
 /// Where records are kept. A record may be damaged or belong to something else: the caller has to check it.
 pub trait TrialStore {
@@ -44,56 +44,56 @@ impl TrialRecord {
         Self {
             numbers,
             counts,
-            reason: Some(NO_TRIAL.to_owned()),
+            reason: Some(NO_TRIAL_REASON.to_owned()),
         }
     }
 
     /// Whether it holds what a plan computed without a trial.
     pub(in crate::plan) fn is_without_trial(&self) -> bool {
-        self.reason.as_deref() == Some(NO_TRIAL)
+        self.reason.as_deref() == Some(NO_TRIAL_REASON)
     }
 
     /// The record with `taken` at its head.
-    fn with_header(mut self, taken: &Taken) -> Self {
+    fn with_header(mut self, taken: &WorkTaken) -> Self {
         let header_numbers = [
-            Some(taken.drawn),
-            Some(taken.needed),
-            taken.left.map(WorkLeft::to_number),
+            Some(taken.drawn_seconds),
+            Some(taken.needed_seconds),
+            taken.left_at_start.map(WorkLeft::to_number),
         ];
         self.numbers.splice(0..0, header_numbers);
-        self.counts.insert(0, vec![u32::from(taken.is_refused)]);
+        self.counts.insert(0, vec![u32::from(taken.ended_early)]);
         self
     }
 
     /// Splits a record into what was taken and the rest; `None` if it is not valid.
-    fn split_header(mut self) -> Option<(Taken, Self)> {
+    fn split_header(mut self) -> Option<(WorkTaken, Self)> {
         let numbers = self.numbers.iter().flatten();
         let are_finite = numbers.clone().all(|number| number.is_finite());
         if !are_finite || self.numbers.len() < 3 || self.counts.is_empty() {
             return None;
         }
         let header_numbers: Vec<Option<f64>> = self.numbers.drain(..3).collect();
-        let taken = Taken {
-            drawn: header_numbers[0].filter(|drawn| *drawn >= 0.0)?,
-            needed: header_numbers[1]?,
-            left: header_numbers[2].map(WorkLeft::from_number),
-            is_refused: match self.counts.remove(0)[..] {
+        let taken = WorkTaken {
+            drawn_seconds: header_numbers[0].filter(|drawn| *drawn >= 0.0)?,
+            needed_seconds: header_numbers[1]?,
+            left_at_start: header_numbers[2].map(WorkLeft::from_number),
+            ended_early: match self.counts.remove(0)[..] {
                 [0] => false,
                 [1] => true,
                 _ => return None,
             },
-            frames: 0,
+            frames_played: 0,
         };
         Some((taken, self))
     }
 
     /// An error as numbers.
-    pub(in crate::plan) fn numbers_of(error: Option<Measured>) -> Vec<Option<f64>> {
+    pub(in crate::plan) fn numbers_of(error: Option<MeasuredError>) -> Vec<Option<f64>> {
         let audible = error.and_then(|error| error.audible);
         let mut numbers = vec![
-            error.map(|error| error.db),
-            error.map(|error| error.over),
-            error.and_then(|error| error.spectral),
+            error.map(|error| error.waveform_db),
+            error.map(|error| error.duration_seconds),
+            error.and_then(|error| error.third_octave_db),
         ];
         numbers.extend(match audible {
             Some(audible) => audible.values().map(Some),
@@ -103,7 +103,7 @@ impl TrialRecord {
     }
 
     /// A record of an error and nothing else.
-    pub(in crate::plan) fn from_error(error: Option<Measured>) -> Self {
+    pub(in crate::plan) fn from_error(error: Option<MeasuredError>) -> Self {
         Self {
             numbers: Self::numbers_of(error),
             ..Self::default()
@@ -111,24 +111,24 @@ impl TrialRecord {
     }
 
     /// The error, if the record holds nothing else.
-    pub(in crate::plan) fn error_alone(&self) -> Option<Option<Measured>> {
+    pub(in crate::plan) fn sole_error(&self) -> Option<Option<MeasuredError>> {
         let (error, numbers_left) = self.error()?;
         let is_alone = numbers_left.is_empty() && self.counts.is_empty() && self.reason.is_none();
         is_alone.then_some(error)
     }
 
     /// The error at the head of the record, and the numbers after it.
-    pub(in crate::plan) fn error(&self) -> Option<(Option<Measured>, &[Option<f64>])> {
+    pub(in crate::plan) fn error(&self) -> Option<(Option<MeasuredError>, &[Option<f64>])> {
         let ([db, over, spectral], numbers_left) = self.numbers.split_first_chunk()?;
         let (audible, numbers_left) = numbers_left.split_first_chunk::<{ JUST_NOTICEABLE.len() }>()?;
         let audible_numbers: Vec<f64> = audible.iter().filter_map(|value| *value).collect();
         let audible = <[f64; JUST_NOTICEABLE.len()]>::try_from(audible_numbers)
             .ok()
             .map(Audible::from);
-        let measured_error = db.zip(*over).map(|(db, over)| Measured {
-            db,
-            over,
-            spectral: *spectral,
+        let measured_error = db.zip(*over).map(|(db, over)| MeasuredError {
+            waveform_db: db,
+            duration_seconds: over,
+            third_octave_db: *spectral,
             audible,
         });
         Some((measured_error, numbers_left))
@@ -136,24 +136,28 @@ impl TrialRecord {
 }
 
 /// The series of trials of one island, and the store of their results.
-pub(in crate::plan) struct Series<'a> {
+pub(in crate::plan) struct TrialSeries<'a> {
     store: &'a dyn TrialStore,
     content: IslandContent<'a>,
-    fixed: String,
+    timeless_key: String,
 }
 
-impl<'a> Series<'a> {
+impl<'a> TrialSeries<'a> {
     pub(in crate::plan) fn new(store: &'a dyn TrialStore, content: IslandContent<'a>) -> Self {
         let fixed = content.fixed();
-        Self { store, content, fixed }
+        Self {
+            store,
+            content,
+            timeless_key: fixed,
+        }
     }
 
     fn key(&self, frames: u64) -> String {
-        hex_of(format_args!("{} {}", self.fixed, self.content.until(frames)))
+        hex_of(format_args!("{} {}", self.timeless_key, self.content.until(frames)))
     }
 
-    fn lengths(&self) -> Vec<u64> {
-        let length_index = self.store.get(&self.fixed).unwrap_or_default();
+    fn recorded_lengths(&self) -> Vec<u64> {
+        let length_index = self.store.get(&self.timeless_key).unwrap_or_default();
         if length_index.reason.is_some() || !length_index.numbers.is_empty() || length_index.counts.len() != 1 {
             return Vec::new();
         }
@@ -162,16 +166,16 @@ impl<'a> Series<'a> {
     }
 
     /// Finds an earlier series that would go the same way now: what it took and its record.
-    pub(in crate::plan) fn find(&self, allowance: &Allowance) -> Option<(Taken, TrialRecord)> {
-        let mut lengths = self.lengths().into_iter();
+    pub(in crate::plan) fn find(&self, allowance: &Allowance) -> Option<(WorkTaken, TrialRecord)> {
+        let mut lengths = self.recorded_lengths().into_iter();
         lengths.find_map(|frames| find(self.store, &self.key(frames), allowance))
     }
 
     /// Keeps the record of the current series, which began with `left` of the allowance.
     pub(in crate::plan) fn keep(&self, allowance: &Allowance, left: WorkLeft, record: TrialRecord) {
-        let series_frames = allowance.taken(left).frames;
+        let series_frames = allowance.work_taken(left).frames_played;
         keep(self.store, &self.key(series_frames), (allowance, left), record);
-        let mut lengths = self.lengths();
+        let mut lengths = self.recorded_lengths();
         if !lengths.contains(&series_frames) {
             lengths.insert(0, series_frames);
             lengths.truncate(LENGTHS_MAX);
@@ -180,19 +184,19 @@ impl<'a> Series<'a> {
                 counts: vec![lengths],
                 ..TrialRecord::default()
             };
-            self.store.put(&self.fixed, length_index);
+            self.store.put(&self.timeless_key, length_index);
         }
     }
 }
 
 /// Returns the error that `measure` finds in a series of trials, or that an earlier plan recorded for the same series.
-pub(in crate::plan) fn measured(
-    series: Option<Series<'_>>,
+pub(in crate::plan) fn measured_error(
+    series: Option<TrialSeries<'_>>,
     allowance: &Allowance,
-    measure: impl FnOnce() -> Result<Option<Measured>, Error>,
-) -> Result<Option<Measured>, Error> {
+    measure: impl FnOnce() -> Result<Option<MeasuredError>, Error>,
+) -> Result<Option<MeasuredError>, Error> {
     let recalled = series.as_ref().and_then(|series| series.find(allowance));
-    let known_error = recalled.and_then(|(taken, record)| Some((taken, record.error_alone()?)));
+    let known_error = recalled.and_then(|(taken, record)| Some((taken, record.sole_error()?)));
     if let Some((taken, recorded_error)) = known_error {
         allowance.replay(&taken);
         return Ok(recorded_error);
@@ -206,7 +210,11 @@ pub(in crate::plan) fn measured(
 }
 
 /// Finds the record of trials of known length, if they would go the same way now, and what they took.
-pub(in crate::plan) fn find(store: &dyn TrialStore, key: &str, allowance: &Allowance) -> Option<(Taken, TrialRecord)> {
+pub(in crate::plan) fn find(
+    store: &dyn TrialStore,
+    key: &str,
+    allowance: &Allowance,
+) -> Option<(WorkTaken, TrialRecord)> {
     let work_left = allowance.begin();
     [key.to_owned(), key_with_left(key, work_left)].iter().find_map(|key| {
         let taken_record = store.get(key)?.split_header()?;
@@ -223,8 +231,8 @@ pub(in crate::plan) fn keep(
     (allowance, left): (&Allowance, WorkLeft),
     record: TrialRecord,
 ) {
-    let work_taken = allowance.taken(left);
-    let bound_key = work_taken.left.map(|left| key_with_left(key, left));
+    let work_taken = allowance.work_taken(left);
+    let bound_key = work_taken.left_at_start.map(|left| key_with_left(key, left));
     store.put(bound_key.as_deref().unwrap_or(key), record.with_header(&work_taken));
 }
 

@@ -18,58 +18,58 @@ use crate::plan::constants::{
     REFERENCE_MARGIN_DB,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::candidates::{Candidate, Family, has_fine};
+use crate::plan::trial::candidates::{Candidate, Family, has_fine_links};
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
-use crate::plan::trial::runs::Runs;
-use crate::plan::trial::waveform_error::{FACTOR_TWO_DB, Spans, difference};
+use crate::plan::trial::runs::PlayedRuns;
+use crate::plan::trial::waveform_error::{ComparedSpans, FACTOR_TWO_DB, difference_db};
 use crate::waveform::is_still;
 
 /// Contact substeps a step of a reference with laws, which divide a frame only as far as they have to: never a limit.
-const SUBSTEPS_OF_LAWS: usize = 4 * SUBSTEPS_MAX;
+const LAW_SUBSTEPS: usize = 4 * SUBSTEPS_MAX;
 
 /// The most exact run.
 pub(in crate::plan) struct Reference {
     pub(in crate::plan) candidate: Candidate,
     pub(in crate::plan) run: Rc<PilotRun>,
     /// A bound of its error [dB].
-    pub(in crate::plan) error: f64,
+    pub(in crate::plan) error_db: f64,
     /// A bound of its audible error, if the budget is one of pitch.
-    pub(in crate::plan) audible: Option<Audible>,
+    pub(in crate::plan) audible_error: Option<Audible>,
 }
 
 impl Reference {
     /// Whether it is as exact as a reference should be.
-    fn is_exact(&self, budget: &Budget) -> bool {
-        match self.audible {
-            Some(audible) => budget.excess(&audible) <= decibels(-REFERENCE_MARGIN_DB),
-            None => self.error <= (budget.asked() - REFERENCE_MARGIN_DB).min(REFERENCE_DB),
+    fn is_exact_enough(&self, budget: &Budget) -> bool {
+        match self.audible_error {
+            Some(audible) => budget.excess_ratio(&audible) <= decibels(-REFERENCE_MARGIN_DB),
+            None => self.error_db <= (budget.waveform_error_db() - REFERENCE_MARGIN_DB).min(REFERENCE_DB),
         }
     }
 
     /// Whether it shows that the motion is not chaotic.
-    pub(in crate::plan) fn is_sure(&self, budget: &Budget) -> bool {
-        self.error <= INAUDIBLE_ERROR_DB || (self.audible.is_some() && self.is_exact(budget))
+    pub(in crate::plan) fn shows_regular_motion(&self, budget: &Budget) -> bool {
+        self.error_db <= INAUDIBLE_ERROR_DB || (self.audible_error.is_some() && self.is_exact_enough(budget))
     }
 
     fn is_better(&self, other: &Self, budget: &Budget) -> bool {
-        match (self.audible, other.audible) {
-            (Some(audible), Some(other_audible)) => budget.excess(&audible) < budget.excess(&other_audible),
-            _ => self.error < other.error,
+        match (self.audible_error, other.audible_error) {
+            (Some(audible), Some(other_audible)) => budget.excess_ratio(&audible) < budget.excess_ratio(&other_audible),
+            _ => self.error_db < other.error_db,
         }
     }
 }
 
 /// What a search for a reference plays, and how.
-pub(in crate::plan) struct Climb<'a, F> {
+pub(in crate::plan) struct ReferenceSearch<'a, F> {
     pub(in crate::plan) assemble: &'a F,
-    pub(in crate::plan) runs: &'a Runs,
-    pub(in crate::plan) spans: &'a Spans,
+    pub(in crate::plan) runs: &'a PlayedRuns,
+    pub(in crate::plan) spans: &'a ComparedSpans,
     pub(in crate::plan) budget: &'a Budget,
 }
 
 /// Finds the reference of an island whose first run was `first`; `None` if no two runs of one family can be played.
 pub(in crate::plan) fn reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>>(
-    climb: &Climb<'_, F>,
+    climb: &ReferenceSearch<'_, F>,
     first: &Candidate,
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
@@ -78,13 +78,13 @@ pub(in crate::plan) fn reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled,
     let substeps = first_substeps(first);
     let mut best_reference: Option<Reference> = None;
     for family in Family::REFERENCE_FAMILIES {
-        let family_allowance = allowance.fraction(FAMILY_SHARE);
-        let lowest_steps = if family.is_plain { OVERSAMPLING_MAX } else { 1 };
-        let reached = climb.family((family, substeps), lowest_steps..=steps_max, &family_allowance);
-        allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
-        match reached {
+        let family_allowance = allowance.split_off(FAMILY_SHARE);
+        let lowest_steps = if family.is_once_a_step { OVERSAMPLING_MAX } else { 1 };
+        let family_reference = climb.best_of_family((family, substeps), lowest_steps..=steps_max, &family_allowance);
+        allowance.spend_split(&family_allowance, FAMILY_SHARE);
+        match family_reference {
             // By CA a strike that friction can stop within a step moves nothing, at any rate.
-            Ok(Some(reached)) if is_held(&reached, family, climb.spans) => {}
+            Ok(Some(reached)) if is_stuck(&reached, family, climb.spans) => {}
             Ok(Some(reached)) => {
                 if best_reference
                     .as_ref()
@@ -98,7 +98,7 @@ pub(in crate::plan) fn reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled,
         }
         if best_reference
             .as_ref()
-            .is_some_and(|best_reference| best_reference.is_exact(budget))
+            .is_some_and(|best_reference| best_reference.is_exact_enough(budget))
         {
             break;
         }
@@ -108,14 +108,14 @@ pub(in crate::plan) fn reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled,
 
 /// The reference by ear of the plain ways, from one step a frame on; `None` if it is not exact enough.
 pub(in crate::plan) fn plain_reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>>(
-    climb: &Climb<'_, F>,
+    climb: &ReferenceSearch<'_, F>,
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
-    let family_allowance = allowance.fraction(FAMILY_SHARE);
-    let reached = climb.family((Family::PLAIN, 1), 1..=2 * OVERSAMPLING_MAX, &family_allowance);
-    allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
-    match reached {
-        Ok(reached) => Ok(reached.filter(|reached| reached.is_exact(climb.budget))),
+    let family_allowance = allowance.split_off(FAMILY_SHARE);
+    let family_reference = climb.best_of_family((Family::ONCE_A_STEP, 1), 1..=2 * OVERSAMPLING_MAX, &family_allowance);
+    allowance.spend_split(&family_allowance, FAMILY_SHARE);
+    match family_reference {
+        Ok(reached) => Ok(reached.filter(|reached| reached.is_exact_enough(climb.budget))),
         Err(TrialError::AllowanceSpent) => Ok(None),
         Err(error) => Err(error),
     }
@@ -123,31 +123,31 @@ pub(in crate::plan) fn plain_reference<F: Fn(AssemblyOptions<'_>) -> Result<Asse
 
 /// Contact substeps a step of all runs, given the first one.
 fn first_substeps(first: &Candidate) -> usize {
-    match first.island.may_collocate {
-        true if !first.island.has_dry_friction() => SUBSTEPS_OF_LAWS,
+    match first.island.can_solve_laws_between_steps {
+        true if !first.island.has_dry_friction() => LAW_SUBSTEPS,
         _ => FINE_SUBSTEPS_MIN,
     }
 }
 
 /// Whether dry friction, computed once a step, holds all that is heard.
-fn is_held(reached: &Reference, family: Family, spans: &Spans) -> bool {
+fn is_stuck(reached: &Reference, family: Family, spans: &ComparedSpans) -> bool {
     let island = &reached.candidate.island;
-    family.is_plain && island.sticks() && is_still(&reached.run.sound, spans.n_out)
+    family.is_once_a_step && island.has_sticking_friction() && is_still(&reached.run.sound, spans.n_out)
 }
 
 /// Whether contacts and laws between frames cost more than all of the island by the plain way at the highest rate.
 pub(in crate::plan) fn is_plain_first(island: &Assembled) -> bool {
     let mut island_plan = island.island_plan.clone();
     (island_plan.contact_substeps, island_plan.counted_cost) = (1, None);
-    let plain_cost = island_plan.cost();
+    let plain_cost = island_plan.frame_ns();
     island_plan.contact_substeps = FINE_SUBSTEPS_MIN;
-    island.may_collocate && island_plan.cost() > f64::from(OVERSAMPLING_MAX) * plain_cost
+    island.can_solve_laws_between_steps && island_plan.frame_ns() > f64::from(OVERSAMPLING_MAX) * plain_cost
 }
 
-impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
+impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_, F> {
     /// Plays a family in doubling steps until a run is exact enough, or gains no more. Of a plain family that begins at
     /// one step a frame, three runs have to agree: two that both miss a short contact may agree by chance.
-    fn family(
+    fn best_of_family(
         &self,
         (family, substeps): (Family, usize),
         step_range: RangeInclusive<u32>,
@@ -155,9 +155,9 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
     ) -> Result<Option<Reference>, TrialError> {
         let mut best_reference: Option<Reference> = None;
         let mut last_run: Option<Rc<PilotRun>> = None;
-        let mut change_before: Option<f64> = None;
+        let mut previous_change_db: Option<f64> = None;
         let mut work_spent = 0.0;
-        let is_coarse = family.is_plain && step_range.contains(&1);
+        let is_coarse = family.is_once_a_step && step_range.contains(&1);
         let mut step_count = *step_range.start();
         while step_range.contains(&step_count) {
             let family_member = (self.assemble)(family.with_steps(step_count));
@@ -165,46 +165,47 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
             let Ok(island) = family_member else {
                 continue;
             };
-            let substeps = if has_fine(&island) { substeps } else { 1 };
+            let substeps = if has_fine_links(&island) { substeps } else { 1 };
             let candidate = Candidate::new(island, substeps, None);
             let n_frames = self.runs.excerpt().n_frames;
             let is_paid_for = allowance.share_left(DOUBLING_RESERVE * work_spent) >= 1.0;
             if !is_affordable(&candidate.island.island_plan, n_frames) || !is_paid_for {
                 break;
             }
-            let (spent_before, _) = allowance.spent();
+            let (spent_before, _) = allowance.seconds_spent();
             let played_plan = (&candidate.island.island_plan, substeps);
             let run = match self.runs.play(played_plan, allowance) {
                 Err(TrialError::AllowanceSpent) if best_reference.is_some() => break,
                 run => run?,
             };
-            work_spent = allowance.spent().0 - spent_before;
-            if run.is_lost {
+            work_spent = allowance.seconds_spent().0 - spent_before;
+            if run.is_unusable {
                 last_run = None;
                 continue;
             }
             let Some(coarser_run) = last_run.replace(run.clone()) else {
                 continue;
             };
-            let run_change = difference(&coarser_run.sound, &run.sound, self.spans);
-            let reached = Reference {
-                candidate: candidate.counted(&run),
-                error: error_of_finer(run_change, change_before),
-                audible: self.spans.audible_error(self.budget, (&coarser_run.sound, &run.sound)),
+            let run_change = difference_db(&coarser_run.sound, &run.sound, self.spans);
+            let new_reference = Reference {
+                candidate: candidate.with_counted_cost(&run),
+                error_db: error_of_finer(run_change, previous_change_db),
+                audible_error: self.spans.audible_error(self.budget, (&coarser_run.sound, &run.sound)),
                 run,
             };
-            let gains_nothing = change_before.is_some_and(|change_before| run_change > change_before - EQUAL_ERRORS_DB);
-            let is_alone = is_coarse && change_before.is_none();
-            let is_last_run = gains_nothing || (reached.is_exact(self.budget) && !is_alone);
-            change_before = Some(run_change);
+            let gains_nothing =
+                previous_change_db.is_some_and(|change_before| run_change > change_before - EQUAL_ERRORS_DB);
+            let is_alone = is_coarse && previous_change_db.is_none();
+            let is_last_run = gains_nothing || (new_reference.is_exact_enough(self.budget) && !is_alone);
+            previous_change_db = Some(run_change);
             if is_alone {
                 continue;
             }
             if best_reference
                 .as_ref()
-                .is_none_or(|best_reference| reached.is_better(best_reference, self.budget))
+                .is_none_or(|best_reference| new_reference.is_better(best_reference, self.budget))
             {
-                best_reference = Some(reached);
+                best_reference = Some(new_reference);
             }
             if is_last_run {
                 break;

@@ -8,7 +8,7 @@ use crate::integrate::MeshMethod;
 use crate::island::StepNumbers;
 use crate::island::inside::BodyPlan;
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::pilot_run::{Excerpt, PilotRun, play_while, work};
+use crate::plan::trial::pilot_run::{Excerpt, PilotRun, frame_seconds, play_while};
 
 /// Most samples of sound that are kept.
 const SAMPLES_MAX: usize = 1 << 24;
@@ -17,7 +17,7 @@ const SAMPLES_MAX: usize = 1 << 24;
 #[derive(Clone, PartialEq)]
 struct RunKey {
     /// The cost of a frame, bit for bit: it differs between ways that compute outputs or events differently.
-    cost: u64,
+    frame_cost_bits: u64,
     steps: StepNumbers,
     bodies: Vec<BodyKey>,
 }
@@ -31,12 +31,12 @@ struct BodyKey {
 }
 
 /// Runs of one excerpt of an island.
-pub(in crate::plan) struct Runs {
+pub(in crate::plan) struct PlayedRuns {
     excerpt: Excerpt,
     played: RefCell<Vec<(RunKey, Rc<PilotRun>)>>,
 }
 
-impl Runs {
+impl PlayedRuns {
     /// Begins without any run.
     pub(in crate::plan) fn new(excerpt: Excerpt) -> Self {
         Self {
@@ -105,7 +105,7 @@ fn run_key(island_plan: &IslandPlan, contact_substeps: usize) -> RunKey {
         ports: body.ports(),
     };
     RunKey {
-        cost: work(island_plan).to_bits(),
+        frame_cost_bits: frame_seconds(island_plan).to_bits(),
         steps: island_plan.step_numbers(contact_substeps),
         bodies: island_plan.bodies.iter().map(body_key).collect(),
     }

@@ -10,13 +10,13 @@ use crate::network::{Output, Term};
 use crate::plan::constants::SILENT_SHARE;
 
 /// Outputs that have heard nothing but rounding so far in a run.
-pub(in crate::plan) struct Silence<'a> {
+pub(in crate::plan) struct SilentOutputs<'a> {
     island_plan: &'a IslandPlan,
     outputs: Vec<OutputRange>,
     /// Positions at the start [m]   (n_mat)
-    start: Vec<f64>,
+    start_positions: Vec<f64>,
     /// Largest distance of a mass from its start [m].
-    masses: f64,
+    distance_max: f64,
 }
 
 /// What an output has heard.
@@ -25,52 +25,52 @@ struct OutputRange {
     /// Lowest and highest value before it is differentiated.
     range: [f64; 2],
     /// Its first value.
-    first: Option<f64>,
+    first_value: Option<f64>,
     is_silent: bool,
 }
 
-impl<'a> Silence<'a> {
+impl<'a> SilentOutputs<'a> {
     /// Begins with an island as it is now.
     pub(in crate::plan) fn new(island_plan: &'a IslandPlan, island: &Island) -> Self {
         let output_range = OutputRange {
             range: [f64::INFINITY, f64::NEG_INFINITY],
-            first: None,
+            first_value: None,
             is_silent: true,
         };
         Self {
             island_plan,
             outputs: vec![output_range; island.n_out()],
-            start: island.positions().to_vec(),
-            masses: 0.0,
+            start_positions: island.positions().to_vec(),
+            distance_max: 0.0,
         }
     }
 
     /// Notes a block of sound before it is differentiated, (n_frames · n_out), and the island after it.
-    pub(in crate::plan) fn note(&mut self, island: &Island, sound: &[f64]) {
+    pub(in crate::plan) fn note_block(&mut self, island: &Island, sound: &[f64]) {
         for frame in sound.chunks_exact(self.outputs.len().max(1)) {
             for (output_state, x) in self.outputs.iter_mut().zip(frame) {
                 let [range_low, range_high] = output_state.range;
                 output_state.range = [range_low.min(*x), range_high.max(*x)];
             }
         }
-        let position_pairs = island.positions().iter().zip(&self.start);
-        self.masses = position_pairs.fold(self.masses, |distance_max, (x, start)| {
+        let position_pairs = island.positions().iter().zip(&self.start_positions);
+        self.distance_max = position_pairs.fold(self.distance_max, |distance_max, (x, start)| {
             distance_max.max((x - start).abs())
         });
     }
 
     /// Lets outputs that are still silent keep their first value in that block; `squares` are those of the amplitudes
     /// of the modes so far.
-    pub(in crate::plan) fn keep(&mut self, sound: &mut [f64], squares: &[Vec<f64>]) {
+    pub(in crate::plan) fn hold_first_values(&mut self, sound: &mut [f64], squares: &[Vec<f64>]) {
         let n_outputs = self.outputs.len();
         for output in 0..n_outputs {
             if !self.outputs[output].is_silent {
                 continue;
             }
-            let output_share = self.share(output, squares);
+            let output_share = self.audible_share(output, squares);
             let output_state = &mut self.outputs[output];
             output_state.is_silent = output_share <= SILENT_SHARE;
-            let first_sample = *output_state.first.get_or_insert(sound[output]);
+            let first_sample = *output_state.first_value.get_or_insert(sound[output]);
             if output_state.is_silent {
                 let samples = sound.iter_mut().skip(output).step_by(n_outputs);
                 samples.for_each(|x| *x = first_sample);
@@ -80,24 +80,25 @@ impl<'a> Silence<'a> {
 
     /// The largest share that an output has heard of what it would hear if no motion were cancelled.
     pub(in crate::plan) fn loudest_share(&self, squares: &[Vec<f64>]) -> f64 {
-        let output_shares = (0..self.outputs.len()).map(|output| self.share(output, squares));
+        let output_shares = (0..self.outputs.len()).map(|output| self.audible_share(output, squares));
         output_shares.fold(0.0, f64::max)
     }
 
     /// The share that an output has heard of what it would hear if no motion were cancelled.
-    fn share(&self, output: usize, squares: &[Vec<f64>]) -> f64 {
+    fn audible_share(&self, output: usize, squares: &[Vec<f64>]) -> f64 {
         let [range_low, range_high] = self.outputs[output].range;
         if range_low >= range_high {
             return 0.0;
         }
         let output_plan = &self.island_plan.network.outputs()[output];
-        let uncancelled = self.masses * weight(output_plan) + uncancelled_sum(output, self.island_plan, squares);
+        let uncancelled =
+            self.distance_max * position_weight_sum(output_plan) + uncancelled_sum(output, self.island_plan, squares);
         (range_high - range_low) / uncancelled
     }
 }
 
 /// The sum of the weights that an output gives to positions.
-fn weight(output: &Output) -> f64 {
+fn position_weight_sum(output: &Output) -> f64 {
     let term_weights = output.terms.iter().map(|term| match term {
         Term::Position { len, weight, .. } => *len as f64 * weight.abs(),
         Term::Force { .. } | Term::Length { .. } | Term::Ground { .. } => 0.0,

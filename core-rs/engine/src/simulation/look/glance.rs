@@ -56,7 +56,7 @@ impl Simulation {
     pub fn glance(&mut self, look: &Look, snapshot: &mut Glance) {
         snapshot.frame = self.frame;
         self.look(look, &mut snapshot.tracks);
-        self.asked_into(&mut snapshot.asked);
+        self.write_gesture_positions(&mut snapshot.asked);
         snapshot.pushes.fill(Push::default());
         let pushes = &mut snapshot.pushes;
         self.take_contacts(look, |contact, frame, force| {

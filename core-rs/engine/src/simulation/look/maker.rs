@@ -16,7 +16,7 @@ use crate::units::Rate;
 const MODES_MAX: usize = 256;
 
 /// What is known of one MAT: how it moves, its rest position, its unit, and which numbers of the unit are its own.
-struct TrackSource {
+struct MatSource {
     how: PointMotion,
     rest: f64,
     index: usize,
@@ -34,13 +34,13 @@ enum Origin {
 }
 
 /// A body by its modes: pairs of a MAT and its row in the mode shapes, by rising MAT; and the modes.
-struct FoundBody {
+struct ModalBody {
     mats: Vec<(usize, usize)>,
-    modes: Vec<FoundMode>,
+    modes: Vec<TrackedMode>,
 }
 
 /// A mode: its oscillation, where it is computed, and the share of each row in it.
-struct FoundMode {
+struct TrackedMode {
     oscillation: Oscillation,
     /// Its unit, and the index of its body in that unit; `None` if the unit is a bank of modes.
     place: (usize, Option<usize>),
@@ -49,13 +49,13 @@ struct FoundMode {
 }
 
 /// Goes through the units of a plan, and collects what each computes.
-pub(super) struct Maker<'a> {
+pub(super) struct LookMaker<'a> {
     network: &'a Network,
     rate: f64,
     by_name: HashMap<String, usize>,
     /// (n_mat)
-    sources: Vec<Option<TrackSource>>,
-    bodies: Vec<FoundBody>,
+    sources: Vec<Option<MatSource>>,
+    bodies: Vec<ModalBody>,
     contacts: Vec<Contact>,
     touched: Vec<(usize, Vec<Option<u32>>)>,
     played: Vec<(usize, Option<Vec<u32>>)>,
@@ -68,7 +68,7 @@ pub(super) struct Maker<'a> {
 /// Two MATs of the whole network, and the number of breakable links between them that come before this one.
 type Ends = (usize, usize, u32);
 
-impl<'a> Maker<'a> {
+impl<'a> LookMaker<'a> {
     pub(super) fn new(network: &'a Network, rate: f64) -> Self {
         let mat_count = network.n_mat();
         let contacts = network.runs().iter().filter(|run| run.kind.is_contact());
@@ -109,7 +109,7 @@ impl<'a> Maker<'a> {
         self.by_name.get(&network.mat_name(mat)).copied()
     }
 
-    fn record(&mut self, mat: Option<usize>, source: TrackSource) {
+    fn record(&mut self, mat: Option<usize>, source: MatSource) {
         if let Some(mat) = mat {
             self.sources[mat] = Some(source);
         }
@@ -128,7 +128,7 @@ impl<'a> Maker<'a> {
         let how = PointMotion::Sampled;
         self.record(
             mat,
-            TrackSource {
+            MatSource {
                 how,
                 rest,
                 index: unit,
@@ -141,7 +141,7 @@ impl<'a> Maker<'a> {
         let network = &*island.network;
         for (mat, kind) in network.mats().kind.iter().enumerate() {
             // A held point may be a guest of several islands; the first of them gives its position.
-            let network_mat = to_network_index(&island.to_whole.mats, mat);
+            let network_mat = to_network_index(&island.network_indices.mats, mat);
             if !kind.is_held() || self.sources[network_mat].is_none() {
                 self.record_sampled(Some(network_mat), unit, Origin::Mass(mat));
             }
@@ -192,10 +192,10 @@ impl<'a> Maker<'a> {
         }
         self.touched.push((unit, contacts));
         if !island.timeline.gestures.is_empty() {
-            let island_mats = island.to_whole.mats.clone();
+            let island_mats = island.network_indices.mats.clone();
             self.played.push((unit, island_mats));
         }
-        let breaking: Vec<(u32, u32)> = may_break(network, |mat| to_network_index(&island.to_whole.mats, mat))
+        let breaking: Vec<(u32, u32)> = may_break(network, |mat| to_network_index(&island.network_indices.mats, mat))
             .filter_map(|(link, ends)| Some((link as u32, *self.by_ends.get(&ends)?)))
             .collect();
         self.breaking.push((unit, breaking));
@@ -204,13 +204,13 @@ impl<'a> Maker<'a> {
     pub(super) fn bank(&mut self, unit: usize, bank: &BankPlan) {
         let oscillation = |oscillator: &Oscillator| Oscillation::from_recurrence(oscillator.a, oscillator.b, self.rate);
         let oscillations: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
-        if bank.mats.len() == oscillations.len() && !oscillations.is_empty() {
-            for (cell, (&(mat, rest), &free)) in bank.mats.iter().zip(&oscillations).enumerate() {
+        if bank.mats_and_rests.len() == oscillations.len() && !oscillations.is_empty() {
+            for (cell, (&(mat, rest), &free)) in bank.mats_and_rests.iter().zip(&oscillations).enumerate() {
                 let from = Origin::Bank(cell);
                 let how = PointMotion::Free(free);
                 self.record(
                     Some(mat as usize),
-                    TrackSource {
+                    MatSource {
                         how,
                         rest,
                         index: unit,
@@ -223,7 +223,7 @@ impl<'a> Maker<'a> {
         let rate = Rate::new(self.rate).ok();
         let (network, mode_shapes) = match (&bank.body, &bank.complex, rate) {
             (Some(bank_network), _, Some(rate)) => {
-                let modes_kept = (&bank.computed_modes[..], bank.turned.as_deref());
+                let modes_kept = (&bank.computed_modes[..], bank.rotation_mats.as_deref());
                 let mode_shapes = ModeShapes::new(bank_network, modes_kept, rate, ModalTransform::ToPositions);
                 (bank_network.clone(), mode_shapes)
             }
@@ -263,7 +263,7 @@ impl<'a> Maker<'a> {
                 let (how, from) = (PointMotion::Modal(body_index), Origin::Body);
                 self.record(
                     mat,
-                    TrackSource {
+                    MatSource {
                         how,
                         rest,
                         index: place.0,
@@ -274,7 +274,7 @@ impl<'a> Maker<'a> {
             let mats = mats.iter().enumerate();
             let mut mats: Vec<(usize, usize)> = mats.filter_map(|(row, mat)| Some(((*mat)?, row))).collect();
             mats.sort_unstable();
-            self.bodies.push(FoundBody {
+            self.bodies.push(ModalBody {
                 mats,
                 modes: Vec::new(),
             });
@@ -282,7 +282,7 @@ impl<'a> Maker<'a> {
         let mode_pairs = modes.into_iter().enumerate().take(mode_shapes.n_modes());
         self.bodies[body_index]
             .modes
-            .extend(mode_pairs.map(|(mode, oscillation)| FoundMode {
+            .extend(mode_pairs.map(|(mode, oscillation)| TrackedMode {
                 oscillation,
                 place,
                 mode,
@@ -300,7 +300,7 @@ impl<'a> Maker<'a> {
             let (how, rest) = match &self.sources[mat] {
                 Some(source) => (source.how, source.rest),
                 None => {
-                    let is_unmoved = plan.unmoved.binary_search(&(mat as u32)).is_ok();
+                    let is_unmoved = plan.motionless_mats.binary_search(&(mat as u32)).is_ok();
                     let is_moved = mats.kind[mat] != MatKind::Sol && !is_unmoved;
                     (PointMotion::NotComputed { is_moved }, self.rest(mat))
                 }
@@ -319,7 +319,7 @@ impl<'a> Maker<'a> {
         let (mut bodies, mut n_modes) = (Vec::new(), 0);
         for body in &mut self.bodies {
             let mode_count = body.modes.len();
-            let by_pitch = |a: &FoundMode, b: &FoundMode| {
+            let by_pitch = |a: &TrackedMode, b: &TrackedMode| {
                 (a.oscillation.omega.total_cmp(&b.oscillation.omega)).then((a.place, a.mode).cmp(&(b.place, b.mode)))
             };
             body.modes.sort_by(by_pitch);

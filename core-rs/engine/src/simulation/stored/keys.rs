@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use crate::assembly::unit::Unit;
+use crate::assembly::unit::ComputationUnit;
 use crate::content::bank::BankContent;
 use crate::content::island::Content;
 use crate::plan::Plan;
@@ -31,16 +31,18 @@ impl Simulation {
     pub(super) fn unit_key(&self, unit: usize, frames: (u64, u64), before: &str) -> String {
         let unit_plan = &self.plan.units[unit];
         match (unit_plan, self.content(unit)) {
-            (Unit::IslandPlan(island_plan), UnitContent::Island(content)) => content.key(island_plan, frames, before),
-            (Unit::Bank(bank), UnitContent::Bank(content)) => content.key(bank, frames, before),
+            (ComputationUnit::IslandPlan(island_plan), UnitContent::Island(content)) => {
+                content.key(island_plan, frames, before)
+            }
+            (ComputationUnit::Bank(bank), UnitContent::Bank(content)) => content.key(bank, frames, before),
             _ => String::new(),
         }
     }
 
     fn content(&self, unit: usize) -> &UnitContent {
         self.contents.0[unit].get_or_init(|| match &self.plan.units[unit] {
-            Unit::IslandPlan(island_plan) => UnitContent::Island(Box::new(Content::new(island_plan))),
-            Unit::Bank(bank) => UnitContent::Bank(BankContent::new(bank, self.plan.timeline_rate)),
+            ComputationUnit::IslandPlan(island_plan) => UnitContent::Island(Box::new(Content::new(island_plan))),
+            ComputationUnit::Bank(bank) => UnitContent::Bank(BankContent::new(bank, self.plan.timeline_rate)),
         })
     }
 
@@ -50,7 +52,7 @@ impl Simulation {
     /// there do not count, so notes that are not played change no hash; where nothing else is heard, the hash is empty.
     pub fn output_keys(&self, stops: &[u64]) -> Vec<Vec<String>> {
         let plan = &*self.plan;
-        let still = plan.network.outputs().iter().zip(&plan.still);
+        let still = plan.network.outputs().iter().zip(&plan.output_offsets);
         let start_keys: Vec<String> = still
             .map(|(output, still)| {
                 format!(
@@ -62,17 +64,17 @@ impl Simulation {
             })
             .collect();
         let mut keys_by_stop = vec![start_keys; stops.len()];
-        let starts_silent = plan.still.iter().map(|still| *still == 0.0).collect();
+        let starts_silent = plan.output_offsets.iter().map(|still| *still == 0.0).collect();
         let mut silent_outputs: Vec<Vec<bool>> = vec![starts_silent; stops.len()];
         // Sums are rounded group by group.
-        let mut last_group = vec![vec![None; plan.still.len()]; stops.len()];
+        let mut last_group = vec![vec![None; plan.output_offsets.len()]; stops.len()];
         let running: Vec<&RunningUnit> = self.units().map(|(running, _)| running).collect();
         for (group, units) in plan.groups(GROUPS_MAX).into_iter().enumerate() {
-            for unit in units.filter(|unit| *unit < plan.n_heard) {
+            for unit in units.filter(|unit| *unit < plan.n_heard_units) {
                 let outputs = self.outputs_of(unit);
                 let silent_until = match (running[unit], &plan.units[unit]) {
                     (RunningUnit::Island(island), _) => island.silent_until(),
-                    (_, Unit::Bank(bank)) => bank.silent_until(),
+                    (_, ComputationUnit::Bank(bank)) => bank.silent_until_frame(),
                     _ => 0,
                 };
                 let (mut last_stop, mut key_before) = (0, String::new());
@@ -105,11 +107,11 @@ impl Simulation {
     /// Outputs of the scene that hear a unit, in its order.
     fn outputs_of(&self, unit: usize) -> Vec<usize> {
         match (&self.plan.units[unit], self.content(unit)) {
-            (Unit::IslandPlan(island_plan), _) => island_plan.scene_outputs().collect(),
-            (Unit::Bank(_), UnitContent::Bank(content)) => {
+            (ComputationUnit::IslandPlan(island_plan), _) => island_plan.scene_outputs().collect(),
+            (ComputationUnit::Bank(_), UnitContent::Bank(content)) => {
                 content.outputs.iter().map(|&output| output as usize).collect()
             }
-            (Unit::Bank(_), UnitContent::Island(_)) => Vec::new(),
+            (ComputationUnit::Bank(_), UnitContent::Island(_)) => Vec::new(),
         }
     }
 }

@@ -57,7 +57,8 @@ impl Takeover {
                     |mat| old_plan.network.mat_name(mat),
                 );
                 let mats = if voice_script.free.is_like(&old_voice.free, new_name_of, old_name_of)
-                    && (island_plan.oversampling, island_plan.every) == (old_plan.oversampling, old_plan.every)
+                    && (island_plan.oversampling, island_plan.frame_interval)
+                        == (old_plan.oversampling, old_plan.frame_interval)
                 {
                     None
                 } else {
@@ -116,7 +117,7 @@ impl Takeover {
 
     /// Matches gates by their links, hands by their MATs, and, in islands that are the same, the parts that may be
     /// muted.
-    pub(super) fn gates_hands_and_parts(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) {
+    pub(super) fn match_gates_hands_and_parts(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) {
         let mut old_gates = HashMap::new();
         let mut old_hands: HashMap<String, Vec<(UnitIndex, usize)>> = HashMap::new();
         for &(old_unit, island, island_plan) in &old_side.islands {

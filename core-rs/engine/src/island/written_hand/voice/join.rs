@@ -1,6 +1,6 @@
 //! How a gesture begins: directly, if the key is where it begins, or by a curve that leads onto its path.
 
-use super::{Running, Scene, Voice, VoiceScript};
+use super::{RunningGesture, Scene, Voice, VoiceScript};
 use crate::gesture::quintic::{Knot, Quintic};
 use crate::island::written_hand::framed::{FramedGesture, Leg};
 
@@ -47,7 +47,7 @@ impl Voice {
                 }
                 let late_curve = self.late_joining(script, scene, gesture, n);
                 scene.reports[gesture_index].first_point_missed = late_curve.is_some();
-                self.running = Some(Running::new(gesture_index, late_curve));
+                self.running = Some(RunningGesture::new(gesture_index, late_curve));
                 continue;
             }
             let time_left = gesture.gesture.start - time_now;
@@ -58,7 +58,7 @@ impl Voice {
                 let is_at_entry = (knot_now.x - gesture.gesture.entry.x).abs() <= JOINING_DISTANCE_MIN
                     && (knot_now.v / frame_rate).abs() <= JOINING_DISTANCE_MIN;
                 if !is_at_entry && gesture.gesture.manner.join > 0.0 {
-                    self.running = Some(Running::new(
+                    self.running = Some(RunningGesture::new(
                         gesture_index,
                         Some(Joining::new(knot_now, gesture.gesture.entry)),
                     ));

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{Running, Voice, VoiceScript};
+use super::{RunningGesture, Voice, VoiceScript};
 use crate::island::written_hand::framed::FramedGesture;
 
 /// What one voice passes on to another.
@@ -87,7 +87,7 @@ impl Voice {
         self.is_led = old.is_led;
         self.running = old.running.take().and_then(|running| {
             let gesture = takeover.gesture(running.gesture)?;
-            Some(Running { gesture, ..running })
+            Some(RunningGesture { gesture, ..running })
         });
         // The position asked for at this very frame is kept only if the comparison goes into the report of the same
         // gesture.

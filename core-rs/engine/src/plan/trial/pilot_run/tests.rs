@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::assembly::unit::Unit;
+use crate::assembly::unit::ComputationUnit;
 use crate::generator::{Ends, Rim, Shape, plate, string};
 use crate::gesture::profile::Curve;
 use crate::gesture::script::{Gesture, Manner};
@@ -27,7 +27,7 @@ fn position_term(first: usize) -> Term {
 /// The first island of the plan of a network.
 fn only_island(network: Network, timeline: &Timeline, budget: &Budget) -> IslandPlan {
     let plan = Plan::new(Arc::new(network), timeline, budget, None).unwrap();
-    let Some(Unit::IslandPlan(island_plan)) = plan.units.into_iter().next() else {
+    let Some(ComputationUnit::IslandPlan(island_plan)) = plan.units.into_iter().next() else {
         panic!("no island");
     };
     *island_plan
@@ -94,16 +94,16 @@ fn pilot_run_begins_late_for_modes_above_a_quarter_of_the_rate() {
 
 /// Sound, state and work of an island, and how many of its frames were skipped.
 fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64; 3], u64) {
-    let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
+    let mut island = start_island(island_plan, island_plan.contact_substeps).unwrap();
     let mut sample_bits = Vec::new();
-    let mut block_sound = vec![0.0; BLOCK * island.n_out()];
-    for _ in 0..(0.6 * 44_100.0) as usize / BLOCK {
+    let mut block_sound = vec![0.0; BLOCK_FRAMES * island.n_out()];
+    for _ in 0..(0.6 * 44_100.0) as usize / BLOCK_FRAMES {
         block_sound.fill(0.0);
         let lone_team = &mut ThreadTeam::alone();
         if may_rest {
-            island.process(&mut block_sound, BLOCK, lone_team).unwrap();
+            island.process(&mut block_sound, BLOCK_FRAMES, lone_team).unwrap();
         } else {
-            island.compute(&mut block_sound, BLOCK, lone_team).unwrap();
+            island.compute(&mut block_sound, BLOCK_FRAMES, lone_team).unwrap();
         }
         sample_bits.extend(block_sound.iter().map(|x| x.to_bits()));
     }
@@ -120,7 +120,7 @@ fn pilot_run_skips_rest_with_the_same_bits() {
             let plan = plan(&budget, rests);
             let mut n_islands = 0;
             for unit in &plan.units {
-                let Unit::IslandPlan(island_plan) = unit else {
+                let ComputationUnit::IslandPlan(island_plan) = unit else {
                     continue;
                 };
                 n_islands += 1;
@@ -173,7 +173,7 @@ fn friction_in_a_ring_takes_few_rounds() {
     network.listen("o", vec![position_term(ring_mats[0])]).unwrap();
     let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     let island_plan = only_island(network, &timeline, &Budget::Method(Method::Ca));
-    let mut island = island(&island_plan, island_plan.contact_substeps).unwrap();
+    let mut island = start_island(&island_plan, island_plan.contact_substeps).unwrap();
     let n_frames = 13_230;
     let mut ring_sound = vec![0.0; n_frames];
     island
@@ -205,7 +205,7 @@ fn law_plan(struck_at: f64) -> IslandPlan {
 fn pilot_run_skips_rest_of_a_law_with_any_substeps() {
     let island_plan = law_plan(1.0);
     for contact_substeps in [1, 2, 4, 256] {
-        let mut island = island(&island_plan, contact_substeps).unwrap();
+        let mut island = start_island(&island_plan, contact_substeps).unwrap();
         let n_frames = 44_100;
         let mut sound = vec![0.0; n_frames];
         island.process(&mut sound, n_frames, &mut ThreadTeam::alone()).unwrap();
@@ -224,12 +224,17 @@ fn pilot_run_counts_no_work_of_the_rest_before_it() {
         let island_plan = law_plan(struck_at);
         let allowance = Allowance::with_total(1e9);
         let excerpt = Excerpt {
-            from: frames_at_rest(&island_plan, &allowance).unwrap(),
+            first_frame: frames_at_rest(&island_plan, &allowance).unwrap(),
             n_frames: 8_192,
         };
         play(&island_plan, 4, excerpt, &allowance).unwrap()
     });
-    let [early, late] = runs.each_ref().map(|run| run.counted_cost.contacts);
+    let [early, late] = runs.each_ref().map(|run| run.counted_cost.contacts_ns);
     assert!(early > 0 && early.abs_diff(late) <= early / 10, "{early} {late}");
-    assert!(runs[1].work < 1.2 * runs[0].work, "{} {}", runs[0].work, runs[1].work);
+    assert!(
+        runs[1].work_seconds < 1.2 * runs[0].work_seconds,
+        "{} {}",
+        runs[0].work_seconds,
+        runs[1].work_seconds
+    );
 }
