@@ -290,6 +290,7 @@ def test_completion_of_families_and_modules(session: Stepped):
         assert [offer for offer in offers if offer != "kick.strike"] == [
             "kick.skin",
             "kick.hammer",
+            "kick.rim",
             "kick.shell",
             "kick.lug1",
             "kick.lug2",

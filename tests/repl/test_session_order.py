@@ -18,7 +18,7 @@ def test_gain_of_an_instrument_under_way(delayed: Delayed) -> None:
     delayed.ok("gain kick -3dB")
     delayed.delay = lambda: 0.0
     delayed.ok("play")
-    delayed.ok("rain strikes kick.skin.centre every 1 impulse 20mNs now")
+    delayed.ok("rain strikes kick.hammer every 1 impulse 20mNs now")
     delayed.run(2.0)
     assert np.abs(delayed.sound).max() > 1e-6
     check_render(delayed)
