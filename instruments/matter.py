@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import ceil, isfinite, pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 from ergon.common.decay import LN_1000
 from ergon.instruments.materials import Material
@@ -123,6 +123,73 @@ def _checked_pitch(pitch_hertz: float) -> float:
 # --- a round wire under tension -------------------------------------------------------------------
 
 
+class _Wire(NamedTuple):
+    """A string as a wire; what is not known yet is 0.
+
+    `length` of half a wave [m], `diameter` [m], `line_density` [kg/m], `tension` [N], and
+    `bending_term`, π²·E·I [N·m²].
+    """
+
+    length: float
+    diameter: float
+    line_density: float
+    tension: float
+    bending_term: float
+
+
+def _tuned_wire(
+    wire: _Wire, unknown: str, pitch: tuple[float, float], young: float, matter: Material
+) -> _Wire:
+    """The wire with the tension, length or diameter that gives its pitch.
+
+    `pitch`: the pitch [Hz], and the square of it over that without stiffness; `young`: the modulus
+    that bends it [Pa]. Raises _MatterError.
+    """
+    string_length, _, line_density, tension, bending_term = wire
+    string_pitch, stiff_pitch_ratio_squared = pitch
+    if unknown == "tension":
+        tension = (
+            4.0
+            * string_length
+            * string_length
+            * line_density
+            * string_pitch
+            * string_pitch
+            / stiff_pitch_ratio_squared
+            - bending_term / (string_length * string_length)
+        )
+        _root_of_positive(tension)
+        return wire._replace(tension=tension)
+    if unknown == "length":
+        tension_per_length_squared = (
+            4.0 * line_density * string_pitch * string_pitch / stiff_pitch_ratio_squared
+        )
+        string_length = _root_of_positive(
+            (tension + sqrt(tension * tension + 4.0 * tension_per_length_squared * bending_term))
+            / (2.0 * tension_per_length_squared)
+        )
+        return wire._replace(length=string_length)
+    if unknown != "diameter":
+        return wire
+    a = pi * pi * pi * young / (64.0 * string_length * string_length)
+    b = (
+        matter.density
+        * pi
+        * string_pitch
+        * string_pitch
+        * string_length
+        * string_length
+        / stiff_pitch_ratio_squared
+    )
+    square = b * b - 4.0 * a * tension
+    diameter = sqrt(2.0 * tension / (b + _root_of_positive(square)))
+    return wire._replace(
+        diameter=diameter,
+        line_density=matter.density * pi * diameter * diameter / 4.0,
+        bending_term=pi * pi * pi * young * diameter * diameter * diameter * diameter / 64.0,
+    )
+
+
 def _string_fields(string_values: Values, matter: Material) -> dict[str, Any]:
     string_fields = dict(string_values.by_name)
     quarter_wave_factor = (
@@ -143,53 +210,23 @@ def _string_fields(string_values: Values, matter: Material) -> dict[str, Any]:
     has_written_stiffness = bool(string_values.written("stiffness"))
     # The coefficient of inharmonicity B, if it is written.
     written_inharmonicity = 0.0 if has_written_stiffness else string_fields.get("inharmonicity")
-    string_length, diameter = (
-        string_fields.get("length", 0.0) * quarter_wave_factor,
-        string_fields.get("diameter", 0.0),
-    )
+    diameter = string_fields.get("diameter", 0.0)
     line_density = matter.density * pi * diameter * diameter / 4.0  # [kg/m]
     if "M" in string_fields:
         line_density = string_fields["M"] / (mass_share * string_fields["length"])
-    string_pitch, tension = string_fields.get("f", 0.0), string_fields.get("tension", 0.0)
+    string_pitch = string_fields.get("f", 0.0)
     young = matter.young if written_inharmonicity is None else 0.0
-    bending_term = pi * pi * young * pi * diameter * diameter * diameter * diameter / 64.0  # π²·E·I
+    wire = _Wire(
+        length=string_fields.get("length", 0.0) * quarter_wave_factor,
+        diameter=diameter,
+        line_density=line_density,
+        tension=string_fields.get("tension", 0.0),
+        bending_term=pi * pi * young * pi * diameter * diameter * diameter * diameter / 64.0,
+    )
     # Square of the pitch over that without stiffness.
     stiff_pitch_ratio_squared = 1.0 + (written_inharmonicity or 0.0)
-    if unknown == "tension":
-        tension = (
-            4.0
-            * string_length
-            * string_length
-            * line_density
-            * string_pitch
-            * string_pitch
-            / stiff_pitch_ratio_squared
-            - bending_term / (string_length * string_length)
-        )
-        _root_of_positive(tension)
-    elif unknown == "length":
-        tension_per_length_squared = (
-            4.0 * line_density * string_pitch * string_pitch / stiff_pitch_ratio_squared
-        )
-        string_length = _root_of_positive(
-            (tension + sqrt(tension * tension + 4.0 * tension_per_length_squared * bending_term))
-            / (2.0 * tension_per_length_squared)
-        )
-    elif unknown == "diameter":
-        a = pi * pi * pi * young / (64.0 * string_length * string_length)
-        b = (
-            matter.density
-            * pi
-            * string_pitch
-            * string_pitch
-            * string_length
-            * string_length
-            / stiff_pitch_ratio_squared
-        )
-        square = b * b - 4.0 * a * tension
-        diameter = sqrt(2.0 * tension / (b + _root_of_positive(square)))
-        line_density = matter.density * pi * diameter * diameter / 4.0
-        bending_term = pi * pi * pi * young * diameter * diameter * diameter * diameter / 64.0
+    wire = _tuned_wire(wire, unknown, (string_pitch, stiff_pitch_ratio_squared), young, matter)
+    string_length, diameter, line_density, tension, bending_term = wire
     inharmonicity = (
         written_inharmonicity
         if written_inharmonicity is not None

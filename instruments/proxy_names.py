@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ergon.instruments.model import Module, Target
@@ -80,19 +81,25 @@ def resolve_names(
     mesh_sides = [
         side for side in _mesh_sides(mass_count, column_count, rim is not None) if side > 1
     ] or [1]
+    refusal = _refusal_of_place(proxy_fields, mesh_sides)
+    return refusal is None or report_error(*refusal)
+
+
+def _refusal_of_place(
+    proxy_fields: Mapping[str, Any], mesh_sides: Sequence[int]
+) -> tuple[str, str, str] | None:
+    """A sentence, its field and its code, if a place does not lie in a mesh of these sides."""
     field_name = "follows" if proxy_fields["follows"] else "at"
     for field_key in (field_name, "offset", "span"):
         n_values = len(proxy_fields[field_key] or ())
         if n_values != len(mesh_sides) and not (field_key in ("offset", "span") and n_values == 1):
             words = "a row and a column" if len(mesh_sides) > 1 else "one place"
-            return report_error(
-                f"{field_key}: it has {n_values} items; write {words}", field_key, "E106"
-            )
+            return f"{field_key}: it has {n_values} items; write {words}", field_key, "E106"
     for position, side in zip(proxy_fields["at"] or (), mesh_sides, strict=False):
         if not 0.0 <= position <= side - 1:
             message = f"at: {position:g} is beyond its masses, which are at 0 to {side - 1:,}"
-            return report_error(message, "at", "E105")
-    return True
+            return message, "at", "E105"
+    return None
 
 
 def _row_length(masses: list[Target], part_names: PartNames) -> int | None:

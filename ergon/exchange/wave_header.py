@@ -234,11 +234,7 @@ def _pack_format(format: WaveFormat) -> bytes:
 def parse(open_file: BinaryIO) -> WaveInfo:
     """Read the chunks of a seekable file. Raises NotWaveError with a sentence."""
     header_bytes = open_file.read(12)
-    if (foreign_kind := foreign_form(header_bytes)) is not None:
-        raise NotWaveError(foreign_kind)
-    if len(header_bytes) < 12 or header_bytes[:4] not in _CONTAINERS or header_bytes[8:] != b"WAVE":
-        raise NotWaveError("this is not a WAVE file")
-    container = _CONTAINERS[header_bytes[:4]]
+    container = _container(header_bytes)
     format: WaveFormat | None = None
     long_size, long_riff_size, mask = 0, 0, 0
     byte_order: _Order = "big" if container == "RIFX" else "little"
@@ -313,6 +309,15 @@ def parse(open_file: BinaryIO) -> WaveInfo:
         tuple((cue_labels.get(number, str(number)), frame) for number, frame in cues.items()),
         channel_names,
     )
+
+
+def _container(header_bytes: bytes) -> _Container:
+    """The container of a WAVE file by its first 12 bytes. Raises NotWaveError."""
+    if (foreign_kind := foreign_form(header_bytes)) is not None:
+        raise NotWaveError(foreign_kind)
+    if len(header_bytes) < 12 or header_bytes[:4] not in _CONTAINERS or header_bytes[8:] != b"WAVE":
+        raise NotWaveError("this is not a WAVE file")
+    return _CONTAINERS[header_bytes[:4]]
 
 
 def _next_chunk(open_file: BinaryIO, end_offset: int) -> int:

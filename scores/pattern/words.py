@@ -84,15 +84,7 @@ def parse(pattern_text: str, text_start: int = 0, called: ReadName | None = None
     Raises TextError with offsets into the text plus `text_start`.
     """
     placed_words = [Word(w.group(), w.start()) for w in _WORD.finditer(pattern_text)]
-    if not placed_words or (
-        placed_words[0].text in (*OPTION_EXAMPLES, "do", ",")
-        and placed_words[0].text not in _PATTERN_WORDS
-    ):
-        raise TextError(
-            "the gesture or take is missing; write for instance knock every 1",
-            offset=text_start + (placed_words[0].offset if placed_words else 0),
-            length=len(placed_words[0].text) if placed_words else 1,
-        )
+    _check_first_word(placed_words, text_start)
     placed_options: dict[str, Word] = {}
     if len(placed_words) == 1 and placed_words[0].text.isidentifier():  # most plays
         return PlayWords(
@@ -161,6 +153,19 @@ def parse(pattern_text: str, text_start: int = 0, called: ReadName | None = None
     if NTH_OPTION in placed_options:
         parse_turns(placed_options[NTH_OPTION].text, placed_options[NTH_OPTION].offset)
     return PlayWords(what_word, placed_options, tuple(chain), play_order)
+
+
+def _check_first_word(placed_words: list[Word], text_start: int) -> None:
+    """Raises TextError if a play does not begin with a gesture or take."""
+    if not placed_words or (
+        placed_words[0].text in (*OPTION_EXAMPLES, "do", ",")
+        and placed_words[0].text not in _PATTERN_WORDS
+    ):
+        raise TextError(
+            "the gesture or take is missing; write for instance knock every 1",
+            offset=text_start + (placed_words[0].offset if placed_words else 0),
+            length=len(placed_words[0].text) if placed_words else 1,
+        )
 
 
 def _play_and_pattern(

@@ -86,16 +86,7 @@ def resolve_names(
     ]
     entries_before: Mapping[str, _KnownModule] = {}
     if part_before is not None and part_before.kinds == module_kinds:
-        unchanged_parts = {
-            name
-            for name, part_used in part_before.parts.items()
-            if parts_by_name.get(name) is part_used
-        }
-        entries_before = {
-            name: entry
-            for name, entry in part_before.modules.items()
-            if entry.searched <= unchanged_parts and entry.written is owning_part.modules.get(name)
-        }
+        entries_before = _unchanged_entries(part_before, owning_part, parts_by_name)
     reached, searched, rules = part_names.referenced_parts, part_names.searched_parts, make_rules()
     entries_now: dict[str, _KnownModule] = {}
     for module_name, written_module in owning_part.modules.items():
@@ -131,3 +122,19 @@ def resolve_names(
             _KnownPart(module_kinds, lasting_entries, needed, all_reached, complete),
         )
     return resolved_modules
+
+
+def _unchanged_entries(
+    part_before: _KnownPart, owning_part: PartContents, parts_by_name: Mapping[str, Any]
+) -> Mapping[str, _KnownModule]:
+    """The modules that are written as before and whose names were looked up in unchanged parts."""
+    unchanged_parts = {
+        name
+        for name, part_used in part_before.parts.items()
+        if parts_by_name.get(name) is part_used
+    }
+    return {
+        name: entry
+        for name, entry in part_before.modules.items()
+        if entry.searched <= unchanged_parts and entry.written is owning_part.modules.get(name)
+    }

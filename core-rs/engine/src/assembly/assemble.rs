@@ -136,12 +136,8 @@ impl Assembled {
         let (island_cut, (contact_substeps, may_collocate, certificate)) = match cut_with_hub {
             Some(cut_with_hub) => cut_with_hub,
             None => {
-                // Only at the score's own rate does the composer get an explanation.
-                let refusal = match oversampling {
-                    1 => Refusal::Explained,
-                    _ => Refusal::Bare,
-                };
-                let hub_substeps = certified_hub(&subset.network, &timeline, budget, steps_max, refusal)?;
+                let hub_substeps =
+                    certified_hub(&subset.network, &timeline, budget, steps_max, refusal_at(oversampling))?;
                 (ported::uncut_island(subset, island_timeline, timeline), hub_substeps)
             }
         };
@@ -245,6 +241,14 @@ impl Assembled {
         self.island_plan.bodies = self.bodies.iter().map(|ported_body| ported_body.plan.clone()).collect();
         self.island_plan.contact_substeps = contact_substeps;
         self
+    }
+}
+
+/// Only at the score's own rate does the composer get an explanation.
+fn refusal_at(oversampling: u32) -> Refusal {
+    match oversampling {
+        1 => Refusal::Explained,
+        _ => Refusal::Bare,
     }
 }
 

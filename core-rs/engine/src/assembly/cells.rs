@@ -87,24 +87,7 @@ pub(crate) fn oscillator_banks(
             }
         }
     }
-    for push in pushes(network, timeline, |_| true) {
-        let struck_mat = push.mat as usize;
-        cell_oscillators[struck_mat].blows.push(Blow {
-            frame: push.frame,
-            kick: Kick::By(scheme.w[struck_mat] * push.force),
-        });
-    }
-    for ergon in &timeline.ergons {
-        let struck_mat = ergon.mat as usize;
-        cell_oscillators[struck_mat].blows.push(Blow {
-            frame: frame(ergon.instant, rate.hertz()),
-            kick: Kick::Ergon {
-                mass: ergon.mass,
-                speed: ergon.speed,
-                w: scheme.w[struck_mat],
-            },
-        });
-    }
+    add_blows(network, timeline, &scheme, &mut cell_oscillators);
     let mut part_sizes = HashMap::new();
     for (part, cell) in mats.part.iter().zip(&cell_oscillators) {
         *part_sizes.entry(*part).or_insert(0) += usize::from(!cell.outputs.is_empty());
@@ -139,6 +122,28 @@ pub(crate) fn oscillator_banks(
         }
     }
     Ok(cell_banks)
+}
+
+/// Add what strikes and pushes each oscillator (n_mat).
+fn add_blows(network: &Network, timeline: &Timeline, scheme: &Scheme, cell_oscillators: &mut [Oscillator]) {
+    for push in pushes(network, timeline, |_| true) {
+        let struck_mat = push.mat as usize;
+        cell_oscillators[struck_mat].blows.push(Blow {
+            frame: push.frame,
+            kick: Kick::By(scheme.w[struck_mat] * push.force),
+        });
+    }
+    for ergon in &timeline.ergons {
+        let struck_mat = ergon.mat as usize;
+        cell_oscillators[struck_mat].blows.push(Blow {
+            frame: frame(ergon.instant, timeline.rate.hertz()),
+            kick: Kick::Ergon {
+                mass: ergon.mass,
+                speed: ergon.speed,
+                w: scheme.w[struck_mat],
+            },
+        });
+    }
 }
 
 /// Add a weight to what an output hears.

@@ -114,14 +114,12 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
     for run in network.runs().iter().filter(|run| run.part == part) {
         is_link_inside[run.first..run.first + run.len].fill(may_be_slow(&run.kind));
     }
-    timeline
-        .gates
-        .iter()
-        .for_each(|gate| is_link_inside[gate.links()].fill(false));
-    timeline
-        .leads
-        .iter()
-        .for_each(|lead| is_link_inside[lead.links()].fill(false));
+    for gate in &timeline.gates {
+        is_link_inside[gate.links()].fill(false);
+    }
+    for lead in &timeline.leads {
+        is_link_inside[lead.links()].fill(false);
+    }
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         match *term {
             Term::Force { first, len, .. } => is_link_inside[first..first + len].fill(false),
@@ -144,11 +142,9 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
     let strikes = timeline.strikes.iter().map(|strike| strike.mat as usize);
     let ergon_mats = timeline.ergons.iter().map(|ergon| ergon.mat as usize);
     let struck_mats = timeline.keys.iter().map(|key| key.struck);
-    strikes
-        .chain(ergon_mats)
-        .chain(struck_mats)
-        .for_each(|mat| is_port[mat] = true);
-
+    for mat in strikes.chain(ergon_mats).chain(struck_mats) {
+        is_port[mat] = true;
+    }
     if timeline.is_open {
         is_port.fill(true);
     }

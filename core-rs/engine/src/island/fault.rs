@@ -5,7 +5,7 @@ use super::{Gain, Island, inside};
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
 use crate::network::Term;
-use crate::scheme::{Scheme, Spring, Springs};
+use crate::scheme::{Scheme, Spring};
 use crate::timeline::Drive;
 
 /// A muted part's outputs fade from where they were over this time [s].
@@ -196,8 +196,7 @@ impl Island {
         }
         scheme.runs.retain(|run| !run_touches_part(run));
         let meets_part = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
-        let uncut_springs = scheme.fused.iter().filter(|spring| !meets_part(spring));
-        scheme.fused = Springs::new(uncut_springs.copied().collect());
+        scheme.fused.retain(|spring| !meets_part(spring));
         scheme.exact.retain(|run| !run_touches_part(run));
         state.matter.laws.set_springs(&scheme.fused, scheme.n_mat());
         if let Some(guard) = &mut state.watch.guard {

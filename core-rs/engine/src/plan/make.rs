@@ -332,9 +332,8 @@ impl<'a> PlanBuilder<'a> {
         check_method(self.budget, subset, &island)?;
         let is_discrete_reference = island.is_discrete_reference();
         let first_row = self.plan.rows.len();
-        let harder_at = error.and_then(|error| {
-            horizon::harder_event(&island.island_plan, &island_timeline.timeline, error.duration_seconds)
-        });
+        let (played, timeline) = (&island.island_plan, &island_timeline.timeline);
+        let harder_at = error.and_then(|error| horizon::harder_event(played, timeline, error.duration_seconds));
         let unchecked_from = error.and_then(|error| horizon::unchecked_from(&island.island_plan, error));
         let Assembled {
             island_plan,

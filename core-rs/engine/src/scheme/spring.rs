@@ -58,6 +58,13 @@ impl Springs {
         }
     }
 
+    /// Remove all runs but some.
+    pub(crate) fn retain(&mut self, is_retained: impl FnMut(&Spring) -> bool) {
+        let mut runs = std::mem::take(&mut self.runs);
+        runs.retain(is_retained);
+        *self = Self::new(runs);
+    }
+
     /// Set stiffness [N/m] and damping per step of a run; damping that was 0 stays 0.
     pub(crate) fn set_k_and_z(&mut self, run: usize, [k, z]: [f64; 2]) {
         (self.runs[run].k, self.runs[run].z) = (k, z);

@@ -79,11 +79,8 @@ impl Takeover {
                     .filter(|index_pair| old.gestures[index_pair.0].join_from <= takeover_step);
                 for &(old_gesture, new_gesture) in begun_gestures {
                     let is_same_unit = self.units.contains(&(old_unit, new_unit));
-                    self.items.push((
-                        old_unit,
-                        new_unit,
-                        ItemTakeover::Report(old_gesture, new_gesture, is_same_unit),
-                    ));
+                    let report = ItemTakeover::Report(old_gesture, new_gesture, is_same_unit);
+                    self.items.push((old_unit, new_unit, report));
                 }
                 let voice = VoiceTakeover {
                     from: old_voice_index,
