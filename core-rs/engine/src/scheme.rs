@@ -14,7 +14,7 @@ mod taps;
 pub use certify::{BoundMethod, Certificate, StabilityGuarantee};
 pub(crate) use certify::{LargestEigenvalue, Refusal, largest_eigenvalue, largest_eigenvalue_up_to};
 pub(crate) use link::tension_energy;
-pub(crate) use lone_links::{LinkGroup, LoneLinks, PulledEnds};
+pub(crate) use lone_links::{LinkGroup, LoneLinks, PulledEnds, are_lone};
 pub(crate) use spring::{ForceEnds, Spring, Springs};
 pub(crate) use taps::Tap;
 

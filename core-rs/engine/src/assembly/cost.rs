@@ -10,7 +10,7 @@ use crate::island::mesh::Mesh;
 use crate::island::slow::{Slow, Springs};
 use crate::island::{FINE_SUBSTEPS_MIN, Island};
 use crate::network::{Contact, LinkKind, Measure, Network, Pairwise, Run, SpaceLaw, SpaceLink};
-use crate::scheme::Scheme;
+use crate::scheme::{Scheme, are_lone};
 use crate::timeline::Timeline;
 
 impl IslandPlan {
@@ -52,6 +52,8 @@ pub(crate) fn stepped_ns(network: &Network, timeline: &Timeline) -> f64 {
 /// Cost of modules that are stepped, without hands [ns a frame].
 fn modules_ns(network: &Network) -> f64 {
     let mut total_cost = Costs::nanoseconds("frame") + network.n_moving() as f64 * Costs::nanoseconds("mat");
+    let springs = || network.runs().iter().filter(|run| is_spring(&run.kind));
+    let is_lone_mesh = are_lone(springs().map(|run| run.len));
     for run in network.runs() {
         let link_cost = match &run.kind {
             LinkKind::Space(SpaceLink {
@@ -64,11 +66,15 @@ fn modules_ns(network: &Network) -> f64 {
             }
             LinkKind::Space(_) => Costs::nanoseconds("space_single"),
             LinkKind::Pairwise(pairs) if pairs.is_searched() => {
-                total_cost += pairs.n_first as f64 * Costs::nanoseconds("pairwise") * friction_factor(pairs);
-                Costs::nanoseconds("pairwise") * friction_factor(pairs)
+                // Of a large group only the points near the smaller one are pushed.
+                let pushed_points = 2.0 * pairs.n_first.min(run.len) as f64;
+                total_cost += pushed_points * Costs::nanoseconds("pairwise") * friction_factor(pairs);
+                total_cost += pairs.n_first as f64 * Costs::nanoseconds("pairwise_point");
+                Costs::nanoseconds("pairwise_point")
             }
             LinkKind::Pairwise(pairs) => pairs.n_first as f64 * wall_point_ns(pairs) * friction_factor(pairs),
             LinkKind::Ref if run.len > 1 => Costs::nanoseconds("link"),
+            kind if run.len == 1 && is_lone_mesh && is_spring(kind) => Costs::nanoseconds("lone_link"),
             LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
                 Costs::nanoseconds("expression")
             }
@@ -82,6 +88,15 @@ fn modules_ns(network: &Network) -> f64 {
         total_cost += link_cost * run.len as f64;
     }
     total_cost
+}
+
+/// Whether it is computed in the one pass over all springs of a mesh.
+fn is_spring(kind: &LinkKind) -> bool {
+    match kind {
+        LinkKind::Ref => true,
+        LinkKind::Lnl(law) => law.hardening_spring().is_some(),
+        _ => false,
+    }
 }
 
 /// Cost of a wall for each point [ns]; for a surface as if all points lay on it.
@@ -308,6 +323,28 @@ mod tests {
             .pairwise("walls", wall_groups, 3, wall_law, wall_constants)
             .unwrap();
         stepped_ns(&network, &Timeline::new(Rate::new(44_100.0).unwrap()))
+    }
+
+    /// A mesh of which no two links are alike is dearer than one of a single run, and cheaper than its links alone.
+    #[test]
+    fn cost_of_a_mesh_of_lone_links() {
+        let mesh_ns = |link_count: usize, stiffness: fn(usize) -> f64| {
+            let mut network = Network::new();
+            for mat in 0..=link_count {
+                network.mas(&format!("m{mat}"), 1e-3, 0.0, 0.0).unwrap();
+            }
+            for link in 0..link_count {
+                let name = format!("s{link}");
+                network
+                    .spring(&name, link, link + 1, stiffness(link), 0.0, 0.0)
+                    .unwrap();
+            }
+            stepped_ns(&network, &Timeline::new(Rate::new(44_100.0).unwrap()))
+        };
+        let per_link = |stiffness| (mesh_ns(80, stiffness) - mesh_ns(40, stiffness)) / 40.0 - Costs::nanoseconds("mat");
+        assert!((per_link(|link| 100.0 + link as f64) - Costs::nanoseconds("lone_link")).abs() < 1e-9);
+        assert!(Costs::nanoseconds("lone_link") < Costs::nanoseconds("single"));
+        assert!(Costs::nanoseconds("lone_link") > Costs::nanoseconds("link"));
     }
 
     #[test]

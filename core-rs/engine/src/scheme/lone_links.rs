@@ -7,6 +7,17 @@ use super::spring::{ForceEnds, Spring};
 
 /// Links a run on average, below which links are computed one by one.
 const RUN_LENGTH_MIN: usize = 2;
+/// Runs below which nothing is gained by that.
+const LONE_RUNS_MIN: usize = 32;
+
+/// Whether runs of these lengths are so short that links are computed one by one.
+pub(crate) fn are_lone(run_lengths: impl Iterator<Item = usize>) -> bool {
+    let (mut run_count, mut link_count) = (0, 0);
+    for length in run_lengths {
+        (run_count, link_count) = (run_count + 1, link_count + length);
+    }
+    run_count >= LONE_RUNS_MIN && link_count < RUN_LENGTH_MIN * run_count
+}
 
 /// Springs by their links, in the order in which their forces are added.
 #[derive(Clone, Debug)]
@@ -49,8 +60,7 @@ pub(crate) enum PulledEnds {
 impl LoneLinks {
     /// The links of some runs; `None` if the runs are so long that loops over them are faster.
     pub(super) fn new(springs: &[Spring]) -> Option<Self> {
-        let link_count: usize = springs.iter().map(|run| run.len).sum();
-        (link_count < RUN_LENGTH_MIN * springs.len()).then(|| Self::for_any(springs))
+        are_lone(springs.iter().map(|run| run.len)).then(|| Self::for_any(springs))
     }
 
     /// [`Self::new`] for any runs.
