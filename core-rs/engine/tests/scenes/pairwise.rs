@@ -56,6 +56,16 @@ pub(crate) fn crowd(network: &mut Network, name: &str, n_axes: usize, n: usize, 
     points(network, name, n_axes, &masses, [&x0, &v0])
 }
 
+/// Points in a wide row at rest, of which a crowd meets few at a time.
+fn skin(network: &mut Network, n_axes: usize) -> PointGroup {
+    let n = 120;
+    let mut x0 = vec![0.0; n * n_axes];
+    for (i, x) in x0[..n].iter_mut().enumerate() {
+        *x = 0.004 * (i as f64 - 60.0);
+    }
+    points(network, "skin", n_axes, &vec![2e-3; n], [&x0, &vec![0.0; n * n_axes]])
+}
+
 pub(crate) fn alone(group: PointGroup, i: usize) -> SpacePoint {
     SpacePoint {
         first: group.first.first + i,
@@ -99,6 +109,7 @@ fn motion(seed: u64, n_axes: usize, is_listed: bool, n_frames: u64) -> Simulatio
     network.part("sand", None);
     let a = crowd(&mut network, "a", n_axes, 12, seed);
     let b = crowd(&mut network, "b", n_axes, 17, seed ^ 1);
+    let skin = skin(&mut network, n_axes);
     let numbers = [400.0, 0.02, GAP];
     if is_listed {
         let mut link = |a: SpacePoint, b: SpacePoint| {
@@ -111,9 +122,13 @@ fn motion(seed: u64, n_axes: usize, is_listed: bool, n_frames: u64) -> Simulatio
         for i in 0..a.n {
             (0..b.n).for_each(|j| link(alone(a, i), alone(b, j)));
         }
+        for i in 0..a.n {
+            (0..skin.n).for_each(|j| link(alone(a, i), alone(skin, j)));
+        }
     } else {
         meet(&mut network, [a, a], n_axes, HERTZ, numbers);
         meet(&mut network, [a, b], n_axes, HERTZ, numbers);
+        meet(&mut network, [a, skin], n_axes, HERTZ, numbers);
     }
     let mut simulation = start(network);
     simulation.skip(n_frames).unwrap();
