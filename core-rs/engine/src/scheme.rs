@@ -9,13 +9,15 @@ mod equal_ranges;
 mod link;
 mod lone_links;
 mod spring;
+mod springs;
 mod taps;
 
 pub use certify::{BoundMethod, Certificate, StabilityGuarantee};
 pub(crate) use certify::{LargestEigenvalue, Refusal, largest_eigenvalue, largest_eigenvalue_up_to};
 pub(crate) use link::tension_energy;
 pub(crate) use lone_links::{LinkGroup, LoneLinks, PulledEnds, are_lone};
-pub(crate) use spring::{ForceEnds, Spring, Springs};
+pub(crate) use spring::{ForceEnds, Spring};
+pub(crate) use springs::Springs;
 pub(crate) use taps::Tap;
 
 use std::sync::Arc;
