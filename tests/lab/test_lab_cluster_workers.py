@@ -18,7 +18,7 @@ instruments:
     r: {REF: {between: [m, n], K: 100N/m}},
     b: {BUT: {between: [m, n], K: 1kN/m, gap: 1um}}}, out: {x: {SOX: m}}}
 strikes: {s: {to: [a.m], at: 0.01s, impulse: 1mNs}}
-render: {tail: 0.2s}
+render: {tail: 0.06s}
 """
 
 
