@@ -16,9 +16,10 @@ _STORE = FOLDER / "__pycache__" / hashlib.sha256(_SOURCES).hexdigest()[:16]
 
 def compiled(function: Callable[..., Any]) -> Any:
     """`function` by numba; another process of the same sources loads what this one compiled."""
-    before = nb.config.CACHE_DIR
-    nb.config.CACHE_DIR = str(_STORE)
+    config: Any = nb.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(_STORE)
     try:
         return nb.njit(cache=True)(function)
     finally:
-        nb.config.CACHE_DIR = before
+        config.CACHE_DIR = before
