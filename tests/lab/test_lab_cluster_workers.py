@@ -16,9 +16,9 @@ rates: {audio: 8000Hz}
 instruments:
   a: {modules: {m: {CEL: {M: 2g, f: 440Hz, t60: 0.5s}}, n: {CEL: {M: 2g, f: 500Hz, t60: 0.5s}},
     r: {REF: {between: [m, n], K: 100N/m}},
-    b: {BUT: {between: [m, n], K: 1kN/m, gap: 1um}}}, out: {x: {SOX: m}}}
+    b: {BUT: {between: [m, n], K: 100N/m, gap: 1um}}}, out: {x: {SOX: m}}}
 strikes: {s: {to: [a.m], at: 0.01s, impulse: 1mNs}}
-render: {tail: 0.2s}
+render: {tail: 0.06s}
 """
 
 

@@ -39,10 +39,15 @@ TAMTAM = """
       d1: {FRO: {between: [wall, body.60], Z: 10mNs/m}}
       d2: {FRO: {between: [wall, body.200], Z: 10mNs/m}}
     out: {left: {SOF: {FRO: d1}}, right: {SOF: {FRO: d2}}}"""
-# The same without hardening, so that only the blow itself is not linear.
-LINEAR = TAMTAM.replace(", hardening: 5e12N/m3", "").replace(
-    "{left: {SOF: {FRO: d1}}, right: {SOF: {FRO: d2}}}", "{SOF: {FRO: d1}}"
-)
+# A smaller one without hardening, so that only the blow itself is not linear.
+LINEAR = TAMTAM
+for replaced, by in (
+    (", hardening: 5e12N/m3", ""),
+    ("{left: {SOF: {FRO: d1}}, right: {SOF: {FRO: d2}}}", "{SOF: {FRO: d1}}"),
+    ("radius: 9", "radius: 6"),
+    ("body.200", "body.100"),
+):
+    LINEAR = LINEAR.replace(replaced, by)
 OUTPUTS = {"force": LINEAR, "position": LINEAR.replace("{SOF: {FRO: d1}}", "{SOX: body.60}")}
 Capture = pytest.CaptureFixture[str]
 

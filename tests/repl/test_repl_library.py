@@ -53,7 +53,7 @@ def test_use_family_is_played_by_plain_name(session: Stepped):
     session.run(0.5)
     assert instruments(session) == set()
     session.ok(KICK)
-    session.run(2.0)
+    session.run(0.8)
     assert instruments(session) == {"kick"}
     assert "use:\n  skins: instruments/skins.yaml\n" in text(session)
     assert "kick: {from: skins/kick}" in text(session)
@@ -88,7 +88,7 @@ def test_route_of_all_instruments_in_line(session: Stepped, line: str):
 def test_use_family_in_one_text(session: Stepped):
     session.ok(f"use skins\n{KICK}")
     session.ok("play")
-    session.run(1.5)
+    session.run(0.6)
     assert instruments(session) == {"kick"}
     session.close()
     assert np.array_equal(session.again(), session.sound)
@@ -208,7 +208,7 @@ def test_use_at_a_beat_before_dependent_line(session: Stepped):
     session.ok("play")
     session.ok("use skins at 2|1")
     session.ok(f"{KICK} at 2|2")
-    session.run(3.0)
+    session.run(1.6)
     assert instruments(session) == {"kick"}
     session.close()
     assert np.array_equal(session.again(), session.sound)
@@ -267,7 +267,7 @@ def test_gestures_and_voices_and_scenes_are_listed(tmp_path: Path):
         session.ok(KICK)
         session.ok("ada plays knock every 1")
         session.ok("play")
-        session.run(3.1)
+        session.run(2.1)
         assert session.ok("voices").lines == session.ok("show").lines
         assert "d1 (strikes): kick.hammer from 1|1" in session.ok("voices").lines
         session.ok("keep 2bar as verse")
@@ -314,7 +314,7 @@ def test_rename_reaches_words_with_levels(session: Stepped):
     session.ok("rename kick boom")
     assert "boom:f ~ boom snare:p" in text(session)
     session.ok("play")
-    session.run(1.0)
+    session.run(0.4)
     session.close()
     assert np.array_equal(session.again(), session.sound)
     assert np.abs(session.sound).max() > 0.0

@@ -21,7 +21,7 @@ TEXT = SCORE.replace("bpm: 120", "bpm: 240")  # a bar is a second
 # Lines that are typed at one instant, and for how long the session then goes on [s]. The lines of
 # a step take effect together, so that they may also be typed as a block.
 STEPS: Sequence[tuple[Sequence[str], float]] = (
-    (("kick = skins/kick", "route kick 1 2", "gain kick -3dB"), 0.1),
+    (("kick = skins/tabla", "route kick 1 2", "gain kick -3dB"), 0.1),
     (("vib = bars/vibraphone notes=C2..D2", "route vib 2"), 0.1),
     (("tap = 0@0 smooth 3@1/8 smooth 0@1/4", "leo plays tap every 1"), 0.1),
     (("def fill:\n  leo plays tap every 1/2 times 4\nend", "fill at 3|1"), 0.1),

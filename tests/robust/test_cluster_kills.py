@@ -30,7 +30,7 @@ GONG = (
 )
 STRIKES = (
     "strikes:\n  s: {to: [a.p.centre, b.p.centre, c.p.centre], at: 0.1s, impulse: 1mNs..5mNs, "
-    "every: 1s, times: 70}\nrender: {tail: 10s, bits: float}\n"
+    "every: 1s, times: 40}\nrender: {tail: 5s, bits: float}\n"
 )
 
 

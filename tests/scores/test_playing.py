@@ -328,7 +328,9 @@ def loudness(family: str, name: str, strengths: tuple[str, ...], note: str = "")
     loaded = load(BESIDE, text=text)
     assert loaded.piece is not None, loaded.diagnostics
     staged = stage(loaded.piece)
-    n_frames = min(int(0.75 * staged.rate), staged.n_frames)
+    # What is struck is loudest in its first 0.4 s, which begin with the stroke.
+    seconds = 0.75 if family in ("friction", "winds") else 0.6
+    n_frames = min(int(seconds * staged.rate), staged.n_frames)
     frames = np.zeros((n_frames, staged.simulation.n_out))
     staged.simulation.process(frames)
     mixed = np.zeros((n_frames, staged.n_channels))

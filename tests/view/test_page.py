@@ -491,7 +491,7 @@ def test_page_switches_between_file_and_live_server(
     kind = """window.ergon && ergon.page.connection.offset !== null
       && [ergon.page.live !== null, window.before === true]"""
     try:
-        with chromium.page(WIDTH, HEIGHT) as page:
+        with chromium.page(320, 240) as page:  # which is drawn all the time
             page.open(server.url)
             until(lambda: page.run(kind) == [False, False], "the file")
             for other in (None, motion):

@@ -2,9 +2,9 @@
 
 import math
 
-import numba as nb
 import numpy as np
 
+from oracle.compiled import compiled
 from oracle.laws import law
 
 LINEAR, BUT, EXACT, LNL, DRY = range(5)
@@ -16,7 +16,7 @@ POSITION, FORCE, GROUND = range(3)
 GAUSS_X, GAUSS_W = np.polynomial.legendre.leggauss(8)
 
 
-@nb.njit
+@compiled
 def quotient(u, w, stiffness, exponent):
     """(V(u) - V(w))/(u - w) for V = K·p₊^(α+1)/(α+1)."""
     n = exponent + 1.0
@@ -31,7 +31,7 @@ def quotient(u, w, stiffness, exponent):
     return stiffness * (vu - vw) / (n * (u - w))
 
 
-@nb.njit
+@compiled
 def exact_contact(p, w, beta, stiffness, exponent):
     """Penetration u at n+1 that solves u = p - β·(V(u)-V(w))/(u-w), V = K·p₊^(α+1)/(α+1).
 
@@ -53,7 +53,7 @@ def exact_contact(p, w, beta, stiffness, exponent):
     return 0.5 * (low + high)
 
 
-@nb.njit
+@compiled
 def closed_contact(p, w, beta, stiffness):
     """The same for exponent 1, in closed form."""
     a = 0.5 * beta * stiffness
@@ -67,7 +67,7 @@ def closed_contact(p, w, beta, stiffness):
     return ((p + w) + math.sqrt((p + w) ** 2 - 4.0 * (1.0 + a) * p * w)) / (2.0 * (1.0 + a))
 
 
-@nb.njit
+@compiled
 def turned(v, gain, bound):
     """The step after `v` that gains `gain`, reduced by dry friction by at most `bound`."""
     if v == 0.0 and abs(gain) <= bound:
@@ -80,7 +80,7 @@ def turned(v, gain, bound):
     return 0.0 if after >= 0.0 else method * to * after / before
 
 
-@nb.njit
+@compiled
 def friction(row, v, free, beta):
     """Force [N] of dry friction on its first point, for the last step v and the step `free` [m]
     without friction.
@@ -96,7 +96,7 @@ def friction(row, v, free, beta):
     return (free - to) / beta
 
 
-@nb.njit
+@compiled
 def pull(kind, row, da, xa, db, xb):
     """Force [N] of an explicit link on its first point, from positions x and last steps d."""
     if kind == LINEAR:
@@ -112,7 +112,7 @@ def pull(kind, row, da, xa, db, xb):
     return -row[SIGN] * size
 
 
-@nb.njit
+@compiled
 def run(
     x, d, mats, kinds, ends, rows, taps, weights, n_out, force_at, forces, path_at, paths, hits
 ):

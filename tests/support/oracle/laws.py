@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numba as nb
+from oracle.compiled import compiled
 
 CUBIC, ROPE, BOW, COULOMB = range(4)
 
@@ -17,7 +17,7 @@ TABLE: dict[str, tuple[int, str | None, str | None, tuple[str, ...]]] = {
 }
 
 
-@nb.njit
+@compiled
 def law(number, c, d, v):
     """Force [N] of law `number` with constants c at elongation d [m] and its rate v [m/s]."""
     if number == CUBIC:
