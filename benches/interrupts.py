@@ -72,7 +72,7 @@ COMMANDS = {
     "check, a rehearsal": (
         _THROW.format(more=", travel: -9mm..9mm"),
         "check score.yaml",
-        "_rehearsed",
+        "_rehearsed_range",
     ),
     "check --simulate": (_THROWN, "check --simulate score.yaml", "measure_excursions"),
     "check, a large plate": (_LARGE, "check score.yaml", "add_parts"),
