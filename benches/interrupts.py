@@ -89,7 +89,7 @@ COMMANDS = {
         "render score.yaml -o out.wav --method ca",
         "frames_of",
     ),
-    "compile": (_THROWN, "compile score.yaml -o out.csv", "stream"),
+    "compile": (_THROWN, "compile score.yaml -o out.csv", "stream_ergons"),
     "plot": (_THROWN, "plot score.yaml g --svg out.svg", "asked_and_done"),
     "chart": (_LONG, "chart score.yaml -o out", "chart"),
     "stability": ("", "stability -o out", "stability"),
