@@ -256,7 +256,7 @@ impl PlanRow {
     fn from_row(row: &plan::Row) -> Self {
         let (what, modes, left_out_db) = match row.computation {
             Computation::Stepped => ("stepped", None, None),
-            Computation::Mesh(way, _) => (way, None, None),
+            Computation::Mesh(method, _) => (method, None, None),
             Computation::Slow { is_exact: true, .. } => ("e4", None, None),
             Computation::Slow { .. } => ("stepped", None, None),
             Computation::Oscillators => ("oscillators", None, None),

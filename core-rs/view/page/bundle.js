@@ -35,35 +35,36 @@ export class Bundles {
 async function inflate(packed, length) {
   const reader = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate")).getReader();
   const all = new Uint8Array(length);
-  let at = 0;
+  let offset = 0;
   for (;;) {
     const { value, done } = await reader.read();
     if (done) break;
-    if (at + value.length > length) {
+    if (offset + value.length > length) {
       await reader.cancel();
       throw new Error("it goes on after its end");
     }
-    all.set(value, at);
-    at += value.length;
+    all.set(value, offset);
+    offset += value.length;
   }
-  if (at < length) throw new Error("it ends before its end");
+  if (offset < length) throw new Error("it ends before its end");
   return all;
 }
 
 function groups(bytes, end) {
   const view = new DataView(bytes.buffer);
   const found = [];
-  let at = 0;
+  let offset = 0;
   const take = (length, width) => {
-    if (at + length > bytes.length) throw new Error("a group goes on after the end");
-    const records = joined(bytes.subarray(at, at + length), width);
-    at += length;
+    if (offset + length > bytes.length) throw new Error("a group goes on after the end");
+    const records = joined(bytes.subarray(offset, offset + length), width);
+    offset += length;
     return new DataView(records.buffer);
   };
-  while (at < bytes.length) {
-    const [kind, width, count] = [view.getUint16(at, true), view.getUint16(at + 2, true), view.getUint32(at + 4, true)];
+  while (offset < bytes.length) {
+    const [kind, width] = [view.getUint16(offset, true), view.getUint16(offset + 2, true)];
+    const count = view.getUint32(offset + 4, true);
     if (kind === KIND.bundle || width === 0) throw new Error("no group is like this");
-    at += HEAD;
+    offset += HEAD;
     const [instants, lengths] = [take(INSTANT * count, INSTANT), take(LENGTH * count, LENGTH)];
     let all = 0;
     for (let i = 0; i < count; i++) all += lengths.getUint32(LENGTH * i, true);

@@ -54,40 +54,40 @@ export class Chunks {
     this.have += piece.length;
     if (this.have < this.need) return;
     const bytes = this.pieces.length === 1 ? piece : join(this.pieces, this.have);
-    const at = yield* this.read(bytes);
-    this.pieces = at < bytes.length ? [bytes.subarray(at)] : [];
-    this.have = bytes.length - at;
-    this.past += at;
+    const offset = yield* this.read(bytes);
+    this.pieces = offset < bytes.length ? [bytes.subarray(offset)] : [];
+    this.have = bytes.length - offset;
+    this.past += offset;
   }
 
   /** Returns how many bytes were complete chunks; sets `need` to the length of the next chunk, or of its head. */
   *read(bytes) {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
-    let at = 0;
+    let offset = 0;
     if (!this.begun) {
       if (!begins(bytes)) throw new Error(`this is no .motion file of format ${FORMATS.join(" or ")}`);
       this.begun = true;
-      at = MAGIC;
+      offset = MAGIC;
     }
     for (;;) {
       this.need = HEAD + CRC;
-      if (bytes.length - at < HEAD) return at;
-      const length = view.getUint32(at + 4, true);
+      if (bytes.length - offset < HEAD) return offset;
+      const length = view.getUint32(offset + 4, true);
       if (length > PAYLOAD_MAX) throw new Error(`a chunk of ${length} bytes is longer than any may be`);
       this.need += length;
-      if (bytes.length - at < this.need) return at;
-      const end = at + HEAD + length;
-      if (crc32(bytes.subarray(at, end)) !== view.getUint32(end, true)) {
+      if (bytes.length - offset < this.need) return offset;
+      const end = offset + HEAD + length;
+      if (crc32(bytes.subarray(offset, end)) !== view.getUint32(end, true)) {
         throw new Error("a chunk is damaged: its check sum is another");
       }
-      const kind = view.getUint16(at, true);
+      const kind = view.getUint16(offset, true);
       if (isKnown(kind)) {
-        const version = view.getUint16(at + 2, true);
+        const version = view.getUint16(offset + 2, true);
         if (version !== VERSION) throw new Error(`chunks of kind ${kind} have version ${version}; this page knows ${VERSION}`);
         // A copy is aligned, and does not keep the whole buffer alive.
-        yield chunk(kind, view.getFloat64(at + 8, true), bytes.slice(at + HEAD, end), this.past + end + CRC);
+        yield chunk(kind, view.getFloat64(offset + 8, true), bytes.slice(offset + HEAD, end), this.past + end + CRC);
       }
-      at = end + CRC;
+      offset = end + CRC;
     }
   }
 }
@@ -99,10 +99,10 @@ export function isKnown(kind) {
 
 function join(pieces, length) {
   const all = new Uint8Array(length);
-  let at = 0;
+  let offset = 0;
   for (const piece of pieces) {
-    all.set(piece, at);
-    at += piece.length;
+    all.set(piece, offset);
+    offset += piece.length;
   }
   return all;
 }

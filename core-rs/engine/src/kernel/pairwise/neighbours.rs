@@ -134,9 +134,7 @@ impl Neighbours {
         if self.is_made && self.is_narrow_for(run, x) {
             gather(run, &self.active, &mut self.x, |mat| x[mat]);
         } else {
-            let all_points = 0..self.x.len();
-            gather(run, slice::from_ref(&all_points), &mut self.x, |mat| x[mat]);
-            self.narrow(run);
+            self.update(run, |mat| x[mat]);
         }
     }
 
@@ -286,8 +284,8 @@ wide! {
         let n = squares.len();
         let (now, then) = (&now[..n], &then[..n]);
         for i in 0..n {
-            let way = now[i] - then[i][axis];
-            squares[i] += way * way;
+            let moved = now[i] - then[i][axis];
+            squares[i] += moved * moved;
         }
     }
 }
