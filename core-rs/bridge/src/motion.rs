@@ -32,7 +32,7 @@ impl MotionLook {
     fn new(py: Python<'_>, simulation: &Simulation) -> Self {
         let network_parts = simulation.0.network().parts().iter();
         let part_names = network_parts.map(|part| part.name.clone()).collect();
-        Self(py.detach(|| simulation.0.looked_at()), part_names)
+        Self(py.detach(|| simulation.0.make_look()), part_names)
     }
 
     #[getter]
@@ -55,7 +55,7 @@ impl MotionLook {
                 count: run.points.len(),
                 kind: run.kind,
                 why: run.why,
-                modes: body.map(|body| (body.first, body.modes.len(), body.n_modes)),
+                modes: body.map(|body| (body.first_mode, body.modes.len(), body.n_modes)),
             }
         };
         record::runs(&self.0).into_iter().map(run).collect()
@@ -98,7 +98,7 @@ impl MotionRecorder {
     ) -> PyResult<Self> {
         let engine_simulation = &mut simulation.0;
         let setup = setup(engine_simulation, timeline, manifest, &places, keys, n_speakers, fps)?;
-        engine_simulation.watch();
+        engine_simulation.start_watching();
         let recorder = Recorder::new(engine_simulation, look.0.clone(), setup).map_err(plain_error)?;
         Ok(Self { recorder, n_speakers })
     }
@@ -148,7 +148,7 @@ fn setup(
     Ok(Setup {
         manifest,
         places: places.chunks(3).map(|at| [at[0], at[1], at[2]]).collect(),
-        ergons: simulation.written(&timeline.inner),
+        ergons: simulation.written_ergons(&timeline.inner),
         strike_points: timeline.inner.strike_points().collect(),
         keys,
         n_speakers,

@@ -61,7 +61,7 @@ impl Simulation {
                 return Err(module_error("plan", message));
             }
             let plan = plan.0.clone();
-            return computing(py, || simulation::Simulation::planned_from(plan, options, start))?
+            return computing(py, || simulation::Simulation::from_plan_at_frame(plan, options, start))?
                 .map(|simulation| Self(simulation, false))
                 .map_err(from_engine);
         }
@@ -69,7 +69,7 @@ impl Simulation {
         let network = std::sync::Arc::new(network.0.clone());
         computing(py, || {
             let plan = ergon_engine::plan::Plan::plain(network, &timeline.inner, options.unchecked)?;
-            simulation::Simulation::planned_from(std::sync::Arc::new(plan), options, start)
+            simulation::Simulation::from_plan_at_frame(std::sync::Arc::new(plan), options, start)
         })?
         .map(|simulation| Self(simulation, false))
         .map_err(from_engine)
@@ -126,14 +126,14 @@ impl Simulation {
 
     /// The position that each key's gesture asks for now [m], (n_keys,).
     fn asked<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.0.asked().into_pyarray(py)
+        self.0.gesture_positions().into_pyarray(py)
     }
 
     /// Set the position x [m] of a real hand from the next tick on, and its movement in the last frame of the tick,
     /// `step` [m].
     #[pyo3(signature = (hand, x, step=None))]
     fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
-        self.0.hold(hand, x, step);
+        self.0.set_hand_position(hand, x, step);
     }
 
     /// Strike a point of `Timeline.strike_point` by an impulse [N·s] at the next frame; False if there is no such
@@ -272,13 +272,13 @@ impl Simulation {
 
     /// The parts that were muted.
     fn muted(&self) -> Vec<MutedPart> {
-        let muted_parts = self.0.muted().into_iter();
+        let muted_parts = self.0.muted_parts().into_iter();
         muted_parts.map(|(name, frame)| MutedPart { name, frame }).collect()
     }
 
     /// Links and meshes that made energy.
     fn gains(&self) -> Vec<EnergyGain> {
-        let energy_gains = self.0.gains().into_iter();
+        let energy_gains = self.0.energy_gains().into_iter();
         energy_gains
             .map(|(name, frame, sentence)| EnergyGain { name, frame, sentence })
             .collect()
@@ -312,7 +312,7 @@ impl Simulation {
         let sound = sound
             .as_slice()
             .map_err(|error| module_error("recall", error.to_string()))?;
-        self.0.recall(&island.0, sound.to_vec());
+        self.0.recall_sound(&island.0, sound.to_vec());
         Ok(())
     }
 
@@ -323,12 +323,12 @@ impl Simulation {
 
     /// Compute an island from here on, and record its sound.
     fn record(&mut self, island: &StorableIsland) {
-        self.0.record(&island.0);
+        self.0.record_sound(&island.0);
     }
 
     /// The sound of an island since `record`, and its state now; the recording ends.
     fn recorded(&mut self, py: Python<'_>, island: &StorableIsland) -> IslandStretch {
-        let (island_sound, island_state) = self.0.recorded(&island.0);
+        let (island_sound, island_state) = self.0.take_recording(&island.0);
         IslandStretch {
             sound: island_sound.into_pyarray(py).unbind(),
             state: PyBytes::new(py, &island_state).unbind(),
@@ -343,7 +343,7 @@ impl Simulation {
         n_frames: usize,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let engine_simulation = &mut self.0;
-        let advance_outcome = computing(py, || engine_simulation.advance(&island.0, n_frames))?;
+        let advance_outcome = computing(py, || engine_simulation.advance_island(&island.0, n_frames))?;
         Ok(advance_outcome.map_err(from_fault)?.into_pyarray(py))
     }
 
@@ -355,7 +355,7 @@ impl Simulation {
 
     /// The parts with frames of more than one step.
     fn finer(&self) -> Vec<FinerPart> {
-        let finer_parts = self.0.finer().into_iter();
+        let finer_parts = self.0.finer_parts().into_iter();
         finer_parts
             .map(|(name, frames, steps)| FinerPart { name, frames, steps })
             .collect()

@@ -47,7 +47,7 @@ pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
         threads: 1,
         unchecked: false,
     };
-    let mut simulation = Simulation::planned(Arc::new(plan), options)?;
+    let mut simulation = Simulation::from_plan(Arc::new(plan), options)?;
     let mut frames = vec![0.0; 22_050];
     simulation.process(&mut frames)?;
     Ok(frames)

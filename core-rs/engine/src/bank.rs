@@ -13,7 +13,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::cell::Response;
-use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, lane_total, run, run_weighted};
+use crate::kernel::bank::{
+    GroupCoefficients, GroupMotion, LANES, LaneSum, Lanes, advance_and_sum, advance_and_sum_weighted, lane_total,
+};
 use crate::units::Rate;
 use script::{Script, Section};
 use sleep::{REST_AMPLITUDE, REST_TEST_EVERY, rest_threshold};
@@ -70,16 +72,16 @@ pub(crate) struct Strikes {
 pub(crate) struct Bank {
     script: Arc<Script>,
     frame: u64,
-    motions: Vec<Motion>,
+    motions: Vec<GroupMotion>,
     /// Index of the next event of each group   (n_groups)
     next: Vec<usize>,
     /// Whether each group is at rest: then its output is zero   (n_groups)
     is_still: Vec<bool>,
     /// Rates with the additional damping, and whether it acts   (n_groups)
-    damped: Vec<Rates>,
+    damped: Vec<GroupCoefficients>,
     is_damped: bool,
     /// Sums of one section   (its outputs · room)
-    sums: Vec<Sum>,
+    sums: Vec<LaneSum>,
     frames_max: usize,
 }
 
@@ -124,13 +126,14 @@ impl Bank {
         } else {
             rest_threshold(oscillators, &bank_script.strikes, rate) / bank_script.rates.len().max(1) as f64
         };
-        let is_still = |motion: &Motion| motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
+        let is_still =
+            |motion: &GroupMotion| motion.positions == Lanes::ZERO && motion.previous_positions == Lanes::ZERO;
         let n_outputs = bank_script.sections.iter().map(|section| section.outputs.len());
         Self {
             frame: 0,
             next: vec![0; motions.len()],
             is_still: motions.iter().map(is_still).collect(),
-            sums: vec![Sum::ZERO; n_outputs.max().unwrap_or(0) * frames_max],
+            sums: vec![LaneSum::ZERO; n_outputs.max().unwrap_or(0) * frames_max],
             frames_max,
             motions,
             damped: bank_script.rates.clone(),
@@ -151,7 +154,7 @@ impl Bank {
         for section in &bank_script.sections {
             let n_outputs = section.outputs.len();
             let frames_max = self.frames_max;
-            self.sums[..n_outputs * frames_max].fill(Sum::ZERO);
+            self.sums[..n_outputs * frames_max].fill(LaneSum::ZERO);
             for group in section.groups.clone() {
                 self.advance(&bank_script, group, n_outputs, n_frames);
             }
@@ -198,7 +201,7 @@ impl Bank {
                 self.next[group] += 1;
             }
             self.run(script, group, n_outputs, segment_start..segment_start + 1);
-            for (x, displacement) in self.motions[group].now.0.iter_mut().zip(&displacement.0) {
+            for (x, displacement) in self.motions[group].positions.0.iter_mut().zip(&displacement.0) {
                 *x += displacement;
             }
             segment_start += 1;
@@ -212,11 +215,11 @@ impl Bank {
         let (group_rates, group_motion) = (self.damped.get(group), &mut self.motions[group]);
         let group_rates = group_rates.filter(|_| self.is_damped).unwrap_or(&script.rates[group]);
         if n_outputs == 1 {
-            run(group_rates, group_motion, &mut self.sums[frames]);
+            advance_and_sum(group_rates, group_motion, &mut self.sums[frames]);
         } else {
             let n_frames = frames.len();
             let output_sums = &mut self.sums[frames.start..];
-            run_weighted(
+            advance_and_sum_weighted(
                 group_rates,
                 group_motion,
                 &script.weights[group],
@@ -231,7 +234,7 @@ impl Bank {
     pub(crate) fn damp(&mut self, by: f64) {
         self.is_damped = by < 1.0;
         for (damped, rates) in self.damped.iter_mut().zip(&self.script.rates) {
-            rates.faded(by, damped);
+            rates.scale_poles(by, damped);
         }
     }
 
@@ -242,8 +245,8 @@ impl Bank {
         let lane_scale = self.script.scales[group_index].0[lane_index];
         let group_motion = &self.motions[group_index];
         (
-            group_motion.now.0[lane_index] / lane_scale,
-            group_motion.before.0[lane_index] / lane_scale,
+            group_motion.positions.0[lane_index] / lane_scale,
+            group_motion.previous_positions.0[lane_index] / lane_scale,
         )
     }
 }

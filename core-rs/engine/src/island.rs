@@ -53,7 +53,7 @@ use std::sync::Arc;
 use crate::gesture::report::Report;
 use crate::guard::{FinerFrames, Guard};
 use crate::island::written_hand::voice::{Voice, VoiceScript};
-use crate::kernel::Laws;
+use crate::kernel::KernelScratch;
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::{Body, ExactWork, Target};
@@ -116,7 +116,7 @@ struct Matter {
     body: Body,
     bodies: Vec<inside::RunningBody>,
     fine: Option<fine::Fine>,
-    laws: Laws,
+    laws: KernelScratch,
     targets: Vec<Target>,
 }
 

@@ -17,12 +17,14 @@ pub(crate) mod springs;
 mod taps;
 pub(crate) mod thread_team;
 
-pub(crate) use exact::{Contact, SLIDE_DISTANCE_MIN, contacts, friction, rest};
-pub(crate) use laws::Laws;
-pub(crate) use mats::{advance, centred, fine_steps, force_to_reach, is_bounded, predict};
-pub(crate) use pairwise::{Contact as PairContact, Neighbours};
-pub(crate) use runs::{links, slide_bristles};
-pub(crate) use taps::tap;
+pub(crate) use exact::{ExactContact, SLIDE_DISTANCE_MIN, solve_exact_contacts, solve_friction, stop_resting_masses};
+pub(crate) use laws::KernelScratch;
+pub(crate) use mats::{
+    advance_by_fraction, advance_mats, centred_velocity, force_to_reach, is_bounded, predict_position,
+};
+pub(crate) use pairwise::{Neighbours, TouchingPair as PairContact};
+pub(crate) use runs::{compute_link_forces, slide_bristles};
+pub(crate) use taps::write_outputs;
 
 #[cfg(test)]
 mod tests;

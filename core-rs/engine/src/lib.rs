@@ -40,7 +40,7 @@
 //!
 //! let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
 //! let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
-//! let mut simulation = Simulation::planned(Arc::new(plan), options)?;
+//! let mut simulation = Simulation::from_plan(Arc::new(plan), options)?;
 //! let mut sound = vec![0.0; 44_100];
 //! simulation.process(&mut sound)?;
 //!

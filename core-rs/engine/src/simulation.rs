@@ -19,18 +19,18 @@ use crate::assembly::unit::{ComputationUnit, IslandPlan, to_network_index};
 use crate::derivative::{self, Derivatives};
 use crate::interrupt;
 use crate::island::Island;
-use crate::kernel::thread_team::flushed;
+use crate::kernel::thread_team::with_denormals_flushed;
 use crate::network::{Error, Network};
 use crate::plan::Plan;
 use crate::timeline::Timeline;
 
 pub use crate::archive::Damaged;
 pub use crate::island::{EmulatedKey, Energy, Fault, Motor, OnFault, Options, Record};
-pub use look::{Contact, Glance, Look, Oscillation, Point, PointMotion, Push, SeenBody};
+pub use look::{Contact, Glance, Look, Oscillation, Point, PointMotion, Push, VisibleBody};
 pub use stored::StorableIsland;
 pub use takeover::Takeover;
 
-use group::{GROUPS_MAX, Group, RunningUnit, THREADED_BLOCK, UNIT_BLOCK};
+use group::{GROUPS_MAX, Group, RunningUnit, THREADED_BLOCK_FRAMES, UNIT_BLOCK_FRAMES};
 
 /// Least work that a frame adds to the counter of interruptions; trials count work by the table of costs.
 const INTERRUPT_STEPS_PER_FRAME: usize = 16;
@@ -40,13 +40,13 @@ const INTERRUPT_STEPS_PER_FRAME: usize = 16;
 pub struct Simulation {
     plan: Arc<Plan>,
     groups: Vec<Group>,
-    contents: stored::Contents,
+    unit_contents: stored::UnitContents,
     threads: usize,
     frame: u64,
     derivatives: Derivatives,
     sounds_in: sounds_in::SoundsIn,
     /// Room for the outputs of the last skipped frames, which differentiated outputs need.
-    skipped_outputs: Vec<f64>,
+    skipped_frame_outputs: Vec<f64>,
 }
 
 /// The complete state of a simulation at one frame; see [`Simulation::restore`].
@@ -84,19 +84,19 @@ impl Simulation {
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
     pub fn new(network: Arc<Network>, timeline: &Timeline, options: Options) -> Result<Self, Error> {
         let plain_plan = Plan::plain(network, timeline, options.unchecked)?;
-        Self::planned(Arc::new(plain_plan), options)
+        Self::from_plan(Arc::new(plain_plan), options)
     }
 
     /// A simulation of a plan, at frame 0.
     ///
     /// # Errors
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
-    pub fn planned(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
+    pub fn from_plan(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
         let n_outputs = plan.network.outputs().len();
         let block_frames = if options.threads > 1 {
-            THREADED_BLOCK
+            THREADED_BLOCK_FRAMES
         } else {
-            UNIT_BLOCK
+            UNIT_BLOCK_FRAMES
         };
         let mut groups = Vec::new();
         for range in plan.groups(GROUPS_MAX) {
@@ -115,14 +115,14 @@ impl Simulation {
         let history_frames = if derivatives.is_empty() { 0 } else { derivative::SPAN };
         let sounds_in = sounds_in::SoundsIn::new(&plan);
         Ok(Self {
-            contents: stored::Contents::new(&plan),
+            unit_contents: stored::UnitContents::new(&plan),
             plan,
             groups,
             sounds_in,
             threads,
             frame: 0,
             derivatives,
-            skipped_outputs: vec![0.0; history_frames * n_outputs],
+            skipped_frame_outputs: vec![0.0; history_frames * n_outputs],
         })
     }
 
@@ -131,14 +131,14 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
-    pub fn planned_from(plan: Arc<Plan>, options: Options, from: u64) -> Result<Self, Error> {
-        let mut simulation = Self::planned(plan, options)?;
-        if from > 0 {
-            simulation.frame = from;
+    pub fn from_plan_at_frame(plan: Arc<Plan>, options: Options, start_frame: u64) -> Result<Self, Error> {
+        let mut simulation = Self::from_plan(plan, options)?;
+        if start_frame > 0 {
+            simulation.frame = start_frame;
             for running in simulation.groups.iter_mut().flat_map(|group| &mut group.units) {
                 match running {
-                    RunningUnit::Island(island) => island.seek(from),
-                    RunningUnit::Bank(bank) => bank.seek(from),
+                    RunningUnit::Island(island) => island.seek(start_frame),
+                    RunningUnit::Bank(bank) => bank.seek(start_frame),
                 }
             }
         }
@@ -200,21 +200,25 @@ impl Simulation {
     /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn skip(&mut self, n_frames: u64) -> Result<(), Fault> {
         let n_outputs = self.n_out().max(1);
-        let final_frames = n_frames.min((self.skipped_outputs.len() / n_outputs) as u64);
+        let final_frames = n_frames.min((self.skipped_frame_outputs.len() / n_outputs) as u64);
         let mut frames_left = n_frames - final_frames;
         while frames_left > 0 {
             let block_frames = frames_left.min(self.block_limit() as u64);
             self.advance_groups(&mut [], block_frames as usize)?;
             frames_left -= block_frames;
         }
-        let mut skipped_outputs = std::mem::take(&mut self.skipped_outputs);
+        let mut skipped_outputs = std::mem::take(&mut self.skipped_frame_outputs);
         let process_result = self.process(&mut skipped_outputs[..final_frames as usize * n_outputs]);
-        self.skipped_outputs = skipped_outputs;
+        self.skipped_frame_outputs = skipped_outputs;
         process_result
     }
 
     fn block_limit(&self) -> usize {
-        if self.threads > 1 { THREADED_BLOCK } else { UNIT_BLOCK }
+        if self.threads > 1 {
+            THREADED_BLOCK_FRAMES
+        } else {
+            UNIT_BLOCK_FRAMES
+        }
     }
 
     /// Advance every group by `n_frames` frames. Of several faults the one with the first frame is returned.
@@ -223,12 +227,12 @@ impl Simulation {
         let plan = &*self.plan;
         let n_outputs = plan.network.outputs().len();
         let frame_span = (self.frame, n_frames);
-        let run_group = |group: &mut Group| flushed(|| group.run(plan, frame_span));
+        let run_group = |group: &mut Group| with_denormals_flushed(|| group.run(plan, frame_span));
         let faults: Vec<Fault> = if self.threads == 1 {
             self.groups.iter_mut().filter_map(run_group).collect()
         } else {
             let (team_groups, single_groups): (Vec<_>, Vec<_>) =
-                self.groups.iter_mut().partition(|group| group.team > 1);
+                self.groups.iter_mut().partition(|group| group.team_size > 1);
             let mut faults: Vec<Fault> = team_groups.into_iter().filter_map(run_group).collect();
             faults.extend(group::run_on_threads(single_groups, self.threads, &run_group));
             faults
@@ -238,8 +242,8 @@ impl Simulation {
             frame.copy_from_slice(&plan.output_offsets);
         }
         let groups = self.groups.iter();
-        let sounding_groups = groups.filter(|group| group.first < plan.n_heard_units);
-        sounding_groups.for_each(|group| group.add_to(out, n_outputs));
+        let sounding_groups = groups.filter(|group| group.first_unit < plan.n_heard_units);
+        sounding_groups.for_each(|group| group.add_sums_to(out, n_outputs));
         self.frame = match &fault {
             Some(fault) => fault.frame,
             None => self.frame + n_frames as u64,
@@ -249,7 +253,7 @@ impl Simulation {
 
     /// Positions now [m], (n_mat); NaN for MATs that the plan does not compute.
     pub fn positions(&self) -> Vec<f64> {
-        let mut x = self.motion(|x, _| x, Island::positions);
+        let mut x = self.mat_values(|x, _| x, Island::positions);
         for (island, island_plan) in self.islands() {
             let frames_ahead = island.ahead(self.frame);
             let steps = f64::from(frames_ahead) * island.steps_per_frame();
@@ -264,7 +268,7 @@ impl Simulation {
     /// Displacements over the last frame, x[n] − x[n−1] [m], (n_mat); NaN for MATs that the plan does not compute. For
     /// an island whose step is not one frame: its last step times its number of steps a frame.
     pub fn steps(&self) -> Vec<f64> {
-        let mut steps = self.motion(|x, before| x - before, Island::steps);
+        let mut steps = self.mat_values(|x, previous_position| x - previous_position, Island::steps);
         for (island, island_plan) in self.islands() {
             let frame_steps = island.steps_per_frame();
             for local in (0..island.steps().len()).filter(|_| frame_steps != 1.0) {
@@ -274,19 +278,19 @@ impl Simulation {
         steps
     }
 
-    fn motion(&self, value_of: fn(f64, f64) -> f64, values_of: fn(&Island) -> &[f64]) -> Vec<f64> {
+    fn mat_values(&self, bank_value: fn(f64, f64) -> f64, island_values: fn(&Island) -> &[f64]) -> Vec<f64> {
         let mut mat_values = vec![f64::NAN; self.plan.network.n_mat()];
         for (running, unit) in self.units() {
             match (running, unit) {
                 (RunningUnit::Island(island), ComputationUnit::IslandPlan(island_plan)) => {
-                    for (local, &value) in values_of(island).iter().enumerate() {
+                    for (local, &value) in island_values(island).iter().enumerate() {
                         mat_values[to_network_index(&island_plan.network_indices.mats, local)] = value;
                     }
                 }
                 (RunningUnit::Bank(bank), ComputationUnit::Bank(plan)) => {
                     for (oscillator, &(mat, rest)) in plan.mats_and_rests.iter().enumerate() {
-                        let (now, before) = bank.motion(oscillator);
-                        mat_values[mat as usize] = value_of(now + rest, before + rest);
+                        let (displacement, displacement_before) = bank.motion(oscillator);
+                        mat_values[mat as usize] = bank_value(displacement + rest, displacement_before + rest);
                     }
                 }
                 _ => {}
@@ -296,18 +300,18 @@ impl Simulation {
     }
 
     /// Position that the gesture of each key asks for now [m], (n_keys); NaN for keys without a running gesture.
-    pub fn asked(&self) -> Vec<f64> {
+    pub fn gesture_positions(&self) -> Vec<f64> {
         let mut asked_positions = vec![f64::NAN; self.plan.n_keys];
         self.write_gesture_positions(&mut asked_positions);
         asked_positions
     }
 
-    /// [`Simulation::asked`] without allocating.
-    fn write_gesture_positions(&self, all: &mut [f64]) {
-        all.fill(f64::NAN);
+    /// [`Simulation::gesture_positions`] without allocating.
+    fn write_gesture_positions(&self, positions: &mut [f64]) {
+        positions.fill(f64::NAN);
         for (island, island_plan) in self.islands() {
             island.asked(|local, asked, is_layer| {
-                let key_position = &mut all[to_network_index(&island_plan.network_indices.keys, local)];
+                let key_position = &mut positions[to_network_index(&island_plan.network_indices.keys, local)];
                 *key_position = if is_layer { *key_position + asked } else { asked };
             });
         }
@@ -317,7 +321,7 @@ impl Simulation {
     ///
     /// `step`: the movement in the last frame of the tick [m], from a device that knows it exactly; `None`: the
     /// difference between the two ticks.
-    pub fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
+    pub fn set_hand_position(&mut self, hand: usize, x: f64, step: Option<f64>) {
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let RunningUnit::Island(island) = running {
                 island.hold(hand, x, step);

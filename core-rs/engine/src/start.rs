@@ -118,7 +118,7 @@ pub(crate) fn forces(
                     mat_forces[b] -= f * along;
                 }
             };
-            Neighbours::new(&pair_run).touching(&pair_run, |mat| x[mat], push);
+            Neighbours::new(&pair_run).for_each_touching(&pair_run, |mat| x[mat], push);
             continue;
         }
         for i in interrupt::steps(0..run.len) {
@@ -203,7 +203,7 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
             force[a] -= *push;
             force[b] += *push;
             let law = but_link.law(run.k, run.z);
-            let contact = kernel::Contact {
+            let contact = kernel::ExactContact {
                 law: ContactLaw {
                     z: 0.0,
                     is_clamped: false,

@@ -69,7 +69,7 @@ fn plan_and_simulation_of_large_bodies_poll_often() {
     // Islands, and for each string its subset, its bodies and its certificate.
     assert!(planning >= 5 * 2 * MASSES / MASSES_PER_POLL, "{planning}");
     let plan = Arc::new(plan);
-    let (simulation, building) = looks(|| Simulation::planned(plan.clone(), options(1)));
+    let (simulation, building) = looks(|| Simulation::from_plan(plan.clone(), options(1)));
     assert!(building >= 2 * MASSES / MASSES_PER_POLL, "{building}");
     let mut simulation = simulation.unwrap();
     let ((), computing) = looks(|| simulation.process(&mut [0.0; 20]).unwrap());
@@ -83,7 +83,7 @@ fn simulation_threads_end_with_an_interrupted_computation() {
     let plan = Plan::new(Arc::new(network), &timeline, &budget, None).unwrap();
     let plan = Arc::new(plan);
     for threads in [1, 2, 3] {
-        let mut simulation = Simulation::planned(plan.clone(), options(threads)).unwrap();
+        let mut simulation = Simulation::from_plan(plan.clone(), options(threads)).unwrap();
         let count = Cell::new(0);
         let ask = move || {
             count.set(count.get() + 1);

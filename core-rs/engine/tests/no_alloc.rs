@@ -73,16 +73,16 @@ fn look(seeds: Range<u64>) {
             ledger: false,
             ..options(OnFault::Stop)
         };
-        let mut simulation = Simulation::planned(Arc::new(plan), options).unwrap();
-        let look = simulation.looked_at();
-        simulation.watch();
+        let mut simulation = Simulation::from_plan(Arc::new(plan), options).unwrap();
+        let look = simulation.make_look();
+        simulation.start_watching();
         let mut glance = Glance::new(&simulation, &look);
         let mut seen = false;
         let mut out = vec![0.0; scene.n_frames() * simulation.n_out()];
         for block in out.chunks_mut(100 * simulation.n_out()) {
             assert_eq!(allocations(&mut simulation, block), 0, "{seed}");
             reset_violation_count();
-            assert_no_alloc(|| simulation.glance(&look, &mut glance));
+            assert_no_alloc(|| simulation.fill_glance(&look, &mut glance));
             assert_eq!(violation_count(), 0, "{seed}");
             assert_eq!(glance.frame, simulation.frame());
             seen |= glance.tracks.iter().any(|x| *x != 0.0);
@@ -140,7 +140,7 @@ fn slow_key_does_not_allocate() {
         ledger: false,
         ..options(OnFault::Stop)
     };
-    let mut simulation = Simulation::planned(Arc::new(plan), options).unwrap();
+    let mut simulation = Simulation::from_plan(Arc::new(plan), options).unwrap();
     let mut out = vec![0.0; 6_000 * simulation.n_out()];
     assert_eq!(allocations(&mut simulation, &mut out), 0);
     let snapshot = simulation.snapshot();
@@ -173,11 +173,11 @@ fn take_over(seeds: Range<u64>) {
         };
         let plan = Plan::new(network, &scene.timeline, &Budget::default(), None).unwrap();
         let plan = Arc::new(plan);
-        let mut old = Simulation::planned(plan.clone(), options).unwrap();
+        let mut old = Simulation::from_plan(plan.clone(), options).unwrap();
         let position = scene.n_frames() / 3;
         let mut out = vec![0.0; position * old.n_out()];
         assert_eq!(allocations(&mut old, &mut out), 0, "{seed}");
-        let mut new = Simulation::planned_from(plan, options, position as u64).unwrap();
+        let mut new = Simulation::from_plan_at_frame(plan, options, position as u64).unwrap();
         let mut takeover = Takeover::new(&old, &new);
         reset_violation_count();
         assert!(assert_no_alloc(|| new.take_over(&mut old, &mut takeover)));
@@ -212,7 +212,7 @@ fn rest_and_wake_do_not_allocate() {
             ledger: false,
             ..options(OnFault::Stop)
         };
-        let mut simulation = Simulation::planned(Arc::new(plan), options).unwrap();
+        let mut simulation = Simulation::from_plan(Arc::new(plan), options).unwrap();
         let mut out = vec![0.0; 10_000];
         assert_eq!(allocations(&mut simulation, &mut out), 0);
         let passed = simulation.steps_at_rest();
@@ -260,11 +260,11 @@ fn finer_frames_do_not_allocate() {
             ledger: false,
             ..options(OnFault::Stop)
         };
-        let mut old = Simulation::planned(plan.clone(), options).unwrap();
+        let mut old = Simulation::from_plan(plan.clone(), options).unwrap();
         let mut out = vec![0.0; 100];
         assert_eq!(allocations(&mut old, &mut out), 0);
         let mut fork = old.fork();
-        let mut new = Simulation::planned_from(plan, options, 100).unwrap();
+        let mut new = Simulation::from_plan_at_frame(plan, options, 100).unwrap();
         let mut takeover = Takeover::new(&old, &new);
         reset_violation_count();
         assert!(assert_no_alloc(|| new.take_over(&mut old, &mut takeover)));
@@ -274,7 +274,7 @@ fn finer_frames_do_not_allocate() {
             reset_violation_count();
             assert_eq!(assert_no_alloc(|| going.n_finer()), 1);
             assert_eq!(violation_count(), 0);
-            assert!(going.finer()[0].1 > 100);
+            assert!(going.finer_parts()[0].1 > 100);
         }
         assert_eq!(allocations(&mut fork, &mut out), 0);
     }
@@ -318,10 +318,10 @@ fn take_over_with_another_method_does_not_allocate() {
     let plan = |k: f64, budget: &Budget| Plan::new(string(k), &timeline, budget, None).unwrap();
     for before in &budgets {
         for after in &budgets {
-            let mut old = Simulation::planned(Arc::new(plan(1.0, before)), options).unwrap();
+            let mut old = Simulation::from_plan(Arc::new(plan(1.0, before)), options).unwrap();
             old.skip(1_000).unwrap();
             let new = Arc::new(plan(1.1, after));
-            let mut new = Simulation::planned_from(new, options, 1_000).unwrap();
+            let mut new = Simulation::from_plan_at_frame(new, options, 1_000).unwrap();
             let mut takeover = Takeover::new(&old, &new);
             reset_violation_count();
             assert!(assert_no_alloc(|| new.take_over(&mut old, &mut takeover)));

@@ -316,7 +316,9 @@ impl MotionFile {
             }
             let position_of = |number: usize| {
                 let (a, b, flight_start) = flights_now[number];
-                self.oscillations[number].later((a, b), instant - flight_start).0
+                self.oscillations[number]
+                    .coefficients_after((a, b), instant - flight_start)
+                    .0
             };
             for part in &self.parts {
                 let part_positions = &mut row[part.first..part.first + part.count];

@@ -191,7 +191,7 @@ impl Recorder {
     /// Look at the simulation as it is now.
     pub fn look(&mut self, simulation: &mut Simulation) {
         let mut glance = std::mem::take(&mut self.glance);
-        simulation.glance(&self.look, &mut glance);
+        simulation.fill_glance(&self.look, &mut glance);
         self.record(&glance);
         self.glance = glance;
     }
@@ -377,11 +377,14 @@ impl Recorder {
             .map(|(key, mat)| {
                 let key_point = self.points.get(mat).map(|&index| (index, &self.look.points[index]));
                 let key_position = match key_point {
-                    Some((_, point)) if matches!(point.how, PointMotion::NotComputed { .. }) => f64::NAN,
+                    Some((_, point)) if matches!(point.motion, PointMotion::NotComputed { .. }) => f64::NAN,
                     Some((point_index, point)) => glance.tracks[point_index] + point.rest,
                     None => f64::NAN,
                 };
-                (key_position, glance.asked.get(key).copied().unwrap_or(f64::NAN))
+                (
+                    key_position,
+                    glance.gesture_positions.get(key).copied().unwrap_or(f64::NAN),
+                )
             })
             .collect();
         let hand_bytes = self.event(now, kind::HANDS);

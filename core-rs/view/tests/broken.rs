@@ -72,7 +72,7 @@ fn torn() -> (Network, Vec<Option<f64>>) {
 }
 
 fn recorded(mut simulation: Simulation, seconds: f64) -> (Look, MotionFile) {
-    let look = simulation.looked_at();
+    let look = simulation.make_look();
     let parts: Vec<String> = runs(&look)
         .iter()
         .map(|run| {
@@ -156,6 +156,6 @@ fn broken_links_arrive_at_once_and_in_states() {
     let complete = Simulation::new(network.clone(), &timeline, options).unwrap();
     check(complete, &network, &when);
     let plan = Plan::new(network.clone(), &timeline, &Budget::Error(-20.0), None).unwrap();
-    let planned = Simulation::planned(Arc::new(plan), options).unwrap();
+    let planned = Simulation::from_plan(Arc::new(plan), options).unwrap();
     check(planned, &network, &when);
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::{Kick, Oscillator, Strikes};
-use crate::kernel::bank::{LANES, Lanes, Motion, Rates};
+use crate::kernel::bank::{GroupCoefficients, GroupMotion, LANES, Lanes};
 use crate::units::Rate;
 
 /// A blow on one lane of a group or on all lanes.
@@ -33,7 +33,7 @@ pub(super) struct Script {
     pub(super) rate: Rate,
     pub(super) sections: Vec<Section>,
     /// (n_groups)
-    pub(super) rates: Vec<Rates>,
+    pub(super) rates: Vec<GroupCoefficients>,
     /// Weights of groups with several outputs, output by output; empty for one output   (n_groups)
     pub(super) weights: Vec<Vec<Lanes>>,
     /// Scale of the positions in the lanes: the weight if there is one output, otherwise 1   (n_groups)
@@ -51,7 +51,7 @@ pub(super) struct Script {
 
 impl Script {
     /// Add a group of oscillators with the same outputs; returns its motion at frame 0.
-    pub(super) fn group(&mut self, oscillators: &[Oscillator], members: &[usize]) -> Motion {
+    pub(super) fn group(&mut self, oscillators: &[Oscillator], members: &[usize]) -> GroupMotion {
         let gather_lanes = |pick: &dyn Fn(&Oscillator) -> f64| {
             let mut picked_lanes = Lanes::ZERO;
             for (lane, &member) in picked_lanes.0.iter_mut().zip(members) {
@@ -66,7 +66,7 @@ impl Script {
             [(_, weight)] => weight,
             _ => 1.0,
         };
-        self.rates.push(Rates {
+        self.rates.push(GroupCoefficients {
             a: gather_lanes(&|oscillator| oscillator.a),
             b: gather_lanes(&|oscillator| oscillator.b),
         });
@@ -91,9 +91,9 @@ impl Script {
         let indices = members.iter().map(|&member| Some(member as u32));
         self.members.extend(indices);
         self.members.resize(self.rates.len() * LANES, None);
-        Motion {
-            now: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.now),
-            before: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.before),
+        GroupMotion {
+            positions: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.now),
+            previous_positions: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.before),
         }
     }
 
@@ -128,7 +128,7 @@ impl Script {
     }
 
     /// Add the displacements by an event to `added`; `motion`: positions of the group at the frame of the event.
-    pub(super) fn add(&self, group: usize, motion: &Motion, event: &Event, added: &mut Lanes) {
+    pub(super) fn add(&self, group: usize, motion: &GroupMotion, event: &Event, added: &mut Lanes) {
         let lane_scales = &self.scales[group].0;
         match event.lanes {
             Target::Lane(lane_index, Kick::By(x)) => {
@@ -138,7 +138,8 @@ impl Script {
             Target::Lane(lane_index, Kick::Ergon { mass, speed, w }) => {
                 let lane_index = lane_index as usize;
                 let group_rates = &self.rates[group];
-                let (position_now, position_before) = (motion.now.0[lane_index], motion.before.0[lane_index]);
+                let (position_now, position_before) =
+                    (motion.positions.0[lane_index], motion.previous_positions.0[lane_index]);
                 let position_next = group_rates.a.0[lane_index] * position_now
                     - group_rates.b.0[lane_index] * position_before
                     + added.0[lane_index];

@@ -21,11 +21,16 @@ impl Bank {
         let (group_rates, group_motion) = (&script.rates[group], &mut self.motions[group]);
         let amplitude = |lane: usize| {
             let (a, b) = (group_rates.a.0[lane], group_rates.b.0[lane]);
-            amplitude(a, b, group_motion.now.0[lane], group_motion.before.0[lane])
+            amplitude(
+                a,
+                b,
+                group_motion.positions.0[lane],
+                group_motion.previous_positions.0[lane],
+            )
         };
         let total_amplitude: f64 = (0..LANES).map(amplitude).sum();
         if total_amplitude < script.rest_threshold {
-            (group_motion.now, group_motion.before) = (Lanes::ZERO, Lanes::ZERO);
+            (group_motion.positions, group_motion.previous_positions) = (Lanes::ZERO, Lanes::ZERO);
             self.is_still[group] = true;
         }
     }

@@ -33,7 +33,10 @@ impl Bank {
             self.store(
                 group_index,
                 lane_index,
-                (old_motion.now.0[old_lane], old_motion.before.0[old_lane]),
+                (
+                    old_motion.positions.0[old_lane],
+                    old_motion.previous_positions.0[old_lane],
+                ),
             );
         } else {
             self.set_motion(oscillator, old.motion(old_oscillator));
@@ -42,8 +45,8 @@ impl Bank {
 
     fn store(&mut self, group: usize, lane: usize, (now, before): (f64, f64)) {
         let group_motion = &mut self.motions[group];
-        (group_motion.now.0[lane], group_motion.before.0[lane]) = (now, before);
-        self.is_still[group] = group_motion.now == Lanes::ZERO && group_motion.before == Lanes::ZERO;
+        (group_motion.positions.0[lane], group_motion.previous_positions.0[lane]) = (now, before);
+        self.is_still[group] = group_motion.positions == Lanes::ZERO && group_motion.previous_positions == Lanes::ZERO;
     }
 
     fn place(&self, oscillator: usize) -> (usize, usize) {

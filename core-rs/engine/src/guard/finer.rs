@@ -6,7 +6,7 @@
 //! links and ties. Outside forces act at the beginning of the frame, as in a frame of one step.
 
 use super::{CALM_FRAMES, CALM_SHARE, Guard, MAX_STEPS};
-use crate::kernel::{fine_steps, is_bounded};
+use crate::kernel::{advance_by_fraction, is_bounded};
 
 /// A network that the guard can step.
 pub(crate) trait Stage {
@@ -97,7 +97,7 @@ impl Guard {
                 Some(_) => [ties[0], &self.ties[0], &self.ties[1], ties[3]],
                 None => ties,
             };
-            fine_steps(step_fraction, step_ties, force, x, d);
+            advance_by_fraction(step_fraction, step_ties, force, x, d);
             if step == 1 {
                 let travel_pairs = self.travel.iter_mut().zip(&*d);
                 travel_pairs.for_each(|(travel, d)| *travel += 0.5 * d);

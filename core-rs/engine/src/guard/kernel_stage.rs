@@ -2,7 +2,7 @@
 
 use super::{Motion, Stage};
 use crate::kernel;
-use crate::kernel::Laws;
+use crate::kernel::KernelScratch;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
 use crate::state::Body;
@@ -11,7 +11,7 @@ pub(crate) struct KernelStage<'a, 'b> {
     pub(crate) scheme: &'a Scheme,
     pub(crate) gates: &'a [f64],
     pub(crate) body: &'a mut Body,
-    pub(crate) laws: &'a mut Laws,
+    pub(crate) laws: &'a mut KernelScratch,
     pub(crate) team: &'a mut ThreadTeam<'b>,
 }
 
@@ -19,9 +19,9 @@ impl Stage for KernelStage<'_, '_> {
     fn links(&mut self) {
         // The ledger still needs the outside forces of this frame.
         let outside = std::mem::take(&mut self.body.outside);
-        kernel::proxies::join(self.scheme, self.body);
-        kernel::links(self.scheme, self.gates, self.body, self.laws, self.team);
-        kernel::proxies::divide(self.scheme, self.body);
+        kernel::proxies::set_from_masses(self.scheme, self.body);
+        kernel::compute_link_forces(self.scheme, self.gates, self.body, self.laws, self.team);
+        kernel::proxies::distribute_forces(self.scheme, self.body);
         self.body.outside = outside;
     }
 

@@ -6,7 +6,7 @@ use super::Stepper;
 use super::mesh::Mesh;
 use crate::guard::{self, Guard, Limit};
 use crate::kernel;
-use crate::kernel::Laws;
+use crate::kernel::KernelScratch;
 use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
@@ -22,7 +22,7 @@ pub(super) struct Ca {
     scheme: Scheme,
     /// Its forces are those of the links at the current frame.
     body: Body,
-    laws: Laws,
+    laws: KernelScratch,
     guard: Option<Guard>,
 }
 
@@ -35,9 +35,12 @@ impl Ca {
         let start_positions = network.mats().x0.clone();
         let start_steps = backward_steps(network, &Timeline::new(rate), &scheme, &start_positions, &[], &|_| true);
         scheme.fuse(|_| false);
-        let (mut body, mut laws) = (Body::new(&scheme, start_positions, start_steps), Laws::new(&scheme));
+        let (mut body, mut laws) = (
+            Body::new(&scheme, start_positions, start_steps),
+            KernelScratch::new(&scheme),
+        );
         body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
-        kernel::links(&scheme, &[], &mut body, &mut laws, &mut ThreadTeam::alone());
+        kernel::compute_link_forces(&scheme, &[], &mut body, &mut laws, &mut ThreadTeam::alone());
         Ok(Self {
             mesh,
             scheme,
@@ -62,9 +65,9 @@ impl Stepper for Ca {
         for &(mat, impulse) in impulses {
             self.body.push(mat, impulse * scheme.rate);
         }
-        kernel::contacts(scheme, &[], &[], &mut self.body);
+        kernel::solve_exact_contacts(scheme, &[], &[], &mut self.body);
         let mesh_partition = self.laws.mesh_partition.as_ref();
-        kernel::advance(scheme, &mut [], &mut self.body, mesh_partition, team);
+        kernel::advance_mats(scheme, &mut [], &mut self.body, mesh_partition, team);
         if let (Some(guard), Some(previous)) = (&mut self.guard, &mut self.body.previous)
             && guard.needs_finer(&self.body.x, &self.body.d, &scheme.w)
         {
@@ -77,7 +80,7 @@ impl Stepper for Ca {
                 team,
             });
         }
-        kernel::links(scheme, &[], &mut self.body, &mut self.laws, team);
+        kernel::compute_link_forces(scheme, &[], &mut self.body, &mut self.laws, team);
     }
 
     fn mesh(&self) -> &Mesh {
@@ -89,7 +92,7 @@ impl Stepper for Ca {
     }
 
     fn velocity(&self, mat: usize) -> f64 {
-        kernel::centred(&self.mesh.scheme, &self.body, mat)
+        kernel::centred_velocity(&self.mesh.scheme, &self.body, mat)
     }
 
     fn last_step(&self, mat: usize) -> f64 {
@@ -102,7 +105,7 @@ impl Stepper for Ca {
 
     fn settle(&mut self) {
         let lone_team = &mut ThreadTeam::alone();
-        kernel::links(&self.scheme, &[], &mut self.body, &mut self.laws, lone_team);
+        kernel::compute_link_forces(&self.scheme, &[], &mut self.body, &mut self.laws, lone_team);
     }
 
     fn velocities_mut(&mut self) -> &mut [f64] {

@@ -5,9 +5,9 @@ use std::ops::Range;
 
 use super::method::MeshMethod;
 use super::passes::{self, Ties};
-use crate::kernel::Laws;
+use crate::kernel::KernelScratch;
 use crate::kernel::mesh_partition::MeshPartition;
-use crate::kernel::springs::Part;
+use crate::kernel::springs::ForcePart;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
 use crate::scheme::{ForceEnds, Kind, Run, Scheme, Spring, Springs};
@@ -34,7 +34,7 @@ pub(super) struct Mesh {
 pub(super) struct Scratch {
     /// Forces of one run   (longest run)
     f: Vec<f64>,
-    laws: Laws,
+    laws: KernelScratch,
 }
 
 impl Scratch {
@@ -116,7 +116,7 @@ impl Mesh {
 
     pub(super) fn scratch(&self) -> Scratch {
         let lengths = self.scheme.runs.iter().map(|run| run.len);
-        let mut laws = Laws::new(&self.scheme);
+        let mut laws = KernelScratch::new(&self.scheme);
         laws.set_springs(&self.springs, self.n_mat());
         Scratch {
             f: vec![0.0; lengths.max().unwrap_or(0)],
@@ -144,8 +144,8 @@ impl Mesh {
     pub(super) fn elastic(&self, x: &[f64], scratch: &mut Scratch, force: &mut [f64], team: &mut ThreadTeam<'_>) {
         scratch
             .laws
-            .spring_forces(Part::Elastic, &self.springs, [x, x], force, team);
-        self.others(Part::Elastic, [x, x], scratch, force);
+            .spring_forces(ForcePart::Elastic, &self.springs, [x, x], force, team);
+        self.others(ForcePart::Elastic, [x, x], scratch, force);
     }
 
     /// Damping forces of all links at positions `x` and velocities `v` [N].
@@ -162,8 +162,8 @@ impl Mesh {
         }
         scratch
             .laws
-            .spring_forces(Part::Viscous, &self.springs, [x, v], force, team);
-        self.others(Part::Viscous, [x, v], scratch, force);
+            .spring_forces(ForcePart::Viscous, &self.springs, [x, v], force, team);
+        self.others(ForcePart::Viscous, [x, v], scratch, force);
     }
 
     /// All forces of all links at positions `x` and velocities `v` [N].
@@ -174,11 +174,15 @@ impl Mesh {
         force: &mut [f64],
         team: &mut ThreadTeam<'_>,
     ) {
-        let spring_part = if self.is_damped { Part::Total } else { Part::Elastic };
+        let spring_part = if self.is_damped {
+            ForcePart::Total
+        } else {
+            ForcePart::Elastic
+        };
         scratch
             .laws
             .spring_forces(spring_part, &self.springs, [x, v], force, team);
-        self.others(Part::Total, [x, v], scratch, force);
+        self.others(ForcePart::Total, [x, v], scratch, force);
     }
 
     /// Runs `work` over all MATs, by a thread team if the mesh is partitioned: each call gets a range of MATs, their
@@ -192,7 +196,7 @@ impl Mesh {
     ) {
         let mesh_ties = self.ties();
         match scratch.mesh_partition() {
-            Some(mesh_partition) => mesh_partition.ranges(team, changed, |mats, changed| {
+            Some(mesh_partition) => mesh_partition.for_each_range(team, changed, |mats, changed| {
                 work(mats.clone(), mesh_ties.range(mats), changed);
             }),
             None => work(0..self.n_mat(), mesh_ties, changed),
@@ -204,7 +208,7 @@ impl Mesh {
         scratch.laws.mesh_partition = MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
     }
 
-    fn others(&self, part: Part, [x, v]: [&[f64]; 2], scratch: &mut Scratch, force: &mut [f64]) {
+    fn others(&self, part: ForcePart, [x, v]: [&[f64]; 2], scratch: &mut Scratch, force: &mut [f64]) {
         for run in &self.other_runs {
             let link_force = &mut scratch.f[..run.len];
             match &run.kind {
@@ -214,16 +218,21 @@ impl Mesh {
                     slot: scratch_index,
                 } => {
                     let law_buffers = &mut scratch.laws;
-                    let (e, de) = (&mut law_buffers.e[..run.len], &mut law_buffers.v[..run.len]);
+                    let (e, de) = (
+                        &mut law_buffers.elongations[..run.len],
+                        &mut law_buffers.elongation_rates[..run.len],
+                    );
                     for i in 0..run.len {
                         e[i] = x[run.b + i] - x[run.a + i] - run.rest;
                         de[i] = (v[run.b + i] - v[run.a + i]) * rate;
                     }
-                    let law_scratch = &mut law_buffers.scratch[*scratch_index];
+                    let law_scratch = &mut law_buffers.law_scratch[*scratch_index];
                     match part {
-                        Part::Elastic => law.spring_run(e, link_force, law_scratch),
-                        Part::Viscous => law.drag_run(e, de, link_force, law_scratch),
-                        Part::Total => law.eval_in(e, de, link_force, law_scratch, &mut law_buffers.native),
+                        ForcePart::Elastic => law.spring_run(e, link_force, law_scratch),
+                        ForcePart::Viscous => law.drag_run(e, de, link_force, law_scratch),
+                        ForcePart::Total => {
+                            law.eval_in(e, de, link_force, law_scratch, &mut law_buffers.native_scratch)
+                        }
                     }
                 }
                 _ => {
@@ -231,9 +240,9 @@ impl Mesh {
                         let e = x[run.b + i] - x[run.a + i] - run.rest;
                         let de = v[run.b + i] - v[run.a + i];
                         *link_force = match part {
-                            Part::Elastic => run.force(e, 0.0),
-                            Part::Viscous => run.force(e, de) - run.force(e, 0.0),
-                            Part::Total => run.force(e, de),
+                            ForcePart::Elastic => run.force(e, 0.0),
+                            ForcePart::Viscous => run.force(e, de) - run.force(e, 0.0),
+                            ForcePart::Total => run.force(e, de),
                         };
                     }
                 }

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use crate::kernel::springs::{ends, spread};
+use crate::kernel::springs::{add_run_forces, end_values};
 use crate::maths::wide::wide;
 use crate::scheme::Spring;
 
@@ -19,9 +19,9 @@ wide! {
         let mut first = 0;
         for run in runs {
             let len = run.len;
-            let ((pa, pb), c) = (ends(run, p), &c[first..][..len]);
+            let ((pa, pb), c) = (end_values(run, p), &c[first..][..len]);
             let (pa, pb) = (&pa[..len], &pb[..len]);
-            spread(run, scratch, y, |i| c[i] * (pb[i] - pa[i]));
+            add_run_forces(run, scratch, y, |i| c[i] * (pb[i] - pa[i]));
             first += len;
         }
     }

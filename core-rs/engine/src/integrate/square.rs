@@ -52,7 +52,7 @@ impl Square {
     pub(crate) fn times(&self, other: &Self) -> Self {
         interrupt::spend(self.n * self.n * self.n);
         let mut product = Self::zero(self.n);
-        dense::product(self.n, &self.entries, &other.entries, &mut product.entries);
+        dense::add_matrix_product(self.n, &self.entries, &other.entries, &mut product.entries);
         product
     }
 
@@ -71,7 +71,7 @@ impl Square {
     /// self·x.
     pub(crate) fn apply(&self, x: &[f64]) -> Vec<f64> {
         let mut product = vec![0.0; self.n];
-        dense::apply(&self.entries, x, &mut product);
+        dense::add_matrix_vector(&self.entries, x, &mut product);
         product
     }
 

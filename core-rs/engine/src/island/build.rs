@@ -23,7 +23,7 @@ use crate::interrupt;
 use crate::island::written_hand::voice::VoiceScript;
 use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::thread_team::ThreadTeam;
-use crate::kernel::{self, Laws};
+use crate::kernel::{self, KernelScratch};
 use crate::network::{Error, Network, Term};
 use crate::scheme::{Run, Scheme};
 use crate::state::{Body, PreviousState};
@@ -221,10 +221,10 @@ fn start_matter(
             run.make_adjustable();
         }
     }
-    kernel::proxies::join(scheme, &mut body); // bodies have moved their ports
+    kernel::proxies::set_from_masses(scheme, &mut body); // bodies have moved their ports
     let fine = fine(links, scheme, network, &mut bodies, steps, timeline);
     Ok(Matter {
-        laws: Laws::new(scheme),
+        laws: KernelScratch::new(scheme),
         body,
         bodies,
         fine,
@@ -290,8 +290,8 @@ fn energy_rise(
 }
 
 /// Scratch memory of laws, and the partition of a mesh for several threads.
-fn laws(scheme: &Scheme, options: Options) -> Laws {
-    let mut laws = Laws::new(scheme);
+fn laws(scheme: &Scheme, options: Options) -> KernelScratch {
+    let mut laws = KernelScratch::new(scheme);
     laws.mesh_partition = MeshPartition::for_threads(&scheme.fused, scheme.n_mat(), options.threads);
     laws
 }
@@ -383,14 +383,14 @@ pub(crate) fn outputs_at_rest(network: &Network, scheme: &Scheme, outputs: &mut 
     let start_positions = network.mats().x0.clone();
     let mut resting_body = Body::new(scheme, start_positions.clone(), vec![0.0; start_positions.len()]);
     // An output may hear the force of a contact that presses at rest.
-    kernel::links(
+    kernel::compute_link_forces(
         scheme,
         &[],
         &mut resting_body,
-        &mut Laws::new(scheme),
+        &mut KernelScratch::new(scheme),
         &mut ThreadTeam::alone(),
     );
-    kernel::proxies::divide(scheme, &mut resting_body);
-    kernel::contacts(scheme, &[], &[], &mut resting_body);
-    kernel::tap(scheme, &resting_body, outputs);
+    kernel::proxies::distribute_forces(scheme, &mut resting_body);
+    kernel::solve_exact_contacts(scheme, &[], &[], &mut resting_body);
+    kernel::write_outputs(scheme, &resting_body, outputs);
 }

@@ -113,7 +113,7 @@ impl Island {
             }
             let island_step = first_step + steps_done as u64;
             if let Some(output_row) = outputs.row(start + steps_done) {
-                kernel::tap(scheme, body, output_row);
+                kernel::write_outputs(scheme, body, output_row);
                 for running_body in &state.matter.bodies {
                     running_body.add_outputs_ahead(steps_done, output_row);
                 }
@@ -122,7 +122,7 @@ impl Island {
             for (voice, voice_script) in state.hands.voices.iter_mut().zip(&script.voices) {
                 voice.step_idle(voice_script, &mut state.hands.reports, island_step);
             }
-            is_bounded = kernel::advance(scheme, &mut [], body, None, &mut ThreadTeam::alone());
+            is_bounded = kernel::advance_mats(scheme, &mut [], body, None, &mut ThreadTeam::alone());
             steps_done += 1;
             for running_body in &mut state.matter.bodies {
                 is_bounded &= running_body.set_ports_ahead(steps_done, body);

@@ -89,7 +89,10 @@ pub(super) fn push_keys(bindings: &[PortBinding], states: &[PortState], body: &m
 pub(super) fn lead(bindings: &[PortBinding], scheme: &Scheme, targets: &mut [Target], body: &Body) {
     for binding in bindings {
         let imposed_target = targets.iter().find(|target| target.mat == binding.key);
-        let key_position = imposed_target.map_or_else(|| kernel::predict(scheme, body, binding.key), |target| target.x);
+        let key_position = imposed_target.map_or_else(
+            || kernel::predict_position(scheme, body, binding.key),
+            |target| target.x,
+        );
         let port_target = targets.iter_mut().find(|target| target.mat == binding.port);
         port_target.into_iter().for_each(|target| target.x = key_position);
     }

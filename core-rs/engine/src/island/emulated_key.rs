@@ -2,7 +2,7 @@
 
 use super::voices::free_key;
 use super::written_hand::free::{FreeKey, FreeMotion};
-use crate::kernel::Laws;
+use crate::kernel::KernelScratch;
 use crate::maths::floor;
 use crate::network::{Error, Network};
 use crate::state::Target;
@@ -32,7 +32,7 @@ use crate::units::Rate;
 pub struct EmulatedKey {
     free: FreeKey,
     motion: FreeMotion,
-    laws: Laws,
+    laws: KernelScratch,
     targets: Vec<Target>,
     frame: u64,
     /// The last forces of the motor, the newest last, and the share of the oldest in the force that acts.
@@ -75,7 +75,7 @@ impl EmulatedKey {
         Ok(Self {
             sent: vec![0.0; full_frames as usize + 2],
             before: delay_frames - full_frames,
-            laws: Laws::new(&free.scheme),
+            laws: KernelScratch::new(&free.scheme),
             targets: Vec::new(),
             frame: 0,
             free,

@@ -54,14 +54,14 @@ impl Island {
         let (mut steps_done, mut is_bounded) = (0, true);
         while steps_done < step_count && is_bounded {
             let n = first_step + steps_done as u64;
-            kernel::links(scheme, &values.gates, body, laws, team);
+            kernel::compute_link_forces(scheme, &values.gates, body, laws, team);
             for (voice, voice_script) in hands.voices.iter_mut().zip(&script.voices) {
                 voice.step_idle(voice_script, &mut hands.reports, n);
             }
             bodies.iter_mut().for_each(|running_body| running_body.strike(n, body));
             watch.touches.step(n, &body.link);
             if let Some(output_row) = outputs.row(start + steps_done) {
-                kernel::tap(scheme, body, output_row);
+                kernel::write_outputs(scheme, body, output_row);
                 bodies
                     .iter()
                     .for_each(|running_body| running_body.add_outputs(output_row));
@@ -72,7 +72,7 @@ impl Island {
             for running_body in &mut *bodies {
                 running_body.step(n, &body.force, team);
             }
-            is_bounded = kernel::advance(scheme, targets, body, laws.mesh_partition.as_ref(), team);
+            is_bounded = kernel::advance_mats(scheme, targets, body, laws.mesh_partition.as_ref(), team);
             for running_body in &*bodies {
                 running_body.set_ports(body);
                 is_bounded &= running_body.is_bounded();

@@ -334,7 +334,7 @@ impl Fine {
     /// Whether every contact stays open in this frame, with a margin of `OPEN_MARGIN`, if its points move freely.
     pub(super) fn stays_open(&self, scheme: &Scheme, body: &Body) -> bool {
         let is_open = |run: &Run| {
-            let next_position = |mat: usize| kernel::predict(scheme, body, mat);
+            let next_position = |mat: usize| kernel::predict_position(scheme, body, mat);
             let distance_now = body.x[run.b] - body.x[run.a];
             let distance_next = next_position(run.b) - next_position(run.a);
             penetration_bound(run, distance_now - run.rest, distance_next - run.rest) < -OPEN_MARGIN

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use between::Between;
 use script::{Blow, Script, lanes};
 
-use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, follow, lane_total};
+use crate::kernel::bank::{GroupCoefficients, GroupMotion, LANES, LaneSum, Lanes, advance_and_observe, lane_total};
 use crate::kernel::ports;
 use crate::state::Body;
 
@@ -33,9 +33,9 @@ const QUIET_FRAMES: u32 = 16;
 pub(crate) struct RunningModal {
     script: Arc<Script>,
     /// The modes at the furthest frame in `row_history`.
-    motions: Vec<Motion>,
+    motions: Vec<GroupMotion>,
     /// The modes at the first frame in `row_history`.
-    saved: Vec<Motion>,
+    saved: Vec<GroupMotion>,
     /// Position of each row (port or output) from some frame up to the furthest   (n_rows, SEEN_FRAMES)
     row_history: Vec<f64>,
     /// Indices in `row_history` of the present frame and of the furthest, which is at least one later.
@@ -43,7 +43,7 @@ pub(crate) struct RunningModal {
     furthest: usize,
     /// Positions of the ports one frame ago   (n_ports)
     previous: Vec<f64>,
-    sums: Vec<Sum>,
+    sums: Vec<LaneSum>,
     kicks: Vec<Lanes>,
     /// What impulses between frames have still to add to the modes.
     pending: Vec<Lanes>,
@@ -63,7 +63,7 @@ pub(crate) struct RunningModal {
     quiet_frames: u32,
     next_strike_index: usize,
     /// Rates under additional damping, and whether it is on   (n_groups)
-    damped: Vec<Rates>,
+    damped: Vec<GroupCoefficients>,
     is_damped: bool,
 }
 
@@ -94,10 +94,10 @@ impl RunningModal {
         let mut script = Script::new(plan);
         script.responses = pushes::responses(&script);
         let group_count = script.rates.len();
-        let motions: Vec<Motion> = (0..group_count)
-            .map(|group| Motion {
-                now: lanes(&plan.modes, group, |mode| plan.modes[mode].now),
-                before: lanes(&plan.modes, group, |mode| plan.modes[mode].before),
+        let motions: Vec<GroupMotion> = (0..group_count)
+            .map(|group| GroupMotion {
+                positions: lanes(&plan.modes, group, |mode| plan.modes[mode].now),
+                previous_positions: lanes(&plan.modes, group, |mode| plan.modes[mode].before),
             })
             .collect();
         let n_rows = plan.ports.len() + plan.outputs.len();
@@ -118,7 +118,7 @@ impl RunningModal {
                 .iter()
                 .map(|port| mode_sum(&port.shape, |mode| mode.before))
                 .collect(),
-            sums: vec![Sum::ZERO; n_rows * FRAMES_AHEAD],
+            sums: vec![LaneSum::ZERO; n_rows * FRAMES_AHEAD],
             kicks: vec![Lanes::ZERO; group_count],
             pending: vec![Lanes::ZERO; group_count],
             has_pending: false,
@@ -251,9 +251,9 @@ impl RunningModal {
     fn kick(&mut self) {
         let motions = self.motions.iter_mut().zip(&self.kicks);
         for ((motion, kick), rows) in motions.zip(&self.script.rows) {
-            ports::add(&mut motion.now, kick, 1.0);
+            ports::add_scaled(&mut motion.positions, kick, 1.0);
             for (row, shape) in rows.iter().enumerate() {
-                self.row_history[row * SEEN_FRAMES + self.present + 1] += ports::see(shape, kick);
+                self.row_history[row * SEEN_FRAMES + self.present + 1] += ports::port_displacement(shape, kick);
             }
         }
     }
@@ -277,10 +277,13 @@ impl RunningModal {
             if mode.is_multiple_of(LANES) {
                 group_motion = Some(self.motion_with_pushes(mode / LANES));
             }
-            let Some(group_motion): &Option<Motion> = &group_motion else {
+            let Some(group_motion): &Option<GroupMotion> = &group_motion else {
                 return 0.0;
             };
-            let (x, position_before) = (group_motion.now.0[mode % LANES], group_motion.before.0[mode % LANES]);
+            let (x, position_before) = (
+                group_motion.positions.0[mode % LANES],
+                group_motion.previous_positions.0[mode % LANES],
+            );
             if oscillator.b == 0.0 {
                 return x * x;
             }
@@ -345,7 +348,7 @@ impl RunningModal {
         self.discard_ahead();
         self.is_damped = decay_factor < 1.0;
         for (damped, rates) in self.damped.iter_mut().zip(&self.script.rates) {
-            rates.faded(decay_factor, damped);
+            rates.scale_poles(decay_factor, damped);
         }
     }
 
@@ -361,9 +364,9 @@ impl RunningModal {
             let (group_index, lane) = (mode / LANES, mode % LANES);
             let group_motion = &self.motions[group_index];
             // The motions are those of the next frame, without what impulses between frames have still to add.
-            let next_amplitude = group_motion.now.0[lane] + self.pending[group_index].0[lane];
+            let next_amplitude = group_motion.positions.0[lane] + self.pending[group_index].0[lane];
             let (a, b) = (group_rates[group_index].a.0[lane], group_rates[group_index].b.0[lane]);
-            now[mode] = group_motion.before.0[lane];
+            now[mode] = group_motion.previous_positions.0[lane];
             before[mode] = (a * now[mode] - next_amplitude) / b;
         }
     }
@@ -382,8 +385,8 @@ impl RunningModal {
             let first_mode = group * LANES;
             for lane in 0..LANES.min(n_modes - first_mode) {
                 let (a, b) = (group_rates.a.0[lane], group_rates.b.0[lane]);
-                let next_amplitude = group_motion.now.0[lane] + self.pending[group].0[lane];
-                let amplitude_now = group_motion.before.0[lane];
+                let next_amplitude = group_motion.positions.0[lane] + self.pending[group].0[lane];
+                let amplitude_now = group_motion.previous_positions.0[lane];
                 let amplitude_before = if b == 0.0 {
                     amplitude_now
                 } else {
@@ -406,8 +409,8 @@ impl RunningModal {
             let (a, b) = (group_rates[group_index].a.0[lane], group_rates[group_index].b.0[lane]);
             let next_amplitude = a * now[mode] - b * before[mode];
             let (motion, saved) = (&mut self.motions[group_index], &mut self.saved[group_index]);
-            (motion.now.0[lane], motion.before.0[lane]) = (next_amplitude, now[mode]);
-            (saved.now.0[lane], saved.before.0[lane]) = (now[mode], before[mode]);
+            (motion.positions.0[lane], motion.previous_positions.0[lane]) = (next_amplitude, now[mode]);
+            (saved.positions.0[lane], saved.previous_positions.0[lane]) = (now[mode], before[mode]);
         }
         (self.present, self.furthest, self.quiet_frames, self.has_pending) = (0, 1, 0, false);
         self.pending.fill(Lanes::ZERO);
@@ -415,14 +418,14 @@ impl RunningModal {
         for (row, seen) in self.row_history.chunks_mut(SEEN_FRAMES).enumerate() {
             (seen[0], seen[1]) = (0.0, 0.0);
             for (motion, rows) in self.motions.iter().zip(&self.script.rows) {
-                seen[0] += ports::see(&rows[row], &motion.before);
-                seen[1] += ports::see(&rows[row], &motion.now);
+                seen[0] += ports::port_displacement(&rows[row], &motion.previous_positions);
+                seen[1] += ports::port_displacement(&rows[row], &motion.positions);
             }
         }
         for (row, previous) in self.previous.iter_mut().enumerate() {
             let saved_rows = self.saved.iter().zip(&self.script.rows);
             *previous = saved_rows
-                .map(|(saved, rows)| ports::see(&rows[row], &saved.before))
+                .map(|(saved, rows)| ports::port_displacement(&rows[row], &saved.previous_positions))
                 .sum();
         }
     }
@@ -489,12 +492,12 @@ impl RunningModal {
         };
         self.take_pushes();
         if frames_ahead > 1 {
-            self.motions.iter_mut().for_each(Motion::clear_signs_of_zeros);
+            self.motions.iter_mut().for_each(GroupMotion::clear_signs_of_zeros);
         }
         self.saved.clone_from_slice(&self.motions);
         // Close together: a row of `FRAMES_AHEAD` sums is a page of memory.
         let n_sums = self.row_positions.len() * frames_ahead;
-        self.sums[..n_sums].fill(Sum::ZERO);
+        self.sums[..n_sums].fill(LaneSum::ZERO);
         for (group, motion) in self.motions.iter_mut().enumerate() {
             let group_rates = if self.is_damped {
                 &self.damped
@@ -502,7 +505,7 @@ impl RunningModal {
                 &self.script.rates
             };
             let (group_rates, group_rows) = (&group_rates[group], &self.script.rows[group]);
-            follow(
+            advance_and_observe(
                 group_rates,
                 motion,
                 group_rows,

@@ -23,7 +23,7 @@ pub(super) fn potentials(run: &PairRun, k: f64, neighbours: &mut Neighbours, bod
 pub(super) fn potential(run: &PairRun, k: f64, neighbours: &mut Neighbours, x: impl Fn(usize) -> f64) -> f64 {
     let mut energy_sum = 0.0;
     let pair_law = &run.pairs.link.law;
-    neighbours.touching(run, x, |_, e, _| energy_sum += pair_law.potential(k, e));
+    neighbours.for_each_touching(run, x, |_, e, _| energy_sum += pair_law.potential(k, e));
     energy_sum
 }
 
@@ -40,7 +40,7 @@ pub(super) fn work(
     let pair_link = &run.pairs.link;
     let mut pair_work = Work::default();
     let position_then = |mat: usize| body.x[mat] - body.d[mat];
-    neighbours.touching(run, position_then, |ends, e, along| {
+    neighbours.for_each_touching(run, position_then, |ends, e, along| {
         let stretch_before = pair_link.stretch(ends, along, |mat| d[0][mat]);
         let stretch = 0.5 * pair_link.stretch(ends, along, |mat| d[0][mat] + d[1][mat]);
         let (f, elastic) = (
@@ -52,12 +52,12 @@ pub(super) fn work(
         if run.pairs.friction > 0.0 {
             let ends_moved = d.map(|d| pair_link.between(ends, |mat| d[mat]));
             let contact = PairContact {
-                e,
-                f,
-                elastic,
-                along,
-                apart: pair_link.between(ends, position_then),
-                moved: ends_moved[0],
+                elongation: e,
+                force: f,
+                elastic_force: elastic,
+                direction: along,
+                offset: pair_link.between(ends, position_then),
+                relative_step: ends_moved[0],
             };
             let sliding = contact.sliding(&run.pairs, k_and_z);
             let (force, _) = sliding.force(history.find(run.points(ends)));

@@ -86,7 +86,7 @@ impl Frame<'_, '_> {
             targets,
             ..
         } = matter;
-        kernel::links(scheme, &values.gates, body, laws, self.team);
+        kernel::compute_link_forces(scheme, &values.gates, body, laws, self.team);
         targets.clear();
         for drive in &script.drives {
             drive.apply(n, scheme.rate, body, targets);
@@ -99,8 +99,8 @@ impl Frame<'_, '_> {
             energy_rise.restart();
         }
         live_strikes::apply(&script.strike_points, &mut hands.pending, scheme, body);
-        kernel::proxies::note(scheme, body);
-        kernel::proxies::divide(scheme, body);
+        kernel::proxies::record_positions(scheme, body);
+        kernel::proxies::distribute_forces(scheme, body);
         if let Some(fine) = fine {
             fine.record_steady_forces(scheme, body);
             fine.apply_carried_forces(body);
@@ -131,10 +131,10 @@ impl Frame<'_, '_> {
             targets,
             ..
         } = matter;
-        kernel::contacts(scheme, &values.gates, targets, body);
+        kernel::solve_exact_contacts(scheme, &values.gates, targets, body);
         if let Some(fine) = fine {
             fine.step(scheme, &values.gates, targets, bodies, body);
-            kernel::friction(scheme, &values.gates, targets, body);
+            kernel::solve_friction(scheme, &values.gates, targets, body);
         }
         self.for_each_voice(Voice::settle);
         ForcesComplete(())
@@ -158,7 +158,7 @@ impl Frame<'_, '_> {
         delayed_ports::lead(&script.port_bindings, scheme, targets, body);
         watch.touches.step(n, &body.link);
         if let Some(out) = out {
-            kernel::tap(scheme, body, out);
+            kernel::write_outputs(scheme, body, out);
             bodies.iter().for_each(|running_body| running_body.add_outputs(out));
             watch.mutes.fade(n, scheme, out);
         }
@@ -186,13 +186,13 @@ impl Frame<'_, '_> {
             running_body.step(self.n, &body.force, self.team);
         }
         let partition = laws.mesh_partition.as_ref();
-        let is_plausible = kernel::advance(scheme, targets, body, partition, self.team);
+        let is_plausible = kernel::advance_mats(scheme, targets, body, partition, self.team);
         let mut are_bodies_bounded = true;
         for running_body in &*bodies {
             running_body.set_ports(body);
             are_bodies_bounded &= running_body.is_bounded();
         }
-        kernel::proxies::gather(scheme, body);
+        kernel::proxies::move_to_masses(scheme, body);
         let finer_plausible = recompute_finer(scheme, self.state, self.team);
         let State {
             values, matter, watch, ..
@@ -203,7 +203,7 @@ impl Frame<'_, '_> {
             fine_state.for_each(|fine_state| fine_state.stepped_points_mut().restart());
         }
         kernel::slide_bristles(scheme, &mut matter.body);
-        kernel::rest(scheme, &mut matter.body);
+        kernel::stop_resting_masses(scheme, &mut matter.body);
         if let Some(fine_state) = &matter.fine {
             fine_state.rest_held(scheme, &mut matter.body);
         }
@@ -290,6 +290,6 @@ fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>
         guard.keep_unrelated(state_before, &mut body.x, &mut body.d);
     }
     matter.place();
-    kernel::proxies::gather(scheme, &mut matter.body);
+    kernel::proxies::move_to_masses(scheme, &mut matter.body);
     Some(is_plausible)
 }

@@ -16,7 +16,7 @@ pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64
             continue; // the part was muted
         }
         if due_push.impulse != 0.0 && hands.stream.is_kept() {
-            let velocity = kernel::centred(scheme, body, mat);
+            let velocity = kernel::centred_velocity(scheme, body, mat);
             let mass = time_step * time_step / scheme.w[mat];
             hands.stream.push(
                 n,
@@ -35,7 +35,7 @@ pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64
         // p = 2 m m_S/(m + m_S)·(v − V), where V is the centred velocity without the ergon: with this impulse the work
         // on the struck MAT is exactly the energy that the ergon loses.
         let struck_mass = time_step * time_step / scheme.w[mat];
-        let velocity = kernel::centred(scheme, body, mat);
+        let velocity = kernel::centred_velocity(scheme, body, mat);
         let impulse =
             2.0 * due_ergon.mass * struck_mass / (due_ergon.mass + struck_mass) * (due_ergon.speed - velocity);
         let ergon_force = impulse * scheme.rate;

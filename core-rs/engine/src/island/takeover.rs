@@ -228,7 +228,7 @@ impl Island {
         }
         let scheme_now = self.state.values.scheme.as_deref();
         let scheme_now = scheme_now.unwrap_or(&self.script.scheme);
-        kernel::proxies::join(scheme_now, &mut self.state.matter.body);
+        kernel::proxies::set_from_masses(scheme_now, &mut self.state.matter.body);
     }
 
     /// The script, whose voices, gates, hands and parts are matched with those of another version.

@@ -7,7 +7,7 @@
 /// Number of oscillators in a group.
 pub(crate) const LANES: usize = 32;
 /// Number of lanes of a partial sum.
-pub(crate) const SUMS: usize = 8;
+pub(crate) const SUM_LANES: usize = 8;
 
 /// One value for each oscillator of a group.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,83 +23,86 @@ impl Lanes {
 /// Partial sum of one output at one frame, in lanes.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub(crate) struct Sum(pub(crate) [f64; SUMS]);
+pub(crate) struct LaneSum(pub(crate) [f64; SUM_LANES]);
 
-impl Sum {
-    pub(crate) const ZERO: Self = Self([0.0; SUMS]);
+impl LaneSum {
+    pub(crate) const ZERO: Self = Self([0.0; SUM_LANES]);
 }
 
 /// Coefficients of a group.
 #[derive(Clone, Debug)]
-pub(crate) struct Rates {
+pub(crate) struct GroupCoefficients {
     pub(crate) a: Lanes,
     pub(crate) b: Lanes,
 }
 
-crate::archive::state!(Rates { a, b });
+crate::archive::state!(GroupCoefficients { a, b });
 
-impl Rates {
-    /// Write to `into` the coefficients of the group with the modulus of its poles multiplied by `by`.
-    pub(crate) fn faded(&self, by: f64, into: &mut Self) {
-        for (into, coefficient) in into.a.0.iter_mut().zip(&self.a.0) {
-            *into = coefficient * by;
+impl GroupCoefficients {
+    /// Write to `scaled` the coefficients of the group with the modulus of its poles multiplied by `modulus_factor`.
+    pub(crate) fn scale_poles(&self, modulus_factor: f64, scaled: &mut Self) {
+        for (scaled, coefficient) in scaled.a.0.iter_mut().zip(&self.a.0) {
+            *scaled = coefficient * modulus_factor;
         }
-        for (into, coefficient) in into.b.0.iter_mut().zip(&self.b.0) {
-            *into = coefficient * (by * by);
+        for (scaled, coefficient) in scaled.b.0.iter_mut().zip(&self.b.0) {
+            *scaled = coefficient * (modulus_factor * modulus_factor);
         }
     }
 }
 
 /// Positions of a group.
 #[derive(Clone, Debug)]
-pub(crate) struct Motion {
+pub(crate) struct GroupMotion {
     /// x[n]
-    pub(crate) now: Lanes,
+    pub(crate) positions: Lanes,
     /// x[n−1]
-    pub(crate) before: Lanes,
+    pub(crate) previous_positions: Lanes,
 }
 
-crate::archive::state!(Motion { now, before });
+crate::archive::state!(GroupMotion {
+    positions,
+    previous_positions
+});
 
-impl Motion {
+impl GroupMotion {
     /// Let each zero be +0. A mode above a quarter of the rate has a < 0: at rest it is −0 in every third frame, and
     /// would never be seen to rest.
     pub(crate) fn clear_signs_of_zeros(&mut self) {
-        for x in self.now.0.iter_mut().chain(&mut self.before.0) {
+        for x in self.positions.0.iter_mut().chain(&mut self.previous_positions.0) {
             *x += 0.0;
         }
     }
 }
 
 /// Advance a group by `sums.len()` frames and add its sum at each frame to `sums`.
-pub(crate) fn run(rates: &Rates, motion: &mut Motion, sums: &mut [Sum]) {
-    run_on(rates, motion, sums);
+pub(crate) fn advance_and_sum(coefficients: &GroupCoefficients, motion: &mut GroupMotion, sums: &mut [LaneSum]) {
+    run_on(coefficients, motion, sums);
 }
 
 /// Advance a group by `n_frames` frames and add Σ weight·x of each output of `weights` to `sums`, (n_out · n_frames),
 /// output by output.
-pub(crate) fn run_weighted(
-    rates: &Rates,
-    motion: &mut Motion,
+pub(crate) fn advance_and_sum_weighted(
+    coefficients: &GroupCoefficients,
+    motion: &mut GroupMotion,
     weights: &[Lanes],
     n_frames: usize,
-    sums: &mut [Sum],
+    sums: &mut [LaneSum],
     stride: usize,
 ) {
-    weighted_on(rates, motion, weights, n_frames, sums, stride);
+    weighted_on(coefficients, motion, weights, n_frames, sums, stride);
 }
 
 /// Advance a group by `n_frames` frames and add Σ weight·x of each row after each frame to `sums`, (n_rows · n_frames),
 /// row by row, `stride` entries apart.
-pub(crate) fn follow(
-    rates: &Rates,
-    motion: &mut Motion,
+pub(crate) fn advance_and_observe(
+    coefficients: &GroupCoefficients,
+    motion: &mut GroupMotion,
     weights: &[Lanes],
     n_frames: usize,
-    sums: &mut [Sum],
+    sums: &mut [LaneSum],
     stride: usize,
 ) {
-    follow_on(rates, motion, weights, n_frames, sums, stride);
+    observe_on(coefficients, motion, weights, n_frames, sums, stride);
 }
 
 /// Generates the loops for one kind of vector: `$width` numbers in a `$vector`. Whatever the width, the sum of a group
@@ -108,7 +111,7 @@ macro_rules! loops {
     ($module:ident, $(#[$feature:meta])? $width:literal, $vector:ty, $load:expr, $store:expr,
      $add:expr, $mul:expr, $fmsub:expr, $fmadd:expr) => {
         mod $module {
-            use super::{LANES, Lanes, Motion, Rates, SUMS, Sum};
+            use super::{LANES, Lanes, GroupMotion, GroupCoefficients, SUM_LANES, LaneSum};
             #[allow(unused_imports)]
             #[cfg(target_arch = "x86_64")]
             use std::arch::x86_64::*;
@@ -116,11 +119,11 @@ macro_rules! loops {
             #[cfg(target_arch = "aarch64")]
             use std::arch::aarch64::*;
 
-            type Four = [$vector; LANES / SUMS];
+            type LaneVectors = [$vector; LANES / SUM_LANES];
 
             $(#[$feature])?
             #[inline]
-            unsafe fn load(lanes: &Lanes, lane_start: usize) -> Four {
+            unsafe fn load(lanes: &Lanes, lane_start: usize) -> LaneVectors {
                 // SAFETY: lane_start + 24 + width ≤ LANES.
                 unsafe {
                     let address = lanes.0.as_ptr().add(lane_start);
@@ -130,33 +133,33 @@ macro_rules! loops {
 
             $(#[$feature])?
             #[inline]
-            unsafe fn store(lanes: &mut Lanes, lane_start: usize, four: Four) {
+            unsafe fn store(lanes: &mut Lanes, lane_start: usize, vectors: LaneVectors) {
                 // SAFETY: as in `load`.
                 unsafe {
                     let address = lanes.0.as_mut_ptr().add(lane_start);
-                    $store(address, four[0]);
-                    $store(address.add(8), four[1]);
-                    $store(address.add(16), four[2]);
-                    $store(address.add(24), four[3]);
+                    $store(address, vectors[0]);
+                    $store(address.add(8), vectors[1]);
+                    $store(address.add(16), vectors[2]);
+                    $store(address.add(24), vectors[3]);
                 }
             }
 
-            /// a·now − b·before.
+            /// x[n+1] = a·x[n] − b·x[n−1].
             $(#[$feature])?
             #[inline]
-            fn next(a: &Four, b: &Four, now: &Four, before: &Four) -> Four {
+            fn next_positions(a: &LaneVectors, b: &LaneVectors, positions: &LaneVectors, previous: &LaneVectors) -> LaneVectors {
                 [
-                    $fmsub(a[0], now[0], $mul(b[0], before[0])),
-                    $fmsub(a[1], now[1], $mul(b[1], before[1])),
-                    $fmsub(a[2], now[2], $mul(b[2], before[2])),
-                    $fmsub(a[3], now[3], $mul(b[3], before[3])),
+                    $fmsub(a[0], positions[0], $mul(b[0], previous[0])),
+                    $fmsub(a[1], positions[1], $mul(b[1], previous[1])),
+                    $fmsub(a[2], positions[2], $mul(b[2], previous[2])),
+                    $fmsub(a[3], positions[3], $mul(b[3], previous[3])),
                 ]
             }
 
             $(#[$feature])?
             #[inline]
-            unsafe fn add_to(sum: &mut Sum, lane_start: usize, value: $vector) {
-                // SAFETY: lane_start + width ≤ SUMS.
+            unsafe fn add_to(sum: &mut LaneSum, lane_start: usize, value: $vector) {
+                // SAFETY: lane_start + width ≤ SUM_LANES.
                 unsafe {
                     let address = sum.0.as_mut_ptr().add(lane_start);
                     $store(address, $add($load(address), value));
@@ -166,8 +169,8 @@ macro_rules! loops {
             /// Add Σ w·x to a sum, lane by lane.
             $(#[$feature])?
             #[inline]
-            unsafe fn add_weighted(sum: &mut Sum, lane_start: usize, w: &Four, x: &Four) {
-                // SAFETY: lane_start + width ≤ SUMS.
+            unsafe fn add_weighted(sum: &mut LaneSum, lane_start: usize, w: &LaneVectors, x: &LaneVectors) {
+                // SAFETY: lane_start + width ≤ SUM_LANES.
                 unsafe {
                     let address = sum.0.as_mut_ptr().add(lane_start);
                     let low = $fmadd(w[1], x[1], $fmadd(w[0], x[0], $load(address)));
@@ -176,124 +179,124 @@ macro_rules! loops {
             }
 
             $(#[$feature])?
-            pub(super) unsafe fn run(rates: &Rates, motion: &mut Motion, sums: &mut [Sum]) {
-                for lane_start in (0..SUMS).step_by($width) {
-                    // SAFETY: lane starts are multiples of the width below SUMS.
+            pub(super) unsafe fn run(coefficients: &GroupCoefficients, motion: &mut GroupMotion, sums: &mut [LaneSum]) {
+                for lane_start in (0..SUM_LANES).step_by($width) {
+                    // SAFETY: lane starts are multiples of the width below SUM_LANES.
                     unsafe {
-                        let (a, b) = (load(&rates.a, lane_start), load(&rates.b, lane_start));
-                        let mut now = load(&motion.now, lane_start);
-                        let mut before = load(&motion.before, lane_start);
+                        let (a, b) = (load(&coefficients.a, lane_start), load(&coefficients.b, lane_start));
+                        let mut positions = load(&motion.positions, lane_start);
+                        let mut previous = load(&motion.previous_positions, lane_start);
                         let mut pairs = sums.chunks_exact_mut(2);
                         for pair in &mut pairs {
-                            let sum = $add($add(now[0], now[1]), $add(now[2], now[3]));
+                            let sum = $add($add(positions[0], positions[1]), $add(positions[2], positions[3]));
                             add_to(&mut pair[0], lane_start, sum);
-                            before = next(&a, &b, &now, &before);
+                            previous = next_positions(&a, &b, &positions, &previous);
                             let sum =
-                                $add($add(before[0], before[1]), $add(before[2], before[3]));
+                                $add($add(previous[0], previous[1]), $add(previous[2], previous[3]));
                             add_to(&mut pair[1], lane_start, sum);
-                            now = next(&a, &b, &before, &now);
+                            positions = next_positions(&a, &b, &previous, &positions);
                         }
-                        // After two frames the newest position is in `now` again.
-                        let (mut now, mut before) = (now, before);
-                        for last in pairs.into_remainder() {
-                            let sum = $add($add(now[0], now[1]), $add(now[2], now[3]));
-                            add_to(last, lane_start, sum);
-                            before = next(&a, &b, &now, &before);
-                            std::mem::swap(&mut now, &mut before);
+                        // After two frames the newest position is in `positions` again.
+                        let (mut positions, mut previous) = (positions, previous);
+                        for last_sum in pairs.into_remainder() {
+                            let sum = $add($add(positions[0], positions[1]), $add(positions[2], positions[3]));
+                            add_to(last_sum, lane_start, sum);
+                            previous = next_positions(&a, &b, &positions, &previous);
+                            std::mem::swap(&mut positions, &mut previous);
                         }
-                        store(&mut motion.now, lane_start, now);
-                        store(&mut motion.before, lane_start, before);
+                        store(&mut motion.positions, lane_start, positions);
+                        store(&mut motion.previous_positions, lane_start, previous);
                     }
                 }
             }
 
             $(#[$feature])?
-            pub(super) unsafe fn follow(
-                rates: &Rates,
-                motion: &mut Motion,
+            pub(super) unsafe fn observe(
+                coefficients: &GroupCoefficients,
+                motion: &mut GroupMotion,
                 weights: &[Lanes],
                 n_frames: usize,
-                sums: &mut [Sum],
+                sums: &mut [LaneSum],
                 stride: usize,
             ) {
                 // Up to three rows stay in registers beside the oscillators.
                 // SAFETY: what each needs of `sums` is checked there.
                 unsafe {
                     match weights {
-                        [] => follow_rows(rates, motion, &[], n_frames, sums, stride),
-                        [a] => follow_rows(rates, motion, &[a], n_frames, sums, stride),
-                        [a, b] => follow_rows(rates, motion, &[a, b], n_frames, sums, stride),
-                        [a, b, c] => follow_rows(rates, motion, &[a, b, c], n_frames, sums, stride),
+                        [] => observe_rows(coefficients, motion, &[], n_frames, sums, stride),
+                        [a] => observe_rows(coefficients, motion, &[a], n_frames, sums, stride),
+                        [a, b] => observe_rows(coefficients, motion, &[a, b], n_frames, sums, stride),
+                        [a, b, c] => observe_rows(coefficients, motion, &[a, b, c], n_frames, sums, stride),
                         [a, b, c, more_rows @ ..] => {
-                            let start = motion.clone();
-                            let (first, rest) = sums.split_at_mut(3 * stride);
-                            follow_rows(rates, motion, &[a, b, c], n_frames, first, stride);
-                            let mut motion_copy = start;
-                            follow(rates, &mut motion_copy, more_rows, n_frames, rest, stride);
+                            let initial_motion = motion.clone();
+                            let (first_sums, later_sums) = sums.split_at_mut(3 * stride);
+                            observe_rows(coefficients, motion, &[a, b, c], n_frames, first_sums, stride);
+                            let mut motion_copy = initial_motion;
+                            observe(coefficients, &mut motion_copy, more_rows, n_frames, later_sums, stride);
                         }
                     }
                 }
             }
 
-            /// [`follow`] for a number of rows known at compile time.
+            /// [`observe`] for a number of rows known at compile time.
             $(#[$feature])?
-            unsafe fn follow_rows<const ROWS: usize>(
-                rates: &Rates,
-                motion: &mut Motion,
+            unsafe fn observe_rows<const ROWS: usize>(
+                coefficients: &GroupCoefficients,
+                motion: &mut GroupMotion,
                 weights: &[&Lanes; ROWS],
                 n_frames: usize,
-                sums: &mut [Sum],
+                sums: &mut [LaneSum],
                 stride: usize,
             ) {
                 assert!(ROWS == 0 || sums.len() >= (ROWS - 1) * stride + n_frames);
-                for lane_start in (0..SUMS).step_by($width) {
-                    // SAFETY: lane starts are multiples of the width below SUMS; the sums are as many as is asserted.
+                for lane_start in (0..SUM_LANES).step_by($width) {
+                    // SAFETY: lane starts are multiples of the width below SUM_LANES; the sums are as many as is asserted.
                     unsafe {
-                        let (a, b) = (load(&rates.a, lane_start), load(&rates.b, lane_start));
+                        let (a, b) = (load(&coefficients.a, lane_start), load(&coefficients.b, lane_start));
                         let rows = weights.map(|weights| load(weights, lane_start));
-                        let mut now = load(&motion.now, lane_start);
-                        let mut before = load(&motion.before, lane_start);
-                        let first = sums.as_mut_ptr();
+                        let mut positions = load(&motion.positions, lane_start);
+                        let mut previous = load(&motion.previous_positions, lane_start);
+                        let first_sum = sums.as_mut_ptr();
                         for frame in 0..n_frames {
-                            let new = next(&a, &b, &now, &before);
-                            before = now;
-                            now = new;
+                            let next = next_positions(&a, &b, &positions, &previous);
+                            previous = positions;
+                            positions = next;
                             for (row, w) in rows.iter().enumerate() {
-                                add_weighted(&mut *first.add(row * stride + frame), lane_start, w, &now);
+                                add_weighted(&mut *first_sum.add(row * stride + frame), lane_start, w, &positions);
                             }
                         }
-                        store(&mut motion.now, lane_start, now);
-                        store(&mut motion.before, lane_start, before);
+                        store(&mut motion.positions, lane_start, positions);
+                        store(&mut motion.previous_positions, lane_start, previous);
                     }
                 }
             }
 
             $(#[$feature])?
             pub(super) unsafe fn weighted(
-                rates: &Rates,
-                motion: &mut Motion,
+                coefficients: &GroupCoefficients,
+                motion: &mut GroupMotion,
                 weights: &[Lanes],
                 n_frames: usize,
-                sums: &mut [Sum],
+                sums: &mut [LaneSum],
                 stride: usize,
             ) {
-                for lane_start in (0..SUMS).step_by($width) {
-                    // SAFETY: lane starts are multiples of the width below SUMS.
+                for lane_start in (0..SUM_LANES).step_by($width) {
+                    // SAFETY: lane starts are multiples of the width below SUM_LANES.
                     unsafe {
-                        let (a, b) = (load(&rates.a, lane_start), load(&rates.b, lane_start));
-                        let mut now = load(&motion.now, lane_start);
-                        let mut before = load(&motion.before, lane_start);
+                        let (a, b) = (load(&coefficients.a, lane_start), load(&coefficients.b, lane_start));
+                        let mut positions = load(&motion.positions, lane_start);
+                        let mut previous = load(&motion.previous_positions, lane_start);
                         for frame in 0..n_frames {
                             for (out, weights) in weights.iter().enumerate() {
                                 let w = load(weights, lane_start);
-                                add_weighted(&mut sums[out * stride + frame], lane_start, &w, &now);
+                                add_weighted(&mut sums[out * stride + frame], lane_start, &w, &positions);
                             }
-                            let new = next(&a, &b, &now, &before);
-                            before = now;
-                            now = new;
+                            let next = next_positions(&a, &b, &positions, &previous);
+                            previous = positions;
+                            positions = next;
                         }
-                        store(&mut motion.now, lane_start, now);
-                        store(&mut motion.before, lane_start, before);
+                        store(&mut motion.positions, lane_start, positions);
+                        store(&mut motion.previous_positions, lane_start, previous);
                     }
                 }
             }
@@ -382,18 +385,18 @@ macro_rules! fastest {
         }
     };
 }
-fastest!(run_on, run, rates: &Rates, motion: &mut Motion, sums: &mut [Sum]);
+fastest!(run_on, run, coefficients: &GroupCoefficients, motion: &mut GroupMotion, sums: &mut [LaneSum]);
 fastest!(
-    weighted_on, weighted, rates: &Rates, motion: &mut Motion, weights: &[Lanes],
-    n_frames: usize, sums: &mut [Sum], stride: usize
+    weighted_on, weighted, coefficients: &GroupCoefficients, motion: &mut GroupMotion, weights: &[Lanes],
+    n_frames: usize, sums: &mut [LaneSum], stride: usize
 );
 fastest!(
-    follow_on, follow, rates: &Rates, motion: &mut Motion, weights: &[Lanes],
-    n_frames: usize, sums: &mut [Sum], stride: usize
+    observe_on, observe, coefficients: &GroupCoefficients, motion: &mut GroupMotion, weights: &[Lanes],
+    n_frames: usize, sums: &mut [LaneSum], stride: usize
 );
 
 /// Total of a partial sum.
-pub(crate) fn lane_total(sum: &Sum) -> f64 {
+pub(crate) fn lane_total(sum: &LaneSum) -> f64 {
     let sum_lanes = &sum.0;
     ((sum_lanes[0] + sum_lanes[4]) + (sum_lanes[2] + sum_lanes[6]))
         + ((sum_lanes[1] + sum_lanes[5]) + (sum_lanes[3] + sum_lanes[7]))

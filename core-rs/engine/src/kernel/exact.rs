@@ -4,9 +4,9 @@
 
 mod friction;
 
-pub(crate) use friction::{SLIDE_DISTANCE_MIN, rest};
+pub(crate) use friction::{SLIDE_DISTANCE_MIN, stop_resting_masses};
 
-use super::predict;
+use super::predict_position;
 use super::runs::scatter;
 use crate::network::ContactLaw;
 use crate::scheme::{Kind, Run, Scheme};
@@ -14,12 +14,12 @@ use crate::state::{Body, Target};
 
 /// Largest number of secant steps; 5 to 10 are usual. Two steps at least halve the bracket, so that so many steps
 /// always close it.
-const STEPS_MAX: usize = 200;
+const SECANT_STEPS_MAX: usize = 200;
 
-/// Largest number of rounds over contacts that share a MAT: a dozen is usual, and guesses keep it so where rounds alone
+/// Largest number of rounds over contacts that share a MAT: a dozen is usual. Guesses keep the number small where rounds alone
 /// would take a hundred, as for light masses between stiff contacts, or friction that holds masses in a circle.
 const ROUNDS_MAX: usize = 200;
-/// Rounds before the first guess: what converges by itself is left alone.
+/// Rounds before the first guess: contacts that converge by themselves need none.
 const UNACCELERATED_ROUNDS: usize = 4;
 /// Relative change of a force below which contacts that share a MAT have converged.
 const FORCE_TOLERANCE: f64 = 1e-14;
@@ -28,7 +28,7 @@ const FORCE_ROUNDING_RATIO: f64 = 4.0 * f64::EPSILON;
 
 /// Solve all exact contacts and all dry friction, after all other forces are summed. Those that share a MAT are solved
 /// in turn until they converge (Gauss-Seidel; the problem is convex, so that this converges).
-pub(crate) fn contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
+pub(crate) fn solve_exact_contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
     for run in &scheme.exact {
         body.link[run.first] = 0.0;
     }
@@ -37,7 +37,7 @@ pub(crate) fn contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body:
 
 /// Solve all dry friction again, after the forces of contacts in substeps were added: friction is the last force on a
 /// mass.
-pub(crate) fn friction(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
+pub(crate) fn solve_friction(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
     solve(scheme, gates, targets, body, Run::is_dry);
 }
 
@@ -53,7 +53,7 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
         force_mixing.start(scheme.exact.iter().filter(is_solved).count());
     }
     for round in 0..round_limit {
-        let (mut change_max, mut largest) = (0.0_f64, 0.0_f64);
+        let (mut change_max, mut force_max) = (0.0_f64, 0.0_f64);
         if scheme.has_coupled_exact {
             force_mixing.next_round();
         }
@@ -63,18 +63,18 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
             // Subtract the force of the last round, so that the run is solved given all other forces.
             body.link[run.first] = -force_before;
             scatter(run, body);
-            let (force, evaluations) = force(scheme, gates, targets, body, run);
+            let (force, evaluations) = run_force(scheme, gates, targets, body, run);
             body.link[run.first] = force;
             body.exact_work.evaluations += evaluations;
             scatter(run, body);
             let force_now = body.link[run.first];
             change_max = change_max.max((force_now - force_before).abs() - FORCE_TOLERANCE * force_now.abs());
-            largest = largest.max(force_now.abs());
+            force_max = force_max.max(force_now.abs());
             if scheme.has_coupled_exact {
                 force_mixing.record(index, force_before, force_now);
             }
         }
-        if change_max <= FORCE_ROUNDING_RATIO * largest {
+        if change_max <= FORCE_ROUNDING_RATIO * force_max {
             break;
         }
         if round >= UNACCELERATED_ROUNDS && round + 1 < round_limit {
@@ -90,24 +90,24 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
 }
 
 /// Force of one exact contact or dry friction, given all other forces [N], and how often it evaluated a power law.
-fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> (f64, u64) {
+fn run_force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> (f64, u64) {
     let but = match &run.kind {
         Kind::But(but) => but,
         Kind::Dry { .. } => return (friction::force(scheme, gates, targets, body, run), 0),
         _ => return (0.0, 0),
     };
     let contact_side = but.sign();
-    let next_place = |i: usize| match targets.iter().find(|target| target.mat == i) {
+    let next_position_and_compliance = |i: usize| match targets.iter().find(|target| target.mat == i) {
         Some(target) => (target.x, 0.0),
-        None => (predict(scheme, body, i), scheme.w[i]),
+        None => (predict_position(scheme, body, i), scheme.w[i]),
     };
-    let ((xa, wa), (xb, wb)) = (next_place(run.a), next_place(run.b));
+    let ((xa, wa), (xb, wb)) = (next_position_and_compliance(run.a), next_position_and_compliance(run.b));
     let (x, d) = (&body.x, &body.d);
     let depth_now = contact_side * (x[run.b] - x[run.a] - run.rest);
     let depth_before = depth_now - contact_side * (d[run.b] - d[run.a]);
     let free_depth = contact_side * (xb - xa - run.rest);
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
-    let contact = Contact {
+    let contact = ExactContact {
         law: but.law(gate_opening * run.k, gate_opening * run.z),
         beta: wa + wb,
     };
@@ -117,39 +117,47 @@ fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &
 
 /// A contact over one step, from n−1 to n+1: its law with Z per step, and β, the change of its penetration per newton
 /// [m/N].
-pub(crate) struct Contact {
+pub(crate) struct ExactContact {
     pub(crate) law: ContactLaw,
     pub(crate) beta: f64,
 }
 
-impl Contact {
+impl ExactContact {
     /// The force [N] that takes the penetration from `w` (at n−1) to u (at n+1). `free` is the penetration at n+1
-    /// without this force, `now` that at n [m].
-    pub(crate) fn push(&self, free: f64, w: f64, now: f64) -> f64 {
-        self.counted_push(free, w, now).0
+    /// without this force, `depth_now` that at n [m].
+    pub(crate) fn push(&self, free: f64, w: f64, depth_now: f64) -> f64 {
+        self.counted_push(free, w, depth_now).0
     }
 
     /// The same, and how often the power law was evaluated.
-    fn counted_push(&self, free: f64, w: f64, now: f64) -> (f64, u64) {
+    fn counted_push(&self, free: f64, w: f64, depth_now: f64) -> (f64, u64) {
         // Both ends are imposed (β = 0): the next penetration is known, and the gradient is explicit.
         if self.beta == 0.0 {
-            let push_force = self.gradient(free, w) + self.drag(free, w, now);
+            let push_force = self.gradient(free, w) + self.damping_force(free, w, depth_now);
             return (self.law.limited(push_force), 1);
         }
         // Damping acts while the contact is closed: p ← (p + γw)/(1 + γ), β ← β/(1 + γ).
-        let gamma = if now > 0.0 { self.beta * self.law.z / 2.0 } else { 0.0 };
+        let gamma = if depth_now > 0.0 {
+            self.beta * self.law.z / 2.0
+        } else {
+            0.0
+        };
         let p = (free + gamma * w) / (1.0 + gamma);
         let beta = self.beta / (1.0 + gamma);
         let (u, evaluations) = if self.law.elastic.exponent == 1.0 {
-            (linear(p, w, beta * self.law.elastic.k / 2.0), 0)
+            (linear_depth(p, w, beta * self.law.elastic.k / 2.0), 0)
         } else {
-            self.solve(p, w, beta)
+            self.solve_power_law(p, w, beta)
         };
         (self.law.limited((free - u) / self.beta), evaluations)
     }
 
-    fn drag(&self, u: f64, w: f64, now: f64) -> f64 {
-        if now > 0.0 { self.law.z * (u - w) / 2.0 } else { 0.0 }
+    fn damping_force(&self, u: f64, w: f64, depth_now: f64) -> f64 {
+        if depth_now > 0.0 {
+            self.law.z * (u - w) / 2.0
+        } else {
+            0.0
+        }
     }
 
     fn potential(&self, p: f64) -> f64 {
@@ -173,7 +181,7 @@ impl Contact {
 
     /// Solve u + β·gradient(u, w) = p by a bracketed secant; the left side increases with u, so that the root can be
     /// bracketed. Also returns the number of evaluations.
-    fn solve(&self, p: f64, w: f64, beta: f64) -> (f64, u64) {
+    fn solve_power_law(&self, p: f64, w: f64, beta: f64) -> (f64, u64) {
         if p <= 0.0 && w <= 0.0 {
             return (p, 0);
         }
@@ -190,7 +198,7 @@ impl Contact {
             low_residue = residue(low_end);
         }
         let (mut must_halve, mut last_residue) = (false, 0.0);
-        for _ in 0..STEPS_MAX {
+        for _ in 0..SECANT_STEPS_MAX {
             let bracket_width = high_end - low_end;
             if bracket_width <= 4.0 * f64::EPSILON * high_end.abs().max(low_end.abs()) {
                 break;
@@ -220,7 +228,7 @@ impl Contact {
 }
 
 /// Closed form for V = ½K·max(p, 0)², a = βK/2.
-fn linear(p: f64, w: f64, a: f64) -> f64 {
+fn linear_depth(p: f64, w: f64, a: f64) -> f64 {
     if w >= 0.0 {
         let u = (p - a * w) / (1.0 + a);
         if u >= 0.0 {

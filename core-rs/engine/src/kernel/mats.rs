@@ -13,7 +13,7 @@ use crate::state::{Body, PreviousState, Target};
 const POSITION_MAX: f64 = 1e4;
 
 /// Position of a MAT at the next frame [m], given the forces summed so far.
-pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
+pub(crate) fn predict_position(scheme: &Scheme, body: &Body, i: usize) -> f64 {
     let step_change =
         body.force[i] * scheme.w[i] - scheme.kappa[i] * (body.x[i] - scheme.rest[i]) - scheme.zeta[i] * body.d[i];
     body.x[i] + (body.d[i] + step_change + body.inner.get(i).copied().unwrap_or(0.0))
@@ -21,17 +21,17 @@ pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
 
 /// Force that, added to the forces summed so far, brings a MAT to `x` [m] at the next frame [N].
 pub(crate) fn force_to_reach(scheme: &Scheme, body: &Body, i: usize, x: f64) -> f64 {
-    (x - predict(scheme, body, i)) / scheme.w[i]
+    (x - predict_position(scheme, body, i)) / scheme.w[i]
 }
 
 /// Velocity of a MAT at the current frame, given the forces summed so far: (x̂[n+1] − x[n−1])/2T [m/s].
-pub(crate) fn centred(scheme: &Scheme, body: &Body, i: usize) -> f64 {
+pub(crate) fn centred_velocity(scheme: &Scheme, body: &Body, i: usize) -> f64 {
     let position_before = body.x[i] - body.d[i];
-    (predict(scheme, body, i) - position_before) * (0.5 * scheme.rate)
+    (predict_position(scheme, body, i) - position_before) * (0.5 * scheme.rate)
 }
 
 /// Move every MAT by one frame, and each MAT with a target to its target. Returns whether all positions are bounded.
-pub(crate) fn advance(
+pub(crate) fn advance_mats(
     scheme: &Scheme,
     targets: &mut [Target],
     body: &mut Body,
@@ -75,7 +75,7 @@ fn advance_free_in_ranges(
     }
     let previous = body.previous.as_deref();
     let all_bounded = AtomicBool::new(true);
-    mesh_partition.ranges(team, [x, d], |mats, moved| {
+    mesh_partition.for_each_range(team, [x, d], |mats, moved| {
         if !move_range(scheme, mats, force, previous, moved) {
             all_bounded.store(false, Ordering::Relaxed);
         }
@@ -83,27 +83,27 @@ fn advance_free_in_ranges(
     all_bounded.into_inner()
 }
 
-/// Move a range of MATs: in place, or from the positions and steps in `from`. `force` holds the forces of all MATs,
+/// Move a range of MATs: in place, or from the positions and steps in `previous`. `force` holds the forces of all MATs,
 /// `moved` the positions and steps of the range. Returns whether all positions are bounded.
 fn move_range(
     scheme: &Scheme,
     mats: Range<usize>,
     force: &[f64],
-    from: Option<&PreviousState>,
+    previous: Option<&PreviousState>,
     moved: [&mut [f64]; 2],
 ) -> bool {
     let previous_range = |part_range: &Range<usize>| {
-        from.map(|from| [&from.x, &from.d].map(|mat_values| &mat_values[part_range.clone()]))
+        previous.map(|previous| [&previous.x, &previous.d].map(|mat_values| &mat_values[part_range.clone()]))
     };
     let [positions, last_steps] = moved;
     if scheme.equal_ranges.is_empty() {
-        let (numbers, force) = (
+        let (coefficients, force) = (
             scheme.mat_coefficients().map(|mat_values| &mat_values[mats.clone()]),
             &force[mats.clone()],
         );
         return match previous_range(&mats) {
-            Some(from) => move_from(numbers, force, from, positions, last_steps),
-            None => move_all(numbers, force, positions, last_steps),
+            Some(previous) => move_from(coefficients, force, previous, positions, last_steps),
+            None => move_all(coefficients, force, positions, last_steps),
         };
     }
     debug_assert!(scheme.are_ranges_valid(), "numbers change");
@@ -116,28 +116,28 @@ fn move_range(
         let local_range = part_range.start - mats.start..part_range.end - mats.start;
         let (positions, last_steps) = (&mut positions[local_range.clone()], &mut last_steps[local_range]);
         all_bounded &= match previous_range(&part_range) {
-            Some(from) => move_alike_from(
+            Some(previous) => move_equal_from(
                 equal_range.coefficients,
                 &force[part_range],
-                from,
+                previous,
                 positions,
                 last_steps,
             ),
-            None => move_alike(equal_range.coefficients, &force[part_range], positions, last_steps),
+            None => move_equal(equal_range.coefficients, &force[part_range], positions, last_steps),
         };
     }
     all_bounded
 }
 
-/// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `numbers` gives w, κ, ζ and rest of each. Returns whether
+/// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `mat_coefficients` gives w, κ, ζ and rest of each. Returns whether
 /// all positions are bounded.
 #[inline(always)]
-fn update(numbers: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [f64], d: &mut [f64]) -> bool {
+fn update(mat_coefficients: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [f64], d: &mut [f64]) -> bool {
     let mat_count = force.len();
     let (x, d) = (&mut x[..mat_count], &mut d[..mat_count]);
     let mut diverged_flag = 0_u64;
     for i in 0..mat_count {
-        let [w, kappa, zeta, rest_position] = numbers(i);
+        let [w, kappa, zeta, rest_position] = mat_coefficients(i);
         let step_change = force[i] * w - kappa * (x[i] - rest_position) - zeta * d[i];
         d[i] += step_change;
         x[i] += d[i];
@@ -146,94 +146,94 @@ fn update(numbers: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [f64], d: 
     diverged_flag == 0
 }
 
-/// [`update`] from positions and steps in `from`, which are not changed.
+/// [`update`] from positions and steps in `previous`, which are not changed.
 #[inline(always)]
 fn update_from(
-    numbers: impl Fn(usize) -> [f64; 4],
+    mat_coefficients: impl Fn(usize) -> [f64; 4],
     force: &[f64],
-    from: [&[f64]; 2],
+    previous: [&[f64]; 2],
     x: &mut [f64],
     d: &mut [f64],
 ) -> bool {
     let mat_count = force.len();
-    let [previous, previous_steps] = from.map(|from| &from[..mat_count]);
+    let [previous_positions, previous_steps] = previous.map(|values| &values[..mat_count]);
     let (x, d) = (&mut x[..mat_count], &mut d[..mat_count]);
     let mut diverged_flag = 0_u64;
     for i in 0..mat_count {
-        let [w, kappa, zeta, rest_position] = numbers(i);
-        let step_change = force[i] * w - kappa * (previous[i] - rest_position) - zeta * previous_steps[i];
+        let [w, kappa, zeta, rest_position] = mat_coefficients(i);
+        let step_change = force[i] * w - kappa * (previous_positions[i] - rest_position) - zeta * previous_steps[i];
         d[i] = previous_steps[i] + step_change;
-        x[i] = previous[i] + d[i];
+        x[i] = previous_positions[i] + d[i];
         diverged_flag |= u64::from(!is_bounded(x[i]));
     }
     diverged_flag == 0
 }
 
 wide! {
-    /// Move MATs in place; `numbers` are w, κ, ζ and rest, (n) each. Returns whether all positions are bounded.
+    /// Move MATs in place; `coefficients` are w, κ, ζ and rest, (n) each. Returns whether all positions are bounded.
     pub(super) fn move_all(
-        numbers: [&[f64]; 4],
+        coefficients: [&[f64]; 4],
         force: &[f64],
         x: &mut [f64],
         d: &mut [f64],
     ) -> bool {
         let n = force.len();
-        let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
+        let [w, kappa, zeta, rest] = coefficients.map(|values| &values[..n]);
         update(|i| [w[i], kappa[i], zeta[i], rest[i]], force, x, d)
     }
 }
 
 wide! {
-    /// [`move_all`] from positions and steps in `from`, which are not changed.
+    /// [`move_all`] from positions and steps in `previous`, which are not changed.
     pub(super) fn move_from(
-        numbers: [&[f64]; 4],
+        coefficients: [&[f64]; 4],
         force: &[f64],
-        from: [&[f64]; 2],
+        previous: [&[f64]; 2],
         x: &mut [f64],
         d: &mut [f64],
     ) -> bool {
         let n = force.len();
-        let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
-        update_from(|i| [w[i], kappa[i], zeta[i], rest[i]], force, from, x, d)
+        let [w, kappa, zeta, rest] = coefficients.map(|values| &values[..n]);
+        update_from(|i| [w[i], kappa[i], zeta[i], rest[i]], force, previous, x, d)
     }
 }
 
 wide! {
-    /// [`move_all`] of MATs with the same numbers.
-    pub(super) fn move_alike(
-        numbers: [f64; 4],
+    /// [`move_all`] of MATs with the same coefficients.
+    pub(super) fn move_equal(
+        coefficients: [f64; 4],
         force: &[f64],
         x: &mut [f64],
         d: &mut [f64],
     ) -> bool {
-        update(|_| numbers, force, x, d)
+        update(|_| coefficients, force, x, d)
     }
 }
 
 wide! {
-    /// [`move_from`] of MATs with the same numbers.
-    pub(super) fn move_alike_from(
-        numbers: [f64; 4],
+    /// [`move_from`] of MATs with the same coefficients.
+    pub(super) fn move_equal_from(
+        coefficients: [f64; 4],
         force: &[f64],
-        from: [&[f64]; 2],
+        previous: [&[f64]; 2],
         x: &mut [f64],
         d: &mut [f64],
     ) -> bool {
-        update_from(|_| numbers, force, from, x, d)
+        update_from(|_| coefficients, force, previous, x, d)
     }
 }
 
 wide! {
     /// Move MATs by the fraction `frame_fraction` of a frame; `d` stays the step of a full frame.
-    pub(crate) fn fine_steps(
+    pub(crate) fn advance_by_fraction(
         frame_fraction: f64,
-        numbers: [&[f64]; 4],
+        coefficients: [&[f64]; 4],
         force: &[f64],
         x: &mut [f64],
         d: &mut [f64],
     ) {
         let n = force.len();
-        let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
+        let [w, kappa, zeta, rest] = coefficients.map(|values| &values[..n]);
         let (x, d) = (&mut x[..n], &mut d[..n]);
         for i in 0..n {
             let step_change = force[i] * w[i] - kappa[i] * (x[i] - rest[i]) - zeta[i] * d[i];

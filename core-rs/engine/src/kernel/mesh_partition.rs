@@ -6,7 +6,7 @@
 use std::mem::take;
 use std::ops::Range;
 
-use super::springs::{Part, SpringPass};
+use super::springs::{ForcePart, SpringPass};
 use super::thread_team::ThreadTeam;
 use crate::scheme::{ForceEnds, Spring, Springs};
 
@@ -61,14 +61,20 @@ impl MeshPartition {
     }
 
     /// Keep the ranges and use other springs.
-    pub(crate) fn cut_again(&mut self, springs: &[Spring]) {
+    pub(crate) fn set_springs(&mut self, springs: &[Spring]) {
         for range in &mut self.0 {
             *range = MeshRange::new(springs, range.mats.clone());
         }
     }
 
     /// Set `force` to the sum of forces on each MAT [N], (n_mat), at positions and velocities (per step) `motion`.
-    pub(crate) fn forces(&mut self, team: &mut ThreadTeam<'_>, part: Part, motion: [&[f64]; 2], force: &mut [f64]) {
+    pub(crate) fn forces(
+        &mut self,
+        team: &mut ThreadTeam<'_>,
+        part: ForcePart,
+        motion: [&[f64]; 2],
+        force: &mut [f64],
+    ) {
         let mut range_parts: [Option<(&mut MeshRange, &mut [f64])>; RANGES_MAX] = [const { None }; RANGES_MAX];
         let (range_count, mut forces_left) = (self.0.len(), force);
         for (range_part, range) in range_parts.iter_mut().zip(&mut self.0) {
@@ -77,13 +83,13 @@ impl MeshPartition {
         }
         team.for_each(&mut range_parts[..range_count], |range_part| {
             if let Some((MeshRange { springs, pass, .. }, force)) = range_part {
-                pass.forces(part, springs, motion, force);
+                pass.compute_forces(part, springs, motion, force);
             }
         });
     }
 
     /// Call `work(mats, arrays)` for every range of MATs, with its slice of each array in `changed`, (n_mat) each.
-    pub(crate) fn ranges<const N: usize>(
+    pub(crate) fn for_each_range<const N: usize>(
         &self,
         team: &mut ThreadTeam<'_>,
         mut changed: [&mut [f64]; N],
@@ -192,13 +198,13 @@ mod tests {
         for seed in 0..50 {
             let springs = Springs::new(springs(seed));
             let mut full_force = vec![f64::NAN; N_MAT];
-            SpringPass::new(&springs, N_MAT).forces(Part::Total, &springs, [&x, &v], &mut full_force);
+            SpringPass::new(&springs, N_MAT).compute_forces(ForcePart::Total, &springs, [&x, &v], &mut full_force);
             for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (RANGES_MAX, 1)] {
                 let mut mesh_partition = MeshPartition::new(&springs, N_MAT, parts);
                 assert!(mesh_partition.0.len() > 1);
                 let mut range_force = vec![f64::NAN; N_MAT];
                 ThreadTeam::with(threads, |team| {
-                    mesh_partition.forces(team, Part::Total, [&x, &v], &mut range_force);
+                    mesh_partition.forces(team, ForcePart::Total, [&x, &v], &mut range_force);
                 });
                 let force_bits = |force: &[f64]| force.iter().map(|f| f.to_bits()).collect::<Vec<_>>();
                 assert_eq!(force_bits(&range_force), force_bits(&full_force), "{seed} {parts}");
@@ -212,7 +218,7 @@ mod tests {
             let mesh_partition = MeshPartition::new(&springs(3), N_MAT, parts);
             assert!(mesh_partition.0.len() <= parts);
             let (mut mat_number, mut visit_count) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
-            mesh_partition.ranges(
+            mesh_partition.for_each_range(
                 &mut ThreadTeam::alone(),
                 [&mut mat_number, &mut visit_count],
                 |mats, [mat_number, visit_count]| {

@@ -13,7 +13,7 @@ mod contact;
 mod neighbours;
 mod walls;
 
-pub(crate) use contact::Contact;
+pub(crate) use contact::TouchingPair;
 pub(crate) use neighbours::Neighbours;
 
 use crate::network::{AXES_MAX, PairRun};
@@ -28,7 +28,7 @@ type Pair = [u32; 2];
 
 /// Add the forces of all pairs to the coordinates of the points. Also store the sum of the pair forces on each point of
 /// the second group [N].
-pub(super) fn forces(
+pub(super) fn add_pair_forces(
     run: &Run,
     pair_run: &PairRun,
     gates: &[f64],
@@ -49,11 +49,11 @@ pub(super) fn forces(
     let history = &mut histories[history_index];
     history.begin();
     if pair_run.pairs.is_searched() {
-        neighbours.push(pair_run, gated_k_and_z, (x, d), history);
+        neighbours.compute_forces(pair_run, gated_k_and_z, (x, d), history);
         neighbours.add_forces(pair_run, pair_force, run_forces);
     } else {
         let may_touch = neighbours.may_touch_wall_mut();
-        walls::push(
+        walls::add_wall_forces(
             pair_run,
             gated_k_and_z,
             (x, d),

@@ -5,7 +5,7 @@ use crate::scheme::Scheme;
 use crate::state::Body;
 
 /// Add the force on each proxy to its masses, by their shares.
-pub(crate) fn divide(scheme: &Scheme, body: &mut Body) {
+pub(crate) fn distribute_forces(scheme: &Scheme, body: &mut Body) {
     let Body { x, force, .. } = body;
     for proxy in &scheme.proxies {
         let proxy_force = force[proxy.mat];
@@ -16,7 +16,7 @@ pub(crate) fn divide(scheme: &Scheme, body: &mut Body) {
 }
 
 /// Store the positions of proxies before anything moves.
-pub(crate) fn note(scheme: &Scheme, body: &mut Body) {
+pub(crate) fn record_positions(scheme: &Scheme, body: &mut Body) {
     let Body { x, proxies, .. } = body;
     for (proxy, position_before) in scheme.proxies.iter().zip(proxies) {
         *position_before = x[proxy.mat];
@@ -25,7 +25,7 @@ pub(crate) fn note(scheme: &Scheme, body: &mut Body) {
 
 /// Move proxies to the positions that follow from their masses; for proxies that change their masses, the step is that
 /// since [`note`].
-pub(crate) fn gather(scheme: &Scheme, body: &mut Body) {
+pub(crate) fn move_to_masses(scheme: &Scheme, body: &mut Body) {
     let Body { x, d, proxies, .. } = body;
     for (proxy, position_before) in scheme.proxies.iter().zip(&*proxies) {
         x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);
@@ -39,7 +39,7 @@ pub(crate) fn gather(scheme: &Scheme, body: &mut Body) {
 }
 
 /// Set positions and last steps of proxies from those of their masses.
-pub(crate) fn join(scheme: &Scheme, body: &mut Body) {
+pub(crate) fn set_from_masses(scheme: &Scheme, body: &mut Body) {
     let Body { x, d, .. } = body;
     for proxy in &scheme.proxies {
         x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);

@@ -5,7 +5,7 @@ use crate::maths::wide::wide;
 /// Add forces to MATs from `a` on, and subtract them from MATs from `b` on. At a MAT in both ranges the force is added
 /// first.
 #[inline(always)]
-pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
+pub(super) fn add_link_forces(f: &[f64], force: &mut [f64], a: usize, b: usize) {
     let (lower_end, upper_end) = (a.min(b), a.max(b));
     // Number of MATs at each side that belong to one range only.
     let unshared_count = upper_end - lower_end;
@@ -55,6 +55,6 @@ pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
 wide! {
     /// [`add`] as a separate function, compiled for each vector width.
     pub(super) fn pull(f: &[f64], force: &mut [f64], a: usize, b: usize) {
-        add(f, force, a, b);
+        add_link_forces(f, force, a, b);
     }
 }

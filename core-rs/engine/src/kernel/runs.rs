@@ -1,9 +1,9 @@
 //! Forces of links of every kind (springs, dampers, contacts, laws), one run of equal links at a time. Each run takes
 //! three passes (forces, ends a, ends b), so that each pass vectorises although the two ends of a run may overlap.
 
-use super::Laws;
+use super::KernelScratch;
 use super::pull::pull;
-use super::springs::Part;
+use super::springs::ForcePart;
 use super::thread_team::ThreadTeam;
 use super::{pairwise, space};
 use crate::law::Hardening;
@@ -12,7 +12,13 @@ use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
 /// Set `body.force` to the sum of all link forces on each MAT [N], and `body.link` to the force of each link [N].
-pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut Laws, team: &mut ThreadTeam<'_>) {
+pub(crate) fn compute_link_forces(
+    scheme: &Scheme,
+    gates: &[f64],
+    body: &mut Body,
+    laws: &mut KernelScratch,
+    team: &mut ThreadTeam<'_>,
+) {
     body.outside.fill(0.0);
     body.pair_force.fill(0.0);
     let Body { x, d, force, .. } = body;
@@ -23,35 +29,35 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
         }
         weightless_forces.fill(0.0);
     } else {
-        laws.spring_forces(Part::Total, &scheme.fused, [x, d], force, team);
+        laws.spring_forces(ForcePart::Total, &scheme.fused, [x, d], force, team);
         for (force, weight) in force.iter_mut().zip(&scheme.weight) {
             *force += weight;
         }
     }
     for run in &scheme.runs {
         if let Kind::Space(space_link) = &run.kind {
-            space::forces(run, space_link, gates, body, &mut laws.space);
+            space::add_space_forces(run, space_link, gates, body, &mut laws.space_scratch);
             continue;
         }
         if let (Kind::Pairwise { slot, .. }, Some(pairs)) = (&run.kind, run.pairwise()) {
             let pair_memory = (*slot, &mut laws.neighbours[*slot]);
-            pairwise::forces(run, &pairs, gates, body, pair_memory);
+            pairwise::add_pair_forces(run, &pairs, gates, body, pair_memory);
             continue;
         }
-        let run_ends = Ends::new(run, &body.x, &body.d);
+        let run_ends = EndMotions::new(run, &body.x, &body.d);
         let link_force = &mut body.link[run.first..run.first + run.len];
         match &run.kind {
-            Kind::Ref => springs(run.k, run.z, run.rest, &run_ends, link_force),
+            Kind::Ref => set_spring_forces(run.k, run.z, run.rest, &run_ends, link_force),
             Kind::Hardening(q) => {
                 let hardening_law = Hardening {
                     k: run.k,
                     q: *q,
                     z: (run.z != 0.0).then_some(run.z),
                 };
-                hardening(hardening_law, 1.0, run.rest, &run_ends, link_force);
+                set_hardening_forces(hardening_law, 1.0, run.rest, &run_ends, link_force);
             }
             Kind::But(but) => {
-                let Ends { xa, xb, da, db } = run_ends;
+                let EndMotions { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
                     let (e, step) = (xb[i] - xa[i] - run.rest, db[i] - da[i]);
                     link_force[i] = but.force(run.k, run.z, e, step);
@@ -60,16 +66,16 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
             Kind::Bristle { .. } => {
                 if let Some((bristle_law, step)) = run.bristle() {
                     let bristle_bends = &body.memory[run.first..run.first + run.len];
-                    let Ends { da, db, .. } = run_ends;
+                    let EndMotions { da, db, .. } = run_ends;
                     for i in 0..run.len {
                         link_force[i] = bristle_law.force(bristle_bends[i], (db[i] - da[i]) / step);
                     }
                 }
             }
             Kind::Followed { by, rate, slot } => {
-                let law = &mut laws.followed[*slot];
+                let law = &mut laws.following_laws[*slot];
                 by.set(law, |mat| body.x[mat]);
-                let Ends { xa, xb, da, db } = run_ends;
+                let EndMotions { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
                     link_force[i] = law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
                 }
@@ -77,15 +83,15 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
             // Dry friction is solved later, with the exact contacts; links in space are already computed above.
             Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => link_force.fill(0.0),
             Kind::Lnl { law, rate, slot } => match law.hardening_spring() {
-                Some(hardening_law) => hardening(hardening_law, *rate, run.rest, &run_ends, link_force),
+                Some(hardening_law) => set_hardening_forces(hardening_law, *rate, run.rest, &run_ends, link_force),
                 None => {
-                    let Ends { xa, xb, da, db } = run_ends;
-                    let (e, v) = (&mut laws.e[..run.len], &mut laws.v[..run.len]);
+                    let EndMotions { xa, xb, da, db } = run_ends;
+                    let (e, v) = (&mut laws.elongations[..run.len], &mut laws.elongation_rates[..run.len]);
                     for i in 0..run.len {
                         e[i] = xb[i] - xa[i] - run.rest;
                         v[i] = (db[i] - da[i]) * rate;
                     }
-                    law.eval_in(e, v, link_force, &mut laws.scratch[*slot], &mut laws.native);
+                    law.eval_in(e, v, link_force, &mut laws.law_scratch[*slot], &mut laws.native_scratch);
                 }
             },
         }
@@ -118,14 +124,14 @@ pub(crate) fn slide_bristles(scheme: &Scheme, body: &mut Body) {
 }
 
 /// Positions and steps at both ends of a run, (len) each.
-pub(super) struct Ends<'a> {
+pub(super) struct EndMotions<'a> {
     pub(super) xa: &'a [f64],
     pub(super) xb: &'a [f64],
     pub(super) da: &'a [f64],
     pub(super) db: &'a [f64],
 }
 
-impl<'a> Ends<'a> {
+impl<'a> EndMotions<'a> {
     fn new(run: &Run, x: &'a [f64], d: &'a [f64]) -> Self {
         let (mats_at_a, mats_at_b) = (run.a..run.a + run.len, run.b..run.b + run.len);
         Self {
@@ -144,7 +150,7 @@ impl<'a> Ends<'a> {
 }
 
 wide! {
-    pub(super) fn springs(k: f64, z: f64, rest: f64, ends: &Ends<'_>, f: &mut [f64]) {
+    pub(super) fn set_spring_forces(k: f64, z: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) {
         let n = f.len();
         let [xa, xb, da, db] = ends.equal_slices(n);
         for i in 0..n {
@@ -156,10 +162,10 @@ wide! {
 wide! {
     /// Hardening springs without the interpreter; the operations have the order of the interpreted law, so that the
     /// bits are the same.
-    pub(super) fn hardening(by: Hardening, rate: f64, rest: f64, ends: &Ends<'_>, f: &mut [f64]) {
+    pub(super) fn set_hardening_forces(law: Hardening, rate: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) {
         let n = f.len();
         let [xa, xb, da, db] = ends.equal_slices(n);
-        let Hardening { k, q, z } = by;
+        let Hardening { k, q, z } = law;
         for i in 0..n {
             let e = xb[i] - xa[i] - rest;
             f[i] = k * e + q * (e * e * e);

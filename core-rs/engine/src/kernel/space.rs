@@ -11,11 +11,11 @@ use crate::state::Body;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SpaceScratch {
     /// Components of the unit vector from end to end, then of the force [N].
-    along: [Vec<f64>; AXES_MAX],
+    directions: [Vec<f64>; AXES_MAX],
     /// Distance − rest [m].
-    e: Vec<f64>,
+    elongations: Vec<f64>,
     /// Change of the distance in the last step [m].
-    step: Vec<f64>,
+    elongation_steps: Vec<f64>,
 }
 
 impl SpaceScratch {
@@ -24,26 +24,32 @@ impl SpaceScratch {
         let space_runs = space_runs.filter(|run| matches!(run.kind, Kind::Space(_)));
         let scratch_row = vec![0.0; space_runs.map(|run| run.len).max().unwrap_or(0)];
         Self {
-            along: [scratch_row.clone(), scratch_row.clone(), scratch_row.clone()],
-            e: scratch_row.clone(),
-            step: scratch_row,
+            directions: [scratch_row.clone(), scratch_row.clone(), scratch_row.clone()],
+            elongations: scratch_row.clone(),
+            elongation_steps: scratch_row,
         }
     }
 }
 
 /// Add the forces of a run to the coordinates of its ends, and store the force along each link [N].
-pub(super) fn forces(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body, scratch: &mut SpaceScratch) {
+pub(super) fn add_space_forces(
+    run: &Run,
+    link: &SpaceLink,
+    gates: &[f64],
+    body: &mut Body,
+    scratch: &mut SpaceScratch,
+) {
     let link_count = run.len;
     if link_count == 1 {
-        return single(run, link, gates, body);
+        return add_single_link(run, link, gates, body);
     }
     let SpaceScratch {
-        along: [direction_x, direction_y, direction_z],
-        e,
-        step,
+        directions: [direction_x, direction_y, direction_z],
+        elongations: e,
+        elongation_steps: step,
     } = scratch;
     let [direction_x, direction_y, direction_z] =
-        [direction_x, direction_y, direction_z].map(|room| &mut room[..link_count]);
+        [direction_x, direction_y, direction_z].map(|axis_values| &mut axis_values[..link_count]);
     let Body {
         x,
         d,
@@ -54,11 +60,11 @@ pub(super) fn forces(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body
     } = body;
     let link_force = &mut link_force[run.first..run.first + link_count];
     let axis_ends: [(usize, usize); AXES_MAX] = std::array::from_fn(|axis| run.pair(0, axis.min(link.n_axes - 1)));
-    let end_motion = Ends::new(link.n_axes, &axis_ends, [x, d], link_count);
+    let end_motion = SpaceEndMotions::new(link.n_axes, &axis_ends, [x, d], link_count);
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     if link.law == SpaceLaw::Spring {
         let spring_terms = [run.k, run.z, run.rest, gate_opening];
-        springs(
+        set_spring_forces(
             spring_terms,
             &end_motion,
             link_force,
@@ -68,7 +74,7 @@ pub(super) fn forces(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body
         );
     } else {
         let (e, step) = (&mut e[..link_count], &mut step[..link_count]);
-        lines(run.rest, &end_motion, e, step, direction_x, direction_y, direction_z);
+        set_directions_and_elongations(run.rest, &end_motion, e, step, direction_x, direction_y, direction_z);
         if link.law.yields() {
             let memory = &mut memory[run.first..run.first + link_count];
             for (e, memory) in e.iter_mut().zip(memory) {
@@ -79,7 +85,7 @@ pub(super) fn forces(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body
             *link_force = link.law.force([run.k, run.z], e, step) * gate_opening;
         }
         for along in [&mut *direction_x, &mut *direction_y, &mut *direction_z] {
-            scale(link_force, along);
+            scale_directions(link_force, along);
         }
     }
     let axis_forces = axis_ends.into_iter().zip([direction_x, direction_y, direction_z]);
@@ -89,12 +95,12 @@ pub(super) fn forces(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body
 }
 
 /// Positions and steps at the ends of a run of links, axis by axis, (n) each.
-struct Ends<'a> {
+struct SpaceEndMotions<'a> {
     x: [[&'a [f64]; 2]; AXES_MAX],
     d: [[&'a [f64]; 2]; AXES_MAX],
 }
 
-impl<'a> Ends<'a> {
+impl<'a> SpaceEndMotions<'a> {
     /// Of `n` links, the first of which joins `ends`. Along an axis that the network does not have, both ends get the
     /// same positions.
     fn new(n_axes: usize, ends: &[(usize, usize); AXES_MAX], [x, d]: [&'a [f64]; 2], n: usize) -> Self {
@@ -110,7 +116,7 @@ impl<'a> Ends<'a> {
 
     /// The same values as slices of one length, so that the compiler drops bounds checks.
     #[inline(always)]
-    fn cut(&self, n: usize) -> [[[&'a [f64]; 2]; AXES_MAX]; 2] {
+    fn equal_slices(&self, n: usize) -> [[[&'a [f64]; 2]; AXES_MAX]; 2] {
         [self.x, self.d].map(|mat_values| mat_values.map(|ends| ends.map(|mat_values| &mat_values[..n])))
     }
 }
@@ -127,13 +133,13 @@ fn link_line([x, d]: &[[[&[f64]; 2]; AXES_MAX]; 2], rest: f64, i: usize) -> ([f6
 
 /// Distance − rest [m] of a link whose rest length has grown by `memory` [m]; updates `memory` if the link yields.
 fn update_rest(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
-    let settled = link.law.after_yielding(k, e, *memory);
-    *memory = e - settled;
-    settled
+    let elastic_elongation = link.law.after_yielding(k, e, *memory);
+    *memory = e - elastic_elongation;
+    elastic_elongation
 }
 
 /// [`forces`] of a run of one link, for which separate passes would cost ten times as much.
-fn single(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
+fn add_single_link(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
     let link_ends = (run.a, run.b);
     let (link_length, direction) = link.line(link_ends, |mat| body.x[mat]);
     let length_step = link.stretch(link_ends, direction, |mat| body.d[mat]);
@@ -153,10 +159,10 @@ fn single(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
 }
 
 wide! {
-    /// Forces of springs and their components; `by`: K, Z, rest, and the opening of the gate.
-    fn springs(
-        by: [f64; 4],
-        ends: &Ends<'_>,
+    /// Forces of springs and their components; `spring_terms`: K, Z, rest, and the opening of the gate.
+    fn set_spring_forces(
+        spring_terms: [f64; 4],
+        ends: &SpaceEndMotions<'_>,
         f: &mut [f64],
         x: &mut [f64],
         y: &mut [f64],
@@ -164,11 +170,11 @@ wide! {
     ) {
         let n = f.len();
         let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
-        let ends = ends.cut(n);
-        let [stiff, viscous, rest, open] = by;
+        let ends = ends.equal_slices(n);
+        let [stiffness, damping, rest, opening] = spring_terms;
         for i in 0..n {
             let (along, e, step) = link_line(&ends, rest, i);
-            let force = (stiff * e + viscous * step) * open;
+            let force = (stiffness * e + damping * step) * opening;
             f[i] = force;
             x[i] = force * along[0];
             y[i] = force * along[1];
@@ -179,9 +185,9 @@ wide! {
 
 wide! {
     /// Distances − rest, their change in the last step, and unit vectors.
-    fn lines(
+    fn set_directions_and_elongations(
         rest: f64,
-        ends: &Ends<'_>,
+        ends: &SpaceEndMotions<'_>,
         e: &mut [f64],
         step: &mut [f64],
         x: &mut [f64],
@@ -190,7 +196,7 @@ wide! {
     ) {
         let n = e.len();
         let (x, y, z, step) = (&mut x[..n], &mut y[..n], &mut z[..n], &mut step[..n]);
-        let ends = ends.cut(n);
+        let ends = ends.equal_slices(n);
         for i in 0..n {
             let along;
             (along, e[i], step[i]) = link_line(&ends, rest, i);
@@ -201,7 +207,7 @@ wide! {
 
 wide! {
     /// Turn components of unit vectors into components of forces.
-    fn scale(f: &[f64], along: &mut [f64]) {
+    fn scale_directions(f: &[f64], along: &mut [f64]) {
         for (along, f) in along.iter_mut().zip(f) {
             *along *= f;
         }

@@ -6,11 +6,11 @@ use crate::scheme::{Scheme, Tap};
 use crate::state::Body;
 
 /// Write one frame of outputs, (n_out).
-pub(crate) fn tap(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
+pub(crate) fn write_outputs(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
     for (taps, sample) in scheme.taps.iter().zip(frame) {
         let tap_value = |tap: &Tap| match tap {
-            Tap::Term(term) => value(scheme, body, term),
-            Tap::Scattered { mats, weight } => weight * scattered(&body.x, mats),
+            Tap::Term(term) => term_value(scheme, body, term),
+            Tap::Scattered { mats, weight } => weight * scattered_sum(&body.x, mats),
             Tap::Lengths { links, weight } => {
                 let line_links = links.iter();
                 let line_lengths = line_links.map(|(ends, link)| link.line(*ends, |mat| body.x[mat]).0);
@@ -21,29 +21,29 @@ pub(crate) fn tap(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
     }
 }
 
-fn value(scheme: &Scheme, body: &Body, term: &Term) -> f64 {
+fn term_value(scheme: &Scheme, body: &Body, term: &Term) -> f64 {
     match *term {
-        Term::Position { first, len, weight } => weight * sum(&body.x[first..first + len]),
+        Term::Position { first, len, weight } => weight * range_sum(&body.x[first..first + len]),
         Term::Length { .. } => 0.0, // summed by `Tap::Lengths`
         // A link with force f acts with −f on its second point.
-        Term::Force { first, len, weight } => -weight * sum(&body.link[first..first + len]),
+        Term::Force { first, len, weight } => -weight * range_sum(&body.link[first..first + len]),
         Term::Ground { first, len, weight } => {
             let mat_range = first..first + len;
             let (stiffnesses, positions) = (&scheme.ground[mat_range.clone()], &body.x[mat_range.clone()]);
-            weight * grounds(stiffnesses, positions, &scheme.rest[mat_range])
+            weight * ground_force_sum(stiffnesses, positions, &scheme.rest[mat_range])
         }
     }
 }
 
-fn sum(range: &[f64]) -> f64 {
+fn range_sum(range: &[f64]) -> f64 {
     match *range {
-        [alone] => alone,
-        _ => sums(range),
+        [single_value] => single_value,
+        _ => lane_sum(range),
     }
 }
 
 wide! {
-    pub(super) fn sums(range: &[f64]) -> f64 {
+    pub(super) fn lane_sum(range: &[f64]) -> f64 {
         let mut lanes = [0.0; 8];
         let eights = range.chunks_exact(8);
         let remainder = eights.remainder();
@@ -60,7 +60,7 @@ wide! {
 }
 
 wide! {
-    pub(super) fn scattered(x: &[f64], mats: &[u32]) -> f64 {
+    pub(super) fn scattered_sum(x: &[f64], mats: &[u32]) -> f64 {
         let mut lanes = [0.0; 8];
         let eights = mats.chunks_exact(8);
         let remainder = eights.remainder();
@@ -77,7 +77,7 @@ wide! {
 }
 
 /// Sum of the forces of CELs on the ground, K·(x − rest) [N].
-fn grounds(k: &[f64], x: &[f64], rest: &[f64]) -> f64 {
+fn ground_force_sum(k: &[f64], x: &[f64], rest: &[f64]) -> f64 {
     let ground_force = |i: usize| k[i] * (x[i] - rest[i]);
     if x.len() == 1 {
         return ground_force(0);

@@ -4,10 +4,10 @@ use std::hint::black_box;
 
 use proptest::prelude::*;
 
-use super::mats::{move_alike, move_alike_from, move_all, move_from};
+use super::mats::{move_all, move_equal, move_equal_from, move_from};
 use super::pull::pull;
-use super::runs::{Ends, hardening, springs};
-use super::taps::sums;
+use super::runs::{EndMotions, set_hardening_forces, set_spring_forces};
+use super::taps::lane_sum;
 use crate::law::Law;
 
 fn numbers(n: usize) -> impl Strategy<Value = Vec<f64>> {
@@ -50,9 +50,9 @@ proptest! {
         let from = [&x[..], &d[..]];
         type Way<'a> = &'a dyn Fn(&mut [f64], &mut [f64]) -> bool;
         let ways: [Way<'_>; 3] = [
-            &|moved, steps| move_alike(one, &force, moved, steps),
+            &|moved, steps| move_equal(one, &force, moved, steps),
             &|moved, steps| move_from(each, &force, from, moved, steps),
-            &|moved, steps| move_alike_from(one, &force, from, moved, steps),
+            &|moved, steps| move_equal_from(one, &force, from, moved, steps),
         ];
         for way in ways {
             let (mut moved, mut steps) = (x.clone(), d.clone());
@@ -87,9 +87,9 @@ proptest! {
         (k, q, z, rest) in (0.0f64..1e4, 0.0f64..1e8, -1.0f64..10.0, -0.1f64..0.1),
     ) {
         let n = xa.len();
-        let ends = Ends { xa: &xa, xb: &xb, da: &da, db: &db };
+        let ends = EndMotions { xa: &xa, xb: &xb, da: &da, db: &db };
         let mut forces = vec![0.0; n];
-        springs(k, z, rest, &ends, &mut forces);
+        set_spring_forces(k, z, rest, &ends, &mut forces);
         for i in 0..n {
             let stretch = black_box(xb[i] - xa[i]) - rest;
             let force = black_box(k * stretch) + black_box(z * black_box(db[i] - da[i]));
@@ -97,7 +97,7 @@ proptest! {
         }
         // A damping of 0 equals no damping.
         let law = Law::hardening(k, q, z.max(0.0)).expect("a law");
-        hardening(law.hardening_spring().expect("it hardens"), 44_100.0, rest, &ends, &mut forces);
+        set_hardening_forces(law.hardening_spring().expect("it hardens"), 44_100.0, rest, &ends, &mut forces);
         let e: Vec<f64> = (0..n).map(|i| xb[i] - xa[i] - rest).collect();
         let v: Vec<f64> = (0..n).map(|i| (db[i] - da[i]) * 44_100.0).collect();
         let mut by_expression = vec![0.0; n];
@@ -113,6 +113,6 @@ proptest! {
         }
         let [a, b, c, d, e, f, g, h] = lanes;
         let sum = ((a + e) + (c + g)) + ((b + f) + (d + h));
-        prop_assert_eq!(sums(&values).to_bits(), sum.to_bits());
+        prop_assert_eq!(lane_sum(&values).to_bits(), sum.to_bits());
     }
 }

@@ -1,7 +1,7 @@
 //! Threads that compute one mesh together: a pass is divided into parts, and each free thread takes the next part.
 //!
 //! A pass over a mesh takes microseconds, less than waking a thread; so the threads spin between two passes. A helper
-//! that the operating system does not schedule takes no part and delays nobody: the leader computes the parts that no
+//! that the operating system does not schedule takes no part and delays no thread: the leader computes the parts that no
 //! helper has taken.
 
 use std::cell::Cell;
@@ -24,7 +24,7 @@ struct SharedPass {
     /// Number of the pass, number of its parts, number of parts taken: packed into one word.
     state: AtomicU64,
     /// Parts of this pass that helpers have completed.
-    done: AtomicU64,
+    completed_parts: AtomicU64,
     /// The work of the pass; valid until the pass ends, then null.
     task: AtomicPtr<Task>,
     is_over: AtomicBool,
@@ -37,12 +37,12 @@ struct Task {
 }
 
 /// Bits of each count in `state`; a pass has at most `COUNT_MASK` parts.
-const BITS: u32 = 8;
-const COUNT_MASK: u64 = (1 << BITS) - 1;
+const COUNT_BITS: u32 = 8;
+const COUNT_MASK: u64 = (1 << COUNT_BITS) - 1;
 
 /// Number of parts, and index of the next part that no thread has taken.
-fn parts(state: u64) -> (u64, u64) {
-    (state >> BITS & COUNT_MASK, state & COUNT_MASK)
+fn unpack_counts(state: u64) -> (u64, u64) {
+    (state >> COUNT_BITS & COUNT_MASK, state & COUNT_MASK)
 }
 
 impl ThreadTeam<'_> {
@@ -63,7 +63,7 @@ impl ThreadTeam<'_> {
             let _end = TeamEnd(shared_pass);
             for _ in 1..threads {
                 // If a thread cannot be started, the team has one helper fewer.
-                let _ = Builder::new().spawn_scoped(scope, || flushed(|| shared_pass.do_parts()));
+                let _ = Builder::new().spawn_scoped(scope, || with_denormals_flushed(|| shared_pass.work_until_over()));
             }
             run(&mut ThreadTeam(Some(shared_pass)))
         })
@@ -76,7 +76,7 @@ impl ThreadTeam<'_> {
             return;
         };
         debug_assert!(elements.len() as u64 <= COUNT_MASK);
-        let parts_pointer = Parts(elements.as_mut_ptr());
+        let parts_pointer = SharedElements(elements.as_mut_ptr());
         shared_pass.run_pass(elements.len(), &|index| {
             // SAFETY: `run_pass` gives each index below the length to one thread, once, while `elements` is borrowed.
             work(unsafe { parts_pointer.get(index) })
@@ -84,13 +84,13 @@ impl ThreadTeam<'_> {
     }
 }
 
-/// A slice whose elements go to different threads.
-struct Parts<T>(*mut T);
+/// A slice whose elements are used by different threads.
+struct SharedElements<T>(*mut T);
 
 // SAFETY: each element is handed to one thread only, which is the same as sending it there.
-unsafe impl<T: Send> Sync for Parts<T> {}
+unsafe impl<T: Send> Sync for SharedElements<T> {}
 
-impl<T> Parts<T> {
+impl<T> SharedElements<T> {
     /// # Safety
     /// The slice is borrowed, `index` is within it, and no other thread has that element.
     #[allow(clippy::mut_from_ref)]
@@ -113,22 +113,22 @@ impl SharedPass {
         };
         // A helper that still reads the state of the last pass finds no part left to take.
         self.task.store(from_ref(&pass_task).cast_mut(), Relaxed);
-        self.done.store(0, Relaxed);
-        let pass_number = (self.state.load(Relaxed) >> (2 * BITS)) + 1;
-        let packed_state = pass_number << (2 * BITS) | (n as u64) << BITS;
+        self.completed_parts.store(0, Relaxed);
+        let pass_number = (self.state.load(Relaxed) >> (2 * COUNT_BITS)) + 1;
+        let packed_state = pass_number << (2 * COUNT_BITS) | (n as u64) << COUNT_BITS;
         self.state.store(packed_state, Release);
         let pass_end = PassEnd(self, Cell::new(0));
-        while let Some((part_index, _)) = self.take() {
+        while let Some((part_index, _)) = self.take_part() {
             pass_end.1.set(pass_end.1.get() + 1);
             work(part_index);
         }
     }
 
     /// Take the next free part: its index, and the work of the pass.
-    fn take(&self) -> Option<(usize, *mut Task)> {
+    fn take_part(&self) -> Option<(usize, *mut Task)> {
         let mut state = self.state.load(Acquire);
         loop {
-            let (part_count, next_part) = parts(state);
+            let (part_count, next_part) = unpack_counts(state);
             if next_part >= part_count {
                 return None;
             }
@@ -143,11 +143,11 @@ impl SharedPass {
         }
     }
 
-    fn do_parts(&self) {
+    fn work_until_over(&self) {
         let mut panicked = None;
         let mut spin_count = 0;
         while !self.is_over.load(Acquire) {
-            let Some((part_index, pass_task)) = self.take() else {
+            let Some((part_index, pass_task)) = self.take_part() else {
                 spin_or_yield(&mut spin_count);
                 continue;
             };
@@ -159,7 +159,7 @@ impl SharedPass {
             };
             let part_result = catch_unwind(AssertUnwindSafe(part_work));
             panicked = panicked.or(part_result.err());
-            self.done.fetch_add(1, Release);
+            self.completed_parts.fetch_add(1, Release);
         }
         if let Some(first_panic) = panicked {
             resume_unwind(first_panic);
@@ -174,11 +174,11 @@ impl Drop for PassEnd<'_> {
     fn drop(&mut self) {
         let Self(shared_pass, leader_parts) = self;
         // If the leader unwinds, close the pass: parts that no thread has taken are skipped.
-        let closed_state = |state: u64| Some(state & !COUNT_MASK | parts(state).0);
+        let closed_state = |state: u64| Some(state & !COUNT_MASK | unpack_counts(state).0);
         let state_before = shared_pass.state.fetch_update(AcqRel, Acquire, closed_state);
-        let (_, parts_taken) = parts(state_before.unwrap_or_else(|state| state));
+        let (_, parts_taken) = unpack_counts(state_before.unwrap_or_else(|state| state));
         let mut spin_count = 0;
-        while shared_pass.done.load(Acquire) + leader_parts.get() < parts_taken {
+        while shared_pass.completed_parts.load(Acquire) + leader_parts.get() < parts_taken {
             spin_or_yield(&mut spin_count);
         }
         shared_pass.task.store(null_mut(), Relaxed);
@@ -205,7 +205,7 @@ fn spin_or_yield(spins: &mut u32) {
 }
 
 /// Call `run` with denormals flushed to zero: decaying networks reach them, and they are slow.
-pub(crate) fn flushed<T>(run: impl FnOnce() -> T) -> T {
+pub(crate) fn with_denormals_flushed<T>(run: impl FnOnce() -> T) -> T {
     if cfg!(miri) {
         return run(); // Miri knows no modes of a processor
     }

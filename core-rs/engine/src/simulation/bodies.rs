@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use super::side::{MatLocation, Side, UnitIndex, unmatched};
+use super::side::{MatLocation, TakeoverSide, UnitIndex, unmatched};
 use super::{RunningUnit, Simulation};
 use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
 use crate::island::inside::{self, BodyPlan};
@@ -12,22 +12,22 @@ use crate::units::Rate;
 
 /// Where a body is computed: in a bank of its modes (`None`), or as a body of an island (its index).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct BodyPlace {
     pub(super) unit: UnitIndex,
     body: Option<usize>,
 }
 
 /// A body, seen as its masses.
 #[derive(Clone, Debug)]
-pub(super) struct Body {
-    pub(super) place: Place,
+pub(super) struct TransferredBody {
+    pub(super) place: BodyPlace,
     /// Index in [`Workspace::mats`] of the first of its masses.
-    first: usize,
-    source: Source,
+    first_slot: usize,
+    source: MassAccess,
 }
 
 #[derive(Clone, Debug)]
-enum Source {
+enum MassAccess {
     /// The masses follow from the modes of the body.
     Modes(Box<ModeShapes>),
     /// The body computes its masses by another method: their indices in the body, and their motions (x, step).
@@ -36,9 +36,9 @@ enum Source {
 
 /// A body whose masses may be asked for: the names of the masses, and the initial position and step of each [m].
 struct BodyCandidate<'a> {
-    place: Place,
-    names: Vec<String>,
-    start: Vec<(f64, f64)>,
+    place: BodyPlace,
+    mass_names: Vec<String>,
+    initial_motions: Vec<(f64, f64)>,
     source: MassSource<'a>,
 }
 
@@ -53,15 +53,15 @@ enum MassSource<'a> {
 /// scene [m].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Workspace {
-    pub(super) mats: Vec<(f64, f64)>,
-    now: Vec<f64>,
-    before: Vec<f64>,
+    pub(super) mass_motions: Vec<(f64, f64)>,
+    amplitudes: Vec<f64>,
+    previous_amplitudes: Vec<f64>,
 }
 
 impl<'a> BodyCandidate<'a> {
     /// Bodies of all units that are not the same on both sides, except those in `taken_bodies`.
-    fn all(
-        side: &'a Side<'a>,
+    fn collect_unmatched(
+        side: &'a TakeoverSide<'a>,
         [islands, banks]: [&[bool]; 2],
         taken_bodies: &HashSet<(UnitIndex, usize)>,
     ) -> Vec<Self> {
@@ -70,14 +70,14 @@ impl<'a> BodyCandidate<'a> {
         for (&(unit, _, island_plan), _) in unmatched(&side.islands, islands) {
             let indexed_bodies = island_plan.bodies.iter().enumerate();
             for (index, body) in indexed_bodies.filter(|(index, _)| !taken_bodies.contains(&(unit, *index))) {
-                let body_place = Place {
+                let body_place = BodyPlace {
                     unit,
                     body: Some(index),
                 };
                 let (network, modes_and_rate, local_mats): (&Network, Option<_>, Vec<usize>) = match body {
                     BodyPlan::Modal(modal) => {
-                        let modes_kept = (&modal.computed[..], modal.turned.as_deref());
-                        (&modal.network, Some((modes_kept, modal.rate)), Vec::new())
+                        let mode_selection = (&modal.computed[..], modal.turned.as_deref());
+                        (&modal.network, Some((mode_selection, modal.rate)), Vec::new())
                     }
                     BodyPlan::Mesh(mesh) => (&mesh.network, None, (0..mesh.network.n_mat()).collect()),
                     BodyPlan::Slow(slow) => (&slow.network, None, (0..slow.free.len()).collect()),
@@ -85,30 +85,36 @@ impl<'a> BodyCandidate<'a> {
                 let body_mats: Vec<usize> = match body {
                     BodyPlan::Slow(slow) => slow.free.clone(),
                     BodyPlan::Mesh(_) => local_mats.clone(),
-                    BodyPlan::Modal(_) => moving(network),
+                    BodyPlan::Modal(_) => moving_mats(network),
                 };
-                let mass_source = modes_and_rate.map_or(MassSource::Masses(local_mats), |(modes_kept, rate)| {
-                    MassSource::Modes(network, modes_kept, rate)
+                let mass_source = modes_and_rate.map_or(MassSource::Masses(local_mats), |(mode_selection, rate)| {
+                    MassSource::Modes(network, mode_selection, rate)
                 });
                 candidates.push(Self::new(body_place, network, &body_mats, mass_source, time_step));
             }
         }
         for (&(unit, bank), _) in unmatched(&side.banks, banks) {
             let Some(network) = &bank.body else { continue };
-            let body_place = Place { unit, body: None };
-            let modes_kept = (&bank.computed_modes[..], bank.rotation_mats.as_deref());
-            let mass_source = MassSource::Modes(network, modes_kept, side.rate);
-            candidates.push(Self::new(body_place, network, &moving(network), mass_source, time_step));
+            let body_place = BodyPlace { unit, body: None };
+            let mode_selection = (&bank.computed_modes[..], bank.rotation_mats.as_deref());
+            let mass_source = MassSource::Modes(network, mode_selection, side.rate);
+            candidates.push(Self::new(
+                body_place,
+                network,
+                &moving_mats(network),
+                mass_source,
+                time_step,
+            ));
         }
         candidates
     }
 
-    fn new(place: Place, network: &Network, mats: &[usize], source: MassSource<'a>, step: f64) -> Self {
+    fn new(place: BodyPlace, network: &Network, mats: &[usize], source: MassSource<'a>, step: f64) -> Self {
         let network_mats = network.mats();
         Self {
             place,
-            names: mats.iter().map(|&mat| network.mat_name(mat)).collect(),
-            start: mats
+            mass_names: mats.iter().map(|&mat| network.mat_name(mat)).collect(),
+            initial_motions: mats
                 .iter()
                 .map(|&mat| (network_mats.x0[mat], network_mats.v0[mat] * step))
                 .collect(),
@@ -117,35 +123,35 @@ impl<'a> BodyCandidate<'a> {
     }
 
     /// The body, with a place in the workspace; `None` if its modes cannot be found.
-    fn body(self, transform: ModalTransform, workspace: &mut Workspace) -> Option<Body> {
-        let first = workspace.mats.len();
+    fn into_body(self, transform: ModalTransform, workspace: &mut Workspace) -> Option<TransferredBody> {
+        let first = workspace.mass_motions.len();
         let source = match self.source {
-            MassSource::Modes(network, modes_kept, rate) => {
-                let mode_shapes = ModeShapes::new(network, modes_kept, rate, transform)?;
-                let mode_room = workspace.now.len().max(mode_shapes.n_modes());
-                workspace.now.resize(mode_room, 0.0);
-                workspace.before.resize(mode_room, 0.0);
-                Source::Modes(Box::new(mode_shapes))
+            MassSource::Modes(network, mode_selection, rate) => {
+                let mode_shapes = ModeShapes::new(network, mode_selection, rate, transform)?;
+                let mode_capacity = workspace.amplitudes.len().max(mode_shapes.n_modes());
+                workspace.amplitudes.resize(mode_capacity, 0.0);
+                workspace.previous_amplitudes.resize(mode_capacity, 0.0);
+                MassAccess::Modes(Box::new(mode_shapes))
             }
             MassSource::Masses(masses) => {
-                Source::Masses(masses.into_iter().map(|mass_index| (mass_index, (0.0, 0.0))).collect())
+                MassAccess::Masses(masses.into_iter().map(|mass_index| (mass_index, (0.0, 0.0))).collect())
             }
         };
-        workspace.mats.extend(self.start);
-        Some(Body {
+        workspace.mass_motions.extend(self.initial_motions);
+        Some(TransferredBody {
             place: self.place,
-            first,
+            first_slot: first,
             source,
         })
     }
 }
 
 /// A motion (x, step) with its step converted to a step of another length.
-fn scaled((x, step): (f64, f64), step_factor: f64) -> (f64, f64) {
+fn with_step_scaled((x, step): (f64, f64), step_factor: f64) -> (f64, f64) {
     (x, step * step_factor)
 }
 
-fn moving(network: &Network) -> Vec<usize> {
+fn moving_mats(network: &Network) -> Vec<usize> {
     let mat_kinds = network.mats().kind.iter().enumerate();
     let moving_mats = mat_kinds.filter(|(_, kind)| kind.moves());
     moving_mats.map(|(mat, _)| mat).collect()
@@ -153,24 +159,24 @@ fn moving(network: &Network) -> Vec<usize> {
 
 /// The bodies of one side that hold at least one wanted mass: the names of all their masses with their places in the
 /// workspace, and the bodies.
-pub(super) fn bodies(
-    side: &Side<'_>,
+pub(super) fn wanted_bodies(
+    side: &TakeoverSide<'_>,
     is_matched: [&[bool]; 2],
     taken_bodies: &HashSet<(UnitIndex, usize)>,
     is_wanted: impl Fn(&str) -> bool,
     transform: ModalTransform,
     workspace: &mut Workspace,
-) -> (Vec<(String, MatLocation)>, Vec<Body>) {
+) -> (Vec<(String, MatLocation)>, Vec<TransferredBody>) {
     let (mut locations, mut bodies) = (Vec::new(), Vec::new());
-    for candidate in BodyCandidate::all(side, is_matched, taken_bodies) {
-        if !candidate.names.iter().any(|name| is_wanted(name)) {
+    for candidate in BodyCandidate::collect_unmatched(side, is_matched, taken_bodies) {
+        if !candidate.mass_names.iter().any(|name| is_wanted(name)) {
             continue;
         }
-        let mass_names = candidate.names.clone();
-        let Some(body) = candidate.body(transform, workspace) else {
+        let mass_names = candidate.mass_names.clone();
+        let Some(body) = candidate.into_body(transform, workspace) else {
             continue;
         };
-        let named_slots = mass_names.into_iter().zip(body.first..);
+        let named_slots = mass_names.into_iter().zip(body.first_slot..);
         locations.extend(named_slots.map(|(name, slot)| (name, MatLocation::Workspace(slot))));
         bodies.push(body);
     }
@@ -178,26 +184,28 @@ pub(super) fn bodies(
 }
 
 /// Names of the masses of all bodies that `bodies` considers on one side.
-pub(super) fn names(
-    side: &Side<'_>,
+pub(super) fn all_mass_names(
+    side: &TakeoverSide<'_>,
     same: [&[bool]; 2],
     taken_bodies: &HashSet<(UnitIndex, usize)>,
 ) -> HashSet<String> {
-    let candidates = BodyCandidate::all(side, same, taken_bodies).into_iter();
-    candidates.flat_map(|candidate| candidate.names).collect()
+    let candidates = BodyCandidate::collect_unmatched(side, same, taken_bodies).into_iter();
+    candidates.flat_map(|candidate| candidate.mass_names).collect()
 }
 
-impl Body {
+impl TransferredBody {
     /// Copies the positions and steps of the masses from the simulation into the workspace.
     pub(super) fn read_masses(&self, simulation: &mut Simulation, workspace: &mut Workspace) {
-        let playing = simulation.playing(self.place.unit);
-        let frame_steps = playing.steps_per_frame();
+        let running_unit = simulation.unit_mut(self.place.unit);
+        let frame_steps = running_unit.steps_per_frame();
         match &self.source {
-            Source::Modes(mode_shapes) => {
+            MassAccess::Modes(mode_shapes) => {
                 let mode_count = mode_shapes.n_modes();
-                let (amplitudes_now, amplitudes_before) =
-                    (&mut workspace.now[..mode_count], &mut workspace.before[..mode_count]);
-                match (playing, self.place.body) {
+                let (amplitudes_now, amplitudes_before) = (
+                    &mut workspace.amplitudes[..mode_count],
+                    &mut workspace.previous_amplitudes[..mode_count],
+                );
+                match (running_unit, self.place.body) {
                     (RunningUnit::Bank(bank), _) => {
                         for mode in 0..mode_count {
                             (amplitudes_now[mode], amplitudes_before[mode]) = bank.motion(mode);
@@ -211,22 +219,25 @@ impl Body {
                     }
                     (RunningUnit::Island(_), None) => return,
                 }
-                let mats = &mut workspace.mats[self.first..self.first + mode_shapes.mats.len()];
+                let mats = &mut workspace.mass_motions[self.first_slot..self.first_slot + mode_shapes.mats.len()];
                 mode_shapes.positions(amplitudes_now, amplitudes_before, mats);
                 mats.iter_mut().for_each(|mat| mat.1 *= frame_steps);
             }
-            Source::Masses(all) => {
-                let (RunningUnit::Island(island), Some(body)) = (playing, self.place.body) else {
+            MassAccess::Masses(masses) => {
+                let (RunningUnit::Island(island), Some(body)) = (running_unit, self.place.body) else {
                     return;
                 };
-                let mats = workspace.mats[self.first..].iter_mut().zip(all);
+                let mats = workspace.mass_motions[self.first_slot..].iter_mut().zip(masses);
                 match island.body(body) {
                     Some(inside::RunningBody::Mesh(mesh)) => {
-                        mats.for_each(|(mat, &(mass_index, _))| *mat = scaled(mesh.motion(mass_index), frame_steps));
+                        mats.for_each(|(mat, &(mass_index, _))| {
+                            *mat = with_step_scaled(mesh.motion(mass_index), frame_steps)
+                        });
                     }
                     Some(inside::RunningBody::Slow(slow)) => {
                         let present = slow.present();
-                        let mass_motion = |mass_index: usize| scaled(slow.motion(&present, mass_index), frame_steps);
+                        let mass_motion =
+                            |mass_index: usize| with_step_scaled(slow.motion(&present, mass_index), frame_steps);
                         mats.for_each(|(mat, &(mass_index, _))| *mat = mass_motion(mass_index));
                     }
                     _ => {}
@@ -237,17 +248,19 @@ impl Body {
 
     /// Sets the motion of the body from its masses in the workspace.
     pub(super) fn write_masses(&mut self, simulation: &mut Simulation, workspace: &mut Workspace) {
-        let playing = simulation.playing(self.place.unit);
-        let frames_per_step = 1.0 / playing.steps_per_frame();
+        let running_unit = simulation.unit_mut(self.place.unit);
+        let frames_per_step = 1.0 / running_unit.steps_per_frame();
         match &mut self.source {
-            Source::Modes(mode_shapes) => {
+            MassAccess::Modes(mode_shapes) => {
                 let mode_count = mode_shapes.n_modes();
-                let (amplitudes_now, amplitudes_before) =
-                    (&mut workspace.now[..mode_count], &mut workspace.before[..mode_count]);
-                let body_mats = &mut workspace.mats[self.first..self.first + mode_shapes.mats.len()];
+                let (amplitudes_now, amplitudes_before) = (
+                    &mut workspace.amplitudes[..mode_count],
+                    &mut workspace.previous_amplitudes[..mode_count],
+                );
+                let body_mats = &mut workspace.mass_motions[self.first_slot..self.first_slot + mode_shapes.mats.len()];
                 body_mats.iter_mut().for_each(|mat| mat.1 *= frames_per_step);
                 mode_shapes.amplitudes(body_mats, amplitudes_now, amplitudes_before);
-                match (playing, self.place.body) {
+                match (running_unit, self.place.body) {
                     (RunningUnit::Bank(bank), _) => {
                         for mode in 0..mode_count {
                             bank.set_motion(mode, (amplitudes_now[mode], amplitudes_before[mode]));
@@ -261,16 +274,16 @@ impl Body {
                     (RunningUnit::Island(_), None) => {}
                 }
             }
-            Source::Masses(all) => {
-                let (RunningUnit::Island(island), Some(body)) = (playing, self.place.body) else {
+            MassAccess::Masses(masses) => {
+                let (RunningUnit::Island(island), Some(body)) = (running_unit, self.place.body) else {
                     return;
                 };
-                for ((_, motion), mat) in all.iter_mut().zip(&workspace.mats[self.first..]) {
-                    *motion = scaled(*mat, frames_per_step);
+                for ((_, motion), mat) in masses.iter_mut().zip(&workspace.mass_motions[self.first_slot..]) {
+                    *motion = with_step_scaled(*mat, frames_per_step);
                 }
                 match island.body(body) {
-                    Some(inside::RunningBody::Mesh(mesh)) => mesh.put(all),
-                    Some(inside::RunningBody::Slow(slow)) => slow.put(all),
+                    Some(inside::RunningBody::Mesh(mesh)) => mesh.put(masses),
+                    Some(inside::RunningBody::Slow(slow)) => slow.put(masses),
                     _ => {}
                 }
             }

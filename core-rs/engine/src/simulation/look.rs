@@ -1,6 +1,6 @@
 //! What can be seen of a simulation: the position of every mass, whatever method computes it.
 //!
-//! A [`Look`] is made outside real time and lists where each number comes from; [`Simulation::look`] then only copies.
+//! A [`Look`] is made outside real time and lists where each number comes from; [`Simulation::write_tracks`] then only copies.
 //! A free oscillator is described by its oscillation, which two frames determine; a body by the oscillations of its
 //! modes; all other masses by their positions.
 
@@ -50,16 +50,16 @@ pub struct Point {
     /// The position from which its displacement counts [m].
     pub rest: f64,
     /// How it moves.
-    pub how: PointMotion,
+    pub motion: PointMotion,
 }
 
 /// A body that is computed by its modes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SeenBody {
+pub struct VisibleBody {
     /// The oscillation of each mode.
     pub modes: Vec<Oscillation>,
     /// Index of its first mode among the modes of all bodies.
-    pub first: usize,
+    pub first_mode: usize,
     /// Number of its modes that the engine computes; `modes` holds the lowest of them.
     pub n_modes: usize,
     /// Its points: indices in [`Look::points`], rising.
@@ -85,14 +85,14 @@ pub struct Look {
     /// Sorted by part, then by how they move, then by MAT.
     pub points: Vec<Point>,
     /// Bodies that are computed by their modes.
-    pub bodies: Vec<SeenBody>,
+    pub bodies: Vec<VisibleBody>,
     /// Contacts.
     pub contacts: Vec<Contact>,
     /// LIAs of the network that may break, rising.
     pub breakable: Vec<usize>,
     plan: Arc<Plan>,
     n_modes: usize,
-    sources: Vec<(usize, Source)>,
+    sources: Vec<(usize, TrackSource)>,
     /// By unit: for each LIA of the island, its index in `contacts`, if it has one.
     contacts_by_unit: Vec<(usize, Vec<Option<u32>>)>,
     /// Units in which written gestures play, each with the map from its MATs to those of the network (`None`: the
@@ -104,7 +104,7 @@ pub struct Look {
 
 /// Where numbers come from: index in the source, track, and rest position [m]; banks need no rest position.
 #[derive(Clone, Debug)]
-enum Source {
+enum TrackSource {
     Masses(Vec<(u32, u32, f64)>),
     Mesh(usize, Vec<(u32, u32, f64)>),
     Slow(usize, Vec<(u32, u32, f64)>),
@@ -120,8 +120,8 @@ impl Look {
         let mut maker = LookMaker::new(&plan.network, plan.timeline_rate.hertz());
         for (unit_index, unit) in plan.units.iter().enumerate() {
             match unit {
-                ComputationUnit::IslandPlan(island) => maker.island(unit_index, island),
-                ComputationUnit::Bank(bank) => maker.bank(unit_index, bank),
+                ComputationUnit::IslandPlan(island) => maker.add_island(unit_index, island),
+                ComputationUnit::Bank(bank) => maker.add_bank(unit_index, bank),
             }
         }
         maker.finish(plan.clone())
@@ -133,7 +133,7 @@ impl Look {
     }
 
     /// Whether it was made for the plan of this simulation.
-    pub fn is_of(&self, simulation: &Simulation) -> bool {
+    pub fn was_made_for(&self, simulation: &Simulation) -> bool {
         Arc::ptr_eq(&self.plan, &simulation.plan)
     }
 
@@ -145,8 +145,11 @@ impl Look {
     /// The oscillation of a mode, by its track.
     fn oscillation(&self, track: usize) -> Oscillation {
         let mode_index = track - self.points.len();
-        let body_index = self.bodies.partition_point(|seen_body| seen_body.first <= mode_index) - 1;
-        self.bodies[body_index].modes[mode_index - self.bodies[body_index].first]
+        let body_index = self
+            .bodies
+            .partition_point(|seen_body| seen_body.first_mode <= mode_index)
+            - 1;
+        self.bodies[body_index].modes[mode_index - self.bodies[body_index].first_mode]
     }
 }
 
@@ -154,13 +157,13 @@ impl Simulation {
     /// The ergons that a timeline holds, by rising instant. The speed of a strike, and the impulse of an ergon, are
     /// computed for a mass that stands still. Gestures are not included: [`Self::take_sparks`] reports their ergons.
     /// Nor are real hands, which give forces.
-    pub fn written(&self, timeline: &Timeline) -> Vec<Record> {
+    pub fn written_ergons(&self, timeline: &Timeline) -> Vec<Record> {
         let network = &*self.plan.network;
         let mass_of = |struck_mat: u32| {
-            let mass_now = network.mats().m[struck_mat as usize];
+            let scaled_mass = network.mats().m[struck_mat as usize];
             let mat_part = network.parts().get(network.mats().part[struck_mat as usize] as usize);
             let part_rate = mat_part.and_then(|mat_part| mat_part.ca_rate).map_or(1.0, Rate::hertz);
-            mass_now / (part_rate * part_rate)
+            scaled_mass / (part_rate * part_rate)
         };
         let strikes = timeline.strikes.iter().map(|strike| {
             let (struck_mass, struck_mat) = (mass_of(strike.mat), strike.mat as usize);
@@ -192,34 +195,40 @@ impl Simulation {
     }
 
     /// What can be seen of the simulation. Takes longer than finding the modes of its bodies.
-    pub fn looked_at(&self) -> Look {
+    pub fn make_look(&self) -> Look {
         Look::new(self)
     }
 
     /// Displacements now and one frame before [m]   (2 · n_tracks): first all of now, then all of before. The value
     /// before is set only for free points and modes, not for points that are sampled or not computed. Only copies.
-    pub fn look(&self, look: &Look, out: &mut [f64]) {
-        let (now, before) = out.split_at_mut(look.n_tracks());
+    pub fn write_tracks(&self, look: &Look, out: &mut [f64]) {
+        let (displacements, previous_displacements) = out.split_at_mut(look.n_tracks());
         for (unit, source) in &look.sources {
-            match self.running(*unit) {
+            match self.running_unit(*unit) {
                 RunningUnit::Bank(bank) => {
-                    let Source::Bank(bank_tracks) = source else {
+                    let TrackSource::Bank(bank_tracks) = source else {
                         continue;
                     };
                     for &(index, track) in bank_tracks {
                         let motion = bank.motion(index as usize);
-                        (now[track as usize], before[track as usize]) = motion;
+                        (displacements[track as usize], previous_displacements[track as usize]) = motion;
                     }
                 }
                 RunningUnit::Island(island) => {
-                    source.look(look, (island, self.frame), self.rate(), now, before);
+                    source.read_tracks(
+                        look,
+                        (island, self.frame),
+                        self.rate(),
+                        displacements,
+                        previous_displacements,
+                    );
                 }
             }
         }
     }
 
     /// From here on, record the strongest push of each contact and the strikes of written hands.
-    pub fn watch(&mut self) {
+    pub fn start_watching(&mut self) {
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let RunningUnit::Island(island) = running {
                 island.watch();
@@ -229,12 +238,12 @@ impl Simulation {
 
     /// Calls `tell` for each contact of [`Look::contacts`] that pushed since the last call: its index, the frame of its
     /// strongest push, and the force in that frame [N], above 0 if the contact pushes its first end up.
-    pub fn take_contacts(&mut self, look: &Look, mut tell: impl FnMut(usize, u64, f64)) {
+    pub fn take_contacts(&mut self, look: &Look, mut report: impl FnMut(usize, u64, f64)) {
         for (unit, contacts) in &look.contacts_by_unit {
-            if let RunningUnit::Island(island) = self.running_mut(*unit) {
+            if let RunningUnit::Island(island) = self.running_unit_mut(*unit) {
                 island.take_touches(|link, frame, force| {
                     if let Some(contact) = contacts[link] {
-                        tell(contact as usize, frame, force);
+                        report(contact as usize, frame, force);
                     }
                 });
             }
@@ -244,56 +253,66 @@ impl Simulation {
 
 impl Simulation {
     /// The running unit of this index in the plan.
-    fn running(&self, unit: usize) -> &RunningUnit {
-        let group_index = self.groups.partition_point(|group| group.first <= unit) - 1;
-        &self.groups[group_index].units[unit - self.groups[group_index].first]
+    fn running_unit(&self, unit: usize) -> &RunningUnit {
+        let group_index = self.groups.partition_point(|group| group.first_unit <= unit) - 1;
+        &self.groups[group_index].units[unit - self.groups[group_index].first_unit]
     }
 
-    fn running_mut(&mut self, unit: usize) -> &mut RunningUnit {
-        let group_index = self.groups.partition_point(|group| group.first <= unit) - 1;
+    fn running_unit_mut(&mut self, unit: usize) -> &mut RunningUnit {
+        let group_index = self.groups.partition_point(|group| group.first_unit <= unit) - 1;
         let group = &mut self.groups[group_index];
-        &mut group.units[unit - group.first]
+        &mut group.units[unit - group.first_unit]
     }
 
     /// Largest number of sparks between two looks.
     pub(super) fn sparks_max(&self, look: &Look) -> usize {
-        let spark_counts = look.gestures_by_unit.iter().map(|(unit, _)| match self.running(*unit) {
-            RunningUnit::Island(island) => island.sparks_max(),
-            RunningUnit::Bank(_) => 0,
-        });
+        let spark_counts = look
+            .gestures_by_unit
+            .iter()
+            .map(|(unit, _)| match self.running_unit(*unit) {
+                RunningUnit::Island(island) => island.sparks_max(),
+                RunningUnit::Bank(_) => 0,
+            });
         spark_counts.sum()
     }
 
     /// Calls `tell` for the ergons of written gestures since the last call, as they are drawn. A throw or a grain is
     /// reported by itself; ergons that lead along a path are gathered by sign, and one is reported with the impulse of
     /// all. If too many strike to be reported one by one, the others are gathered as well.
-    pub fn take_sparks(&mut self, look: &Look, mut tell: impl FnMut(Record)) {
+    pub fn take_sparks(&mut self, look: &Look, mut report: impl FnMut(Record)) {
         for (unit, mats) in &look.gestures_by_unit {
-            if let RunningUnit::Island(island) = self.running_mut(*unit) {
+            if let RunningUnit::Island(island) = self.running_unit_mut(*unit) {
                 island.take_sparks(|spark| {
                     let mat = to_network_index(mats, spark.mat as usize) as u32;
-                    tell(Record { mat, ..spark });
+                    report(Record { mat, ..spark });
                 });
             }
         }
     }
 
     /// Calls `tell` for each computed link of [`Look::breakable`]: its index, and whether it is broken.
-    fn look_at_breaks(&self, look: &Look, mut tell: impl FnMut(usize, bool)) {
+    fn for_each_breakable(&self, look: &Look, mut report: impl FnMut(usize, bool)) {
         for (unit, links) in &look.breakable_by_unit {
-            if let RunningUnit::Island(island) = self.running(*unit) {
+            if let RunningUnit::Island(island) = self.running_unit(*unit) {
                 for &(island_link, link) in links {
-                    tell(link as usize, island.is_broken(island_link as usize));
+                    report(link as usize, island.is_broken(island_link as usize));
                 }
             }
         }
     }
 }
 
-impl Source {
+impl TrackSource {
     /// Reads the numbers of this source from an island, in a scene of `rate` that has computed `frame` frames. If the
     /// island is ahead of the scene, its motion is followed back to the scene's frame.
-    fn look(&self, look: &Look, (island, frame): (&Island, u64), rate: f64, now: &mut [f64], before: &mut [f64]) {
+    fn read_tracks(
+        &self,
+        look: &Look,
+        (island, frame): (&Island, u64),
+        rate: f64,
+        displacements: &mut [f64],
+        previous_displacements: &mut [f64],
+    ) {
         let frames_ahead = island.ahead(frame);
         let steps_ahead = f64::from(frames_ahead) * island.steps_per_frame();
         let traced_back = |x: f64, step: f64| {
@@ -303,14 +322,14 @@ impl Source {
             Self::Masses(mat_tracks) => {
                 let (x, step) = (island.positions(), island.steps());
                 for &(index, track, rest) in mat_tracks {
-                    now[track as usize] = traced_back(x[index as usize], step[index as usize]) - rest;
+                    displacements[track as usize] = traced_back(x[index as usize], step[index as usize]) - rest;
                 }
             }
             Self::Mesh(body, mat_tracks) => {
                 if let Some(RunningBody::Mesh(mesh)) = island.bodies().get(*body) {
                     for &(index, track, rest) in mat_tracks {
                         let (x, step) = mesh.motion(index as usize);
-                        now[track as usize] = traced_back(x, step) - rest;
+                        displacements[track as usize] = traced_back(x, step) - rest;
                     }
                 }
             }
@@ -319,7 +338,7 @@ impl Source {
                     let present = slow.present();
                     for &(index, track, rest) in mat_tracks {
                         let (x, step) = slow.motion(&present, index as usize);
-                        now[track as usize] = traced_back(x, step) - rest;
+                        displacements[track as usize] = traced_back(x, step) - rest;
                     }
                 }
             }
@@ -332,10 +351,10 @@ impl Source {
                             return;
                         };
                         let track = *track as usize;
-                        (now[track], before[track]) = if island.is_slow() {
+                        (displacements[track], previous_displacements[track]) = if island.is_slow() {
                             let oscillation = look.oscillation(track);
-                            let phase = oscillation.phase(x, x_before, step_time);
-                            let position = |t: f64| oscillation.later(phase, t).0;
+                            let phase = oscillation.coefficients(x, x_before, step_time);
+                            let position = |t: f64| oscillation.coefficients_after(phase, t).0;
                             (position(time_offset), position(time_offset - 1.0 / rate))
                         } else {
                             (x, x_before)

@@ -77,7 +77,7 @@ impl Simulation {
     }
 
     /// Names of the muted parts, with the frame at which each was muted.
-    pub fn muted(&self) -> Vec<(String, u64)> {
+    pub fn muted_parts(&self) -> Vec<(String, u64)> {
         let islands = self.islands();
         islands.flat_map(|(island, _)| island.muted()).collect()
     }
@@ -102,7 +102,7 @@ impl Simulation {
 
     /// Parts whose links stiffened so much that frames were computed in finer steps: name, number of such frames, and
     /// the largest number of steps a frame.
-    pub fn finer(&self) -> Vec<(String, u64, u32)> {
+    pub fn finer_parts(&self) -> Vec<(String, u64, u32)> {
         let mut finer_parts: Vec<(String, u64, u32)> = Vec::new();
         for (part, frames, finest) in self.islands().flat_map(|(island, _)| island.finer()) {
             match finer_parts.iter_mut().find(|other| other.0 == part) {
@@ -114,7 +114,7 @@ impl Simulation {
     }
 
     /// Links and meshes that created more energy than a hundredth of what the system held: name, frame, and a sentence.
-    pub fn gains(&self) -> Vec<(String, u64, String)> {
+    pub fn energy_gains(&self) -> Vec<(String, u64, String)> {
         let gains_of = |island: &Island| {
             let step_rate = self.rate() * island.steps_per_frame();
             let named_gains = island.gains().map(move |(module, gain)| {
@@ -133,7 +133,7 @@ impl Simulation {
     }
 
     /// Number of links and meshes that created energy; does not allocate.
-    pub fn n_gains(&self) -> usize {
+    pub fn n_energy_gains(&self) -> usize {
         self.islands().map(|(island, _)| island.n_gains()).sum()
     }
 

@@ -27,12 +27,17 @@ impl ReachableNetwork {
     ///
     /// # Errors
     /// If the hand's MAT does not move, or a tick cannot have this length.
-    pub fn response(&self, rate: Rate, frames_per_tick: u32, ticks: [usize; 2]) -> Result<Option<Vec<f64>>, Error> {
+    pub fn response(
+        &self,
+        rate: Rate,
+        frames_per_tick: u32,
+        tick_limits: [usize; 2],
+    ) -> Result<Option<Vec<f64>>, Error> {
         if self.is_discrete() {
-            return self.response_in_steps(rate, frames_per_tick, 1, ticks);
+            return self.response_in_steps(rate, frames_per_tick, 1, tick_limits);
         }
-        let response = match self.response_by_modes(rate, frames_per_tick, ticks)? {
-            None => self.response_in_steps(rate, frames_per_tick, 1, ticks)?,
+        let response = match self.response_by_modes(rate, frames_per_tick, tick_limits)? {
+            None => self.response_in_steps(rate, frames_per_tick, 1, tick_limits)?,
             result => result,
         };
         if response.is_some() {
@@ -41,7 +46,7 @@ impl ReachableNetwork {
         // A performance computes frames that are too stiff in finer steps as well.
         match Scheme::new(&self.network, rate)?.certify(&self.network) {
             Err(Error::Unstable { oversampling, .. }) if oversampling <= OVERSAMPLING_MAX => {
-                self.response_in_steps(rate, frames_per_tick, oversampling, ticks)
+                self.response_in_steps(rate, frames_per_tick, oversampling, tick_limits)
             }
             _ => Ok(None),
         }
@@ -64,7 +69,7 @@ impl ReachableNetwork {
         &self,
         rate: Rate,
         frames_per_tick: u32,
-        ticks: [usize; 2],
+        tick_limits: [usize; 2],
     ) -> Result<Option<Vec<f64>>, Error> {
         let mut network = self.network.clone();
         // A plan computes only what is heard.
@@ -77,7 +82,7 @@ impl ReachableNetwork {
         let network = Arc::new(network);
         let timeline = self.displaced_hand(&network, rate, frames_per_tick)?;
         match Plan::new(network, &timeline, &Budget::Method(Method::Modal), None) {
-            Ok(plan) => self.force_in_ticks(plan, frames_per_tick, ticks),
+            Ok(plan) => self.force_in_ticks(plan, frames_per_tick, tick_limits),
             Err(_) => Ok(None),
         }
     }
@@ -89,14 +94,14 @@ impl ReachableNetwork {
         steps: u32,
         ticks: [usize; 2],
     ) -> Result<Option<Vec<f64>>, Error> {
-        let rate = Rate::new(rate.hertz() * f64::from(steps)).map_err(|error| self.refused(error))?;
+        let rate = Rate::new(rate.hertz() * f64::from(steps)).map_err(|error| self.refusal(error))?;
         let network = Arc::new(self.network.clone());
         let timeline = self.displaced_hand(&network, rate, frames_per_tick * steps)?;
         let plain_plan = Plan::plain(network, &timeline, true)?;
         self.force_in_ticks(plain_plan, frames_per_tick * steps, ticks)
     }
 
-    fn refused(&self, reason: impl ToString) -> Error {
+    fn refusal(&self, reason: impl ToString) -> Error {
         Error::Refused {
             module: self.network.mat_name(self.mat),
             message: reason.to_string(),
@@ -110,7 +115,7 @@ impl ReachableNetwork {
         let hand_path = [0.0, DISPLACEMENT_METRES, 0.0];
         timeline
             .hand(network, self.mat, tick_frames, HandWay::Line, &hand_path)
-            .map_err(|error| self.refused(error))?;
+            .map_err(|error| self.refusal(error))?;
         Ok(timeline)
     }
 
@@ -123,7 +128,7 @@ impl ReachableNetwork {
             threads: 1,
             unchecked: true,
         };
-        let mut simulation = Simulation::planned(Arc::new(plan), options)?;
+        let mut simulation = Simulation::from_plan(Arc::new(plan), options)?;
         let tick_frames = u64::from(tick_frames);
         let [ticks_min, ticks_max] = ticks;
         let ticks_max = ticks_max
@@ -132,23 +137,23 @@ impl ReachableNetwork {
         let mut response = Vec::with_capacity(ticks_max);
         // Faults are muted.
         let _ = simulation.skip(tick_frames);
-        while response.len() < ticks_min || (response.len() < ticks_max && rings(&response)) {
+        while response.len() < ticks_min || (response.len() < ticks_max && is_still_ringing(&response)) {
             for _ in 0..ticks_min.min(ticks_max - response.len()) {
                 let _ = simulation.skip(tick_frames);
                 response.push(-simulation.hand_force(0) / DISPLACEMENT_METRES);
             }
         }
-        let is_whole = simulation.n_muted() == 0 && response.iter().all(|force| force.is_finite());
-        Ok(is_whole.then_some(response))
+        let is_complete = simulation.n_muted() == 0 && response.iter().all(|force| force.is_finite());
+        Ok(is_complete.then_some(response))
     }
 }
 
 /// Whether the last quarter of a response still holds a force above `DECAYED_RATIO` of the largest after the first two
 /// ticks.
-fn rings(response: &[f64]) -> bool {
-    let greatest = |part: &[f64]| part.iter().fold(0.0, |greatest, x| f64::max(greatest, x.abs()));
+fn is_still_ringing(response: &[f64]) -> bool {
+    let peak_force = |part: &[f64]| part.iter().fold(0.0, |greatest, x| f64::max(greatest, x.abs()));
     let tail_start = response.len() - response.len() / 4;
-    response.len() > 2 && greatest(&response[tail_start..]) > DECAYED_RATIO * greatest(&response[2..])
+    response.len() > 2 && peak_force(&response[tail_start..]) > DECAYED_RATIO * peak_force(&response[2..])
 }
 
 #[cfg(test)]

@@ -20,14 +20,14 @@ pub(super) enum MatLocation {
 }
 
 /// One of the two simulations of a takeover: its islands and banks, with their plans.
-pub(super) struct Side<'a> {
+pub(super) struct TakeoverSide<'a> {
     pub(super) network: &'a Network,
     pub(super) rate: crate::units::Rate,
     pub(super) islands: Vec<(UnitIndex, &'a Island, &'a IslandPlan)>,
     pub(super) banks: Vec<(UnitIndex, &'a crate::assembly::unit::BankPlan)>,
 }
 
-impl<'a> Side<'a> {
+impl<'a> TakeoverSide<'a> {
     pub(super) fn new(simulation: &'a Simulation) -> Self {
         let plan = &*simulation.plan;
         let mut side = Self {
@@ -36,14 +36,14 @@ impl<'a> Side<'a> {
             islands: Vec::new(),
             banks: Vec::new(),
         };
-        for (g, group) in simulation.groups.iter().enumerate() {
-            let group_units = group.units.iter().zip(&plan.units[group.first..]);
-            for (u, pair) in group_units.enumerate() {
+        for (group_index, group) in simulation.groups.iter().enumerate() {
+            let group_units = group.units.iter().zip(&plan.units[group.first_unit..]);
+            for (unit_index, pair) in group_units.enumerate() {
                 match pair {
                     (RunningUnit::Island(island), ComputationUnit::IslandPlan(island_plan)) => {
-                        side.islands.push(((g, u), island, island_plan));
+                        side.islands.push(((group_index, unit_index), island, island_plan));
                     }
-                    (_, ComputationUnit::Bank(bank)) => side.banks.push(((g, u), bank)),
+                    (_, ComputationUnit::Bank(bank)) => side.banks.push(((group_index, unit_index), bank)),
                     (RunningUnit::Bank(_), ComputationUnit::IslandPlan(_)) => {}
                 }
             }
@@ -59,7 +59,10 @@ pub(super) fn unmatched<'a, T>(items: &'a [T], is_matched: &'a [bool]) -> impl I
 }
 
 /// The moving MATs of units that are not the same on both sides, by name. Ports are left out: their bodies move them.
-pub(super) fn mat_locations(side: &Side<'_>, [same_islands, same_banks]: [&[bool]; 2]) -> Vec<(String, MatLocation)> {
+pub(super) fn mat_locations(
+    side: &TakeoverSide<'_>,
+    [same_islands, same_banks]: [&[bool]; 2],
+) -> Vec<(String, MatLocation)> {
     let mut locations = Vec::new();
     for (&(unit, _, island_plan), _) in unmatched(&side.islands, same_islands) {
         let mut port_mats: Vec<usize> = island_plan.bodies.iter().flat_map(|body| body.ports()).collect();

@@ -10,7 +10,7 @@ use crate::timeline::{Conditioner, InputSource};
 #[derive(Clone, Debug)]
 pub(super) struct SoundsIn {
     conditioners: Vec<Conditioner>,
-    values: Box<[f64]>,
+    input_values: Box<[f64]>,
 }
 
 impl SoundsIn {
@@ -21,7 +21,7 @@ impl SoundsIn {
         let buffer_size = if conditioners.is_empty() { 0 } else { FRAMES_MAX };
         Self {
             conditioners,
-            values: vec![0.0; buffer_size].into(),
+            input_values: vec![0.0; buffer_size].into(),
         }
     }
 
@@ -53,7 +53,7 @@ impl Simulation {
         }
         let start_frame = self.frame;
         let mut has_input = false;
-        for island in self.playing_islands() {
+        for island in self.islands_mut() {
             has_input |= island.set_input(number, start_frame, value);
         }
         has_input
@@ -63,14 +63,13 @@ impl Simulation {
     pub(super) fn continue_ramps(&mut self, old: &Self) {
         for (old_island, _) in old.islands() {
             for (number, ramp) in old_island.input_ramps() {
-                self.playing_islands()
-                    .for_each(|island| island.continue_ramp(number, ramp));
+                self.islands_mut().for_each(|island| island.continue_ramp(number, ramp));
             }
         }
     }
 
     /// All islands.
-    fn playing_islands(&mut self) -> impl Iterator<Item = &mut Island> {
+    fn islands_mut(&mut self) -> impl Iterator<Item = &mut Island> {
         let running_units = self.groups.iter_mut().flat_map(|group| &mut group.units);
         running_units.filter_map(|running| match running {
             RunningUnit::Island(island) => Some(&mut **island),
@@ -85,7 +84,10 @@ impl Simulation {
         let n_channels = n_channels.max(1);
         let frame_count = (frames.len() / n_channels).min(FRAMES_MAX);
         let first_frame = self.frame;
-        let SoundsIn { conditioners, values } = &mut self.sounds_in;
+        let SoundsIn {
+            conditioners,
+            input_values: values,
+        } = &mut self.sounds_in;
         for (index, conditioner) in conditioners.iter_mut().enumerate() {
             let Some(channel) = conditioner.channel() else {
                 continue;

@@ -7,13 +7,13 @@
 mod keys;
 
 use super::Simulation;
-use super::group::{Group, RunningUnit, SoundSource, UNIT_BLOCK};
+use super::group::{Group, RunningUnit, SoundSource, UNIT_BLOCK_FRAMES};
 use crate::archive::Damaged;
 use crate::assembly::unit::ComputationUnit;
 use crate::interrupt;
 use crate::island::{Fault, Island};
-use crate::kernel::thread_team::{ThreadTeam, flushed};
-pub(super) use keys::Contents;
+use crate::kernel::thread_team::{ThreadTeam, with_denormals_flushed};
+pub(super) use keys::UnitContents;
 
 /// An island whose stretches can be stored.
 #[derive(Clone, Debug)]
@@ -46,34 +46,34 @@ impl Simulation {
 
     /// A hash of everything that determines an island up to the last of `frames` (64 hex digits); `before` is the hash
     /// up to the first of `frames`, or empty if that is 0.
-    pub fn island_key(&self, island: &StorableIsland, frames: (u64, u64), before: &str) -> String {
-        self.unit_key(island.unit, frames, before)
+    pub fn island_key(&self, island: &StorableIsland, frames: (u64, u64), previous_key: &str) -> String {
+        self.unit_key(island.unit, frames, previous_key)
     }
 
     /// From here on, take the sound of an island from `sound` (n_frames · its n_out) instead of computing it; the
     /// island's state does not change meanwhile.
-    pub fn recall(&mut self, island: &StorableIsland, sound: Vec<f64>) {
-        *self.source(island) = SoundSource::Recalled(sound, 0);
+    pub fn recall_sound(&mut self, island: &StorableIsland, sound: Vec<f64>) {
+        *self.sound_source(island) = SoundSource::Recalled(sound, 0);
     }
 
     /// From here on, do not compute an island, which is silent, until [`Simulation::set_state`].
     pub fn silence(&mut self, island: &StorableIsland) {
-        *self.source(island) = SoundSource::Skipped;
+        *self.sound_source(island) = SoundSource::Skipped;
     }
 
     /// From here on, compute an island and keep its sound.
-    pub fn record(&mut self, island: &StorableIsland) {
-        *self.source(island) = SoundSource::Recorded(Vec::new());
+    pub fn record_sound(&mut self, island: &StorableIsland) {
+        *self.sound_source(island) = SoundSource::Recorded(Vec::new());
     }
 
-    /// The sound of an island since [`Simulation::record`] (n_frames · its n_out), and its state now.
-    pub fn recorded(&mut self, island: &StorableIsland) -> (Vec<f64>, Vec<u8>) {
-        let sound_source = std::mem::replace(self.source(island), SoundSource::Computed);
+    /// The sound of an island since [`Simulation::record_sound`] (n_frames · its n_out), and its state now.
+    pub fn take_recording(&mut self, island: &StorableIsland) -> (Vec<f64>, Vec<u8>) {
+        let sound_source = std::mem::replace(self.sound_source(island), SoundSource::Computed);
         let recorded_sound = match sound_source {
             SoundSource::Recorded(recorded_sound) => recorded_sound,
             SoundSource::Computed | SoundSource::Recalled(..) | SoundSource::Skipped => Vec::new(),
         };
-        let island_state = self.island(island).map_or_else(Vec::new, Island::write_state);
+        let island_state = self.island_mut(island).map_or_else(Vec::new, Island::write_state);
         (recorded_sound, island_state)
     }
 
@@ -82,28 +82,28 @@ impl Simulation {
     /// # Errors
     /// [`Damaged`] if the bytes are not a state of this island; the simulation must then be discarded.
     pub fn set_state(&mut self, island: &StorableIsland, state: &[u8]) -> Result<(), Damaged> {
-        *self.source(island) = SoundSource::Computed;
-        self.island(island).ok_or(Damaged)?.read_state(state)
+        *self.sound_source(island) = SoundSource::Computed;
+        self.island_mut(island).ok_or(Damaged)?.read_state(state)
     }
 
     /// Computes the next frames of one island alone (n_frames · its n_out), for a worker on another machine. Set the
-    /// state before them by [`Simulation::set_state`], and read the state after them by [`Simulation::recorded`].
+    /// state before them by [`Simulation::set_state`], and read the state after them by [`Simulation::take_recording`].
     ///
     /// # Errors
     /// [`Fault`] with the part that becomes non-finite.
-    pub fn advance(&mut self, island: &StorableIsland, n_frames: usize) -> Result<Vec<f64>, Fault> {
+    pub fn advance_island(&mut self, island: &StorableIsland, n_frames: usize) -> Result<Vec<f64>, Fault> {
         let team = self.threads;
-        let Some(running_island) = self.island(island) else {
+        let Some(running_island) = self.island_mut(island) else {
             return Ok(Vec::new());
         };
         let n_outputs = running_island.n_out();
         let team = if running_island.is_shared() { team } else { 1 };
         let mut island_sound = vec![0.0; n_outputs * n_frames];
-        flushed(|| {
+        with_denormals_flushed(|| {
             ThreadTeam::with(team, |team| {
-                (0..n_frames).step_by(UNIT_BLOCK).try_for_each(|first_frame| {
+                (0..n_frames).step_by(UNIT_BLOCK_FRAMES).try_for_each(|first_frame| {
                     interrupt::poll();
-                    let n_frames = UNIT_BLOCK.min(n_frames - first_frame);
+                    let n_frames = UNIT_BLOCK_FRAMES.min(n_frames - first_frame);
                     let block_output = &mut island_sound[n_outputs * first_frame..n_outputs * (first_frame + n_frames)];
                     running_island.process(block_output, n_frames, team)
                 })
@@ -113,20 +113,20 @@ impl Simulation {
         Ok(island_sound)
     }
 
-    fn group(&mut self, unit: usize) -> (&mut Group, usize) {
-        let group_index = self.groups.partition_point(|group| group.first <= unit) - 1;
+    fn group_and_index(&mut self, unit: usize) -> (&mut Group, usize) {
+        let group_index = self.groups.partition_point(|group| group.first_unit <= unit) - 1;
         let group = &mut self.groups[group_index];
-        let unit_place = unit - group.first;
+        let unit_place = unit - group.first_unit;
         (group, unit_place)
     }
 
-    fn source(&mut self, island: &StorableIsland) -> &mut SoundSource {
-        let (group, unit_place) = self.group(island.unit);
+    fn sound_source(&mut self, island: &StorableIsland) -> &mut SoundSource {
+        let (group, unit_place) = self.group_and_index(island.unit);
         &mut group.sources[unit_place]
     }
 
-    fn island(&mut self, island: &StorableIsland) -> Option<&mut Island> {
-        let (group, unit_place) = self.group(island.unit);
+    fn island_mut(&mut self, island: &StorableIsland) -> Option<&mut Island> {
+        let (group, unit_place) = self.group_and_index(island.unit);
         match &mut group.units[unit_place] {
             RunningUnit::Island(island) => Some(island),
             RunningUnit::Bank(_) => None,

@@ -11,8 +11,8 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use super::Simulation;
-use super::bodies::{Body, Workspace, bodies, names};
-use super::side::{MatLocation, Side, UnitIndex, mat_locations, unmatched};
+use super::bodies::{TransferredBody, Workspace, all_mass_names, wanted_bodies};
+use super::side::{MatLocation, TakeoverSide, UnitIndex, mat_locations, unmatched};
 use crate::assembly::unit::IslandPlan;
 use crate::bank::are_same;
 use crate::body_modes::mode_shapes::ModalTransform;
@@ -27,26 +27,26 @@ pub struct Takeover {
     /// The plans that it was made for, old and new.
     pub(super) plans: Option<[Arc<Plan>; 2]>,
     /// Units that are the same in both: there, here.
-    pub(super) units: Vec<(UnitIndex, UnitIndex)>,
+    pub(super) same_units: Vec<(UnitIndex, UnitIndex)>,
     /// Banks of the same modes with other outputs: there, here, number of modes.
-    pub(super) modes: Vec<(UnitIndex, UnitIndex, usize)>,
+    pub(super) same_mode_banks: Vec<(UnitIndex, UnitIndex, usize)>,
     /// MATs of all other units: there, here.
-    pub(super) mats: Vec<(MatLocation, MatLocation)>,
+    pub(super) mat_pairs: Vec<(MatLocation, MatLocation)>,
     /// Bodies there whose masses are read, and bodies here whose masses are set.
-    pub(super) old_bodies: Vec<Body>,
-    pub(super) new_bodies: Vec<Body>,
+    pub(super) old_bodies: Vec<TransferredBody>,
+    pub(super) new_bodies: Vec<TransferredBody>,
     pub(super) workspace: Workspace,
     /// Islands whose bodies took over a state: the ports of these islands must then be placed.
     pub(super) placed_islands: Vec<UnitIndex>,
     pub(super) items: Vec<(UnitIndex, UnitIndex, ItemTakeover)>,
     /// For each output there, its index here; `None` if it is gone.
-    pub(super) outputs: Vec<Option<usize>>,
+    pub(super) new_output_indices: Vec<Option<usize>>,
 }
 
 impl Takeover {
     /// What `new` takes over from `old`, by the names of modules. The two may be at any frame.
     pub fn new(old: &Simulation, new: &Simulation) -> Self {
-        let (old_side, new_side) = (Side::new(old), Side::new(new));
+        let (old_side, new_side) = (TakeoverSide::new(old), TakeoverSide::new(new));
         let mut takeover = Self {
             plans: Some([old.plan.clone(), new.plan.clone()]),
             ..Self::default()
@@ -54,29 +54,29 @@ impl Takeover {
         let output_names = new.plan.network.outputs().iter().map(|output| &output.name);
         let output_by_name: HashMap<&String, usize> = output_names.zip(0..).collect();
         let outputs = old.plan.network.outputs().iter();
-        takeover.outputs = outputs
+        takeover.new_output_indices = outputs
             .map(|output| output_by_name.get(&output.name).copied())
             .collect();
         let (same_islands, same_banks) = (
-            takeover.islands(&old_side, &new_side),
-            takeover.banks(&old_side, &new_side),
+            takeover.match_islands(&old_side, &new_side),
+            takeover.match_banks(&old_side, &new_side),
         );
-        takeover.bodies(&old_side, &new_side, &same_islands);
-        takeover.mats(&old_side, &new_side, &same_islands, &same_banks);
-        takeover.memory(&old_side, &new_side, &same_islands);
-        takeover.histories(&old_side, &new_side, &same_islands);
-        takeover.voices(&old_side, &new_side, new.frame);
+        takeover.match_bodies(&old_side, &new_side, &same_islands);
+        takeover.match_mats(&old_side, &new_side, &same_islands, &same_banks);
+        takeover.match_link_memories(&old_side, &new_side, &same_islands);
+        takeover.match_sliding_histories(&old_side, &new_side, &same_islands);
+        takeover.match_voices(&old_side, &new_side, new.frame);
         takeover.match_gates_hands_and_parts(&old_side, &new_side);
         takeover
     }
 
     /// For each output of the old simulation, its index in the new one.
     pub fn outputs(&self) -> &[Option<usize>] {
-        &self.outputs
+        &self.new_output_indices
     }
 
     /// Finds islands that are the same in both; returns which those are, there and here.
-    fn islands(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) -> [Vec<bool>; 2] {
+    fn match_islands(&mut self, old_side: &TakeoverSide<'_>, new_side: &TakeoverSide<'_>) -> [Vec<bool>; 2] {
         let mut same_islands = [vec![false; old_side.islands.len()], vec![false; new_side.islands.len()]];
         let first_mat_name = |island_plan: &IslandPlan| island_plan.network.mat_name(0);
         // The first MAT of several islands may be the same imposed point, such as a hand's key: one name, several
@@ -97,20 +97,22 @@ impl Takeover {
                 continue;
             };
             (same_islands[0][old_index], same_islands[1][island_index]) = (true, true);
-            self.units.push((old_side.islands[old_index].0, new_unit));
+            self.same_units.push((old_side.islands[old_index].0, new_unit));
         }
         same_islands
     }
 
     /// Finds banks that are the same in both; returns which those are, there and here.
-    fn banks(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) -> [Vec<bool>; 2] {
+    fn match_banks(&mut self, old_side: &TakeoverSide<'_>, new_side: &TakeoverSide<'_>) -> [Vec<bool>; 2] {
         let mut same_banks = [vec![false; old_side.banks.len()], vec![false; new_side.banks.len()]];
-        let first_mat_name =
-            |side: &Side<'_>, bank: &crate::assembly::unit::BankPlan| match (&bank.body, bank.mats_and_rests.first()) {
-                (Some(network), _) => network.mat_name(0),
-                (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
-                (None, None) => String::new(),
-            };
+        let first_mat_name = |side: &TakeoverSide<'_>, bank: &crate::assembly::unit::BankPlan| match (
+            &bank.body,
+            bank.mats_and_rests.first(),
+        ) {
+            (Some(network), _) => network.mat_name(0),
+            (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
+            (None, None) => String::new(),
+        };
         let indexed_banks = old_side.banks.iter().enumerate();
         let old_by_name: HashMap<String, usize> = indexed_banks
             .map(|(bank_index, (_, bank))| (first_mat_name(old_side, bank), bank_index))
@@ -140,9 +142,9 @@ impl Takeover {
                 continue;
             }
             if are_same(&bank.oscillators, &old_bank.oscillators) {
-                self.units.push((old_unit, new_unit));
+                self.same_units.push((old_unit, new_unit));
             } else if bank.body.is_some() && have_same_poles(&bank.oscillators, &old_bank.oscillators) {
-                self.modes.push((old_unit, new_unit, bank.oscillators.len()));
+                self.same_mode_banks.push((old_unit, new_unit, bank.oscillators.len()));
             } else {
                 continue;
             }
@@ -152,7 +154,7 @@ impl Takeover {
     }
 
     /// Finds bodies that are the same, in islands that are not.
-    fn bodies(&mut self, old_side: &Side<'_>, new_side: &Side<'_>, same: &[Vec<bool>; 2]) {
+    fn match_bodies(&mut self, old_side: &TakeoverSide<'_>, new_side: &TakeoverSide<'_>, same: &[Vec<bool>; 2]) {
         for (&(new_unit, _, island_plan), _) in unmatched(&new_side.islands, &same[1]) {
             let mut is_matched = false;
             for (body_index, body) in island_plan.bodies.iter().enumerate() {
@@ -177,8 +179,13 @@ impl Takeover {
 
     /// Finds links with memory in islands that are not the same, by link name; links of one name are matched by their
     /// order.
-    fn memory(&mut self, old_side: &Side<'_>, new_side: &Side<'_>, same_islands: &[Vec<bool>; 2]) {
-        let links_by_name = |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (UnitIndex, usize))> {
+    fn match_link_memories(
+        &mut self,
+        old_side: &TakeoverSide<'_>,
+        new_side: &TakeoverSide<'_>,
+        same_islands: &[Vec<bool>; 2],
+    ) {
+        let links_by_name = |side: &TakeoverSide<'_>, same: &[bool]| -> Vec<((String, usize), (UnitIndex, usize))> {
             let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
             let links = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
                 let network = &island_plan.network;
@@ -187,11 +194,11 @@ impl Takeover {
                 let links = remembering_runs.flat_map(|run| run.first..run.first + run.len);
                 links.map(move |link| (network.link_name(link), (unit, link)))
             });
-            let mut name_counts: HashMap<String, usize> = HashMap::new();
-            let numbered = links.map(|(name, place)| {
-                let name_number = name_counts.entry(name.clone()).or_default();
+            let mut link_name_counts: HashMap<String, usize> = HashMap::new();
+            let numbered = links.map(|(name, link_location)| {
+                let name_number = link_name_counts.entry(name.clone()).or_default();
                 *name_number += 1;
-                ((name, *name_number), place)
+                ((name, *name_number), link_location)
             });
             numbered.collect()
         };
@@ -206,19 +213,25 @@ impl Takeover {
 
     /// Finds contacts of all pairs, in islands that are not the same, whose history of sliding continues: matched by
     /// link name and by the numbers of points.
-    fn histories(&mut self, old_side: &Side<'_>, new_side: &Side<'_>, same_islands: &[Vec<bool>; 2]) {
-        let contact_runs = |side: &Side<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (UnitIndex, usize)> {
-            let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
-            let named_runs = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
-                let network = &island_plan.network;
-                network.runs().iter().filter_map(move |run| {
-                    let point_pairs = run.pairwise()?.pairs;
-                    let point_counts = [point_pairs.n_first, run.len];
-                    Some(((network.link_name(run.first), point_counts), (unit, run.first)))
-                })
-            });
-            named_runs.collect()
-        };
+    fn match_sliding_histories(
+        &mut self,
+        old_side: &TakeoverSide<'_>,
+        new_side: &TakeoverSide<'_>,
+        same_islands: &[Vec<bool>; 2],
+    ) {
+        let contact_runs =
+            |side: &TakeoverSide<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (UnitIndex, usize)> {
+                let other_islands = side.islands.iter().zip(same).filter(|(_, same)| !**same);
+                let named_runs = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
+                    let network = &island_plan.network;
+                    network.runs().iter().filter_map(move |run| {
+                        let point_pairs = run.pairwise()?.pairs;
+                        let point_counts = [point_pairs.n_first, run.len];
+                        Some(((network.link_name(run.first), point_counts), (unit, run.first)))
+                    })
+                });
+                named_runs.collect()
+            };
         let old_runs = contact_runs(old_side, &same_islands[0]);
         for (name, (new_unit, first_link)) in contact_runs(new_side, &same_islands[1]) {
             if let Some(&(old_unit, old_link)) = old_runs.get(&name) {
@@ -229,7 +242,13 @@ impl Takeover {
     }
 
     /// Finds MATs of units that are not the same.
-    fn mats(&mut self, old_side: &Side<'_>, new_side: &Side<'_>, islands: &[Vec<bool>; 2], banks: &[Vec<bool>; 2]) {
+    fn match_mats(
+        &mut self,
+        old_side: &TakeoverSide<'_>,
+        new_side: &TakeoverSide<'_>,
+        islands: &[Vec<bool>; 2],
+        banks: &[Vec<bool>; 2],
+    ) {
         let taken_bodies = |in_new: bool| -> HashSet<(UnitIndex, usize)> {
             let bodies = self.items.iter().filter_map(|(old_unit, new_unit, item)| match item {
                 ItemTakeover::Body(_, new_body) if in_new => Some((*new_unit, *new_body)),
@@ -241,13 +260,15 @@ impl Takeover {
         let (old_taken, new_taken) = (taken_bodies(false), taken_bodies(true));
         let old_same: [&[bool]; 2] = [&islands[0], &banks[0]];
         let new_same: [&[bool]; 2] = [&islands[1], &banks[1]];
-        let mats_alone = mat_locations(old_side, old_same);
+        let mats_outside_bodies = mat_locations(old_side, old_same);
         let old_names: HashSet<String> = {
-            let bodies = names(old_side, old_same, &old_taken).into_iter();
-            bodies.chain(mats_alone.iter().map(|(name, _)| name.clone())).collect()
+            let bodies = all_mass_names(old_side, old_same, &old_taken).into_iter();
+            bodies
+                .chain(mats_outside_bodies.iter().map(|(name, _)| name.clone()))
+                .collect()
         };
         let mut new_mats = mat_locations(new_side, new_same);
-        let (body_locations, new_bodies) = bodies(
+        let (body_locations, new_bodies) = wanted_bodies(
             new_side,
             new_same,
             &new_taken,
@@ -258,7 +279,7 @@ impl Takeover {
         new_mats.extend(body_locations);
         let new_names: HashSet<&str> = new_mats.iter().map(|(name, _)| name.as_str()).collect();
         let is_wanted = |name: &str| new_names.contains(name);
-        let (body_locations, old_bodies) = bodies(
+        let (body_locations, old_bodies) = wanted_bodies(
             old_side,
             old_same,
             &old_taken,
@@ -266,10 +287,10 @@ impl Takeover {
             ModalTransform::ToPositions,
             &mut self.workspace,
         );
-        let old_by_name: HashMap<String, MatLocation> = mats_alone.into_iter().chain(body_locations).collect();
+        let old_by_name: HashMap<String, MatLocation> = mats_outside_bodies.into_iter().chain(body_locations).collect();
         for (name, new_location) in &new_mats {
             if let Some(&old_location) = old_by_name.get(name) {
-                self.mats.push((old_location, *new_location));
+                self.mat_pairs.push((old_location, *new_location));
             }
         }
         self.placed_islands
@@ -280,7 +301,7 @@ impl Takeover {
 
 /// Whether one island can continue from the state of another, to the last bit.
 fn are_same_islands(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
-    let imposed = |island_plan: &IslandPlan| -> Vec<usize> {
+    let imposed_mats = |island_plan: &IslandPlan| -> Vec<usize> {
         let drives = island_plan.timeline.drives.iter();
         let path_drives = drives.filter(|drive| drive.kind == DriveKind::Position);
         path_drives.map(|drive| drive.mat).collect()
@@ -291,12 +312,12 @@ fn are_same_islands(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
     step_numbers(island_plan) == step_numbers(other)
         && island_plan.bodies.len() == other.bodies.len()
         && island_plan.network.is_same(&other.network)
-        && imposed(island_plan) == imposed(other)
+        && imposed_mats(island_plan) == imposed_mats(other)
         && bodies().all(|(body, other_body)| body.is_same(other_body, name_of_mat, name_of_mat))
 }
 
 /// Whether two banks hold the same modes; their outputs may differ.
 fn have_same_poles(oscillators: &[crate::bank::Oscillator], other: &[crate::bank::Oscillator]) -> bool {
-    let numbers = |oscillator: &crate::bank::Oscillator| (oscillator.a, oscillator.b);
-    oscillators.iter().map(numbers).eq(other.iter().map(numbers))
+    let coefficients = |oscillator: &crate::bank::Oscillator| (oscillator.a, oscillator.b);
+    oscillators.iter().map(coefficients).eq(other.iter().map(coefficients))
 }

@@ -26,7 +26,7 @@ fn seen(simulation: &Simulation) -> String {
         simulation.steps(),
         simulation.energy(),
         simulation.reports(),
-        simulation.muted(),
+        simulation.muted_parts(),
     )
 }
 
@@ -41,7 +41,7 @@ proptest! {
         let mut split = scene.simulation(options(OnFault::Mute));
         prop_assert!(play(&mut whole, n, &[n]) == play(&mut split, n, &blocks));
         prop_assert_eq!(seen(&whole), seen(&split));
-        prop_assert!(whole.muted().is_empty(), "a scene that diverges tests little: {:?}", whole.muted());
+        prop_assert!(whole.muted_parts().is_empty(), "a scene that diverges tests little: {:?}", whole.muted_parts());
     }
 
     /// A snapshot is taken in the middle of gestures, flights, throws, fades and contacts.

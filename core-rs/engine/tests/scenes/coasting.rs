@@ -102,7 +102,7 @@ fn played(plan: &Arc<Plan>, blocks: &[usize]) -> (Vec<u64>, String) {
         ledger: false,
         ..options(OnFault::Stop)
     };
-    let mut simulation = Simulation::planned(plan.clone(), options).unwrap();
+    let mut simulation = Simulation::from_plan(plan.clone(), options).unwrap();
     let sound = play(&mut simulation, N, blocks);
     let output = format!("{:?} {:?}", simulation.reports(), simulation.positions());
     (sound, output)

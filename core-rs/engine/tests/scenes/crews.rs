@@ -64,7 +64,7 @@ fn threads_agree_bitwise_after_restore_and_fork() {
     for method in [Method::Ca, Method::Ca2p] {
         let plan = piece([65.4, 65.4], method);
         same_for_all(|threads, blocks| {
-            let mut simulation = Simulation::planned(plan.clone(), by(threads)).unwrap();
+            let mut simulation = Simulation::from_plan(plan.clone(), by(threads)).unwrap();
             let mut all = play(&mut simulation, N, blocks);
             // The fork has threads of its own.
             let (snapshot, mut fork) = (simulation.snapshot(), simulation.fork());
@@ -84,11 +84,11 @@ fn threads_agree_bitwise_after_take_over() {
     for method in [Method::Ca, Method::Ca2p] {
         let versions = [[65.4, 65.4], [65.4, 80.0], [70.0, 80.0]].map(|f| piece(f, method));
         same_for_all(|threads, blocks| {
-            let mut playing = Simulation::planned(versions[0].clone(), by(threads)).unwrap();
+            let mut playing = Simulation::from_plan(versions[0].clone(), by(threads)).unwrap();
             let mut all = play(&mut playing, N, blocks);
             for plan in &versions[1..] {
                 let (plan, position) = (plan.clone(), playing.frame());
-                let mut new = Simulation::planned_from(plan, by(threads), position).unwrap();
+                let mut new = Simulation::from_plan_at_frame(plan, by(threads), position).unwrap();
                 let mut takeover = Takeover::new(&playing, &new);
                 assert!(new.take_over(&mut playing, &mut takeover));
                 playing = new;
@@ -106,9 +106,9 @@ fn threads_agree_bitwise_with_finer_frames() {
     for method in [Method::Ca, Method::Ca2p] {
         let plan = struck([65.4, 65.4], method, 0.5);
         same_for_all(|threads, blocks| {
-            let mut simulation = Simulation::planned(plan.clone(), by(threads)).unwrap();
+            let mut simulation = Simulation::from_plan(plan.clone(), by(threads)).unwrap();
             let sound = play(&mut simulation, 2 * N, blocks);
-            let finer = simulation.finer();
+            let finer = simulation.finer_parts();
             assert!(
                 finer.iter().any(|(part, frames, _)| part == "gong" && *frames > 20),
                 "{finer:?}"
@@ -135,7 +135,7 @@ fn threads_agree_bitwise_after_mute() {
     same_for_all(|threads, blocks| {
         let mut simulation = Simulation::new(network.clone(), &timeline, by(threads)).unwrap();
         let sound = play(&mut simulation, 2 * N, blocks);
-        assert_eq!(simulation.muted().len(), 1);
+        assert_eq!(simulation.muted_parts().len(), 1);
         sound
     });
 }

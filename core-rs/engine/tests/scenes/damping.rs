@@ -107,7 +107,7 @@ fn extra_damping_adds_to_decay() {
     for budget in budgets {
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
         let plan = Arc::new(plan);
-        let start = Simulation::planned(plan.clone(), plain()).unwrap();
+        let start = Simulation::from_plan(plan.clone(), plain()).unwrap();
         for output in 0..start.n_out() {
             let mut simulation = start.fork();
             simulation.damp(Some(damping));
@@ -117,7 +117,7 @@ fn extra_damping_adds_to_decay() {
                 "{budget:?} {output}: {result} {both}"
             );
             let from = simulation.frame();
-            let mut next = Simulation::planned_from(plan.clone(), plain(), from).unwrap();
+            let mut next = Simulation::from_plan_at_frame(plan.clone(), plain(), from).unwrap();
             let mut takeover = Takeover::new(&simulation, &next);
             assert!(next.take_over(&mut simulation, &mut takeover));
             let result = t60(&mut next, output, 0.5);

@@ -107,8 +107,8 @@ fn mute_of_a_key_drops_its_gestures() {
             timeline.gesture(gesture(touch, t)).unwrap();
             let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
             play(&mut simulation, 22_050);
-            assert_eq!(simulation.muted().len(), 1);
-            assert!(simulation.asked()[0].is_nan());
+            assert_eq!(simulation.muted_parts().len(), 1);
+            assert!(simulation.gesture_positions()[0].is_nan());
             let report = simulation.reports()[0];
             assert_eq!(report.missed, 0);
             assert!(t[0] < 0.1 || report.n_ergons == 0, "{t:?}: {report:?}");
@@ -136,9 +136,9 @@ fn mute_of_a_part_ignores_strikes_and_drives() {
     }
     let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
     play(&mut simulation, 6_000);
-    let (muted, still) = (simulation.muted(), simulation.positions()[1..].to_vec());
+    let (muted, still) = (simulation.muted_parts(), simulation.positions()[1..].to_vec());
     play(&mut simulation, 10_000);
-    assert_eq!(simulation.muted(), muted, "it goes off once");
+    assert_eq!(simulation.muted_parts(), muted, "it goes off once");
     assert_eq!(simulation.positions()[1..], still);
     let ergons = simulation.take_ergons();
     assert_eq!(ergons.len(), 2, "those of 0.05 s");
@@ -163,7 +163,7 @@ fn mute_keeps_outputs_finite() {
     let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
     let mut out = vec![0.0; 3 * 4_000];
     simulation.process(&mut out).unwrap();
-    assert_eq!(simulation.muted().len(), 1);
+    assert_eq!(simulation.muted_parts().len(), 1);
     assert!(out.iter().all(|sample| sample.is_finite()));
     assert!(
         out.chunks(3)
@@ -179,9 +179,9 @@ fn mute_is_undone_by_an_earlier_snapshot() {
     play(&mut simulation, 4_000);
     let snapshot = simulation.snapshot();
     let first = play(&mut simulation, 2_000);
-    assert_eq!(simulation.muted(), [("sick".to_owned(), 4_410)]);
+    assert_eq!(simulation.muted_parts(), [("sick".to_owned(), 4_410)]);
     simulation.restore(&snapshot);
-    assert!(simulation.muted().is_empty());
+    assert!(simulation.muted_parts().is_empty());
     assert_eq!(play(&mut simulation, 2_000), first);
 }
 
@@ -200,7 +200,7 @@ fn mute_of_a_part_with_distant_ground() {
     let timeline = Timeline::new(Rate::new(HERTZ).unwrap());
     let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
     simulation.skip(1_000).unwrap();
-    assert_eq!(simulation.muted(), [("far".to_owned(), 1)]);
+    assert_eq!(simulation.muted_parts(), [("far".to_owned(), 1)]);
 }
 
 /// Only the imposed point that leaves the bounds is muted: the mass tied to it has not moved yet.
@@ -217,7 +217,7 @@ fn mute_by_an_absurd_drive_spares_its_neighbours() {
         .unwrap();
     let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
     play(&mut simulation, 4_000);
-    let names: Vec<String> = simulation.muted().into_iter().map(|it| it.0).collect();
+    let names: Vec<String> = simulation.muted_parts().into_iter().map(|it| it.0).collect();
     assert_eq!(names, ["rail"]);
 }
 

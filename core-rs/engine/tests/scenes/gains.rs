@@ -80,9 +80,9 @@ fn too_stiff_contact_stops_a_render() {
 fn mute_of_a_part_with_created_energy() {
     let mut simulation = begin(hammered(3e11, None), OnFault::Mute);
     let out = play(&mut simulation);
-    let muted = simulation.muted();
+    let muted = simulation.muted_parts();
     assert_eq!((muted.len(), &*muted[0].0), (1, "stiff"));
-    assert_eq!(simulation.gains().len(), 0, "its links are gone");
+    assert_eq!(simulation.energy_gains().len(), 0, "its links are gone");
     let healthy = play(&mut begin(hammered(1.0, None), OnFault::Stop));
     let bell = |out: &[f64]| out.iter().step_by(2).copied().collect::<Vec<_>>();
     assert_eq!(bell(&out), bell(&healthy));
@@ -92,7 +92,7 @@ fn mute_of_a_part_with_created_energy() {
 fn contact_slow_beside_its_steps_creates_no_energy() {
     let mut simulation = begin(hammered(1e7, None), OnFault::Stop);
     play(&mut simulation);
-    assert_eq!(simulation.gains(), []);
+    assert_eq!(simulation.energy_gains(), []);
 }
 
 /// Energy that a contact created long ago is compared with the energy of that time, not with what damping has left.
@@ -110,7 +110,7 @@ fn energy_created_and_lost_again_causes_no_fault() {
     network.but("c", wall, key, But::plain(1e5, 0.0, 7e-4)).unwrap();
     let mut simulation = begin(network, OnFault::Stop);
     simulation.skip(44_100).unwrap();
-    let gains = simulation.gains();
+    let gains = simulation.energy_gains();
     let [(_, _, sentence)] = &gains[..] else {
         panic!("{gains:?}");
     };
@@ -126,9 +126,9 @@ fn created_energy_under_units_ca_is_reported() {
     let rate = Rate::new(HERTZ).ok();
     let mut simulation = begin(hammered(50.0, rate), OnFault::Stop);
     play(&mut simulation);
-    let gains = simulation.gains();
+    let gains = simulation.energy_gains();
     assert_eq!((gains.len(), &*gains[0].0), (1, "stiff.c"), "{gains:?}");
-    assert!(simulation.muted().is_empty());
+    assert!(simulation.muted_parts().is_empty());
 }
 
 /// For IEQ, the energy that counts is that of its own scheme, not that of the masses and springs.
@@ -152,7 +152,7 @@ fn mesh_energy_is_compared_by_its_laws() {
     let (network, timeline) = (Arc::new(network), Timeline::new(Rate::new(HERTZ).unwrap()));
     let budget = Budget::Method(Method::Ieq);
     let plan = Plan::new(network, &timeline, &budget, None).unwrap();
-    let mut simulation = Simulation::planned(Arc::new(plan), options(OnFault::Stop)).unwrap();
+    let mut simulation = Simulation::from_plan(Arc::new(plan), options(OnFault::Stop)).unwrap();
     let fault = simulation.skip(11_025).unwrap_err();
     assert!(fault.to_string().contains("created energy"), "{fault}");
 }
@@ -192,7 +192,7 @@ fn rattled(n_heard: usize, z: f64, on_fault: OnFault) -> (Simulation, Result<Vec
         ..PlanContext::default()
     };
     let plan = Plan::in_context(network, &timeline, &budget, None, known).unwrap();
-    let mut simulation = Simulation::planned(Arc::new(plan), options(on_fault)).unwrap();
+    let mut simulation = Simulation::from_plan(Arc::new(plan), options(on_fault)).unwrap();
     let mut out = vec![0.0; (1 + n_heard) * 88_200];
     let played = simulation.process(&mut out).map(|()| out);
     (simulation, played.map_err(|fault| fault.to_string()))
@@ -206,7 +206,7 @@ fn small_body_in_contact_keeps_its_energy() {
         let out: Vec<f64> = out.unwrap().into_iter().step_by(1 + n_heard).collect();
         let rise = rise(&out);
         assert!((rise - 1.0).abs() < 1e-3, "{n_heard}: {rise}");
-        assert_eq!(simulation.gains(), []);
+        assert_eq!(simulation.energy_gains(), []);
     }
 }
 
@@ -223,7 +223,7 @@ fn created_energy_of_a_spring_beside_a_contact() {
     for n_heard in [1, 2] {
         let (simulation, out) = rattled(n_heard, Z, OnFault::Stop);
         match out {
-            Ok(out) if simulation.gains().is_empty() => {
+            Ok(out) if simulation.energy_gains().is_empty() => {
                 let out: Vec<f64> = out.into_iter().step_by(1 + n_heard).collect();
                 assert!(rise(&out) < 1.005, "{n_heard}: {}", rise(&out));
             }
@@ -237,7 +237,7 @@ fn created_energy_of_a_spring_beside_a_contact() {
 fn mute_with_energy_created_between_frames() {
     let (simulation, out) = rattled(2, Z, OnFault::Mute);
     let out = out.unwrap();
-    let muted = simulation.muted();
+    let muted = simulation.muted_parts();
     assert_eq!((muted.len(), &*muted[0].0), (1, "rattle"));
     assert!(out.chunks(3).all(|row| row[0].abs() < 2e-3));
     assert!(out[out.len() - 3..].iter().all(|x| *x == 0.0));

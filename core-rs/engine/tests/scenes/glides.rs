@@ -50,12 +50,12 @@ fn listen_to_all(network: &mut Network) {
 
 /// The old version up to frame `border`, the new one from then on: (n_frames · n_out).
 fn joined(old: &Arc<Plan>, new: &Arc<Plan>, border: u64, n_frames: u64) -> Vec<f64> {
-    let mut old = Simulation::planned(old.clone(), plain()).unwrap();
+    let mut old = Simulation::from_plan(old.clone(), plain()).unwrap();
     let n_out = old.n_out();
     let mut sound = vec![0.0; n_frames as usize * n_out];
     let (before, after) = sound.split_at_mut(border as usize * n_out);
     old.process(before).unwrap();
-    let mut new = Simulation::planned_from(new.clone(), plain(), border).unwrap();
+    let mut new = Simulation::from_plan_at_frame(new.clone(), plain(), border).unwrap();
     let mut takeover = Takeover::new(&old, &new);
     assert!(new.take_over(&mut old, &mut takeover));
     new.process(after).unwrap();
@@ -108,11 +108,11 @@ fn cell_glides_to_another_stiffness() {
     assert!(roughness(&glides, 1) < 1.5, "{}", roughness(&glides, 1));
     // After the glide it continues as the new cell, in a bank as well.
     let after = plan(new, &begin(), &budget);
-    let mut simulation = Simulation::planned_from(gliding, plain(), BORDER).unwrap();
+    let mut simulation = Simulation::from_plan_at_frame(gliding, plain(), BORDER).unwrap();
     let end = BORDER + OVER;
     simulation.skip(end - BORDER).unwrap();
     let mut saved = simulation.fork();
-    let mut next = Simulation::planned_from(after, plain(), end).unwrap();
+    let mut next = Simulation::from_plan_at_frame(after, plain(), end).unwrap();
     let mut takeover = Takeover::new(&simulation, &next);
     assert!(next.take_over(&mut simulation, &mut takeover));
     let (mut a, mut b) = (vec![0.0; 5_000], vec![0.0; 5_000]);
@@ -246,7 +246,7 @@ fn mass_by_mass(has_key: bool) {
     let (before, after) = (plans(&old), plans(&new));
     let n_frames = BORDER + 500;
     for (i, old) in before.iter().enumerate() {
-        let mut alone = Simulation::planned(old.clone(), plain()).unwrap();
+        let mut alone = Simulation::from_plan(old.clone(), plain()).unwrap();
         let mut unchanged = vec![0.0; n_frames as usize * n];
         alone.process(&mut unchanged).unwrap();
         let peak = unchanged.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
@@ -290,7 +290,7 @@ fn take_over_of_a_slow_key() {
             macrostep: 8,
             is_exact: true
         }));
-    let mut alone = Simulation::planned(before[0].clone(), plain()).unwrap();
+    let mut alone = Simulation::from_plan(before[0].clone(), plain()).unwrap();
     let mut unchanged = vec![0.0; 2 * 9_000];
     alone.process(&mut unchanged).unwrap();
     for (old, new, limit) in [(0, 0, 1e-9), (0, 1, 2e-6), (1, 0, 2e-6)] {
@@ -325,7 +325,7 @@ fn path_continues_after_its_glide() {
     let listened = |timeline: &Timeline| {
         let plan = plan(network.clone(), timeline, &budget);
         let mut sound = vec![0.0; 16_000];
-        let mut simulation = Simulation::planned(plan, plain()).unwrap();
+        let mut simulation = Simulation::from_plan(plan, plain()).unwrap();
         simulation.process(&mut sound).unwrap();
         sound
     };
@@ -376,7 +376,7 @@ fn joined_cells(from_spring: [f64; 2], from_contact: [f64; 2]) -> Network {
 
 fn played(network: &Network, timeline: &Timeline, budget: &Budget, blocks: usize) -> Vec<f64> {
     let plan = plan(network.clone(), timeline, budget);
-    let mut simulation = Simulation::planned(plan, plain()).unwrap();
+    let mut simulation = Simulation::from_plan(plan, plain()).unwrap();
     let n = simulation.n_out();
     let mut sound = vec![0.0; 8_000 * n];
     for block in sound.chunks_mut(blocks * n) {

@@ -59,7 +59,7 @@ fn wave(n: usize, per_second: f64) -> Vec<f64> {
 
 fn planned(network: &Arc<Network>, timeline: &Timeline, budget: &Budget) -> Simulation {
     let plan = Plan::new(network.clone(), timeline, budget, None).unwrap();
-    Simulation::planned(Arc::new(plan), plain()).unwrap()
+    Simulation::from_plan(Arc::new(plan), plain()).unwrap()
 }
 
 /// A performance tick by tick, as from a device, and a render of its recording give the same samples and forces, for
@@ -79,7 +79,7 @@ fn recording_renders_to_the_played_samples() {
         let mut live = planned(&network, &open, &budget);
         let (mut played, mut forces) = (Vec::new(), Vec::new());
         for &x in &ticks {
-            live.hold(0, x, None);
+            live.set_hand_position(0, x, None);
             let mut out = vec![0.0; every as usize];
             live.process(&mut out).unwrap();
             played.extend(out);
@@ -123,7 +123,7 @@ fn key_in_another_simulation_equals_key_in_scene() {
     );
     let mut touched = false;
     for n in 0..n_frames {
-        apart.hold(0, x, Some(d));
+        apart.set_hand_position(0, x, Some(d));
         let (mut a, mut b) = ([0.0], [0.0]);
         complete.process(&mut a).unwrap();
         apart.process(&mut b).unwrap();
@@ -148,7 +148,7 @@ fn structural_latency_is_one_sample() {
     scene.process(&mut x).unwrap();
     assert_eq!(scene.hand_force(0), 0.0);
     // Frame 1: the hand is at 2 mm, a millimetre into the contact.
-    scene.hold(0, 2e-3, None);
+    scene.set_hand_position(0, 2e-3, None);
     scene.process(&mut x).unwrap();
     assert!(scene.hand_force(0) < 0.0, "felt in the same frame");
     assert!(scene.positions()[4] > 0.0, "frame 2: the struck mass has moved");
@@ -169,7 +169,7 @@ fn hands_feel_each_other_through_a_spring() {
         timeline.hand(&network, mat, 44, HandWay::Hold, &[]).unwrap();
     }
     let mut duet = planned(&network, &timeline, &Budget::default());
-    duet.hold(0, 10e-3, None);
+    duet.set_hand_position(0, 10e-3, None);
     duet.skip(44).unwrap();
     assert!((duet.hand_force(1) - 1.2).abs() < 1e-12, "{}", duet.hand_force(1));
     assert!((duet.hand_force(0) + 1.2).abs() < 1e-12);

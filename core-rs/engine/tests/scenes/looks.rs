@@ -93,18 +93,18 @@ fn running(plan: &Arc<Plan>, threads: usize) -> Simulation {
         threads,
         ..options(OnFault::Stop)
     };
-    Simulation::planned(plan.clone(), options).unwrap()
+    Simulation::from_plan(plan.clone(), options).unwrap()
 }
 
 fn sound(plan: &Arc<Plan>, threads: usize) -> Vec<u64> {
     let mut simulation = running(plan, threads);
-    let look = simulation.looked_at();
-    simulation.watch();
+    let look = simulation.make_look();
+    simulation.start_watching();
     let mut tracks = vec![0.0; 2 * look.n_tracks()];
     let mut out = vec![0.0; N * simulation.n_out()];
     for block in out.chunks_mut(735 * simulation.n_out()) {
         simulation.process(block).unwrap();
-        simulation.look(&look, &mut tracks);
+        simulation.write_tracks(&look, &mut tracks);
         simulation.take_contacts(&look, |_, _, _| ());
     }
     out.iter().map(|x| x.to_bits()).collect()
@@ -116,7 +116,7 @@ fn positions(look: &Look, tracks: &[f64]) -> Vec<f64> {
     let mut x: Vec<f64> = (0..n).map(|i| tracks[i] + look.points[i].rest).collect();
     for body in &look.bodies {
         for (row, &point) in body.shapes.chunks(body.modes.len()).zip(&body.points) {
-            let modes = row.iter().zip(&tracks[n + body.first..]);
+            let modes = row.iter().zip(&tracks[n + body.first_mode..]);
             x[point] = look.points[point].rest + modes.map(|(share, q)| share * q).sum::<f64>();
         }
     }
@@ -133,8 +133,8 @@ fn look_sees_masses_at_their_positions() {
     let mut truth = Simulation::new(network.clone(), &timeline, plain).unwrap();
     let plan = plan(&network, &timeline, &all(&network), &Budget::Error(-120.0));
     let mut simulation = running(&plan, 1);
-    let look = simulation.looked_at();
-    let kinds = |of: fn(&PointMotion) -> bool| look.points.iter().filter(|point| of(&point.how)).count();
+    let look = simulation.make_look();
+    let kinds = |of: fn(&PointMotion) -> bool| look.points.iter().filter(|point| of(&point.motion)).count();
     assert_eq!(kinds(|how| matches!(how, PointMotion::NotComputed { .. })), 0);
     assert_eq!(kinds(|how| matches!(how, PointMotion::Free(_))), 4);
     assert!(kinds(|how| matches!(how, PointMotion::Sampled)) >= 2 * 37);
@@ -146,7 +146,7 @@ fn look_sees_masses_at_their_positions() {
     for _ in 0..10 {
         truth.process(&mut a).unwrap();
         simulation.process(&mut b).unwrap();
-        simulation.look(&look, &mut tracks);
+        simulation.write_tracks(&look, &mut tracks);
         let (seen, true_x) = (positions(&look, &tracks), truth.positions());
         for (point, x) in look.points.iter().zip(seen) {
             let is = true_x[point.mat];
@@ -187,18 +187,18 @@ fn look_predicts_free_masses_from_two_frames() {
         let (network, timeline) = scene(discrete);
         let plan = plan(&network, &timeline, &all(&network), &Budget::Error(-100.0));
         let mut simulation = running(&plan, 1);
-        let look = simulation.looked_at();
+        let look = simulation.make_look();
         let n = look.n_tracks();
         let mut now = vec![0.0; 2 * n];
         simulation.skip(3_000).unwrap();
-        simulation.look(&look, &mut now);
+        simulation.write_tracks(&look, &mut now);
         simulation.skip(1_000).unwrap();
         let mut then = vec![0.0; 2 * n];
-        simulation.look(&look, &mut then);
+        simulation.write_tracks(&look, &mut then);
         let step = 1.0 / RATE;
         let mut free = Vec::new();
         for (track, point) in look.points.iter().enumerate() {
-            if let PointMotion::Free(single) = point.how {
+            if let PointMotion::Free(single) = point.motion {
                 free.push((track, single));
             }
         }
@@ -210,17 +210,17 @@ fn look_predicts_free_masses_from_two_frames() {
                     body.modes
                         .iter()
                         .enumerate()
-                        .map(|(i, single)| (look.points.len() + body.first + i, *single)),
+                        .map(|(i, single)| (look.points.len() + body.first_mode + i, *single)),
                 );
             }
         }
         assert!(free.len() > 30);
         for (track, single) in free {
-            let begun = single.phase(now[track], now[n + track], step);
-            let (x, y) = single.later(begun, 1_000.0 * step);
+            let begun = single.coefficients(now[track], now[n + track], step);
+            let (x, y) = single.coefficients_after(begun, 1_000.0 * step);
             let size = libm::hypot(begun.0, begun.1) + 1e-12;
             assert!((x - then[track]).abs() < 1e-6 * size, "{track}: {x} {}", then[track]);
-            let there = single.phase(then[track], then[n + track], step);
+            let there = single.coefficients(then[track], then[n + track], step);
             assert!((y - there.1).abs() < 1e-5 * size);
         }
     }
@@ -231,10 +231,10 @@ fn take_contacts_returns_strongest_forces() {
     let (network, timeline) = scene(true);
     let plan = plan(&network, &timeline, &all(&network), &Budget::default());
     let mut simulation = running(&plan, 1);
-    let look = simulation.looked_at();
+    let look = simulation.make_look();
     assert_eq!(look.contacts.len(), 2);
     assert_eq!(look.contacts[0].name, "hammer heard.hits");
-    simulation.watch();
+    simulation.start_watching();
     let mut output = Vec::new();
     for _ in 0..10 {
         simulation.skip(441).unwrap();

@@ -212,8 +212,8 @@ proptest! {
         let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-20.0), None).unwrap();
         let plan = Arc::new(plan);
         let by = |threads| Options { threads, ledger: false, ..options(OnFault::Stop) };
-        let mut one = Simulation::planned(plan.clone(), by(1)).unwrap();
-        let mut other = Simulation::planned(plan, by(3)).unwrap();
+        let mut one = Simulation::from_plan(plan.clone(), by(1)).unwrap();
+        let mut other = Simulation::from_plan(plan, by(3)).unwrap();
         let n = 3_000;
         let begin = play(&mut one, n, &[64]);
         let heard: Vec<f64> = begin.iter().map(|&bits| f64::from_bits(bits)).collect();

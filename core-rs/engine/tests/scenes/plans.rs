@@ -29,7 +29,7 @@ fn islands_equal_the_unsplit_network() {
             ..options(OnFault::Stop)
         };
         let complete = render(scene.simulation(options), scene.n_frames());
-        let planned = Simulation::planned(Arc::new(plan), options).unwrap();
+        let planned = Simulation::from_plan(Arc::new(plan), options).unwrap();
         let planned = render(planned, scene.n_frames());
         let peak = complete.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
         for (a, b) in complete.iter().zip(&planned) {
@@ -87,7 +87,7 @@ fn modal_discrete_body_equals_its_network() {
         panic!("{:?}", plan.rows());
     };
     assert_eq!((source, saved), (12, 12));
-    let planned = Simulation::planned(Arc::new(plan), options).unwrap();
+    let planned = Simulation::from_plan(Arc::new(plan), options).unwrap();
     let (complete, planned) = (render(complete, 88_200), render(planned, 88_200));
     let limit = complete
         .iter()
@@ -148,7 +148,7 @@ fn modal_discrete_body_equals_its_network_in_contact() {
             "{:?}",
             plan.rows()
         );
-        let mut simulation = Simulation::planned(plan, options).unwrap();
+        let mut simulation = Simulation::from_plan(plan, options).unwrap();
         let mut planned = vec![0.0; complete.len()];
         let n_out = simulation.n_out();
         // In blocks of any size, and again from a snapshot.

@@ -1,7 +1,7 @@
 //! Islands at rest are not computed, and no bit changes: of outputs, of everything that can be read at any frame, and
 //! of stored states.
 //!
-//! By ear islands also sleep, see `sleeping`. The reference is the same simulation with [`Simulation::watch`] called
+//! By ear islands also sleep, see `sleeping`. The reference is the same simulation with [`Simulation::start_watching`] called
 //! every few frames: that wakes every island.
 
 use std::sync::Arc;
@@ -157,7 +157,7 @@ fn awake(simulation: &mut Simulation, n_frames: usize) -> Vec<u64> {
     let before = simulation.steps_at_rest();
     let mut sound = Vec::new();
     for from in (0..n_frames).step_by(64) {
-        simulation.watch();
+        simulation.start_watching();
         sound.extend(play(simulation, 64.min(n_frames - from), &[64]));
     }
     assert_eq!(simulation.steps_at_rest(), before);
@@ -172,17 +172,17 @@ fn seen(simulation: &Simulation) -> String {
         simulation.steps(),
         simulation.energy(),
         simulation.reports(),
-        simulation.asked(),
-        simulation.gains(),
-        simulation.finer(),
-        simulation.muted(),
+        simulation.gesture_positions(),
+        simulation.energy_gains(),
+        simulation.finer_parts(),
+        simulation.muted_parts(),
     )
 }
 
 /// The states that a render stores; islands continue from them.
 fn stored(simulation: &mut Simulation) -> Vec<Vec<u8>> {
     let islands = simulation.storable();
-    let states = islands.iter().map(|island| simulation.recorded(island).1);
+    let states = islands.iter().map(|island| simulation.take_recording(island).1);
     states.collect()
 }
 
@@ -200,10 +200,10 @@ fn simulations(network: &Arc<Network>, timeline: &Timeline) -> Vec<(String, Simu
     let budgets = methods.map(Budget::Method).into_iter();
     for budget in budgets.chain([Budget::Error(-70.0)]) {
         let plan = Arc::new(Plan::new(network.clone(), timeline, &budget, None).unwrap());
-        let simulation = Simulation::planned(plan.clone(), plain()).unwrap();
+        let simulation = Simulation::from_plan(plan.clone(), plain()).unwrap();
         all.push((format!("{budget:?}"), simulation));
         let options = Options { threads: 4, ..plain() };
-        let simulation = Simulation::planned(plan, options).unwrap();
+        let simulation = Simulation::from_plan(plan, options).unwrap();
         all.push((format!("{budget:?}, 4 threads"), simulation));
     }
     all
@@ -242,7 +242,7 @@ fn live_strike_wakes_resting_parts_in_its_frame() {
     for budget in [Budget::Error(-70.0), Budget::Method(Method::Ca)] {
         let plan = Arc::new(Plan::new(network.clone(), &open, &budget, None).unwrap());
         for frame in [4_096, 4_097, 5_000] {
-            let mut rested = Simulation::planned(plan.clone(), plain()).unwrap();
+            let mut rested = Simulation::from_plan(plan.clone(), plain()).unwrap();
             let mut reference = rested.fork();
             assert!(play(&mut rested, frame, &[128]) == awake(&mut reference, frame));
             let before = rested.steps_at_rest();
@@ -306,17 +306,17 @@ fn look_at_rest_sees_pressing_contacts() {
     let timeline = timeline(&network);
     let mut rested = Simulation::new(network.clone(), &timeline, plain()).unwrap();
     let mut reference = rested.fork();
-    let look = rested.looked_at();
+    let look = rested.make_look();
     let (mut single, mut other) = (Glance::new(&rested, &look), Glance::new(&rested, &look));
     assert!(play(&mut rested, 5_000, &[256]) == awake(&mut reference, 5_000));
     assert!(rested.steps_at_rest() > 0);
-    rested.watch();
-    reference.watch();
+    rested.start_watching();
+    reference.start_watching();
     for _ in 0..30 {
         play(&mut rested, 1_470, &[49]);
         play(&mut reference, 1_470, &[49]);
-        rested.glance(&look, &mut single);
-        reference.glance(&look, &mut other);
+        rested.fill_glance(&look, &mut single);
+        reference.fill_glance(&look, &mut other);
         assert_eq!(format!("{single:?}"), format!("{other:?}"));
         assert!(single.pushes.iter().any(|push| push.force != 0.0));
     }
@@ -343,7 +343,7 @@ fn take_over_from_a_resting_version() {
     for [first, second] in [[3_000, 9_001], [5_003, BEGINS as usize + 300]] {
         let played = |is_awake: bool| {
             let mut sound = Vec::new();
-            let mut now = Simulation::planned(still.clone(), plain()).unwrap();
+            let mut now = Simulation::from_plan(still.clone(), plain()).unwrap();
             let (mut position, mut passed) = (0, 0);
             for (from, plan) in [(first, &still), (second, &written), (N, &written)] {
                 sound.extend(if is_awake {
@@ -353,7 +353,7 @@ fn take_over_from_a_resting_version() {
                 });
                 passed += now.steps_at_rest();
                 position = from;
-                let mut next = Simulation::planned_from(plan.clone(), plain(), position as u64).unwrap();
+                let mut next = Simulation::from_plan_at_frame(plan.clone(), plain(), position as u64).unwrap();
                 let mut takeover = Takeover::new(&now, &next);
                 assert!(next.take_over(&mut now, &mut takeover));
                 now = next;

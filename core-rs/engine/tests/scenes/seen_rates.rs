@@ -77,7 +77,7 @@ fn plain() -> Options {
 }
 
 fn playing(plan: &Arc<Plan>, threads: usize) -> Simulation {
-    Simulation::planned(plan.clone(), Options { threads, ..plain() }).unwrap()
+    Simulation::from_plan(plan.clone(), Options { threads, ..plain() }).unwrap()
 }
 
 /// Positions of the pendulum and the ball, as bits.
@@ -108,7 +108,7 @@ fn seen_part_is_interpolated_between_its_steps() {
     let network = network(false);
     let plan = plan(&network, &timeline_at(RATE, &network), EVERY, &Budget::Error(-60.0));
     let mut simulation = playing(&plan, 1);
-    let look = simulation.looked_at();
+    let look = simulation.make_look();
     let mut tracks = vec![0.0; 2 * look.n_tracks()];
     simulation.skip(40 * u64::from(EVERY)).unwrap();
     let (before, step) = (simulation.positions(), simulation.steps());
@@ -117,7 +117,7 @@ fn seen_part_is_interpolated_between_its_steps() {
         let part = f64::from(frame) / f64::from(EVERY);
         let (x, mut after) = (simulation.positions(), simulation.clone());
         after.skip(u64::from(EVERY - frame)).unwrap();
-        simulation.look(&look, &mut tracks);
+        simulation.write_tracks(&look, &mut tracks);
         let after = after.positions();
         for mat in 4..network.n_mat() {
             let expected = before[mat] + part * (after[mat] - before[mat]);
@@ -125,7 +125,7 @@ fn seen_part_is_interpolated_between_its_steps() {
         }
         for (point, x_seen) in look.points.iter().zip(&tracks) {
             if point.mat >= 4 {
-                assert_eq!(point.how, PointMotion::Sampled);
+                assert_eq!(point.motion, PointMotion::Sampled);
                 assert!((x_seen + point.rest - x[point.mat]).abs() < 1e-15);
             }
         }
@@ -219,7 +219,7 @@ fn take_over_of_a_seen_part_mid_step() {
         let taken_over_by = |plan: &Arc<Plan>| {
             let mut before = playing(&slow, 1);
             before.skip(from).unwrap();
-            let mut next = Simulation::planned_from(plan.clone(), plain(), from).unwrap();
+            let mut next = Simulation::from_plan_at_frame(plan.clone(), plain(), from).unwrap();
             let mut takeover = Takeover::new(&before, &next);
             assert!(next.take_over(&mut before, &mut takeover));
             next
@@ -283,7 +283,7 @@ fn seen_part_too_stiff_is_oversampled() {
     assert!(paces[1].1 > 1 && steps(paces[1]) < RATE);
     assert_eq!(paces[2], (1, 1));
     let plan = Arc::new(plan);
-    let mut simulation = Simulation::planned(plan, plain()).unwrap();
+    let mut simulation = Simulation::from_plan(plan, plain()).unwrap();
     simulation.skip(10_000).unwrap();
     assert!(simulation.positions().iter().all(|x| x.abs() < 1.0));
 }

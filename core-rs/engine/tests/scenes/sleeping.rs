@@ -56,7 +56,7 @@ fn simulation_from(network: &Arc<Network>, timeline: &Timeline, from: usize) -> 
         ledger: false,
         ..options(OnFault::Stop)
     };
-    Simulation::planned_from(Arc::new(plan), options, from as u64).unwrap()
+    Simulation::from_plan_at_frame(Arc::new(plan), options, from as u64).unwrap()
 }
 
 /// Continue and keep every island awake, by a damping that comes and goes: T60 30 years.
@@ -147,7 +147,7 @@ fn sleep_in_blocks_of_any_size_and_from_stored_states() {
         play(&mut first, position, &[512]);
         let mut second = simulation_from(&network, &timeline, position);
         for island in first.storable() {
-            let (_, state) = first.recorded(&island);
+            let (_, state) = first.take_recording(&island);
             assert!(second.set_state(&island, &state).is_ok());
         }
         assert!(

@@ -131,8 +131,8 @@ fn take_over_of_sticking_contacts_without_slip() {
         ..options(OnFault::Stop)
     };
     let n = 900;
-    let [mut old, mut alone] = [(); 2].map(|()| Simulation::planned(scene(false), options).unwrap());
-    let mut new = Simulation::planned_from(scene(true), options, n as u64).unwrap();
+    let [mut old, mut alone] = [(); 2].map(|()| Simulation::from_plan(scene(false), options).unwrap());
+    let mut new = Simulation::from_plan_at_frame(scene(true), options, n as u64).unwrap();
     play(&mut old, n, &[64]);
     play(&mut alone, n, &[64]);
     let mut takeover = Takeover::new(&old, &new);

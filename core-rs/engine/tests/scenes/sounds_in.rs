@@ -132,7 +132,7 @@ fn live_input_equals_its_recording() {
     let planned = |recorded| {
         let (network, timeline) = timeline(recorded);
         let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
-        Simulation::planned(Arc::new(plan), plain()).unwrap()
+        Simulation::from_plan(Arc::new(plan), plain()).unwrap()
     };
     let file = computed(&mut planned(Some(&noise)));
     assert!(played(&mut planned(None), &noise, 64) == file);
@@ -184,7 +184,7 @@ fn take_over_continues_the_input() {
     let mut sound = played(&mut old, first, 64);
     let (network, timeline) = timeline(None);
     let plan = Plan::plain(network, &timeline, false).unwrap();
-    let mut new = Simulation::planned_from(Arc::new(plan), plain(), 64 * 20).unwrap();
+    let mut new = Simulation::from_plan_at_frame(Arc::new(plan), plain(), 64 * 20).unwrap();
     let mut takeover = Takeover::new(&old, &new);
     assert!(new.take_over(&mut old, &mut takeover));
     sound.extend(played(&mut new, second, 64));
@@ -208,7 +208,7 @@ fn input_with_finer_steps_is_interpolated() {
     let source = |method| {
         let budget = Budget::Method(method);
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
-        let mut simulation = Simulation::planned(Arc::new(plan), plain()).unwrap();
+        let mut simulation = Simulation::from_plan(Arc::new(plan), plain()).unwrap();
         output_sound(&computed(&mut simulation), 2)
     };
     let (coarse, fine) = (source(Method::Ca), source(Method::Bm4));
@@ -370,11 +370,11 @@ fn take_over_continues_towards_input_targets() {
         };
         Arc::new(plan.unwrap())
     };
-    let complete = as_told(&mut Simulation::planned(plan(false), plain()).unwrap(), N, 64);
+    let complete = as_told(&mut Simulation::from_plan(plan(false), plain()).unwrap(), N, 64);
     for (position, is_planned) in [(400, false), (640, false), (760, false), (2_000, true)] {
-        let mut old = Simulation::planned(plan(is_planned), plain()).unwrap();
+        let mut old = Simulation::from_plan(plan(is_planned), plain()).unwrap();
         let mut sound = as_told(&mut old, position, 64);
-        let mut new = Simulation::planned_from(plan(is_planned), plain(), position as u64).unwrap();
+        let mut new = Simulation::from_plan_at_frame(plan(is_planned), plain(), position as u64).unwrap();
         let mut takeover = Takeover::new(&old, &new);
         assert!(new.take_over(&mut old, &mut takeover));
         sound.extend(as_told(&mut new, N, 64));

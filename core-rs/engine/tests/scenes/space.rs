@@ -267,7 +267,7 @@ fn row_at_rest_creates_no_energy() {
         .space_links("s", (ends[0], ends[1]), n - 1, 3, SpaceLaw::Spring, numbers)
         .unwrap();
     let simulation = run(network, RATE, 100_000);
-    assert!(simulation.gains().is_empty(), "{:?}", simulation.gains());
+    assert!(simulation.energy_gains().is_empty(), "{:?}", simulation.energy_gains());
 }
 
 /// Three paths of computation: all springs in one pass; springs with an infinite yield force, computed operation by

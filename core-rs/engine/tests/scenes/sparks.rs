@@ -60,17 +60,17 @@ fn played(method: Approach, manner: Manner) -> Simulation {
 
 fn simulation(network: Network, timeline: &Timeline) -> Simulation {
     let plan = Plan::new(Arc::new(network), timeline, &Budget::default(), None).unwrap();
-    Simulation::planned(Arc::new(plan), RECORDED).unwrap()
+    Simulation::from_plan(Arc::new(plan), RECORDED).unwrap()
 }
 
 /// For each look: the ergons that struck, and the sparks that are seen.
 fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<Record>, Vec<Record>)> {
-    let look = simulation.looked_at();
-    simulation.watch();
+    let look = simulation.make_look();
+    simulation.start_watching();
     let mut glance = Glance::new(simulation, &look);
     let mut first = |simulation: &mut Simulation, look: &Look| {
         simulation.skip(frames as u64).unwrap();
-        simulation.glance(look, &mut glance);
+        simulation.fill_glance(look, &mut glance);
         (simulation.take_ergons(), glance.sparks().to_vec())
     };
     (0..n).map(|_| first(simulation, &look)).collect()
@@ -210,7 +210,7 @@ fn sparks_sum_to_the_impulses_of_gestures() {
         let frames = scene.n_frames();
         let mut single = scene.simulation(RECORDED);
         let written: Vec<u32> = {
-            let written = single.written(&scene.timeline);
+            let written = single.written_ergons(&scene.timeline);
             written.iter().map(|ergon| ergon.mat).collect()
         };
         let all = looks(&mut single, 7, frames / 7);
@@ -237,16 +237,16 @@ fn watch_changes_no_sample() {
         let scene = Scene::random(seed);
         let sound = |is_watched: bool| -> Vec<u64> {
             let mut single = scene.simulation(RECORDED);
-            let look = single.looked_at();
+            let look = single.make_look();
             let mut glance = Glance::new(&single, &look);
             if is_watched {
-                single.watch();
+                single.start_watching();
             }
             let mut out = vec![0.0; scene.n_frames() * single.n_out()];
             for block in out.chunks_mut(500 * single.n_out()) {
                 single.process(block).unwrap();
                 if is_watched {
-                    single.glance(&look, &mut glance);
+                    single.fill_glance(&look, &mut glance);
                 }
             }
             out.iter().map(|x| x.to_bits()).collect()

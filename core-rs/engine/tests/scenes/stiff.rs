@@ -150,7 +150,7 @@ fn hard_strike_beyond_eight_steps_is_a_fault() {
     assert_eq!(fault.part, "gong");
     let mut muted = begin(&network, impulse, options(OnFault::Mute));
     muted.skip(N as u64).unwrap();
-    assert_eq!(muted.muted().len(), 1);
+    assert_eq!(muted.muted_parts().len(), 1);
 }
 
 /// A law whose stiffness stays within the limit of eight steps never diverges.
@@ -178,7 +178,7 @@ fn hard_struck_gong_creates_no_energy() {
     for by in [1.0, 2.0, 4.0, 8.0, 16.0] {
         let mut simulation = begin(&network, by * border, options(OnFault::Stop));
         simulation.skip(4 * N as u64).unwrap();
-        assert!(simulation.finer()[0].1 > 100);
+        assert!(simulation.finer_parts()[0].1 > 100);
         let energy = simulation.energy().unwrap();
         assert!(energy.residual.abs() < 1e-12 * energy.flow, "{energy:?}");
         assert!(energy.lost > 0.4 * energy.injected, "{by}: {energy:?}");
@@ -195,10 +195,10 @@ fn guard_changes_stiffened_islands_only() {
         let mut guarded = begin(&network, 0.5 * border, plain());
         let mut unguarded = begin(&network, 0.5 * border, bare());
         assert!(play(&mut guarded, N, &[N]) == play(&mut unguarded, N, &[N]));
-        assert!(guarded.finer().is_empty());
+        assert!(guarded.finer_parts().is_empty());
         let mut hard = begin(&network, 2.0 * border, plain());
         let single = play(&mut hard, N, &[N]);
-        let finer = hard.finer();
+        let finer = hard.finer_parts();
         assert!(finer.len() == 1 && finer[0].0 == "gong" && finer[0].1 > 100 && finer[0].2 > 1);
         if let [_, bell] = network.outputs() {
             let n_out = 2;
@@ -226,7 +226,7 @@ fn cell_beside_hard_struck_string_keeps_its_pitch() {
         let mut simulation = Simulation::new(network.clone(), &timeline, plain()).unwrap();
         let mut out = vec![0.0; 2 * N * times];
         simulation.process(&mut out).unwrap();
-        assert!(times > 1 || simulation.finer()[0].1 > 1_000);
+        assert!(times > 1 || simulation.finer_parts()[0].1 > 1_000);
         out.chunks(2 * times).map(|frame| frame[1]).collect::<Vec<f64>>()
     };
     let [error, _] = errors(&listened(1), &listened(8), N);
@@ -242,25 +242,25 @@ fn hard_struck_gong_survives_blocks_snapshots_and_takeover() {
         let timeline = struck(&network, impulse, 1.0);
         let plan = Plan::new(network.clone(), &timeline, &Budget::Method(method), None).unwrap();
         let plan = Arc::new(plan);
-        let begin = || Simulation::planned(plan.clone(), plain()).unwrap();
+        let begin = || Simulation::from_plan(plan.clone(), plain()).unwrap();
         let mut complete = begin();
         let before = play(&mut complete, 480, &[480]);
         let (snapshot, mut fork) = (complete.snapshot(), complete.fork());
         let after = play(&mut complete, N, &[N]);
-        let output = complete.finer();
+        let output = complete.finer_parts();
         assert!(output[0].1 > 100, "{method:?} {output:?}");
         assert!(play(&mut fork, N, &[7, 64, 1]) == after, "{method:?}");
         complete.restore(&snapshot);
         assert!(play(&mut complete, N, &[300]) == after, "{method:?}");
-        assert_eq!(complete.finer(), output);
+        assert_eq!(complete.finer_parts(), output);
         // Another version takes over the parts that are the same.
         let mut old = begin();
         assert!(play(&mut old, 480, &[37]) == before);
-        let mut new = Simulation::planned_from(plan.clone(), plain(), 480).unwrap();
+        let mut new = Simulation::from_plan_at_frame(plan.clone(), plain(), 480).unwrap();
         let mut takeover = Takeover::new(&old, &new);
         assert!(new.take_over(&mut old, &mut takeover));
         assert!(play(&mut new, N, &[N]) == after, "{method:?}");
-        assert_eq!(new.finer(), output);
+        assert_eq!(new.finer_parts(), output);
     }
 }
 
@@ -274,16 +274,16 @@ fn take_over_of_a_hard_struck_gong() {
         let budget = Budget::Method(Method::Ca);
         Arc::new(Plan::new(network.clone(), &timeline, &budget, None).unwrap())
     };
-    let mut old = Simulation::planned(plan(&network), plain()).unwrap();
+    let mut old = Simulation::from_plan(plan(&network), plain()).unwrap();
     let before = play(&mut old, 480, &[480]);
     let other = Arc::new(gong(Some(0.5)));
-    let mut new = Simulation::planned_from(plan(&other), plain(), 480).unwrap();
+    let mut new = Simulation::from_plan_at_frame(plan(&other), plain(), 480).unwrap();
     let mut takeover = Takeover::new(&old, &new);
     assert!(new.take_over(&mut old, &mut takeover));
     new.damp(Some(0.02));
     let after = play(&mut new, N, &[N]);
     let loudest = |bits: &[u64]| bits.iter().fold(0.0_f64, |most, &x| most.max(f64::from_bits(x).abs()));
-    assert!(!new.finer().is_empty());
+    assert!(!new.finer_parts().is_empty());
     assert!(loudest(&after) < 2.0 * loudest(&before));
     assert!(loudest(&after[2 * N - 200..]) < 0.2 * loudest(&after));
 }

@@ -190,7 +190,7 @@ fn play(simulation: &mut Simulation, until: u64, block: usize, out: &mut Vec<u64
         let frame = simulation.frame();
         let tick = u64::from(TICK);
         if frame.is_multiple_of(tick) {
-            simulation.hold(0, hand(frame / tick), None);
+            simulation.set_hand_position(0, hand(frame / tick), None);
         }
         let n = (until - frame).min(tick - frame % tick).min(block as u64) as usize;
         let mut sound = vec![f64::NAN; n * n_out];
@@ -207,7 +207,7 @@ fn seen(simulation: &Simulation) -> String {
         simulation.steps(),
         simulation.energy(),
         simulation.reports(),
-        simulation.asked(),
+        simulation.gesture_positions(),
         simulation.hand_force(0),
     )
 }
@@ -215,10 +215,10 @@ fn seen(simulation: &Simulation) -> String {
 /// Plays versions one after the other, each from its frame on.
 fn versions(plans: &[(Arc<Plan>, u64)], until: u64, options: Options, block: usize) -> (Vec<u64>, String) {
     let mut sound = Vec::new();
-    let mut now = Simulation::planned(plans[0].0.clone(), options).unwrap();
+    let mut now = Simulation::from_plan(plans[0].0.clone(), options).unwrap();
     for (plan, from) in &plans[1..] {
         play(&mut now, *from, block, &mut sound);
-        let mut next = Simulation::planned_from(plan.clone(), options, *from).unwrap();
+        let mut next = Simulation::from_plan_at_frame(plan.clone(), options, *from).unwrap();
         let mut takeover = Takeover::new(&now, &next);
         assert!(next.take_over(&mut now, &mut takeover));
         now = next;
@@ -453,10 +453,10 @@ fn take_over_keeps_masses_by_name() {
     for (i, &before) in all.iter().enumerate() {
         for &after in &all[i + 1..] {
             let pair = [before, after].map(|(k, coupled, more)| version(k, coupled, more));
-            let mut old = Simulation::planned(pair[0].clone(), plain()).unwrap();
+            let mut old = Simulation::from_plan(pair[0].clone(), plain()).unwrap();
             old.skip(position).unwrap();
             let (x, d) = (old.positions(), old.steps());
-            let mut new = Simulation::planned_from(pair[1].clone(), plain(), position).unwrap();
+            let mut new = Simulation::from_plan_at_frame(pair[1].clone(), plain(), position).unwrap();
             let mut takeover = Takeover::new(&old, &new);
             assert!(new.take_over(&mut old, &mut takeover));
             let (now, steps) = (new.positions(), new.steps());
@@ -554,18 +554,18 @@ fn take_over_keeps_muted_parts_muted() {
         on_fault: OnFault::Mute,
         ..plain()
     };
-    let mut old = Simulation::planned(version(&[]), mute).unwrap();
+    let mut old = Simulation::from_plan(version(&[]), mute).unwrap();
     let mut before = vec![0.0; 2 * 6_000];
     old.process(&mut before).unwrap();
     assert_eq!(old.n_muted(), 1);
     let mut alone = old.fork();
-    let mut new = Simulation::planned_from(version(&[0.2]), mute, 6_000).unwrap();
+    let mut new = Simulation::from_plan_at_frame(version(&[0.2]), mute, 6_000).unwrap();
     let mut takeover = Takeover::new(&old, &new);
     assert!(new.take_over(&mut old, &mut takeover));
     let (mut after, mut unchanged) = (vec![0.0; 2 * 2_000], vec![0.0; 2 * 2_000]);
     new.process(&mut after).unwrap();
     alone.process(&mut unchanged).unwrap();
-    assert_eq!(new.muted(), [("sick".to_owned(), 6_000)]);
+    assert_eq!(new.muted_parts(), [("sick".to_owned(), 6_000)]);
     let bell = |sound: &[f64]| sound.iter().step_by(2).copied().collect::<Vec<_>>();
     assert_eq!(bell(&after), bell(&unchanged), "up to the new strike");
     assert!(after.iter().skip(1).step_by(2).all(|x| *x == 0.0));

@@ -105,8 +105,8 @@ proptest! {
         let plan = Plan::new(network, &timeline, &Budget::Error(-20.0), None).unwrap();
         let plan = Arc::new(plan);
         let by = |threads| Options { threads, ledger: false, ..options(OnFault::Stop) };
-        let mut one = Simulation::planned(plan.clone(), by(1)).unwrap();
-        let mut three = Simulation::planned(plan, by(3)).unwrap();
+        let mut one = Simulation::from_plan(plan.clone(), by(1)).unwrap();
+        let mut three = Simulation::from_plan(plan, by(3)).unwrap();
         play(&mut one, n / 2, &[64]);
         let snapshot = one.snapshot();
         let rest = play(&mut one, n / 2, &[64]);

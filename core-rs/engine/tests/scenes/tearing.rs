@@ -148,7 +148,7 @@ fn take_over_keeps_broken_links_broken() {
         ..options(OnFault::Stop)
     };
     let n = 10_000;
-    let mut old = Simulation::planned(version(false), options).unwrap();
+    let mut old = Simulation::from_plan(version(false), options).unwrap();
     let before = play(&mut old, n, &[64]);
     let broken = |sound: &[u64], link: usize| {
         let end = &sound[sound.len() - 7 * 500..];
@@ -156,7 +156,7 @@ fn take_over_keeps_broken_links_broken() {
     };
     let torn: Vec<bool> = (0..7).map(|link| broken(&before, link)).collect();
     assert!(torn.contains(&true) && torn.contains(&false), "{torn:?}");
-    let mut new = Simulation::planned_from(version(true), options, n as u64).unwrap();
+    let mut new = Simulation::from_plan_at_frame(version(true), options, n as u64).unwrap();
     let mut takeover = Takeover::new(&old, &new);
     assert!(new.take_over(&mut old, &mut takeover));
     let after = play(&mut new, 500, &[64]);

@@ -107,7 +107,7 @@ fn turned_modes_for_each_struck_point() {
             "{by:?}"
         );
         let sound = |plan: &Arc<Plan>| {
-            let mut simulation = Simulation::planned(plan.clone(), alone()).unwrap();
+            let mut simulation = Simulation::from_plan(plan.clone(), alone()).unwrap();
             render(&mut simulation, N)
         };
         let (closed, open) = (sound(&closed), sound(&open));
@@ -120,12 +120,12 @@ fn turned_modes_for_each_struck_point() {
 fn take_over_from_turned_modes() {
     for by in [By::Strikes, By::Hammer] {
         let (closed, open) = (plan(by, false), plan(by, true));
-        let mut complete = Simulation::planned(open.clone(), alone()).unwrap();
+        let mut complete = Simulation::from_plan(open.clone(), alone()).unwrap();
         render(&mut complete, N / 2);
         let wanted = render(&mut complete, N / 2);
-        let mut old = Simulation::planned(closed, alone()).unwrap();
+        let mut old = Simulation::from_plan(closed, alone()).unwrap();
         render(&mut old, N / 2);
-        let mut new = Simulation::planned_from(open, alone(), (N / 2) as u64).unwrap();
+        let mut new = Simulation::from_plan_at_frame(open, alone(), (N / 2) as u64).unwrap();
         let mut takeover = Takeover::new(&old, &new);
         assert!(new.take_over(&mut old, &mut takeover));
         let result = render(&mut new, N / 2);

@@ -248,7 +248,7 @@ impl Performance {
             return Err(ChangeError::Channels(self.mixed_channels));
         }
         if let Some((simulation, _)) = change.simulation.as_mut().filter(|_| self.is_seen) {
-            simulation.watch();
+            simulation.start_watching();
         }
         let outputs = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
         self.tickets += 1;

@@ -29,7 +29,7 @@ impl Performance {
     ) -> Result<(Self, Player), PlayError> {
         let (rate, start) = (stage.simulation.rate(), stage.simulation.frame());
         if stage.is_seen {
-            stage.simulation.watch();
+            stage.simulation.start_watching();
         }
         let channels = stage.n_heard();
         if !(1..=audio::CHANNELS_MAX).contains(&channels) {

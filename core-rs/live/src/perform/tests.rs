@@ -104,7 +104,7 @@ fn simulation(struck: &[f64], from: u64) -> Simulation {
         timeline.strike(&network, 2, instant, 1e-3, Some(0.0), 0).unwrap();
     }
     let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
-    Simulation::planned_from(Arc::new(plan), OPTIONS, from).unwrap()
+    Simulation::from_plan_at_frame(Arc::new(plan), OPTIONS, from).unwrap()
 }
 
 fn stage_mixer() -> Mixer {

@@ -131,7 +131,7 @@ impl Window {
 
     /// Whether this is a window on `simulation`.
     pub(super) fn is_of(&self, simulation: &Simulation) -> bool {
-        self.look.is_of(simulation)
+        self.look.was_made_for(simulation)
     }
 
     /// Publish a picture, with the strikes, if a new video frame has begun since the last call. Do nothing for a
@@ -147,7 +147,7 @@ impl Window {
             return;
         }
         let picture = self.pictures.input_buffer_mut();
-        simulation.glance(&self.look, &mut picture.glance);
+        simulation.fill_glance(&self.look, &mut picture.glance);
         picture.n_strikes = strikes.0.len();
         picture.strikes[..strikes.0.len()].copy_from_slice(&strikes.0);
         strikes.0.clear();

@@ -26,9 +26,11 @@ impl Recorder {
         let mut flights: Vec<(f64, usize, Flight)> = Vec::new();
         for track in &self.tracks {
             let actual_phase =
-                (track.oscillation).phase(seen[track.number], seen[track_count + track.number], frame_period);
+                (track.oscillation).coefficients(seen[track.number], seen[track_count + track.number], frame_period);
             let flight = &self.flights[track.number];
-            let predicted = track.oscillation.later((flight.a, flight.b), now - flight.since);
+            let predicted = track
+                .oscillation
+                .coefficients_after((flight.a, flight.b), now - flight.since);
             let velocity_scale = if track.oscillation.omega == 0.0 {
                 1.0 / self.setup.fps
             } else {
@@ -59,7 +61,7 @@ impl Recorder {
                 }
                 _ => now,
             };
-            let (a, b) = track.oscillation.later(actual_phase, since - now);
+            let (a, b) = track.oscillation.coefficients_after(actual_phase, since - now);
             let (a, b) = (f64::from(a as f32), f64::from(b as f32));
             flights.push((since, track.number, Flight { a, b, since }));
         }
@@ -83,7 +85,7 @@ impl Recorder {
             let Some(body) = run.body.map(|body| &self.look.bodies[body]) else {
                 continue;
             };
-            let mode_positions = &seen[point_count + body.first..][..body.modes.len()];
+            let mode_positions = &seen[point_count + body.first_mode..][..body.modes.len()];
             for (row, &point) in body.shapes.chunks(mode_positions.len().max(1)).zip(&body.points) {
                 self.modal_displacements[point] = row.iter().zip(mode_positions).map(|(share, q)| share * q).sum();
                 *peak = peak.max(self.modal_displacements[point].abs());
@@ -98,7 +100,7 @@ impl Recorder {
             let track_flight = &mut self.flights[track.number];
             let (a, b) = track
                 .oscillation
-                .later((track_flight.a, track_flight.b), now - track_flight.since);
+                .coefficients_after((track_flight.a, track_flight.b), now - track_flight.since);
             let is_faint = amplitude(a, b) <= FAINT;
             let value_or_zero = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
             *track_flight = Flight {

@@ -27,7 +27,7 @@ pub struct Run {
 pub fn runs(look: &Look) -> Vec<Run> {
     let mut all_runs: Vec<Run> = Vec::new();
     for (index, point) in look.points.iter().enumerate() {
-        let (kind, why, body) = match point.how {
+        let (kind, why, body) = match point.motion {
             PointMotion::Free(_) => ("free", None, None),
             PointMotion::Sampled => ("sampled", None, None),
             PointMotion::Modal(body) => ("modal", None, Some(body)),
@@ -64,7 +64,7 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
     let mut all_tracks = Vec::new();
     for (run, run_tracks) in runs.iter().enumerate() {
         for number in run_tracks.points.clone() {
-            if let PointMotion::Free(run_tracks) = look.points[number].how {
+            if let PointMotion::Free(run_tracks) = look.points[number].motion {
                 all_tracks.push(Track {
                     number,
                     oscillation: run_tracks,
@@ -75,7 +75,7 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
         }
         if let Some(body_index) = run_tracks.body {
             let body_modes = look.bodies[body_index].modes.iter();
-            for (number, run_tracks) in (look.points.len() + look.bodies[body_index].first..).zip(body_modes) {
+            for (number, run_tracks) in (look.points.len() + look.bodies[body_index].first_mode..).zip(body_modes) {
                 let struck = look.points.len() + body_index;
                 all_tracks.push(Track {
                     number,
@@ -107,7 +107,7 @@ pub(super) fn strike_times(
         let is_discrete = network.parts()[struck_point.part].ca_rate.is_some();
         let strike_frame = ergon_engine::maths::floor(ergon.time * rate + 0.5);
         let instant = if is_discrete { strike_frame / rate } else { ergon.time };
-        match struck_point.how {
+        match struck_point.motion {
             PointMotion::Free(_) => all_times[point_index].push(instant),
             PointMotion::Modal(body) => all_times[point_count + body].push(instant),
             PointMotion::Sampled | PointMotion::NotComputed { .. } => {}

@@ -32,7 +32,7 @@ pub(super) fn put_maker(out: &mut Vec<u8>, manifest: &str) {
 }
 
 fn points(look: &Look, setup: &Setup) -> Bytes {
-    let oscillation_of = |point: &Point| match point.how {
+    let oscillation_of = |point: &Point| match point.motion {
         PointMotion::Free(free) => free,
         _ => Oscillation { omega: 0.0, sigma: 0.0 },
     };
@@ -103,7 +103,7 @@ fn shapes(out: &mut Vec<u8>, look: &Look, part: usize, run: &Run) {
         let (mut table_bytes, chunk_modes) = (Bytes::default(), &body.modes[mode_range.clone()]);
         table_bytes.u16(part as u16);
         table_bytes.u16(0);
-        table_bytes.u32((body.first + mode_range.start) as u32);
+        table_bytes.u32((body.first_mode + mode_range.start) as u32);
         table_bytes.u32(chunk_modes.len() as u32);
         table_bytes.u32(point_count as u32);
         chunk_modes.iter().for_each(|mode| table_bytes.f64(mode.omega));

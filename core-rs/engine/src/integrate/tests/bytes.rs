@@ -102,7 +102,7 @@ fn thread_team_steps_the_same_bits() {
             let mut integrator = by(&network, method, 1);
             integrator.share(threads);
             assert_eq!(integrator.is_shared(), threads > 1);
-            crate::kernel::thread_team::flushed(|| {
+            crate::kernel::thread_team::with_denormals_flushed(|| {
                 ThreadTeam::with(threads, |team| {
                     integrator.step(&[(700, 0.02), (1584, 0.03), (1585, -0.01)], team);
                     (0..15).for_each(|_| integrator.step(&[], team));

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use super::super::conjugate::Conjugate;
 use super::super::passes;
 use crate::chance::Chance;
-use crate::kernel::springs::{Part, SpringPass};
+use crate::kernel::springs::{ForcePart, SpringPass};
 use crate::scheme::{ForceEnds, Spring, Springs};
 
 /// Numbers between -1 and 1.
@@ -64,15 +64,15 @@ fn passes_have_the_bits_of_their_formulas() {
         }
     };
     let damper_force = |run: &Spring, a: usize, b: usize| black_box(run.z * black_box(v[b] - v[a]));
-    let pass_forces = |part: Part| {
+    let pass_forces = |part: ForcePart| {
         let mut mat_force = vec![f64::NAN; 70];
-        SpringPass::new(&runs(), 70).forces(part, &Springs::new(runs()), [&x, &v], &mut mat_force);
+        SpringPass::new(&runs(), 70).compute_forces(part, &Springs::new(runs()), [&x, &v], &mut mat_force);
         mat_force
     };
-    assert_eq!(pass_forces(Part::Elastic), plainly(spring_force));
-    assert_eq!(pass_forces(Part::Viscous), plainly(damper_force));
+    assert_eq!(pass_forces(ForcePart::Elastic), plainly(spring_force));
+    assert_eq!(pass_forces(ForcePart::Viscous), plainly(damper_force));
     assert_eq!(
-        pass_forces(Part::Total),
+        pass_forces(ForcePart::Total),
         plainly(|run, a, b| black_box(spring_force(run, a, b)) + damper_force(run, a, b))
     );
 }

@@ -9,8 +9,10 @@ use super::joint::Joint;
 use super::{Fine, Script};
 use crate::cell::Cell;
 use crate::island::inside::RunningBody;
-use crate::kernel::bank::SUMS;
-use crate::kernel::pushed_modes::{Group, ModeTables, PushedGroup, bring, push, see, settle};
+use crate::kernel::bank::SUM_LANES;
+use crate::kernel::pushed_modes::{
+    ModeTables, ModeValues, PushedGroup, add_all_impulses, move_to_instant, point_motion, push_point,
+};
 use crate::scheme::{Kind, Run};
 use crate::units::Rate;
 
@@ -30,7 +32,7 @@ pub(super) struct CrowdedBody {
     n_modes: usize,
     tables: ModeTables,
     /// Joints on the body, and the shares of the modes in the position of each   (n_groups each)
-    rows: Vec<(usize, Vec<Group>)>,
+    rows: Vec<(usize, Vec<ModeValues>)>,
 }
 
 /// The motion that impulses add to such a body in a frame.
@@ -38,7 +40,7 @@ pub(super) struct CrowdedBody {
 pub(super) struct CrowdedMotion {
     groups: Vec<PushedGroup>,
     /// Amplitudes before a step that may be repeated   (n_groups)
-    saved: Vec<[Group; 2]>,
+    saved: Vec<[ModeValues; 2]>,
     /// The instant of the frame to which the groups are brought, 0 to 1.
     brought_to: Option<f64>,
 }
@@ -78,11 +80,11 @@ impl CrowdedBody {
         if mode_cells.iter().any(|cell| cell.viscosity() * time_step > LOSS_MAX) {
             return None;
         }
-        let n_groups = n_modes.div_ceil(SUMS);
+        let n_groups = n_modes.div_ceil(SUM_LANES);
         let share_row = |port: usize| {
-            let mut share_row = vec![[0.0; SUMS]; n_groups];
+            let mut share_row = vec![[0.0; SUM_LANES]; n_groups];
             for (mode, share) in modal_body.shape(port).iter().enumerate() {
-                share_row[mode / SUMS][mode % SUMS] = *share;
+                share_row[mode / SUM_LANES][mode % SUM_LANES] = *share;
             }
             share_row
         };
@@ -100,8 +102,8 @@ impl CrowdedBody {
     /// The motion at rest.
     pub(super) fn motion(&self) -> CrowdedMotion {
         CrowdedMotion {
-            groups: vec![PushedGroup::START; self.tables.rates.len()],
-            saved: vec![[[0.0; SUMS]; 2]; self.tables.rates.len()],
+            groups: vec![PushedGroup::START; self.tables.kappa_and_zeta.len()],
+            saved: vec![[[0.0; SUM_LANES]; 2]; self.tables.kappa_and_zeta.len()],
             brought_to: Some(0.0),
         }
     }
@@ -141,12 +143,13 @@ fn is_crowded(n_joints: usize, n_modes: usize, n_instants: usize) -> bool {
 /// share in any position.
 fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
     let (n, time_step) = (basis.n(), rate.step());
-    let n_groups = cells.len().div_ceil(SUMS);
-    let mut motions = vec![[[0.0; SUMS]; 2]; n_groups * n];
-    let mut rates = vec![[[0.0; SUMS]; 2]; n_groups];
+    let n_groups = cells.len().div_ceil(SUM_LANES);
+    let mut motions = vec![[[0.0; SUM_LANES]; 2]; n_groups * n];
+    let mut rates = vec![[[0.0; SUM_LANES]; 2]; n_groups];
     let mut coefficients = vec![0.0; n];
-    for index in 0..n_groups * SUMS {
-        let (mode_cell, group_index, lane_index) = (&cells[index.min(cells.len() - 1)], index / SUMS, index % SUMS);
+    for index in 0..n_groups * SUM_LANES {
+        let (mode_cell, group_index, lane_index) =
+            (&cells[index.min(cells.len() - 1)], index / SUM_LANES, index % SUM_LANES);
         for coordinate in 0..2 {
             let motion_value = |s: &f64| unit_motion(mode_cell, s * time_step, coordinate, time_step);
             let motion_samples: Vec<f64> = basis.instants.iter().map(motion_value).collect();
@@ -159,7 +162,11 @@ fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
         rates[group_index][0][lane_index] = mode_cell.stiffness() * time_step * time_step;
         rates[group_index][1][lane_index] = mode_cell.viscosity() * time_step;
     }
-    ModeTables { n, motions, rates }
+    ModeTables {
+        n_polynomials: n,
+        motion_coefficients: motions,
+        kappa_and_zeta: rates,
+    }
 }
 
 /// Displacement `t` [s] after a start with 1 m (`coordinate` = 0), or with 1 m a frame.
@@ -179,7 +186,7 @@ impl CrowdedMotion {
     }
 
     fn save(&mut self, body: &CrowdedBody) {
-        settle(&body.tables, &mut self.groups);
+        add_all_impulses(&body.tables, &mut self.groups);
         for (saved, group) in self.saved.iter_mut().zip(&self.groups) {
             *saved = group.amplitudes;
         }
@@ -216,9 +223,9 @@ impl Fine {
         let instant = Instant::new(script.basis.n(), s);
         for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
             if motion.brought_to != Some(s) {
-                bring(&body.tables, &instant.value, &mut motion.groups);
+                move_to_instant(&body.tables, &instant.value, &mut motion.groups);
                 motion.brought_to = Some(s);
-                self.work.products += ((2 * body.tables.n + 8) * body.n_modes) as u64;
+                self.work.products += ((2 * body.tables.n_polynomials + 8) * body.n_modes) as u64;
             }
         }
         instant
@@ -232,7 +239,8 @@ impl Fine {
         match script.crowded_rows[joint] {
             None => [x, v],
             Some((body, row)) => {
-                let [crowded_x, crowded_v] = see(&script.crowded[body].rows[row].1, &self.crowded[body].groups);
+                let [crowded_x, crowded_v] =
+                    point_motion(&script.crowded[body].rows[row].1, &self.crowded[body].groups);
                 [x + crowded_x, v + crowded_v]
             }
         }
@@ -244,7 +252,7 @@ impl Fine {
             return false;
         };
         let (crowded, body_motion) = (&script.crowded[body_index], &mut self.crowded[body_index]);
-        push(
+        push_point(
             &crowded.rows[row_index].1,
             impulse * script.rate.step(),
             &mut body_motion.groups,
@@ -277,10 +285,10 @@ mod tests {
         let basis = Basis::new(reach, RELATIVE_ERROR);
         let tables = tables(&cells, &basis, rate);
         let mode_share = |row: usize, mode: usize| sin((7 * row + 3 * mode + 1) as f64);
-        let share_rows: Vec<Vec<Group>> = (0..3)
+        let share_rows: Vec<Vec<ModeValues>> = (0..3)
             .map(|row| {
-                let mut groups = vec![[0.0; SUMS]; 2];
-                (0..13).for_each(|mode| groups[mode / SUMS][mode % SUMS] = mode_share(row, mode));
+                let mut groups = vec![[0.0; SUM_LANES]; 2];
+                (0..13).for_each(|mode| groups[mode / SUM_LANES][mode % SUM_LANES] = mode_share(row, mode));
                 groups
             })
             .collect();
@@ -290,18 +298,18 @@ mod tests {
         let mut instant_now = 0.0;
         for &(s, row, impulse) in &push_list {
             if s != instant_now {
-                bring(&tables, &Instant::new(basis.n(), s).value, &mut groups);
+                move_to_instant(&tables, &Instant::new(basis.n(), s).value, &mut groups);
                 instant_now = s;
             }
-            push(&share_rows[row], impulse * rate.step(), &mut groups);
+            push_point(&share_rows[row], impulse * rate.step(), &mut groups);
         }
         for end in [0.85, 0.9, 1.0] {
             // At the instant of the last impulse the velocity has changed already.
             if end != instant_now {
-                bring(&tables, &Instant::new(basis.n(), end).value, &mut groups);
+                move_to_instant(&tables, &Instant::new(basis.n(), end).value, &mut groups);
             }
             for (seen, row_seen) in share_rows.iter().enumerate() {
-                let [x, v] = see(row_seen, &groups);
+                let [x, v] = point_motion(row_seen, &groups);
                 let mut exact_motion = [0.0; 2];
                 for &(s, row, impulse) in &push_list {
                     let time_since = (end - s) * rate.step();

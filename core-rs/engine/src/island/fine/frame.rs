@@ -21,7 +21,7 @@ impl Fine {
     ) {
         let next_position = |mat: usize, body: &Body| match targets.iter().find(|target| target.mat == mat) {
             Some(target) => target.x,
-            None => kernel::predict(scheme, body, mat),
+            None => kernel::predict_position(scheme, body, mat),
         };
         let mut any_may_close = false;
         for (link_index, run) in self.script.links.iter().enumerate() {

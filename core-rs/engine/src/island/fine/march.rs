@@ -10,7 +10,7 @@ use super::basis::Instant;
 use super::laws::{LawScript, LawState};
 use super::order::{Rates, Stages};
 use super::{Fine, Script};
-use crate::kernel::Contact;
+use crate::kernel::ExactContact;
 use crate::maths::{expm1, sqrt};
 use crate::network::ContactLaw;
 use crate::scheme::Kind;
@@ -500,7 +500,7 @@ impl Fine {
                     );
                     let end_instant = self.instant(script, instants[2]);
                     let [free_depth, _] = self.contact_state(script, &link_contact, &end_instant);
-                    let contact = Contact {
+                    let contact = ExactContact {
                         law: ContactLaw {
                             z: 2.0 * link_contact.law.z / step_length,
                             ..link_contact.law

@@ -169,7 +169,13 @@ impl RunningModal {
         let Some(between) = &self.between else { return };
         for ((motion, table), rows) in self.motions.iter().zip(&between.interpolation).zip(&self.script.rows) {
             // The motions are one frame ahead: their `before` is the present.
-            ports::add_path(&rows[port], table, &motion.before, &motion.now, positions);
+            ports::add_path(
+                &rows[port],
+                table,
+                &motion.previous_positions,
+                &motion.positions,
+                positions,
+            );
         }
         if self.is_struck {
             for ((struck, table), rows) in self.struck.iter().zip(&between.strike_paths).zip(&self.script.rows) {
@@ -188,9 +194,9 @@ impl RunningModal {
             let group_rows = &self.script.rows[group];
             // The responses of complex modes already contain these shares.
             let port_share = if is_complex { &UNIT_LANES } else { &group_rows[port] };
-            let mode_lanes = [&mut self.motions[group].now, &mut self.pending[group]];
+            let mode_lanes = [&mut self.motions[group].positions, &mut self.pending[group]];
             let seen_ahead = (&mut self.row_history[self.present + 1..], SEEN_FRAMES);
-            ports::kick(impulses, table, port_share, mode_lanes, group_rows, seen_ahead);
+            ports::apply_impulses(impulses, table, port_share, mode_lanes, group_rows, seen_ahead);
         }
         self.has_pending = true;
         self.set_ports(body);

@@ -3,7 +3,7 @@
 
 use super::script::Script;
 use super::{FRAMES_AHEAD, RunningModal, SEEN_FRAMES};
-use crate::kernel::bank::{Lanes, Motion, Sum, follow, lane_total};
+use crate::kernel::bank::{GroupMotion, LaneSum, Lanes, advance_and_observe, lane_total};
 use crate::kernel::ports;
 
 /// Most pairs of a port and a port or output whose responses are kept: 2 MB of them.
@@ -23,17 +23,17 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
         return Vec::new();
     }
     let mut responses = vec![0.0; n_ports * n_rows * FRAMES_AHEAD];
-    let mut sums = vec![Sum::ZERO; n_rows * FRAMES_AHEAD];
+    let mut sums = vec![LaneSum::ZERO; n_rows * FRAMES_AHEAD];
     for (port, responses) in responses.chunks_mut((n_rows * FRAMES_AHEAD).max(1)).enumerate() {
-        sums.fill(Sum::ZERO);
+        sums.fill(LaneSum::ZERO);
         for (group, rates) in script.rates.iter().enumerate() {
-            let mut group_motion = Motion {
-                now: Lanes::ZERO,
-                before: Lanes::ZERO,
+            let mut group_motion = GroupMotion {
+                positions: Lanes::ZERO,
+                previous_positions: Lanes::ZERO,
             };
             script.push(group, &mut group_motion, port, 1.0);
             let rows = &script.rows[group];
-            follow(
+            advance_and_observe(
                 rates,
                 &mut group_motion,
                 rows,
@@ -55,10 +55,10 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
 
 impl Script {
     /// Move a group that is one frame ahead by a force at a port [N].
-    fn push(&self, group: usize, motion: &mut Motion, port: usize, force: f64) {
-        ports::add(&mut motion.now, &self.gains[group][port], force);
+    fn push(&self, group: usize, motion: &mut GroupMotion, port: usize, force: f64) {
+        ports::add_scaled(&mut motion.positions, &self.gains[group][port], force);
         if let Some(group_gains) = self.back_gains.get(group) {
-            ports::add(&mut motion.before, &group_gains[port], force);
+            ports::add_scaled(&mut motion.previous_positions, &group_gains[port], force);
         }
     }
 }
@@ -128,7 +128,7 @@ impl RunningModal {
 
     /// Advance a group from frame `from` of the window, one frame ahead of it, to frame `to`, with the pushes in
     /// between.
-    pub(super) fn replay(&self, group: usize, motion: &mut Motion, from: usize, to: usize) {
+    pub(super) fn replay(&self, group: usize, motion: &mut GroupMotion, from: usize, to: usize) {
         let group_rates = if self.is_damped {
             &self.damped
         } else {
@@ -143,7 +143,7 @@ impl RunningModal {
                 if port_forces.iter().all(|force| *force == 0.0) {
                     continue;
                 }
-                follow(group_rates, motion, &[], frame + 1 - frames_done, &mut [], 0);
+                advance_and_observe(group_rates, motion, &[], frame + 1 - frames_done, &mut [], 0);
                 frames_done = frame + 1;
                 for (port, &force) in port_forces.iter().enumerate() {
                     if force != 0.0 {
@@ -152,11 +152,11 @@ impl RunningModal {
                 }
             }
         }
-        follow(group_rates, motion, &[], to - frames_done, &mut [], 0);
+        advance_and_observe(group_rates, motion, &[], to - frames_done, &mut [], 0);
     }
 
     /// The motion of a group at the end of the window, with all pushes so far.
-    pub(super) fn motion_with_pushes(&self, group: usize) -> Motion {
+    pub(super) fn motion_with_pushes(&self, group: usize) -> GroupMotion {
         if !self.has_pushes {
             return self.motions[group].clone();
         }

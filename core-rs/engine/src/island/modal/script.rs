@@ -1,14 +1,14 @@
 //! The constant data of a running body: its modes in groups, as kernels take them.
 
 use super::plan::{Modal, Mode};
-use crate::kernel::bank::{LANES, Lanes, Rates};
+use crate::kernel::bank::{GroupCoefficients, LANES, Lanes};
 
 /// The constant data of a running body.
 #[derive(Clone, Debug)]
 pub(super) struct Script {
     pub(super) plan: Modal,
     /// (n_groups)
-    pub(super) rates: Vec<Rates>,
+    pub(super) rates: Vec<GroupCoefficients>,
     /// Weights of each group's modes in each row: ports first, then outputs   (n_groups, n_rows)
     pub(super) rows: Vec<Vec<Lanes>>,
     /// Displacement of each group by 1 N at each port: at the next frame   (n_groups, n_ports)
@@ -63,7 +63,7 @@ impl Script {
         Self {
             rates: group_range
                 .clone()
-                .map(|group| Rates {
+                .map(|group| GroupCoefficients {
                     a: lanes(modes, group, |mode| modes[mode].a),
                     b: lanes(modes, group, |mode| modes[mode].b),
                 })

@@ -92,7 +92,7 @@ impl Block {
         self.seen.fill(0.0);
         self.is_still = self.state.iter().all(|x| *x == 0.0);
         if !self.is_still {
-            dense::apply(&self.flow.free, &self.state, &mut self.seen);
+            dense::add_matrix_vector(&self.flow.free, &self.state, &mut self.seen);
         }
     }
 
@@ -156,13 +156,13 @@ impl Block {
             ..
         } = self;
         buffer.fill(0.0);
-        dense::apply(&flow.block.entries, state, buffer);
+        dense::add_matrix_vector(&flow.block.entries, state, buffer);
         let pushed_inputs = inputs.chunks_exact(flow.n_frames).zip(&*is_pushed);
         for ((pushed_inputs, _), input) in pushed_inputs
             .zip(&flow.inputs)
             .filter(|((_, is_pushed), _)| **is_pushed)
         {
-            dense::apply(&input.end, pushed_inputs, buffer);
+            dense::add_matrix_vector(&input.end, pushed_inputs, buffer);
         }
         std::mem::swap(state, buffer);
     }
@@ -191,7 +191,7 @@ impl Block {
         for k in 0..self.since as usize {
             let next_state = &mut next_state.0[..n_state];
             next_state.fill(0.0);
-            dense::apply(&self.flow.frame.entries, &present.0[..n_state], next_state);
+            dense::add_matrix_vector(&self.flow.frame.entries, &present.0[..n_state], next_state);
             let frame_inputs = self.inputs.iter().skip(k).step_by(self.flow.n_frames);
             for (input, value) in self.flow.inputs.iter().zip(frame_inputs) {
                 let state_pairs = next_state.iter_mut().zip(&input.state);
@@ -222,9 +222,9 @@ impl Block {
     pub(super) fn set_velocities(&mut self, steps: &[f64]) {
         let (u, v) = self.state.split_at_mut(steps.len());
         v.fill(0.0);
-        dense::apply(&self.flow.flow.pull.entries, u, v);
+        dense::add_matrix_vector(&self.flow.flow.pull.entries, u, v);
         v.iter_mut().for_each(|v| *v = -*v);
-        dense::apply(&self.flow.flow.keep.entries, steps, v);
+        dense::add_matrix_vector(&self.flow.flow.keep.entries, steps, v);
     }
 
     /// End the block at this frame. [`Self::begin`] has to follow.

@@ -11,7 +11,7 @@ use super::block::Block;
 use super::blocks::BlockFlow;
 use crate::archive::{Archive, Damaged, State};
 use crate::kernel::thread_team::ThreadTeam;
-use crate::kernel::{self, Laws};
+use crate::kernel::{self, KernelScratch};
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::Body;
@@ -84,7 +84,7 @@ impl RunningSprings {
 pub(super) struct SteppedSprings {
     scheme: Arc<Scheme>,
     body: Body,
-    laws: Laws,
+    laws: KernelScratch,
 }
 
 impl SteppedSprings {
@@ -94,7 +94,7 @@ impl SteppedSprings {
         Self {
             scheme: scheme.clone(),
             body: Body::new(scheme, start_positions, zero_steps),
-            laws: Laws::new(scheme),
+            laws: KernelScratch::new(scheme),
         }
     }
 
@@ -113,8 +113,8 @@ impl SteppedSprings {
             body.d[mat] = velocities_before.map_or(0.0, |velocities_before| step_frames * velocities_before[index]);
         }
         let team = &mut ThreadTeam::alone();
-        kernel::links(scheme, &[], body, laws, team);
-        kernel::advance(scheme, &mut [], body, None, team);
+        kernel::compute_link_forces(scheme, &[], body, laws, team);
+        kernel::advance_mats(scheme, &mut [], body, None, team);
         for (index, &mat) in slow.free.iter().enumerate() {
             velocities_after[index] = body.d[mat] / step_frames;
         }

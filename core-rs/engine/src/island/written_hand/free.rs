@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::interrupt;
 use crate::island::slow::{self, Slow};
 use crate::kernel;
-use crate::kernel::Laws;
+use crate::kernel::KernelScratch;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::{Kind, Scheme};
 use crate::state::{Body, Target};
@@ -169,7 +169,7 @@ impl FreeMotion {
 #[derive(Clone, Debug)]
 pub(crate) struct Buffers {
     pub(crate) coast: FreeMotion,
-    pub(crate) laws: Laws,
+    pub(crate) laws: KernelScratch,
     pub(crate) targets: Vec<Target>,
     /// Whether nothing but the flow of slow bodies moves the key between gestures.
     pub(crate) has_only_flow: bool,
@@ -215,7 +215,7 @@ impl FreeKey {
     pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
         let deviation_key = self.deviation();
         let mut free_motion = deviation_key.motion_at_rest();
-        let (mut laws, mut targets) = (Laws::new(&deviation_key.scheme), Vec::new());
+        let (mut laws, mut targets) = (KernelScratch::new(&deviation_key.scheme), Vec::new());
         // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
         let test_push = 1e-6 / self.scheme.w[self.struck];
         (0..2 * steps).any(|n| {
@@ -230,9 +230,9 @@ impl FreeKey {
     }
 
     /// Sum the forces at frame `n`, without that of the ergon.
-    pub(crate) fn forces(&self, motion: &mut FreeMotion, n: u64, laws: &mut Laws, targets: &mut Vec<Target>) {
+    pub(crate) fn forces(&self, motion: &mut FreeMotion, n: u64, laws: &mut KernelScratch, targets: &mut Vec<Target>) {
         let free_body = &mut motion.body;
-        kernel::links(&self.scheme, &[], free_body, laws, &mut ThreadTeam::alone());
+        kernel::compute_link_forces(&self.scheme, &[], free_body, laws, &mut ThreadTeam::alone());
         targets.clear();
         for drive in &self.drives {
             drive.apply(n, self.scheme.rate, free_body, targets);
@@ -257,7 +257,7 @@ impl FreeKey {
             x,
             previous: 0.0,
         });
-        kernel::contacts(scheme, &[], &buffers.targets, coast_body);
+        kernel::solve_exact_contacts(scheme, &[], &buffers.targets, coast_body);
         let force = kernel::force_to_reach(scheme, coast_body, struck_mat, x);
         if !scheme.has_dry() {
             return force;
@@ -268,8 +268,8 @@ impl FreeKey {
             coast_body.copy_motion(body);
             coast_body.force.copy_from_slice(&body.force);
             coast_body.force[struck_mat] += force;
-            kernel::contacts(scheme, &[], targets, coast_body);
-            kernel::predict(scheme, coast_body, struck_mat) - x
+            kernel::solve_exact_contacts(scheme, &[], targets, coast_body);
+            kernel::predict_position(scheme, coast_body, struck_mat) - x
         };
         find_force(force, scheme.w[struck_mat], &mut force_offset)
     }
@@ -308,11 +308,11 @@ impl FreeKey {
     pub(crate) fn strike_and_move(&self, motion: &mut FreeMotion, n: u64, force: f64, targets: &mut [Target]) {
         let FreeMotion { body, slow } = motion;
         body.force[self.struck] += force;
-        kernel::contacts(&self.scheme, &[], targets, body);
+        kernel::solve_exact_contacts(&self.scheme, &[], targets, body);
         slow.iter_mut().for_each(|slow| slow.step(n, &body.force));
-        kernel::advance(&self.scheme, targets, body, None, &mut ThreadTeam::alone());
+        kernel::advance_mats(&self.scheme, targets, body, None, &mut ThreadTeam::alone());
         kernel::slide_bristles(&self.scheme, body);
-        kernel::rest(&self.scheme, body);
+        kernel::stop_resting_masses(&self.scheme, body);
         slow.iter().for_each(|slow| slow.place(body));
     }
 

@@ -18,7 +18,7 @@ use crate::gesture::script::Touch;
 use crate::island::inside;
 use crate::island::record::Stream;
 use crate::kernel;
-use crate::kernel::Laws;
+use crate::kernel::KernelScratch;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 use join::Joining;
@@ -202,7 +202,7 @@ impl Voice {
     }
 
     pub(crate) fn new(script: &VoiceScript, free: FreeMotion) -> Self {
-        let laws = Laws::new(&script.free.scheme);
+        let laws = KernelScratch::new(&script.free.scheme);
         let buffers = Buffers {
             has_only_flow: script.free.has_only_flow(&free),
             coast: free.clone(),
@@ -309,7 +309,7 @@ impl Voice {
             Touch::Tracked => (scene.scheme, &*scene.body, script.struck),
         };
         let (x, position_before) = (body.x[mat_index], body.x[mat_index] - body.d[mat_index]);
-        let position_next = kernel::predict(scheme, body, mat_index);
+        let position_next = kernel::predict_position(scheme, body, mat_index);
         let frame_rate = scheme.rate;
         let [v_correction, a_correction] = match touch {
             Touch::Open => self.free.estimate_corrections(mat_index, self.is_led),

@@ -12,8 +12,8 @@ fn lanes() -> impl Strategy<Value = Lanes> {
     })
 }
 
-fn bits(motion: &Motion, sums: &[Sum]) -> Vec<u64> {
-    let all_lanes = motion.now.0.iter().chain(&motion.before.0);
+fn bits(motion: &GroupMotion, sums: &[LaneSum]) -> Vec<u64> {
+    let all_lanes = motion.positions.0.iter().chain(&motion.previous_positions.0);
     let all_lanes = all_lanes.chain(sums.iter().flat_map(|sum| &sum.0));
     all_lanes.map(|value| value.to_bits()).collect()
 }
@@ -21,37 +21,37 @@ fn bits(motion: &Motion, sums: &[Sum]) -> Vec<u64> {
 proptest! {
     #[test]
     fn bank_kernels_of_any_width_agree_bitwise(
-        a in lanes(), b in lanes(), now in lanes(), before in lanes(),
+        a in lanes(), b in lanes(), positions in lanes(), previous_positions in lanes(),
         weights in prop::collection::vec(lanes(), 2..4), n in 0usize..9,
     ) {
         let b = Lanes(b.0.map(|b| b.abs() / 2.0));
-        let rates = Rates { a, b };
-        let start = Motion { now, before };
-        let sums = vec![Sum([0.25; SUMS]); 3 * n];
-        let (mut motion, mut heard) = (start.clone(), sums[..n].to_vec());
+        let coefficients = GroupCoefficients { a, b };
+        let start = GroupMotion { positions, previous_positions };
+        let sums = vec![LaneSum([0.25; SUM_LANES]); 3 * n];
+        let (mut motion, mut plain_sums) = (start.clone(), sums[..n].to_vec());
         // SAFETY: the plain loop needs nothing.
-        unsafe { plain::run(&rates, &mut motion, &mut heard) };
-        let (mut wide, mut wide_heard) = (start.clone(), sums[..n].to_vec());
-        run(&rates, &mut wide, &mut wide_heard);
-        prop_assert_eq!(bits(&motion, &heard), bits(&wide, &wide_heard));
-        let (mut motion, mut heard) = (start.clone(), sums.clone());
+        unsafe { plain::run(&coefficients, &mut motion, &mut plain_sums) };
+        let (mut wide, mut wide_sums) = (start.clone(), sums[..n].to_vec());
+        advance_and_sum(&coefficients, &mut wide, &mut wide_sums);
+        prop_assert_eq!(bits(&motion, &plain_sums), bits(&wide, &wide_sums));
+        let (mut motion, mut plain_sums) = (start.clone(), sums.clone());
         // SAFETY: as above.
-        unsafe { plain::weighted(&rates, &mut motion, &weights, n, &mut heard, n) };
-        let (mut wide, mut wide_heard) = (start.clone(), sums.clone());
-        run_weighted(&rates, &mut wide, &weights, n, &mut wide_heard, n);
-        prop_assert_eq!(bits(&motion, &heard), bits(&wide, &wide_heard));
-        let (mut followed, mut seen) = (start.clone(), sums.clone());
+        unsafe { plain::weighted(&coefficients, &mut motion, &weights, n, &mut plain_sums, n) };
+        let (mut wide, mut wide_sums) = (start.clone(), sums.clone());
+        advance_and_sum_weighted(&coefficients, &mut wide, &weights, n, &mut wide_sums, n);
+        prop_assert_eq!(bits(&motion, &plain_sums), bits(&wide, &wide_sums));
+        let (mut plain_motion, mut plain_observed) = (start.clone(), sums.clone());
         // SAFETY: as above.
-        unsafe { plain::follow(&rates, &mut followed, &weights, n, &mut seen, n) };
-        let (mut wide, mut wide_seen) = (start.clone(), sums.clone());
-        follow(&rates, &mut wide, &weights, n, &mut wide_seen, n);
-        prop_assert_eq!(bits(&followed, &seen), bits(&wide, &wide_seen));
+        unsafe { plain::observe(&coefficients, &mut plain_motion, &weights, n, &mut plain_observed, n) };
+        let (mut wide, mut wide_observed) = (start.clone(), sums.clone());
+        advance_and_observe(&coefficients, &mut wide, &weights, n, &mut wide_observed, n);
+        prop_assert_eq!(bits(&plain_motion, &plain_observed), bits(&wide, &wide_observed));
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
-            let (mut wide, mut wide_heard) = (start, sums);
+            let (mut wide, mut wide_sums) = (start, sums);
             // SAFETY: this processor has both.
-            unsafe { avx2::weighted(&rates, &mut wide, &weights, n, &mut wide_heard, n) };
-            prop_assert_eq!(bits(&motion, &heard), bits(&wide, &wide_heard));
+            unsafe { avx2::weighted(&coefficients, &mut wide, &weights, n, &mut wide_sums, n) };
+            prop_assert_eq!(bits(&motion, &plain_sums), bits(&wide, &wide_sums));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Forces of dry friction, given all other forces: friction opposes sliding, and holds ends that stick.
 
-use super::super::{force_to_reach, predict};
+use super::super::{force_to_reach, predict_position};
 use crate::dry::Turned;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
@@ -24,7 +24,7 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
     let imposed_target = |i: usize| targets.iter().find(|target| target.mat == i);
     let free_move = |i: usize| match imposed_target(i) {
         Some(target) => (target.x - body.x[i], 0.0),
-        None => (predict(scheme, body, i) - body.x[i], scheme.w[i]),
+        None => (predict_position(scheme, body, i) - body.x[i], scheme.w[i]),
     };
     let ((da, wa), (db, wb)) = (free_move(first_mat), free_move(second_mat));
     let free_step = db - da;
@@ -34,18 +34,18 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
         let mut v_next = step_after(level_at(v));
         if dry_law.falls() {
             v_next = step_after(level_at(0.5 * (v + v_next)));
-            // Where it passes rest, the level is that near rest, in however short a time it passes.
+            // If the sliding passes through rest, the level is that near rest, however short the passage is.
             if v * v_next < 0.0 && (free_step - v).abs() <= step_per_force * level_at(0.0) {
                 v_next = 0.0;
             }
         }
         return (free_step - v_next) / step_per_force;
     }
-    // Both ends are imposed_target or fixed.
+    // Both ends are imposed or fixed.
     let friction_level = level_at(0.5 * (v + free_step));
     if free_step.abs() > SLIDE_DISTANCE_MIN {
         let slide_sign = free_step.signum();
-        // If the sliding reverses within the frame, friction acts one way before and the other way after.
+        // If the sliding reverses within the frame, friction acts in one direction before and in the other after.
         let turn_share = if slide_sign * v < -SLIDE_DISTANCE_MIN {
             (v + free_step) / (free_step - v)
         } else {
@@ -67,7 +67,7 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
 }
 
 /// Stop masses that friction against a fixed point has brought to rest, if only a step of the size of rounding is left.
-pub(crate) fn rest(scheme: &Scheme, body: &mut Body) {
+pub(crate) fn stop_resting_masses(scheme: &Scheme, body: &mut Body) {
     for run in scheme.exact.iter().filter(|run| run.is_dry()) {
         for (mass, other) in [(run.a, run.b), (run.b, run.a)] {
             let is_fixed = scheme.w[other] == 0.0 && body.d[other] == 0.0;

@@ -21,7 +21,7 @@ pub(super) struct Cells {
     /// (n_cells + 1, n, n)
     first_member: Vec<u32>,
     members: Vec<u32>,
-    places: Vec<Quad>,
+    member_positions: Vec<Quad>,
 }
 
 /// Number of pairs for which memory is reserved, for `n` points.
@@ -36,7 +36,7 @@ impl Cells {
             cells: vec![[0; AXES_MAX]; n],
             first_member: vec![0; grid.n_cells() + 1],
             members: vec![0; n],
-            places: vec![Quad::default(); n],
+            member_positions: vec![Quad::default(); n],
             grid,
         }
     }
@@ -54,13 +54,13 @@ impl Cells {
             if first_pair > NEIGHBOURS_MAX * x.len() {
                 return false;
             }
-            let least_member = if n_first < x.len() { n_first } else { i + 1 };
+            let first_candidate = if n_first < x.len() { n_first } else { i + 1 };
             let [cell_x, cell_y, cell_z] = self.cells[i];
             for dz in -layer_reach..=layer_reach {
                 for dy in -1..=1 {
                     let neighbour_row = [cell_y.wrapping_add_signed(dy), cell_z.wrapping_add_signed(dz)];
                     for cells in self.grid.three_cells(cell_x, neighbour_row) {
-                        self.append_near((i, x[i]), cells, least_member, reach, pairs);
+                        self.append_near((i, x[i]), cells, first_candidate, reach, pairs);
                     }
                 }
             }
@@ -76,21 +76,21 @@ impl Cells {
         &self,
         (i, point_position): (usize, Quad),
         cells: Range<usize>,
-        least: usize,
+        first_candidate: usize,
         reach: f64,
         pairs: &mut Vec<Pair>,
     ) {
         let member_range = self.first_member[cells.start] as usize..self.first_member[cells.end] as usize;
         let cell_points = self.members[member_range.clone()]
             .iter()
-            .zip(&self.places[member_range]);
+            .zip(&self.member_positions[member_range]);
         for (&member, member_position) in cell_points {
             let [x, y, z] = [
                 member_position[0] - point_position[0],
                 member_position[1] - point_position[1],
                 member_position[2] - point_position[2],
             ];
-            if member as usize >= least && distance(x, y, z) <= reach {
+            if member as usize >= first_candidate && distance(x, y, z) <= reach {
                 pairs.push([i as u32, member]);
             }
         }
@@ -113,7 +113,7 @@ impl Cells {
             let cell_end = &mut self.first_member[self.grid.index(cell) + 1];
             *cell_end -= 1;
             self.members[*cell_end as usize] = i as u32;
-            self.places[*cell_end as usize] = x[i];
+            self.member_positions[*cell_end as usize] = x[i];
         }
         self.first_member.copy_within(1.., 0);
         if let Some(members_end) = self.first_member.last_mut() {

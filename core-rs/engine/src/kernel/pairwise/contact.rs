@@ -6,36 +6,37 @@ use crate::state::ContactHistory;
 type Vector = [f64; AXES_MAX];
 
 /// A pair of points that touch.
-pub(crate) struct Contact {
+pub(crate) struct TouchingPair {
     /// Distance − rest [m].
-    pub(crate) e: f64,
+    pub(crate) elongation: f64,
     /// Force that pulls its ends together [N], and its elastic part.
-    pub(crate) f: f64,
-    pub(crate) elastic: f64,
+    pub(crate) force: f64,
+    pub(crate) elastic_force: f64,
     /// Unit vector from the first point to the second.
-    pub(crate) along: Vector,
+    pub(crate) direction: Vector,
     /// The vector from the first point to the second, and its change in the last step [m].
-    pub(crate) apart: Vector,
-    pub(crate) moved: Vector,
+    pub(crate) offset: Vector,
+    pub(crate) relative_step: Vector,
 }
 
-impl Contact {
+impl TouchingPair {
     /// The friction of the pair, given K and Z of its contact; without a force if the contact only pulls.
     #[inline(always)]
     pub(crate) fn sliding(&self, pairs: &Pairwise, [k, z]: [f64; 2]) -> Sliding {
-        let pressed = pairs.link.law.pressed(k, self.e, self.elastic);
-        let (normal_force, contact_stiffness) = pressed.map_or((0.0, 1.0), |[k, pull]| ((pull - self.f).max(0.0), k));
+        let pressed = pairs.link.law.pressed(k, self.elongation, self.elastic_force);
+        let (normal_force, contact_stiffness) =
+            pressed.map_or((0.0, 1.0), |[k, pull]| ((pull - self.force).max(0.0), k));
         Sliding {
             limit: pairs.friction * normal_force,
             by: [contact_stiffness, z],
-            apart: self.apart,
-            along: self.along,
-            moved: self.moved,
+            apart: self.offset,
+            along: self.direction,
+            moved: self.relative_step,
         }
     }
 
     /// Force of friction on the first point [N]; its anchor is stored in `history`.
-    pub(super) fn pull_across(
+    pub(super) fn friction_force(
         &self,
         pairs: &Pairwise,
         k_and_z: [f64; 2],

@@ -4,7 +4,7 @@
 use std::ops::Range;
 use std::slice;
 
-use super::batch::{BATCH, Batch, Forces, select_near};
+use super::batch::{BATCH_PAIRS, Batch, PointForces, select_near};
 use super::cells::{Cells, n_reserved_pairs};
 use super::{Pair, Quad};
 use crate::maths::wide::wide;
@@ -22,35 +22,35 @@ const ALMOST_HALF: f64 = 0.499_999;
 const GAP_MIN: usize = 8;
 
 /// The coordinates of a pair of points along the first axis.
-pub(crate) type Ends = (usize, usize);
+pub(crate) type PairEnds = (usize, usize);
 
 /// Lists of points that may touch, and the memory to compute their forces.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Neighbours {
     /// Positions and last steps [m]; 0 along axes that the network does not have   (n each)
-    x: Vec<Quad>,
-    d: Vec<Quad>,
+    positions: Vec<Quad>,
+    steps: Vec<Quad>,
     /// Positions of the points when the long list was searched, and when the short list was selected [m]   (n each)
-    searched_at: Vec<Quad>,
-    narrowed_at: Vec<Quad>,
+    searched_positions: Vec<Quad>,
+    narrowed_positions: Vec<Quad>,
     cells: Cells,
-    /// The long list of pairs; the short list is the first `n_close` of `close`.
-    pairs: Vec<Pair>,
-    close: Vec<Pair>,
-    n_close: usize,
+    /// The long list of pairs; the short list is the first `n_short_list` of `short_list`.
+    long_list: Vec<Pair>,
+    short_list: Vec<Pair>,
+    n_short_list: usize,
     /// Ranges that contain every point of the short list: only these are followed and pushed in each frame. Of a skin
     /// on which a few beads lie, they are a small part.
-    active: Vec<Range<usize>>,
-    /// Whether a point is in the short list, and the square of its way since the list was selected [m²]   (n each)
+    active_ranges: Vec<Range<usize>>,
+    /// Whether a point is in the short list, and the square of the distance that it moved since the list was selected [m²]   (n each)
     is_active: Vec<bool>,
-    squares: Vec<f64>,
+    squared_distances: Vec<f64>,
     batch: Batch,
-    forces: Forces,
+    forces: PointForces,
     /// Which points a wall may touch   (n)
     may_touch_wall: Vec<bool>,
-    is_made: bool,
+    has_lists: bool,
     /// More points are near each other than contact forces allow.
-    is_full: bool,
+    has_too_many_pairs: bool,
 }
 
 impl Neighbours {
@@ -65,20 +65,20 @@ impl Neighbours {
         let point_count = pairs.n_points(run.n);
         let zeroed_quads = || vec![Quad::default(); point_count];
         Self {
-            x: zeroed_quads(),
-            d: zeroed_quads(),
-            searched_at: zeroed_quads(),
-            narrowed_at: zeroed_quads(),
+            positions: zeroed_quads(),
+            steps: zeroed_quads(),
+            searched_positions: zeroed_quads(),
+            narrowed_positions: zeroed_quads(),
             cells: Cells::new(point_count, pairs.link.n_axes),
-            pairs: Vec::with_capacity(n_reserved_pairs(point_count)),
-            close: Vec::with_capacity(n_reserved_pairs(point_count)),
-            active: Vec::with_capacity(point_count / GAP_MIN + 1),
+            long_list: Vec::with_capacity(n_reserved_pairs(point_count)),
+            short_list: Vec::with_capacity(n_reserved_pairs(point_count)),
+            active_ranges: Vec::with_capacity(point_count / GAP_MIN + 1),
             is_active: vec![false; point_count],
-            squares: vec![0.0; point_count],
+            squared_distances: vec![0.0; point_count],
             batch: Batch::new(),
-            forces: Forces {
-                first: zeroed_quads(),
-                second: zeroed_quads(),
+            forces: PointForces {
+                on_first: zeroed_quads(),
+                on_second: zeroed_quads(),
             },
             ..Self::default()
         }
@@ -90,11 +90,11 @@ impl Neighbours {
 
     /// Calls `visit` for every pair that touches or attracts at positions `x`, with the MATs of the pair along the
     /// first axis, its distance − rest [m], and its direction. Returns false if there are too many pairs.
-    pub(crate) fn touching(
+    pub(crate) fn for_each_touching(
         &mut self,
         run: &PairRun,
         x: impl Fn(usize) -> f64,
-        mut visit: impl FnMut(Ends, f64, [f64; AXES_MAX]),
+        mut visit: impl FnMut(PairEnds, f64, [f64; AXES_MAX]),
     ) -> bool {
         let pairs = &run.pairs;
         if !pairs.is_searched() {
@@ -111,106 +111,128 @@ impl Neighbours {
             return true;
         }
         self.update(run, x);
-        for &[i, j] in &self.close[..self.n_close] {
-            let [first_point, second_point] = [self.x[i as usize], self.x[j as usize]];
-            if let Some((elongation, direction)) = meeting(run.rest, first_point, second_point) {
+        for &[i, j] in &self.short_list[..self.n_short_list] {
+            let [first_point, second_point] = [self.positions[i as usize], self.positions[j as usize]];
+            if let Some((elongation, direction)) = touching_elongation(run.rest, first_point, second_point) {
                 visit(run.ends([i, j]), elongation, direction);
             }
         }
-        !self.is_full
+        !self.has_too_many_pairs
     }
 
     /// Update the lists and the positions of all points for positions `x`.
     fn update(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
-        let all_points = 0..self.x.len();
-        gather(run, slice::from_ref(&all_points), &mut self.x, x);
-        if !self.is_made || !are_within(&self.x, &self.narrowed_at, moved_square(SHORT_LIST_MARGIN * run.rest)) {
-            self.narrow(run);
+        let all_points = 0..self.positions.len();
+        copy_coordinates(run, slice::from_ref(&all_points), &mut self.positions, x);
+        if !self.has_lists
+            || !are_points_within(
+                &self.positions,
+                &self.narrowed_positions,
+                squared_movement_max(SHORT_LIST_MARGIN * run.rest),
+            )
+        {
+            self.select_short_list(run);
         }
     }
 
     /// Update the lists and the positions of the active points for positions `x` [m] (n_mat).
-    fn follow(&mut self, run: &PairRun, x: &[f64]) {
-        if self.is_made && self.is_narrow_for(run, x) {
-            gather(run, &self.active, &mut self.x, |mat| x[mat]);
+    fn update_active(&mut self, run: &PairRun, x: &[f64]) {
+        if self.has_lists && self.is_short_list_valid(run, x) {
+            copy_coordinates(run, &self.active_ranges, &mut self.positions, |mat| x[mat]);
         } else {
             self.update(run, |mat| x[mat]);
         }
     }
 
     /// Whether no point has moved beyond the margin of the short list, by positions `x` [m] (n_mat).
-    fn is_narrow_for(&mut self, run: &PairRun, x: &[f64]) -> bool {
-        self.squares.fill(0.0);
-        for (range, first_mats) in groups(run) {
-            let (squares, narrowed_at) = (&mut self.squares[range.clone()], &self.narrowed_at[range.clone()]);
+    fn is_short_list_valid(&mut self, run: &PairRun, x: &[f64]) -> bool {
+        self.squared_distances.fill(0.0);
+        for (range, first_mats) in point_groups(run) {
+            let (squares, narrowed_at) = (
+                &mut self.squared_distances[range.clone()],
+                &self.narrowed_positions[range.clone()],
+            );
             for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
-                add_squares(&x[first_mat..][..range.len()], narrowed_at, axis, squares);
+                add_squared_distances(&x[first_mat..][..range.len()], narrowed_at, axis, squares);
             }
         }
-        are_at_most(&self.squares, moved_square(SHORT_LIST_MARGIN * run.rest))
+        are_at_most(
+            &self.squared_distances,
+            squared_movement_max(SHORT_LIST_MARGIN * run.rest),
+        )
     }
 
-    /// Select the short list for the positions of all points, and search the long one if it no longer holds.
+    /// Select the short list for the positions of all points, and search the long list if it is no longer valid.
     #[cold]
-    fn narrow(&mut self, run: &PairRun) {
+    fn select_short_list(&mut self, run: &PairRun) {
         let (skin_width, margin_width) = (LONG_LIST_MARGIN * run.rest, SHORT_LIST_MARGIN * run.rest);
-        if !self.is_made || !are_within(&self.x, &self.searched_at, moved_square(skin_width - margin_width)) {
+        if !self.has_lists
+            || !are_points_within(
+                &self.positions,
+                &self.searched_positions,
+                squared_movement_max(skin_width - margin_width),
+            )
+        {
             let n_first = run.pairs.n_first;
             let reach = run.rest + skin_width;
-            self.searched_at.copy_from_slice(&self.x);
-            self.is_full = !self.cells.search(&self.x, n_first, reach, &mut self.pairs);
-            if self.close.len() < self.pairs.len() {
-                self.close.resize(self.pairs.len(), Pair::default());
+            self.searched_positions.copy_from_slice(&self.positions);
+            self.has_too_many_pairs = !self.cells.search(&self.positions, n_first, reach, &mut self.long_list);
+            if self.short_list.len() < self.long_list.len() {
+                self.short_list.resize(self.long_list.len(), Pair::default());
             }
-            self.is_made = true;
+            self.has_lists = true;
         }
-        self.narrowed_at.copy_from_slice(&self.x);
+        self.narrowed_positions.copy_from_slice(&self.positions);
         let squared_reach = square(run.rest + margin_width);
-        self.n_close = select_near(&self.x, &self.pairs, squared_reach, &mut self.close);
+        self.n_short_list = select_near(&self.positions, &self.long_list, squared_reach, &mut self.short_list);
         self.select_active();
     }
 
-    /// Set `active` to ranges that contain every point of the short list.
+    /// Set `active_ranges` to ranges that contain every point of the short list.
     fn select_active(&mut self) {
         self.is_active.fill(false);
-        for point in self.close[..self.n_close].iter().flatten() {
+        for point in self.short_list[..self.n_short_list].iter().flatten() {
             self.is_active[*point as usize] = true;
         }
-        self.active.clear();
+        self.active_ranges.clear();
         for point in (0..self.is_active.len()).filter(|&point| self.is_active[point]) {
-            match self.active.last_mut() {
+            match self.active_ranges.last_mut() {
                 Some(range) if point - range.end < GAP_MIN => range.end = point + 1,
-                _ => self.active.push(point..point + 1),
+                _ => self.active_ranges.push(point..point + 1),
             }
         }
     }
 
     /// Compute the forces of all pairs by the law of a run with K and Z in `k_and_z`, and by its friction.
-    pub(super) fn push(
+    pub(super) fn compute_forces(
         &mut self,
         run: &PairRun,
         k_and_z: [f64; 2],
         (x, d): (&[f64], &[f64]),
         history: &mut ContactHistory,
     ) {
-        self.follow(run, x);
-        gather(run, &self.active, &mut self.d, |mat| d[mat]);
-        for range in &self.active {
-            self.forces.first[range.clone()].fill(Quad::default());
-            self.forces.second[range.clone()].fill(Quad::default());
+        self.update_active(run, x);
+        copy_coordinates(run, &self.active_ranges, &mut self.steps, |mat| d[mat]);
+        for range in &self.active_ranges {
+            self.forces.on_first[range.clone()].fill(Quad::default());
+            self.forces.on_second[range.clone()].fill(Quad::default());
         }
-        for pairs in self.close[..self.n_close].chunks(BATCH) {
-            let motion = (&*self.x, &*self.d);
-            self.batch.push(run, k_and_z, pairs, motion, history, &mut self.forces);
+        for pairs in self.short_list[..self.n_short_list].chunks(BATCH_PAIRS) {
+            let motion = (&*self.positions, &*self.steps);
+            self.batch
+                .add_forces(run, k_and_z, pairs, motion, history, &mut self.forces);
         }
     }
 
     /// Add the forces to `force` (n_mat), and set `pushes` to the sum of the pair forces on each point of the second
     /// group [N]   (run.n).
     pub(super) fn add_forces(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
-        let Forces { first, second } = &self.forces;
-        for (group, first_mats) in groups(run) {
-            for range in within(&self.active, &group) {
+        let PointForces {
+            on_first: first,
+            on_second: second,
+        } = &self.forces;
+        for (group, first_mats) in point_groups(run) {
+            for range in clipped_to(&self.active_ranges, &group) {
                 let zipped_forces = || first[range.clone()].iter().zip(&second[range.clone()]);
                 for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
                     let point_forces = force[first_mat + range.start - group.start..].iter_mut();
@@ -220,15 +242,18 @@ impl Neighbours {
                 }
             }
         }
-        let reported = first.len() - pushes.len()..first.len();
+        let reported_points = first.len() - pushes.len()..first.len();
         pushes.fill(0.0);
-        for range in within(&self.active, &reported) {
+        for range in clipped_to(&self.active_ranges, &reported_points) {
             let zipped_forces = first[range.clone()].iter().zip(&second[range.clone()]);
-            for (push, (first, second)) in pushes[range.start - reported.start..].iter_mut().zip(zipped_forces) {
+            for (push, (first, second)) in pushes[range.start - reported_points.start..]
+                .iter_mut()
+                .zip(zipped_forces)
+            {
                 *push = second[AXES_MAX] - first[AXES_MAX];
             }
         }
-        if self.is_full {
+        if self.has_too_many_pairs {
             pushes.fill(f64::NAN);
             force[run.a] = f64::NAN;
         }
@@ -239,13 +264,13 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// Square of the way that a point may have moved, for a list of this width to hold [m²].
-fn moved_square(width: f64) -> f64 {
+/// Square of the distance that a point may move before a list of this width is invalid [m²].
+fn squared_movement_max(width: f64) -> f64 {
     square(ALMOST_HALF * width)
 }
 
 /// The parts of ranges that lie within another range.
-fn within<'a>(ranges: &'a [Range<usize>], limits: &'a Range<usize>) -> impl Iterator<Item = Range<usize>> + 'a {
+fn clipped_to<'a>(ranges: &'a [Range<usize>], limits: &'a Range<usize>) -> impl Iterator<Item = Range<usize>> + 'a {
     let clipped_ranges = ranges
         .iter()
         .map(|range| range.start.max(limits.start)..range.end.min(limits.end));
@@ -253,7 +278,7 @@ fn within<'a>(ranges: &'a [Range<usize>], limits: &'a Range<usize>) -> impl Iter
 }
 
 /// The point indices of each group, and the MATs of its first point, axis by axis.
-fn groups(run: &PairRun) -> [(Range<usize>, [usize; AXES_MAX]); 2] {
+fn point_groups(run: &PairRun) -> [(Range<usize>, [usize; AXES_MAX]); 2] {
     let Pairwise { link, n_first, .. } = &run.pairs;
     let (a_point_mats, b_point_mats): ([usize; AXES_MAX], [usize; AXES_MAX]) = {
         let coordinates = |axis: usize| link.pair((run.a, run.b), axis.min(link.n_axes - 1));
@@ -265,9 +290,9 @@ fn groups(run: &PairRun) -> [(Range<usize>, [usize; AXES_MAX]); 2] {
 }
 
 /// Copy values of MATs to arrays in which the coordinates of a point lie together, for points in some ranges.
-fn gather(run: &PairRun, ranges: &[Range<usize>], quads: &mut [Quad], value_of: impl Fn(usize) -> f64) {
-    for (group, first_mats) in groups(run) {
-        for range in within(ranges, &group) {
+fn copy_coordinates(run: &PairRun, ranges: &[Range<usize>], quads: &mut [Quad], value_of: impl Fn(usize) -> f64) {
+    for (group, first_mats) in point_groups(run) {
+        for range in clipped_to(ranges, &group) {
             for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
                 let first_value = first_mat + range.start - group.start;
                 for (i, quad) in quads[range.clone()].iter_mut().enumerate() {
@@ -280,42 +305,42 @@ fn gather(run: &PairRun, ranges: &[Range<usize>], quads: &mut [Quad], value_of: 
 
 wide! {
     /// Add the squares of what points have moved along an axis.
-    fn add_squares(now: &[f64], then: &[Quad], axis: usize, squares: &mut [f64]) {
+    fn add_squared_distances(coordinates: &[f64], earlier_points: &[Quad], axis: usize, squares: &mut [f64]) {
         let n = squares.len();
-        let (now, then) = (&now[..n], &then[..n]);
+        let (coordinates, earlier_points) = (&coordinates[..n], &earlier_points[..n]);
         for i in 0..n {
-            let moved = now[i] - then[i][axis];
+            let moved = coordinates[i] - earlier_points[i][axis];
             squares[i] += moved * moved;
         }
     }
 }
 
 wide! {
-    /// Whether no number is above `most` or NaN.
-    fn are_at_most(numbers: &[f64], most: f64) -> bool {
-        let mut are_at_most = true;
+    /// Whether no number is above `limit` or NaN.
+    fn are_at_most(numbers: &[f64], limit: f64) -> bool {
+        let mut is_none_above = true;
         for number in numbers {
-            are_at_most &= *number <= most;
+            is_none_above &= *number <= limit;
         }
-        are_at_most
+        is_none_above
     }
 }
 
 wide! {
-    /// Whether no point has moved farther than √`most` [m] and no position is NaN.
-    fn are_within(now: &[Quad], then: &[Quad], most: f64) -> bool {
-        let mut are_within = true;
-        for (now, then) in now.iter().zip(then) {
-            let [x, y, z] = [now[0] - then[0], now[1] - then[1], now[2] - then[2]];
-            are_within &= x * x + y * y + z * z <= most;
+    /// Whether no point has moved farther than √`squared_limit` [m] and no position is NaN.
+    fn are_points_within(points: &[Quad], earlier_points: &[Quad], squared_limit: f64) -> bool {
+        let mut is_none_beyond = true;
+        for (point, earlier) in points.iter().zip(earlier_points) {
+            let [x, y, z] = [point[0] - earlier[0], point[1] - earlier[1], point[2] - earlier[2]];
+            is_none_beyond &= x * x + y * y + z * z <= squared_limit;
         }
-        are_within
+        is_none_beyond
     }
 }
 
 /// Distance − rest and direction of a pair that touches. NaN counts as a touch, so that it is detected later.
 #[inline(always)]
-fn meeting(rest: f64, first_position: Quad, second_position: Quad) -> Option<(f64, [f64; AXES_MAX])> {
+fn touching_elongation(rest: f64, first_position: Quad, second_position: Quad) -> Option<(f64, [f64; AXES_MAX])> {
     let point_offset = [
         second_position[0] - first_position[0],
         second_position[1] - first_position[1],

@@ -3,7 +3,7 @@
 //! Most points touch no wall. A vectorised test selects those that may touch, with a small margin, so that it misses
 //! none.
 
-use super::contact::Contact;
+use super::contact::TouchingPair;
 use crate::maths::wide::wide;
 use crate::network::{AXES_MAX, Measure, PairRun};
 use crate::state::ContactHistory;
@@ -15,7 +15,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// Add the forces of all pairs to the coordinates of the points, and set `pushes` to the sum of the pair forces on each
 /// point of the second group [N].
-pub(super) fn push(
+pub(super) fn add_wall_forces(
     run: &PairRun,
     k_and_z: [f64; 2],
     (x, d): (&[f64], &[f64]),
@@ -36,15 +36,15 @@ pub(super) fn push(
         let f = link.law.damped([k_and_z[0], e], elastic, k_and_z[1] * stretch_step);
         let mut pair_force_vector = along.map(|along| f * along);
         if pairs.friction > 0.0 {
-            let contact = Contact {
-                e,
-                f,
-                elastic,
-                along,
-                apart: link.between(pair_ends, |mat| x[mat]),
-                moved: link.between(pair_ends, |mat| d[mat]),
+            let contact = TouchingPair {
+                elongation: e,
+                force: f,
+                elastic_force: elastic,
+                direction: along,
+                offset: link.between(pair_ends, |mat| x[mat]),
+                relative_step: link.between(pair_ends, |mat| d[mat]),
             };
-            let friction_force = contact.pull_across(pairs, k_and_z, run.points(pair_ends), history);
+            let friction_force = contact.friction_force(pairs, k_and_z, run.points(pair_ends), history);
             pair_force_vector = std::array::from_fn(|axis| pair_force_vector[axis] + friction_force[axis]);
         }
         for (axis, axis_force) in pair_force_vector.into_iter().enumerate().take(link.n_axes) {
@@ -65,7 +65,7 @@ pub(super) fn push(
             pairs.others(first, run.n).for_each(|second| add_pair(first, second));
             continue;
         }
-        select(run, first, x, may_touch);
+        select_touchable(run, first, x, may_touch);
         for (chunk, may_touch) in may_touch.chunks(SKIP_LENGTH).enumerate() {
             if !may_touch.contains(&true) {
                 continue;
@@ -78,7 +78,7 @@ pub(super) fn push(
 }
 
 /// Set `may_touch` for the points of the second group that a wall may touch.
-fn select(run: &PairRun, first: usize, x: &[f64], may_touch: &mut [bool]) {
+fn select_touchable(run: &PairRun, first: usize, x: &[f64], may_touch: &mut [bool]) {
     let link = &run.pairs.link;
     let coordinates = |axis: usize| link.pair((run.a + first, run.b), axis.min(link.n_axes - 1));
     let axis_ends: [(usize, usize); AXES_MAX] = std::array::from_fn(coordinates);
@@ -132,7 +132,7 @@ wide! {
         may_touch: &mut [bool],
     ) {
         let n = may_touch.len();
-        let [x, y, z] = points.map(|one| &one[..n]);
+        let [x, y, z] = points.map(|coordinates| &coordinates[..n]);
         for i in 0..n {
             let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], z[i] - wall[2]];
             let e = normal[0] * x + normal[1] * y + normal[2] * z - rest;
@@ -153,7 +153,7 @@ wide! {
         may_touch: &mut [bool],
     ) {
         let n = may_touch.len();
-        let [x, y, z] = points.map(|one| &one[..n]);
+        let [x, y, z] = points.map(|coordinates| &coordinates[..n]);
         let limit = side * square;
         for i in 0..n {
             let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], depth_factor * (z[i] - wall[2])];
@@ -173,7 +173,7 @@ wide! {
     ) {
         let n = may_touch.len();
         let [low, high] = bounds;
-        let [x, y, z] = points.map(|one| &one[..n]);
+        let [x, y, z] = points.map(|coordinates| &coordinates[..n]);
         for i in 0..n {
             let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], z[i] - wall[2]];
             let is_below = (x < low[0]) | (y < low[1]) | (z < low[2]);

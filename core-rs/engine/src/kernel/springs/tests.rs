@@ -97,7 +97,7 @@ fn scattered(seed: u64) -> (usize, Vec<Spring>) {
 }
 
 /// Forces of springs in rows on a processor with some instructions.
-type InRows = fn(&Rows, &[Spring], [&[f64]; 2], &mut [Line], &mut [f64]);
+type InRows = fn(&Rows, &[Spring], [&[f64]; 2], &mut [CacheLine], &mut [f64]);
 
 /// The roads that this processor has, for elastic, viscous and all forces.
 fn roads() -> Vec<[InRows; 3]> {
@@ -138,19 +138,22 @@ fn compare(name: &str, (mat_count, springs): &(usize, Vec<Spring>)) {
         (0..*mat_count).map(|_| chance.uniform(-1.0, 1.0)).collect()
     };
     let (x, v) = (numbers(0), numbers(1));
-    let (rows, mut run_forces) = (Rows::for_any(springs, *mat_count), vec![0.0; *mat_count]);
+    let (rows, mut run_forces) = (Rows::for_any_springs(springs, *mat_count), vec![0.0; *mat_count]);
     let mut expected = [(); 3].map(|()| vec![0.0; *mat_count]);
-    elastic(springs, &x, &mut run_forces, &mut expected[0]);
-    viscous(springs, &v, &mut run_forces, &mut expected[1]);
-    total(springs, &x, &v, &mut run_forces, &mut expected[2]);
+    add_elastic_forces(springs, &x, &mut run_forces, &mut expected[0]);
+    add_viscous_forces(springs, &v, &mut run_forces, &mut expected[1]);
+    add_total_forces(springs, &x, &v, &mut run_forces, &mut expected[2]);
     let lone_links = LoneLinks::for_any(springs);
-    for (part, expected) in [Part::Elastic, Part::Viscous, Part::Total].into_iter().zip(&expected) {
+    for (part, expected) in [ForcePart::Elastic, ForcePart::Viscous, ForcePart::Total]
+        .into_iter()
+        .zip(&expected)
+    {
         let mut force = vec![f64::NAN; *mat_count];
-        lone::forces(&lone_links, part, [&x, &v], &mut force);
+        lone::compute_forces(&lone_links, part, [&x, &v], &mut force);
         assert_eq!(bits(&force), bits(expected), "{name}, link by link, {part:?}");
     }
     for (road, by_part) in roads().iter().enumerate() {
-        let mut link_forces = rows.zeros();
+        let mut link_forces = rows.zeroed_forces();
         for _ in 0..2 {
             for (part, in_rows) in by_part.iter().enumerate() {
                 let mut force = vec![f64::NAN; *mat_count];
@@ -200,7 +203,7 @@ fn rows_cover_all_mats() {
 #[test]
 fn pass_without_springs_sets_no_force() {
     let mut force = vec![f64::NAN; 5];
-    SpringPass::new(&[], 5).forces(Part::Total, &Springs::default(), [&[0.0; 5]; 2], &mut force);
+    SpringPass::new(&[], 5).compute_forces(ForcePart::Total, &Springs::default(), [&[0.0; 5]; 2], &mut force);
     assert_eq!(force, [0.0; 5]);
 }
 
@@ -229,7 +232,7 @@ fn lone_links_follow_changed_stiffness() {
     let mut expected_runs = springs.to_vec();
     expected_runs[4] = changed;
     let (mut expected, mut force) = (vec![0.0; 60], vec![0.0; 60]);
-    total(&expected_runs, &x, &x, &mut [0.0; 60], &mut expected);
-    lone::forces(springs.lone_links().unwrap(), Part::Total, [&x, &x], &mut force);
+    add_total_forces(&expected_runs, &x, &x, &mut [0.0; 60], &mut expected);
+    lone::compute_forces(springs.lone_links().unwrap(), ForcePart::Total, [&x, &x], &mut force);
     assert_eq!(bits(&force), bits(&expected));
 }

@@ -6,8 +6,8 @@
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
 
-use super::Part;
-use super::rows::{Line, PADDING, Place, Rows, Term};
+use super::ForcePart;
+use super::rows::{CacheLine, PADDING, Rows, RunPlace, RunTerm};
 use crate::scheme::Spring;
 
 /// A vector of numbers, at most [`PADDING`]. Only processors with its instructions may use it. Of the pointers, `WIDTH`
@@ -166,8 +166,8 @@ vector!(
     |other: f64, sign: f64, number: f64| number + other * sign
 );
 
-/// The numbers of a run, each as a vector.
-struct Numbers<V> {
+/// The constants of a run, each as a vector.
+struct RunConstants<V> {
     k: V,
     q: V,
     z: V,
@@ -175,25 +175,25 @@ struct Numbers<V> {
 }
 
 /// The forces of links: `PART` as in [`Part`], and whether they harden.
-struct Kind<const PART: u8, const HARDENS: bool>;
+struct ForceFormula<const PART: u8, const HARDENS: bool>;
 
-pub(super) const ELASTIC: u8 = Part::Elastic as u8;
-pub(super) const VISCOUS: u8 = Part::Viscous as u8;
-pub(super) const TOTAL: u8 = Part::Total as u8;
+pub(super) const ELASTIC: u8 = ForcePart::Elastic as u8;
+pub(super) const VISCOUS: u8 = ForcePart::Viscous as u8;
+pub(super) const TOTAL: u8 = ForcePart::Total as u8;
 
-impl<const PART: u8, const HARDENS: bool> Kind<PART, HARDENS> {
+impl<const PART: u8, const HARDENS: bool> ForceFormula<PART, HARDENS> {
     #[inline(always)]
-    unsafe fn force<V: Vector>(numbers: &Numbers<V>, [xa, xb]: [V; 2], [va, vb]: [V; 2]) -> V {
+    unsafe fn force<V: Vector>(constants: &RunConstants<V>, [xa, xb]: [V; 2], [va, vb]: [V; 2]) -> V {
         // SAFETY: as the caller's.
         unsafe {
-            let drag = numbers.z.times(vb.minus(va));
+            let drag = constants.z.times(vb.minus(va));
             if PART == VISCOUS {
                 return drag;
             }
-            let e = xb.minus(xa).minus(numbers.rest);
-            let mut force = numbers.k.times(e);
+            let e = xb.minus(xa).minus(constants.rest);
+            let mut force = constants.k.times(e);
             if HARDENS {
-                force = force.plus(numbers.q.times(e.times(e).times(e)));
+                force = force.plus(constants.q.times(e.times(e).times(e)));
             }
             if PART == ELASTIC { force } else { force.plus(drag) }
         }
@@ -201,10 +201,15 @@ impl<const PART: u8, const HARDENS: bool> Kind<PART, HARDENS> {
 
     /// Write the forces of a run into `forces`, with 0 behind them up to a multiple of the width.
     #[inline(always)]
-    unsafe fn run<V: Vector>(place: &Place, spring: &Spring, motion: [*const f64; 2], forces: *mut f64) {
+    unsafe fn write_run_forces<V: Vector>(
+        place: &RunPlace,
+        spring: &Spring,
+        motion: [*const f64; 2],
+        forces: *mut f64,
+    ) {
         // SAFETY: see `set_forces`.
         unsafe {
-            let numbers = Numbers {
+            let constants = RunConstants {
                 k: V::splat(spring.k),
                 q: V::splat(spring.q),
                 z: V::splat(spring.z),
@@ -213,20 +218,20 @@ impl<const PART: u8, const HARDENS: bool> Kind<PART, HARDENS> {
             let [x, v] = motion;
             let (xa, xb) = (x.add(place.a), x.add(place.b));
             let (va, vb) = (v.add(place.a), v.add(place.b));
-            let forces = forces.add(place.first);
+            let forces = forces.add(place.first_force);
             let mut i = 0;
             while i + V::WIDTH <= place.len {
                 let positions = [V::load(xa.add(i)), V::load(xb.add(i))];
                 let velocities = [V::load(va.add(i)), V::load(vb.add(i))];
-                Self::force(&numbers, positions, velocities).store(forces.add(i));
+                Self::force(&constants, positions, velocities).store(forces.add(i));
                 i += V::WIDTH;
             }
-            let left = place.len - i;
-            if left > 0 {
-                let positions = [V::load_first(xa.add(i), left), V::load_first(xb.add(i), left)];
-                let velocities = [V::load_first(va.add(i), left), V::load_first(vb.add(i), left)];
-                let force = Self::force(&numbers, positions, velocities);
-                force.first(left).store(forces.add(i));
+            let n_left = place.len - i;
+            if n_left > 0 {
+                let positions = [V::load_first(xa.add(i), n_left), V::load_first(xb.add(i), n_left)];
+                let velocities = [V::load_first(va.add(i), n_left), V::load_first(vb.add(i), n_left)];
+                let force = Self::force(&constants, positions, velocities);
+                force.first(n_left).store(forces.add(i));
             }
         }
     }
@@ -234,7 +239,7 @@ impl<const PART: u8, const HARDENS: bool> Kind<PART, HARDENS> {
 
 /// Sum the terms of N vectors of MATs; `last` numbers of the last one are written.
 #[inline(always)]
-unsafe fn sum_vectors<V: Vector, const N: usize>(terms: &[Term], forces: *const f64, sums: *mut f64, last: usize) {
+unsafe fn sum_vectors<V: Vector, const N: usize>(terms: &[RunTerm], forces: *const f64, sums: *mut f64, last: usize) {
     // SAFETY: see `set_forces`.
     unsafe {
         let mut mat_sums = [V::splat(0.0); N];
@@ -256,11 +261,11 @@ unsafe fn set_forces<V: Vector, const PART: u8>(
     rows: &Rows,
     springs: &[Spring],
     motion: [&[f64]; 2],
-    forces: &mut [Line],
+    forces: &mut [CacheLine],
     sums: &mut [f64],
 ) {
     assert!(
-        springs.len() == rows.places.len()
+        springs.len() == rows.run_places.len()
             && motion.iter().all(|numbers| numbers.len() >= rows.motion_count)
             && forces.len() * PADDING >= rows.force_count
             && sums.len() == rows.mat_count
@@ -269,28 +274,28 @@ unsafe fn set_forces<V: Vector, const PART: u8>(
     let (forces, sums) = (forces.as_mut_ptr().cast::<f64>(), sums.as_mut_ptr());
     // SAFETY: the processor has the instructions of V (the caller's duty). Places, rows and terms are those that
     // `Rows` made for arrays of the lengths that are asserted: a run reads below `motion_count` and writes less than
-    // PAD numbers behind its own, a row reads at most PAD before and 2·PAD behind the forces of a run.
+    // PADDING numbers behind its own, a row reads at most PADDING before and 2·PADDING behind the forces of a run.
     unsafe {
         for tile in &rows.tiles {
-            let places = &rows.places[tile.runs.clone()];
+            let places = &rows.run_places[tile.runs.clone()];
             for (place, spring) in places.iter().zip(&springs[tile.runs.clone()]) {
                 if spring.q == 0.0 {
-                    Kind::<PART, false>::run::<V>(place, spring, motion, forces);
+                    ForceFormula::<PART, false>::write_run_forces::<V>(place, spring, motion, forces);
                 } else {
-                    Kind::<PART, true>::run::<V>(place, spring, motion, forces);
+                    ForceFormula::<PART, true>::write_run_forces::<V>(place, spring, motion, forces);
                 }
             }
             for row in &rows.rows[tile.rows.clone()] {
                 let terms = &rows.terms[row.terms.clone()];
-                let (mut mat, mut left) = (row.mats.start, row.mats.len());
-                while left > 4 * V::WIDTH {
+                let (mut mat, mut n_left) = (row.mats.start, row.mats.len());
+                while n_left > 4 * V::WIDTH {
                     sum_vectors::<V, 4>(terms, forces.wrapping_add(mat), sums.add(mat), V::WIDTH);
                     mat += 4 * V::WIDTH;
-                    left -= 4 * V::WIDTH;
+                    n_left -= 4 * V::WIDTH;
                 }
                 let (forces, sums) = (forces.wrapping_add(mat), sums.add(mat));
-                let vectors = left.div_ceil(V::WIDTH);
-                let last = left - (vectors - 1) * V::WIDTH;
+                let vectors = n_left.div_ceil(V::WIDTH);
+                let last = n_left - (vectors - 1) * V::WIDTH;
                 match vectors {
                     1 => sum_vectors::<V, 1>(terms, forces, sums, last),
                     2 => sum_vectors::<V, 2>(terms, forces, sums, last),
@@ -305,16 +310,16 @@ unsafe fn set_forces<V: Vector, const PART: u8>(
 /// Set `force` to the sum of forces on each MAT [N], for springs in rows.
 pub(super) fn forces(
     rows: &Rows,
-    part: Part,
+    part: ForcePart,
     springs: &[Spring],
     motion: [&[f64]; 2],
-    link_forces: &mut [Line],
+    link_forces: &mut [CacheLine],
     force: &mut [f64],
 ) {
     match part {
-        Part::Elastic => part_forces::<ELASTIC>(rows, springs, motion, link_forces, force),
-        Part::Viscous => part_forces::<VISCOUS>(rows, springs, motion, link_forces, force),
-        Part::Total => part_forces::<TOTAL>(rows, springs, motion, link_forces, force),
+        ForcePart::Elastic => part_forces::<ELASTIC>(rows, springs, motion, link_forces, force),
+        ForcePart::Viscous => part_forces::<VISCOUS>(rows, springs, motion, link_forces, force),
+        ForcePart::Total => part_forces::<TOTAL>(rows, springs, motion, link_forces, force),
     }
 }
 
@@ -322,7 +327,7 @@ fn part_forces<const PART: u8>(
     rows: &Rows,
     springs: &[Spring],
     motion: [&[f64]; 2],
-    link_forces: &mut [Line],
+    link_forces: &mut [CacheLine],
     force: &mut [f64],
 ) {
     #[cfg(target_arch = "x86_64")]
@@ -353,7 +358,7 @@ pub(super) fn eight_lanes<const PART: u8>(
     rows: &Rows,
     springs: &[Spring],
     motion: [&[f64]; 2],
-    link_forces: &mut [Line],
+    link_forces: &mut [CacheLine],
     force: &mut [f64],
 ) {
     // SAFETY: the processor has the instructions.
@@ -366,7 +371,7 @@ pub(super) fn four_lanes<const PART: u8>(
     rows: &Rows,
     springs: &[Spring],
     motion: [&[f64]; 2],
-    link_forces: &mut [Line],
+    link_forces: &mut [CacheLine],
     force: &mut [f64],
 ) {
     // SAFETY: the processor has the instructions.
@@ -377,7 +382,7 @@ pub(super) fn scalar_lanes<const PART: u8>(
     rows: &Rows,
     springs: &[Spring],
     motion: [&[f64]; 2],
-    link_forces: &mut [Line],
+    link_forces: &mut [CacheLine],
     force: &mut [f64],
 ) {
     // SAFETY: every processor has the instructions.

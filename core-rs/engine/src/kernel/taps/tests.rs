@@ -25,10 +25,10 @@ fn sum_is_a_fixed_tree() {
         let lane_sum = |k: usize| body.x.iter().skip(k).step_by(8).fold(0.0, |sum, x| sum + x);
         let expected_sum = ((lane_sum(0) + lane_sum(4)) + (lane_sum(2) + lane_sum(6)))
             + ((lane_sum(1) + lane_sum(5)) + (lane_sum(3) + lane_sum(7)));
-        assert_eq!(sum(&body.x).to_bits(), expected_sum.to_bits(), "{n}");
+        assert_eq!(range_sum(&body.x).to_bits(), expected_sum.to_bits(), "{n}");
     }
-    assert_eq!(sum(&[]), 0.0);
-    assert_eq!(sum(&[-0.0]).to_bits(), (-0.0_f64).to_bits(), "one is itself");
+    assert_eq!(range_sum(&[]), 0.0);
+    assert_eq!(range_sum(&[-0.0]).to_bits(), (-0.0_f64).to_bits(), "one is itself");
 }
 
 #[test]
@@ -66,7 +66,7 @@ fn taps_have_signs_and_weights_of_terms() {
     let mut body = Body::new(&scheme, vec![0.5, 2.0], vec![0.0; 2]);
     body.link[link_index] = 4.5;
     let mut tap_frame = [f64::NAN];
-    tap(&scheme, &body, &mut tap_frame);
+    write_outputs(&scheme, &body, &mut tap_frame);
     // Positions 2.5; the link pulls b by −4.5; the force on the ground is 7·(0.5 − 0.25).
     assert_eq!(tap_frame, [25.0 - 450.0 + 1750.0]);
 }
@@ -91,6 +91,6 @@ fn taps_of_scattered_members_equal_a_row() {
     network.listen("row", vec![first]).unwrap();
     let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
     let mut tap_frame = [0.0; 2];
-    tap(&scheme, &body, &mut tap_frame);
+    write_outputs(&scheme, &body, &mut tap_frame);
     assert_eq!(tap_frame[0].to_bits(), tap_frame[1].to_bits());
 }

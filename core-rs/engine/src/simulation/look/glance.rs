@@ -18,10 +18,10 @@ pub struct Push {
 pub struct Glance {
     /// The frame.
     pub frame: u64,
-    /// Displacements, as [`Simulation::look`] writes them [m]   (2 · n_tracks)
+    /// Displacements, as [`Simulation::write_tracks`] writes them [m]   (2 · n_tracks)
     pub tracks: Vec<f64>,
     /// Position that the gesture of each key asks for [m]; NaN for keys without a running gesture   (n_keys)
-    pub asked: Vec<f64>,
+    pub gesture_positions: Vec<f64>,
     /// Strongest push of each contact since the last glance   (n_contacts)
     pub pushes: Vec<Push>,
     /// Whether each link that may break is broken   (n_breakable)
@@ -37,7 +37,7 @@ impl Glance {
         Self {
             frame: 0,
             tracks: vec![0.0; 2 * look.n_tracks()],
-            asked: vec![f64::NAN; simulation.plan.n_keys],
+            gesture_positions: vec![f64::NAN; simulation.plan.n_keys],
             pushes: vec![Push::default(); look.contacts.len()],
             is_broken: vec![false; look.breakable.len()],
             sparks: vec![Record::default(); simulation.sparks_max(look)],
@@ -53,22 +53,22 @@ impl Glance {
 
 impl Simulation {
     /// Fills `snapshot` with the state at this frame and the contacts and strikes since the last glance. Only copies.
-    pub fn glance(&mut self, look: &Look, snapshot: &mut Glance) {
-        snapshot.frame = self.frame;
-        self.look(look, &mut snapshot.tracks);
-        self.write_gesture_positions(&mut snapshot.asked);
-        snapshot.pushes.fill(Push::default());
-        let pushes = &mut snapshot.pushes;
+    pub fn fill_glance(&mut self, look: &Look, glance: &mut Glance) {
+        glance.frame = self.frame;
+        self.write_tracks(look, &mut glance.tracks);
+        self.write_gesture_positions(&mut glance.gesture_positions);
+        glance.pushes.fill(Push::default());
+        let pushes = &mut glance.pushes;
         self.take_contacts(look, |contact, frame, force| {
             pushes[contact] = Push { frame, force };
         });
-        let broken_links = &mut snapshot.is_broken;
-        self.look_at_breaks(look, |link, is_broken| broken_links[link] = is_broken);
-        snapshot.n_sparks = 0;
+        let broken_links = &mut glance.is_broken;
+        self.for_each_breakable(look, |link, is_broken| broken_links[link] = is_broken);
+        glance.n_sparks = 0;
         self.take_sparks(look, |spark| {
-            if let Some(spark_room) = snapshot.sparks.get_mut(snapshot.n_sparks) {
-                *spark_room = spark;
-                snapshot.n_sparks += 1;
+            if let Some(spark_slot) = glance.sparks.get_mut(glance.n_sparks) {
+                *spark_slot = spark;
+                glance.n_sparks += 1;
             }
         });
     }

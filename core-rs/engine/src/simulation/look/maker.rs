@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use super::{Contact, Look, Oscillation, Point, PointMotion, SeenBody, Source};
+use super::{Contact, Look, Oscillation, Point, PointMotion, TrackSource, VisibleBody};
 use crate::assembly::unit::{BankPlan, IslandPlan, to_network_index};
 use crate::bank::Oscillator;
 use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
@@ -17,10 +17,10 @@ const MODES_MAX: usize = 256;
 
 /// What is known of one MAT: how it moves, its rest position, its unit, and which numbers of the unit are its own.
 struct MatSource {
-    how: PointMotion,
+    motion: PointMotion,
     rest: f64,
-    index: usize,
-    from: Origin,
+    unit: usize,
+    origin: Origin,
 }
 
 /// What computes the position of a MAT, and the MAT's index there.
@@ -43,7 +43,7 @@ struct ModalBody {
 struct TrackedMode {
     oscillation: Oscillation,
     /// Its unit, and the index of its body in that unit; `None` if the unit is a bank of modes.
-    place: (usize, Option<usize>),
+    unit_and_body: (usize, Option<usize>),
     mode: usize,
     shape: Vec<f64>,
 }
@@ -52,21 +52,21 @@ struct TrackedMode {
 pub(super) struct LookMaker<'a> {
     network: &'a Network,
     rate: f64,
-    by_name: HashMap<String, usize>,
+    mats_by_name: HashMap<String, usize>,
     /// (n_mat)
     sources: Vec<Option<MatSource>>,
     bodies: Vec<ModalBody>,
     contacts: Vec<Contact>,
-    touched: Vec<(usize, Vec<Option<u32>>)>,
-    played: Vec<(usize, Option<Vec<u32>>)>,
+    contacts_by_unit: Vec<(usize, Vec<Option<u32>>)>,
+    gestures_by_unit: Vec<(usize, Option<Vec<u32>>)>,
     breakable: Vec<usize>,
     /// Index in `breakable` of the link between two MATs.
-    by_ends: HashMap<Ends, u32>,
-    breaking: Vec<(usize, Vec<(u32, u32)>)>,
+    breakable_by_ends: HashMap<NumberedEnds, u32>,
+    breakable_by_unit: Vec<(usize, Vec<(u32, u32)>)>,
 }
 
 /// Two MATs of the whole network, and the number of breakable links between them that come before this one.
-type Ends = (usize, usize, u32);
+type NumberedEnds = (usize, usize, u32);
 
 impl<'a> LookMaker<'a> {
     pub(super) fn new(network: &'a Network, rate: f64) -> Self {
@@ -89,33 +89,33 @@ impl<'a> LookMaker<'a> {
                 }
             })
         });
-        let (breakable, break_ends): (Vec<usize>, Vec<Ends>) = may_break(network, |mat| mat).unzip();
+        let (breakable, break_ends): (Vec<usize>, Vec<NumberedEnds>) = breakable_links(network, |mat| mat).unzip();
         Self {
-            by_ends: break_ends.into_iter().zip(0..).collect(),
+            breakable_by_ends: break_ends.into_iter().zip(0..).collect(),
             breakable,
-            breaking: Vec::new(),
+            breakable_by_unit: Vec::new(),
             network,
             rate,
-            by_name: (0..mat_count).map(|mat| (network.mat_name(mat), mat)).collect(),
+            mats_by_name: (0..mat_count).map(|mat| (network.mat_name(mat), mat)).collect(),
             sources: (0..mat_count).map(|_| None).collect(),
             bodies: Vec::new(),
             contacts: contacts.collect(),
-            touched: Vec::new(),
-            played: Vec::new(),
+            contacts_by_unit: Vec::new(),
+            gestures_by_unit: Vec::new(),
         }
     }
 
     fn network_index(&self, network: &Network, mat: usize) -> Option<usize> {
-        self.by_name.get(&network.mat_name(mat)).copied()
+        self.mats_by_name.get(&network.mat_name(mat)).copied()
     }
 
-    fn record(&mut self, mat: Option<usize>, source: MatSource) {
+    fn record_source(&mut self, mat: Option<usize>, source: MatSource) {
         if let Some(mat) = mat {
             self.sources[mat] = Some(source);
         }
     }
 
-    fn rest(&self, mat: usize) -> f64 {
+    fn rest_position(&self, mat: usize) -> f64 {
         let mats = self.network.mats();
         match mats.kind[mat] {
             MatKind::Cel => mats.rest[mat],
@@ -123,21 +123,21 @@ impl<'a> LookMaker<'a> {
         }
     }
 
-    fn record_sampled(&mut self, mat: Option<usize>, unit: usize, from: Origin) {
-        let rest = mat.map_or(0.0, |mat| self.rest(mat));
-        let how = PointMotion::Sampled;
-        self.record(
+    fn record_sampled(&mut self, mat: Option<usize>, unit: usize, origin: Origin) {
+        let rest = mat.map_or(0.0, |mat| self.rest_position(mat));
+        let motion = PointMotion::Sampled;
+        self.record_source(
             mat,
             MatSource {
-                how,
+                motion,
                 rest,
-                index: unit,
-                from,
+                unit,
+                origin,
             },
         );
     }
 
-    pub(super) fn island(&mut self, unit: usize, island: &IslandPlan) {
+    pub(super) fn add_island(&mut self, unit: usize, island: &IslandPlan) {
         let network = &*island.network;
         for (mat, kind) in network.mats().kind.iter().enumerate() {
             // A held point may be a guest of several islands; the first of them gives its position.
@@ -149,7 +149,7 @@ impl<'a> LookMaker<'a> {
         for (body_index, body_plan) in island.bodies.iter().enumerate() {
             match body_plan {
                 BodyPlan::Mesh(mesh) => {
-                    for mesh_mat in moving(&mesh.network) {
+                    for mesh_mat in moving_mats(&mesh.network) {
                         let mat = self.network_index(&mesh.network, mesh_mat);
                         self.record_sampled(mat, unit, Origin::Mesh(body_index, mesh_mat));
                     }
@@ -173,7 +173,7 @@ impl<'a> LookMaker<'a> {
                     let modes = modal.modes.iter();
                     let modes = modes.map(|mode| Oscillation::from_recurrence(mode.a, mode.b, modal.rate.hertz()));
                     if let Some(mode_shapes) = mode_shapes {
-                        self.body((unit, Some(body_index)), &modal.network, &mode_shapes, modes.collect());
+                        self.add_body((unit, Some(body_index)), &modal.network, &mode_shapes, modes.collect());
                     }
                 }
             }
@@ -190,31 +190,32 @@ impl<'a> LookMaker<'a> {
                 }
             }
         }
-        self.touched.push((unit, contacts));
+        self.contacts_by_unit.push((unit, contacts));
         if !island.timeline.gestures.is_empty() {
             let island_mats = island.network_indices.mats.clone();
-            self.played.push((unit, island_mats));
+            self.gestures_by_unit.push((unit, island_mats));
         }
-        let breaking: Vec<(u32, u32)> = may_break(network, |mat| to_network_index(&island.network_indices.mats, mat))
-            .filter_map(|(link, ends)| Some((link as u32, *self.by_ends.get(&ends)?)))
-            .collect();
-        self.breaking.push((unit, breaking));
+        let breaking: Vec<(u32, u32)> =
+            breakable_links(network, |mat| to_network_index(&island.network_indices.mats, mat))
+                .filter_map(|(link, ends)| Some((link as u32, *self.breakable_by_ends.get(&ends)?)))
+                .collect();
+        self.breakable_by_unit.push((unit, breaking));
     }
 
-    pub(super) fn bank(&mut self, unit: usize, bank: &BankPlan) {
+    pub(super) fn add_bank(&mut self, unit: usize, bank: &BankPlan) {
         let oscillation = |oscillator: &Oscillator| Oscillation::from_recurrence(oscillator.a, oscillator.b, self.rate);
         let oscillations: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
         if bank.mats_and_rests.len() == oscillations.len() && !oscillations.is_empty() {
-            for (cell, (&(mat, rest), &free)) in bank.mats_and_rests.iter().zip(&oscillations).enumerate() {
-                let from = Origin::Bank(cell);
-                let how = PointMotion::Free(free);
-                self.record(
+            for (cell, (&(mat, rest), &free_oscillation)) in bank.mats_and_rests.iter().zip(&oscillations).enumerate() {
+                let origin = Origin::Bank(cell);
+                let motion = PointMotion::Free(free_oscillation);
+                self.record_source(
                     Some(mat as usize),
                     MatSource {
-                        how,
+                        motion,
                         rest,
-                        index: unit,
-                        from,
+                        unit,
+                        origin,
                     },
                 );
             }
@@ -223,8 +224,8 @@ impl<'a> LookMaker<'a> {
         let rate = Rate::new(self.rate).ok();
         let (network, mode_shapes) = match (&bank.body, &bank.complex, rate) {
             (Some(bank_network), _, Some(rate)) => {
-                let modes_kept = (&bank.computed_modes[..], bank.rotation_mats.as_deref());
-                let mode_shapes = ModeShapes::new(bank_network, modes_kept, rate, ModalTransform::ToPositions);
+                let mode_selection = (&bank.computed_modes[..], bank.rotation_mats.as_deref());
+                let mode_shapes = ModeShapes::new(bank_network, mode_selection, rate, ModalTransform::ToPositions);
                 (bank_network.clone(), mode_shapes)
             }
             (_, Some((bank_network, parts)), Some(rate)) => {
@@ -233,14 +234,14 @@ impl<'a> LookMaker<'a> {
             _ => return,
         };
         if let Some(mode_shapes) = mode_shapes {
-            self.body((unit, None), &network, &mode_shapes, oscillations);
+            self.add_body((unit, None), &network, &mode_shapes, oscillations);
         }
     }
 
     /// Adds a body by its modes, or more modes of a body that is known already.
-    fn body(
+    fn add_body(
         &mut self,
-        place: (usize, Option<usize>),
+        unit_and_body: (usize, Option<usize>),
         network: &Arc<Network>,
         mode_shapes: &ModeShapes,
         modes: Vec<Oscillation>,
@@ -253,21 +254,21 @@ impl<'a> LookMaker<'a> {
         let known_body = mats
             .iter()
             .flatten()
-            .find_map(|&mat| match self.sources[mat].as_ref()?.how {
+            .find_map(|&mat| match self.sources[mat].as_ref()?.motion {
                 PointMotion::Modal(body) => Some(body),
                 _ => None,
             });
         let body_index = known_body.unwrap_or(self.bodies.len());
         if known_body.is_none() {
             for (&mat, &rest) in mats.iter().zip(mode_shapes.rest()) {
-                let (how, from) = (PointMotion::Modal(body_index), Origin::Body);
-                self.record(
+                let (motion, origin) = (PointMotion::Modal(body_index), Origin::Body);
+                self.record_source(
                     mat,
                     MatSource {
-                        how,
+                        motion,
                         rest,
-                        index: place.0,
-                        from,
+                        unit: unit_and_body.0,
+                        origin,
                     },
                 );
             }
@@ -279,12 +280,12 @@ impl<'a> LookMaker<'a> {
                 modes: Vec::new(),
             });
         }
-        let mode_pairs = modes.into_iter().enumerate().take(mode_shapes.n_modes());
+        let indexed_modes = modes.into_iter().enumerate().take(mode_shapes.n_modes());
         self.bodies[body_index]
             .modes
-            .extend(mode_pairs.map(|(mode, oscillation)| TrackedMode {
+            .extend(indexed_modes.map(|(mode, oscillation)| TrackedMode {
                 oscillation,
-                place,
+                unit_and_body,
                 mode,
                 shape: mode_shapes.shape(mode).to_vec(),
             }));
@@ -293,26 +294,26 @@ impl<'a> LookMaker<'a> {
     pub(super) fn finish(mut self, plan: Arc<Plan>) -> Look {
         let mats = self.network.mats();
         let mut points: Vec<Point> = Vec::new();
-        for (mat, is_space_end) in held_in_space(self.network).into_iter().enumerate() {
+        for (mat, is_space_end) in space_link_ends(self.network).into_iter().enumerate() {
             if mats.kind[mat] == MatKind::Sol && !is_space_end {
                 continue;
             }
-            let (how, rest) = match &self.sources[mat] {
-                Some(source) => (source.how, source.rest),
+            let (motion, rest) = match &self.sources[mat] {
+                Some(source) => (source.motion, source.rest),
                 None => {
                     let is_unmoved = plan.motionless_mats.binary_search(&(mat as u32)).is_ok();
                     let is_moved = mats.kind[mat] != MatKind::Sol && !is_unmoved;
-                    (PointMotion::NotComputed { is_moved }, self.rest(mat))
+                    (PointMotion::NotComputed { is_moved }, self.rest_position(mat))
                 }
             };
             points.push(Point {
                 mat,
                 part: mats.part[mat] as usize,
                 rest,
-                how,
+                motion,
             });
         }
-        points.sort_by_key(|point| (point.part, kind(point.how), point.mat));
+        points.sort_by_key(|point| (point.part, point_sort_key(point.motion), point.mat));
         let point_numbers: HashMap<usize, usize> = (points.iter().enumerate())
             .map(|(point_index, point)| (point.mat, point_index))
             .collect();
@@ -320,16 +321,17 @@ impl<'a> LookMaker<'a> {
         for body in &mut self.bodies {
             let mode_count = body.modes.len();
             let by_pitch = |a: &TrackedMode, b: &TrackedMode| {
-                (a.oscillation.omega.total_cmp(&b.oscillation.omega)).then((a.place, a.mode).cmp(&(b.place, b.mode)))
+                (a.oscillation.omega.total_cmp(&b.oscillation.omega))
+                    .then((a.unit_and_body, a.mode).cmp(&(b.unit_and_body, b.mode)))
             };
             body.modes.sort_by(by_pitch);
             body.modes.truncate(MODES_MAX);
             let body_modes = &body.modes;
             let shape_rows = body.mats.iter();
-            bodies.push(SeenBody {
+            bodies.push(VisibleBody {
                 n_modes: mode_count,
                 modes: body_modes.iter().map(|mode| mode.oscillation).collect(),
-                first: n_modes,
+                first_mode: n_modes,
                 points: body.mats.iter().map(|(mat, _)| point_numbers[mat]).collect(),
                 shapes: shape_rows
                     .flat_map(|&(_, row)| body_modes.iter().map(move |mode| mode.shape[row]))
@@ -343,63 +345,67 @@ impl<'a> LookMaker<'a> {
             contacts: self.contacts,
             plan,
             n_modes,
-            contacts_by_unit: self.touched,
-            gestures_by_unit: self.played,
+            contacts_by_unit: self.contacts_by_unit,
+            gestures_by_unit: self.gestures_by_unit,
             breakable: self.breakable,
-            breakable_by_unit: self.breaking,
+            breakable_by_unit: self.breakable_by_unit,
             points,
         }
     }
 
     /// Where the numbers of points and modes come from, grouped by source.
-    fn sources(&self, points: &[Point], bodies: &[SeenBody]) -> Vec<(usize, Source)> {
-        type Key = (usize, u8, usize);
-        let mut source_by_key: BTreeMap<Key, Source> = BTreeMap::new();
+    fn sources(&self, points: &[Point], bodies: &[VisibleBody]) -> Vec<(usize, TrackSource)> {
+        type SourceKey = (usize, u8, usize);
+        let mut source_by_key: BTreeMap<SourceKey, TrackSource> = BTreeMap::new();
         for (point_index, point) in points.iter().enumerate() {
             let (Some(recorded), track) = (&self.sources[point.mat], point_index as u32) else {
                 continue;
             };
-            let (source_key, index) = match recorded.from {
-                Origin::Mass(index) => ((recorded.index, 0, 0), index),
-                Origin::Mesh(body, index) => ((recorded.index, 1, body), index),
-                Origin::Slow(body, index) => ((recorded.index, 2, body), index),
-                Origin::Bank(index) => ((recorded.index, 3, 0), index),
+            let (source_key, index) = match recorded.origin {
+                Origin::Mass(index) => ((recorded.unit, 0, 0), index),
+                Origin::Mesh(body, index) => ((recorded.unit, 1, body), index),
+                Origin::Slow(body, index) => ((recorded.unit, 2, body), index),
+                Origin::Bank(index) => ((recorded.unit, 3, 0), index),
                 Origin::Body => continue,
             };
-            let source = source_by_key.entry(source_key).or_insert_with(|| match recorded.from {
-                Origin::Mass(_) => Source::Masses(Vec::new()),
-                Origin::Mesh(body, _) => Source::Mesh(body, Vec::new()),
-                Origin::Slow(body, _) => Source::Slow(body, Vec::new()),
-                Origin::Bank(_) | Origin::Body => Source::Bank(Vec::new()),
-            });
+            let source = source_by_key
+                .entry(source_key)
+                .or_insert_with(|| match recorded.origin {
+                    Origin::Mass(_) => TrackSource::Masses(Vec::new()),
+                    Origin::Mesh(body, _) => TrackSource::Mesh(body, Vec::new()),
+                    Origin::Slow(body, _) => TrackSource::Slow(body, Vec::new()),
+                    Origin::Bank(_) | Origin::Body => TrackSource::Bank(Vec::new()),
+                });
             match source {
-                Source::Masses(all) | Source::Mesh(_, all) | Source::Slow(_, all) => {
-                    all.push((index as u32, track, point.rest));
+                TrackSource::Masses(mat_tracks)
+                | TrackSource::Mesh(_, mat_tracks)
+                | TrackSource::Slow(_, mat_tracks) => {
+                    mat_tracks.push((index as u32, track, point.rest));
                 }
-                Source::Bank(all) => all.push((index as u32, track)),
-                Source::Modes(..) => {}
+                TrackSource::Bank(oscillator_tracks) => oscillator_tracks.push((index as u32, track)),
+                TrackSource::Modes(..) => {}
             }
         }
-        let mut sources: Vec<(usize, Source)> = source_by_key
+        let mut sources: Vec<(usize, TrackSource)> = source_by_key
             .into_iter()
             .map(|((unit_index, _, _), source)| (unit_index, source))
             .collect();
         for (recorded, body) in self.bodies.iter().zip(bodies) {
-            let mut by_place = BTreeMap::<_, Vec<(u32, u32)>>::new();
-            for (mode, track) in recorded.modes.iter().zip(points.len() + body.first..) {
-                let place_tracks = by_place.entry(mode.place).or_default();
-                place_tracks.push((mode.mode as u32, track as u32));
+            let mut tracks_by_body = BTreeMap::<_, Vec<(u32, u32)>>::new();
+            for (mode, track) in recorded.modes.iter().zip(points.len() + body.first_mode..) {
+                let body_tracks = tracks_by_body.entry(mode.unit_and_body).or_default();
+                body_tracks.push((mode.mode as u32, track as u32));
             }
-            for ((unit_index, place), pairs) in by_place {
-                let source = match place {
-                    None => Source::Bank(pairs),
-                    Some(place) => {
-                        let last_mode = pairs.iter().map(|(mode, _)| *mode as usize).max();
+            for ((unit_index, body_index), mode_and_tracks) in tracks_by_body {
+                let source = match body_index {
+                    None => TrackSource::Bank(mode_and_tracks),
+                    Some(body_index) => {
+                        let last_mode = mode_and_tracks.iter().map(|(mode, _)| *mode as usize).max();
                         let mut mode_tracks = vec![None; last_mode.map_or(0, |last_mode| last_mode + 1)];
-                        pairs
+                        mode_and_tracks
                             .iter()
                             .for_each(|(mode, track)| mode_tracks[*mode as usize] = Some(*track));
-                        Source::Modes(place, mode_tracks)
+                        TrackSource::Modes(body_index, mode_tracks)
                     }
                 };
                 sources.push((unit_index, source));
@@ -410,8 +416,8 @@ impl<'a> LookMaker<'a> {
 }
 
 /// Sort key of points within a part.
-fn kind(how: PointMotion) -> (u8, usize) {
-    match how {
+fn point_sort_key(motion: PointMotion) -> (u8, usize) {
+    match motion {
         PointMotion::Free(_) => (0, 0),
         PointMotion::Sampled => (1, 0),
         PointMotion::Modal(body) => (2, body),
@@ -420,12 +426,15 @@ fn kind(how: PointMotion) -> (u8, usize) {
 }
 
 /// LIAs that may break, each with its ends as MATs of the whole network.
-fn may_break(network: &Network, to_whole: impl Fn(usize) -> usize) -> impl Iterator<Item = (usize, Ends)> {
+fn breakable_links(
+    network: &Network,
+    to_network: impl Fn(usize) -> usize,
+) -> impl Iterator<Item = (usize, NumberedEnds)> {
     let mut pair_counts: HashMap<(usize, usize), u32> = HashMap::new();
     let breaking_runs = network.runs().iter().filter(|run| run.kind.may_break());
     let breaking_links = breaking_runs.flat_map(|run| (0..run.len).map(move |i| (run.first + i, run.pair(i, 0))));
     breaking_links.map(move |(link, (first_end, second_end))| {
-        let (first_end, second_end) = (to_whole(first_end), to_whole(second_end));
+        let (first_end, second_end) = (to_network(first_end), to_network(second_end));
         let next_number = pair_counts.entry((first_end, second_end)).or_default();
         *next_number += 1;
         (link, (first_end, second_end, *next_number - 1))
@@ -433,7 +442,7 @@ fn may_break(network: &Network, to_whole: impl Fn(usize) -> usize) -> impl Itera
 }
 
 /// Whether a MAT belongs to a link in space: a fixed point is seen only if a link in space holds on to it   (n_mat)
-fn held_in_space(network: &Network) -> Vec<bool> {
+fn space_link_ends(network: &Network) -> Vec<bool> {
     let mut is_space_end = vec![false; network.n_mat()];
     for run in network.runs().iter().filter(|run| run.n_axes() > 1) {
         for (a, b) in (0..run.len).flat_map(|i| run.pairs(i)) {
@@ -443,7 +452,7 @@ fn held_in_space(network: &Network) -> Vec<bool> {
     is_space_end
 }
 
-fn moving(network: &Network) -> Vec<usize> {
+fn moving_mats(network: &Network) -> Vec<usize> {
     let mat_kinds = network.mats().kind.iter().enumerate();
     mat_kinds.filter(|(_, kind)| kind.moves()).map(|(mat, _)| mat).collect()
 }

@@ -35,20 +35,23 @@ impl Oscillation {
 
     /// The coefficients a and b of its motion from now on; `now` is its displacement [m], `before` that of `step` [s]
     /// earlier.
-    pub fn phase(&self, now: f64, before: f64, step: f64) -> (f64, f64) {
-        let step_angle = self.omega * step;
-        let undamped_before = before * maths::exp(-self.sigma * step);
+    pub fn coefficients(&self, displacement: f64, displacement_before: f64, step_seconds: f64) -> (f64, f64) {
+        let step_angle = self.omega * step_seconds;
+        let undamped_displacement_before = displacement_before * maths::exp(-self.sigma * step_seconds);
         if self.omega == 0.0 {
-            return (now, (now - undamped_before) / step);
+            return (
+                displacement,
+                (displacement - undamped_displacement_before) / step_seconds,
+            );
         }
         (
-            now,
-            (now * maths::cos(step_angle) - undamped_before) / maths::sin(step_angle),
+            displacement,
+            (displacement * maths::cos(step_angle) - undamped_displacement_before) / maths::sin(step_angle),
         )
     }
 
     /// The coefficients a and b `t` [s] later; `t` may be negative.
-    pub fn later(&self, (a, b): (f64, f64), t: f64) -> (f64, f64) {
+    pub fn coefficients_after(&self, (a, b): (f64, f64), t: f64) -> (f64, f64) {
         let decay_factor = maths::exp(-self.sigma * t);
         if self.omega == 0.0 {
             return (decay_factor * (a + b * t), decay_factor * b);

@@ -11,7 +11,7 @@ use crate::simulation::group::{GROUPS_MAX, RunningUnit};
 
 /// What the units of a plan depend on, each computed when its first key is asked for.
 #[derive(Clone, Debug)]
-pub(in crate::simulation) struct Contents(Arc<[OnceLock<UnitContent>]>);
+pub(in crate::simulation) struct UnitContents(Arc<[OnceLock<UnitContent>]>);
 
 #[derive(Clone, Debug)]
 enum UnitContent {
@@ -19,7 +19,7 @@ enum UnitContent {
     Bank(BankContent),
 }
 
-impl Contents {
+impl UnitContents {
     pub(in crate::simulation) fn new(plan: &Plan) -> Self {
         Self(plan.units.iter().map(|_| OnceLock::new()).collect())
     }
@@ -28,19 +28,19 @@ impl Contents {
 impl Simulation {
     /// A hash of everything that determines a unit up to the last of `frames` (64 hex digits); `before` is the hash up
     /// to the first of `frames`, or empty if that is 0.
-    pub(super) fn unit_key(&self, unit: usize, frames: (u64, u64), before: &str) -> String {
+    pub(super) fn unit_key(&self, unit: usize, frames: (u64, u64), previous_key: &str) -> String {
         let unit_plan = &self.plan.units[unit];
-        match (unit_plan, self.content(unit)) {
+        match (unit_plan, self.unit_content(unit)) {
             (ComputationUnit::IslandPlan(island_plan), UnitContent::Island(content)) => {
-                content.key(island_plan, frames, before)
+                content.key(island_plan, frames, previous_key)
             }
-            (ComputationUnit::Bank(bank), UnitContent::Bank(content)) => content.key(bank, frames, before),
+            (ComputationUnit::Bank(bank), UnitContent::Bank(content)) => content.key(bank, frames, previous_key),
             _ => String::new(),
         }
     }
 
-    fn content(&self, unit: usize) -> &UnitContent {
-        self.contents.0[unit].get_or_init(|| match &self.plan.units[unit] {
+    fn unit_content(&self, unit: usize) -> &UnitContent {
+        self.unit_contents.0[unit].get_or_init(|| match &self.plan.units[unit] {
             ComputationUnit::IslandPlan(island_plan) => UnitContent::Island(Box::new(Content::new(island_plan))),
             ComputationUnit::Bank(bank) => UnitContent::Bank(BankContent::new(bank, self.plan.timeline_rate)),
         })
@@ -50,10 +50,10 @@ impl Simulation {
     ///
     /// Outputs of two simulations with the same hash have the same samples up to there. Units that are silent up to
     /// there do not count, so notes that are not played change no hash; where nothing else is heard, the hash is empty.
-    pub fn output_keys(&self, stops: &[u64]) -> Vec<Vec<String>> {
+    pub fn output_keys(&self, stop_frames: &[u64]) -> Vec<Vec<String>> {
         let plan = &*self.plan;
-        let still = plan.network.outputs().iter().zip(&plan.output_offsets);
-        let start_keys: Vec<String> = still
+        let output_and_offset = plan.network.outputs().iter().zip(&plan.output_offsets);
+        let start_keys: Vec<String> = output_and_offset
             .map(|(output, still)| {
                 format!(
                     "{:?} {} {:x}",
@@ -63,22 +63,22 @@ impl Simulation {
                 )
             })
             .collect();
-        let mut keys_by_stop = vec![start_keys; stops.len()];
-        let starts_silent = plan.output_offsets.iter().map(|still| *still == 0.0).collect();
-        let mut silent_outputs: Vec<Vec<bool>> = vec![starts_silent; stops.len()];
+        let mut keys_by_stop = vec![start_keys; stop_frames.len()];
+        let silent_at_start = plan.output_offsets.iter().map(|still| *still == 0.0).collect();
+        let mut silent_outputs: Vec<Vec<bool>> = vec![silent_at_start; stop_frames.len()];
         // Sums are rounded group by group.
-        let mut last_group = vec![vec![None; plan.output_offsets.len()]; stops.len()];
-        let running: Vec<&RunningUnit> = self.units().map(|(running, _)| running).collect();
+        let mut last_group = vec![vec![None; plan.output_offsets.len()]; stop_frames.len()];
+        let running_units: Vec<&RunningUnit> = self.units().map(|(running, _)| running).collect();
         for (group, units) in plan.groups(GROUPS_MAX).into_iter().enumerate() {
             for unit in units.filter(|unit| *unit < plan.n_heard_units) {
                 let outputs = self.outputs_of(unit);
-                let silent_until = match (running[unit], &plan.units[unit]) {
+                let silent_until = match (running_units[unit], &plan.units[unit]) {
                     (RunningUnit::Island(island), _) => island.silent_until(),
                     (_, ComputationUnit::Bank(bank)) => bank.silent_until_frame(),
                     _ => 0,
                 };
                 let (mut last_stop, mut key_before) = (0, String::new());
-                for (stop_index, &stop) in stops.iter().enumerate() {
+                for (stop_index, &stop) in stop_frames.iter().enumerate() {
                     key_before = self.unit_key(unit, (last_stop, stop), &key_before);
                     last_stop = stop;
                     if stop <= silent_until {
@@ -106,7 +106,7 @@ impl Simulation {
 
     /// Outputs of the scene that hear a unit, in its order.
     fn outputs_of(&self, unit: usize) -> Vec<usize> {
-        match (&self.plan.units[unit], self.content(unit)) {
+        match (&self.plan.units[unit], self.unit_content(unit)) {
             (ComputationUnit::IslandPlan(island_plan), _) => island_plan.scene_outputs().collect(),
             (ComputationUnit::Bank(_), UnitContent::Bank(content)) => {
                 content.outputs.iter().map(|&output| output as usize).collect()

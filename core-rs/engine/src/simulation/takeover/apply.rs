@@ -12,30 +12,32 @@ impl Simulation {
     /// Transfer the state of `old`, consuming it. Returns false, and transfers nothing, if the two are at different
     /// frames or have other plans than those that `takeover` was made for. Does not allocate.
     pub fn take_over(&mut self, old: &mut Self, takeover: &mut Takeover) -> bool {
-        let is_made_for =
-            |[before, after]: &[Arc<Plan>; 2]| Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan);
+        let is_made_for = |[old_plan, new_plan]: &[Arc<Plan>; 2]| {
+            Arc::ptr_eq(old_plan, &old.plan) && Arc::ptr_eq(new_plan, &self.plan)
+        };
         // A takeover without plans (`Takeover::default`) transfers no modules: the new simulation begins anew.
         if self.frame != old.frame || !takeover.plans.as_ref().is_none_or(is_made_for) {
             return false;
         }
-        self.derivatives.take_over(&old.derivatives, &takeover.outputs);
+        self.derivatives
+            .take_over(&old.derivatives, &takeover.new_output_indices);
         self.sounds_in.take_over(&old.sounds_in);
-        for &(old_unit, new_unit) in &takeover.units {
-            match (self.playing(new_unit), old.playing(old_unit)) {
+        for &(old_unit, new_unit) in &takeover.same_units {
+            match (self.unit_mut(new_unit), old.unit_mut(old_unit)) {
                 (RunningUnit::Island(running), RunningUnit::Island(old_island)) => running.continue_from(old_island),
                 (RunningUnit::Bank(running), RunningUnit::Bank(old_bank)) => running.continue_from(old_bank),
                 _ => {}
             }
         }
-        for &(old_unit, new_unit, n) in &takeover.modes {
+        for &(old_unit, new_unit, mode_count) in &takeover.same_mode_banks {
             if let (RunningUnit::Bank(running), RunningUnit::Bank(old)) =
-                (self.playing(new_unit), old.playing(old_unit))
+                (self.unit_mut(new_unit), old.unit_mut(old_unit))
             {
-                (0..n).for_each(|mode| running.copy_motion(mode, old, mode));
+                (0..mode_count).for_each(|mode| running.copy_motion(mode, old, mode));
             }
         }
         let Takeover {
-            mats,
+            mat_pairs: mats,
             old_bodies: from,
             new_bodies: to,
             workspace,
@@ -43,18 +45,18 @@ impl Simulation {
         } = takeover;
         from.iter().for_each(|body| body.read_masses(old, workspace));
         for &(old_location, new_location) in &*mats {
-            self.pass(old, workspace, old_location, new_location);
+            self.transfer_mat_motion(old, workspace, old_location, new_location);
         }
         to.iter_mut().for_each(|body| body.write_masses(self, workspace));
         for (old_unit, new_unit, item) in &takeover.items {
             if let (RunningUnit::Island(running), RunningUnit::Island(old)) =
-                (self.playing(*new_unit), old.playing(*old_unit))
+                (self.unit_mut(*new_unit), old.unit_mut(*old_unit))
             {
                 running.take_over(item, old);
             }
         }
         for &unit in &takeover.placed_islands {
-            if let RunningUnit::Island(island) = self.playing(unit) {
+            if let RunningUnit::Island(island) = self.unit_mut(unit) {
                 island.place();
             }
         }
@@ -79,42 +81,48 @@ impl Simulation {
         }
     }
 
-    pub(in crate::simulation) fn playing(&mut self, (group, unit): UnitIndex) -> &mut RunningUnit {
+    pub(in crate::simulation) fn unit_mut(&mut self, (group, unit): UnitIndex) -> &mut RunningUnit {
         &mut self.groups[group].units[unit]
     }
 
     /// Transfers the motion of one MAT.
-    fn pass(&mut self, old: &mut Self, workspace: &mut Workspace, from: MatLocation, to: MatLocation) {
-        let mat_motion = match from {
-            MatLocation::Workspace(slot) => workspace.mats[slot],
-            MatLocation::Island(unit_index, mat) => match old.playing(unit_index) {
+    fn transfer_mat_motion(
+        &mut self,
+        old: &mut Self,
+        workspace: &mut Workspace,
+        old_location: MatLocation,
+        new_location: MatLocation,
+    ) {
+        let mat_motion = match old_location {
+            MatLocation::Workspace(slot) => workspace.mass_motions[slot],
+            MatLocation::Island(unit_index, mat) => match old.unit_mut(unit_index) {
                 RunningUnit::Island(island) => island.motion(mat),
                 RunningUnit::Bank(_) => return,
             },
-            MatLocation::Bank(unit_index, old_oscillator, rest) => match old.playing(unit_index) {
+            MatLocation::Bank(unit_index, old_oscillator, old_rest) => match old.unit_mut(unit_index) {
                 RunningUnit::Bank(bank) => {
-                    if let MatLocation::Bank(unit_index, new_oscillator, rest_here) = to
-                        && rest_here == rest
-                        && let RunningUnit::Bank(new_bank) = self.playing(unit_index)
+                    if let MatLocation::Bank(unit_index, new_oscillator, new_rest) = new_location
+                        && new_rest == old_rest
+                        && let RunningUnit::Bank(new_bank) = self.unit_mut(unit_index)
                     {
                         new_bank.copy_motion(new_oscillator, bank, old_oscillator);
                         return;
                     }
                     let (displacement, displacement_before) = bank.motion(old_oscillator);
-                    (displacement + rest, displacement - displacement_before)
+                    (displacement + old_rest, displacement - displacement_before)
                 }
                 RunningUnit::Island(_) => return,
             },
         };
-        match to {
-            MatLocation::Workspace(slot) => workspace.mats[slot] = mat_motion,
+        match new_location {
+            MatLocation::Workspace(slot) => workspace.mass_motions[slot] = mat_motion,
             MatLocation::Island(unit_index, mat) => {
-                if let RunningUnit::Island(island) = self.playing(unit_index) {
+                if let RunningUnit::Island(island) = self.unit_mut(unit_index) {
                     island.set_motion(mat, mat_motion);
                 }
             }
             MatLocation::Bank(unit_index, oscillator, rest) => {
-                if let RunningUnit::Bank(bank) = self.playing(unit_index) {
+                if let RunningUnit::Bank(bank) = self.unit_mut(unit_index) {
                     let displacement = mat_motion.0 - rest;
                     bank.set_motion(oscillator, (displacement, displacement - mat_motion.1));
                 }

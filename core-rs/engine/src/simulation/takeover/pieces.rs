@@ -7,14 +7,19 @@ use super::Takeover;
 use crate::assembly::unit::IslandPlan;
 use crate::island::written_hand::voice::{VoiceTakeover, shared};
 use crate::island::{Island, ItemTakeover};
-use crate::simulation::side::{Side, UnitIndex};
+use crate::simulation::side::{TakeoverSide, UnitIndex};
 
 /// A voice of an old island: the island's unit, the island, its plan, and the index of the voice.
 type OldVoice<'a> = (UnitIndex, &'a Island, &'a IslandPlan, usize);
 
 impl Takeover {
     /// Matches voices by the MATs that they strike, and the reports of the gestures that both have.
-    pub(super) fn voices(&mut self, old_side: &Side<'_>, new_side: &Side<'_>, n: u64) {
+    pub(super) fn match_voices(
+        &mut self,
+        old_side: &TakeoverSide<'_>,
+        new_side: &TakeoverSide<'_>,
+        takeover_frame: u64,
+    ) {
         let mut voices_by_name: HashMap<(String, bool), Vec<OldVoice<'_>>> = HashMap::new();
         for &(old_unit, island, island_plan) in &old_side.islands {
             for (old_voice_index, voice_script) in island.script().voices.iter().enumerate() {
@@ -27,7 +32,7 @@ impl Takeover {
         }
         for &(new_unit, island, island_plan) in &new_side.islands {
             let island_script = island.script();
-            let takeover_step = island.step_at(n);
+            let takeover_step = island.step_at(takeover_frame);
             for (new_voice_index, voice_script) in island_script.voices.iter().enumerate() {
                 let voice_name = (island_plan.network.mat_name(voice_script.struck), voice_script.is_layer);
                 let Some(candidates) = voices_by_name.get_mut(&voice_name) else {
@@ -78,7 +83,7 @@ impl Takeover {
                     .iter()
                     .filter(|index_pair| old.gestures[index_pair.0].join_from <= takeover_step);
                 for &(old_gesture, new_gesture) in begun_gestures {
-                    let is_same_unit = self.units.contains(&(old_unit, new_unit));
+                    let is_same_unit = self.same_units.contains(&(old_unit, new_unit));
                     let report = ItemTakeover::Report(old_gesture, new_gesture, is_same_unit);
                     self.items.push((old_unit, new_unit, report));
                 }
@@ -94,7 +99,7 @@ impl Takeover {
     }
 
     /// Matches delayed ports by their names.
-    fn ports(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) {
+    fn match_ports(&mut self, old_side: &TakeoverSide<'_>, new_side: &TakeoverSide<'_>) {
         let mut old_ports: HashMap<String, (UnitIndex, usize)> = HashMap::new();
         for &(old_unit, island, island_plan) in &old_side.islands {
             for (index, binding) in island.script().port_bindings.iter().enumerate() {
@@ -114,7 +119,7 @@ impl Takeover {
 
     /// Matches gates by their links, hands by their MATs, and, in islands that are the same, the parts that may be
     /// muted.
-    pub(super) fn match_gates_hands_and_parts(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) {
+    pub(super) fn match_gates_hands_and_parts(&mut self, old_side: &TakeoverSide<'_>, new_side: &TakeoverSide<'_>) {
         let mut old_gates = HashMap::new();
         let mut old_hands: HashMap<String, Vec<(UnitIndex, usize)>> = HashMap::new();
         for &(old_unit, island, island_plan) in &old_side.islands {
@@ -140,7 +145,7 @@ impl Takeover {
             side_islands.find_map(unit_with_link)
         };
         let unit_origins: HashMap<UnitIndex, UnitIndex> = self
-            .units
+            .same_units
             .iter()
             .map(|&(old_unit, new_unit)| (new_unit, old_unit))
             .collect();
@@ -168,9 +173,9 @@ impl Takeover {
                 }
             }
         }
-        self.ports(old_side, new_side);
-        for &(old_unit, new_unit) in &self.units.clone() {
-            let network_of = |side: &Side<'_>, unit: UnitIndex| {
+        self.match_ports(old_side, new_side);
+        for &(old_unit, new_unit) in &self.same_units.clone() {
+            let network_of = |side: &TakeoverSide<'_>, unit: UnitIndex| {
                 let mut side_islands = side.islands.iter();
                 side_islands
                     .find(|island| island.0 == unit)

@@ -111,7 +111,7 @@ impl Player {
             let hand_position = hand_source.follow(hand_position);
             self.stage
                 .simulation
-                .hold(hand_index, hand_position * stage_hand.reach, None);
+                .set_hand_position(hand_index, hand_position * stage_hand.reach, None);
         }
     }
 

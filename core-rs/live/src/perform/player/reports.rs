@@ -71,7 +71,7 @@ impl Player {
         if is_increased {
             self.send_event(EventKind::Finer);
         }
-        let gained_count = self.stage.simulation.n_gains() as u32;
+        let gained_count = self.stage.simulation.n_energy_gains() as u32;
         let is_increased = gained_count > self.status.n_gains;
         self.status.n_gains = gained_count;
         if is_increased {

@@ -106,7 +106,7 @@ fn changes_act_at_their_frames() {
             }
         }
         for hand in 0..2 {
-            offline.hold(hand, 1e-6 * (tick % 1_000) as f64, None);
+            offline.set_hand_position(hand, 1e-6 * (tick % 1_000) as f64, None);
         }
         let (mut listened, mut mixed_sound) = (vec![0.0; EVERY], vec![0.0; 2 * EVERY]);
         offline.process(&mut listened).unwrap();
@@ -208,7 +208,7 @@ fn finer_frames_are_reported_once() {
     }
     let plan = Plan::plain(Arc::new(network), &timeline, false).unwrap();
     let stage = Stage {
-        simulation: Simulation::planned(Arc::new(plan), OPTIONS).unwrap(),
+        simulation: Simulation::from_plan(Arc::new(plan), OPTIONS).unwrap(),
         hands: Vec::new(),
         ..stage()
     };

@@ -36,7 +36,7 @@ fn fold_sounds_to_its_end() {
     let (mut listened, mut mixed_sound) = (vec![0.0; n_frames], vec![0.0; 2 * n_frames]);
     for (tick, listened) in listened.chunks_mut(EVERY).enumerate() {
         for hand in 0..2 {
-            offline.hold(hand, 1e-6 * (tick % 1_000) as f64, None);
+            offline.set_hand_position(hand, 1e-6 * (tick % 1_000) as f64, None);
         }
         offline.process(listened).unwrap();
     }
@@ -66,7 +66,7 @@ fn pushed_by_sound() -> Simulation {
     let sound_input = timeline.sound_in(settings, &[]).unwrap();
     timeline.drive_by_sound(2, DriveKind::Force, sound_input, 1.0).unwrap();
     let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
-    Simulation::planned(Arc::new(plan), OPTIONS).unwrap()
+    Simulation::from_plan(Arc::new(plan), OPTIONS).unwrap()
 }
 
 /// An input with gaps: the sound equals that of the piece with the recorded file as its input, and no tick allocates.
@@ -148,7 +148,7 @@ fn strikes_and_a_file_of_sound_do_not_allocate() {
     timeline.strike_point(&network, 2, 7, Some(0.0)).unwrap();
     let plan = Plan::plain(network, &timeline, false).unwrap();
     let stage = Stage {
-        simulation: Simulation::planned(Arc::new(plan), OPTIONS).unwrap(),
+        simulation: Simulation::from_plan(Arc::new(plan), OPTIONS).unwrap(),
         hands: Vec::new(),
         ..stage()
     };

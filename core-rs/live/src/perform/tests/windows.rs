@@ -98,7 +98,7 @@ fn pages_receive_positions_of_the_engine() {
     }
 
     // Positions of points, as read by the reader of files.
-    let look = simulation.looked_at();
+    let look = simulation.make_look();
     let motion_file = MotionFile::new(message_bytes).expect("a motion file");
     let displacements = motion_file.displacements(&seconds).expect("frames");
     let mut second_fork = simulation.fork();
@@ -110,7 +110,7 @@ fn pages_receive_positions_of_the_engine() {
     for (row, &frame) in displacements.chunks(n).zip(&picture_frames) {
         let frames_left = (frame - second_fork.frame()) as usize;
         second_fork.process(&mut vec![0.0; frames_left]).unwrap();
-        second_fork.glance(&look, &mut glance);
+        second_fork.fill_glance(&look, &mut glance);
         for run in runs(&look) {
             let (worst_error, peak_swing) = error_by_kind.entry(run.kind).or_default();
             for index in run.points.clone() {
@@ -118,7 +118,7 @@ fn pages_receive_positions_of_the_engine() {
                     None => glance.tracks[index],
                     Some(body) => {
                         let row = &body.shapes[(index - run.points.start) * body.modes.len()..];
-                        let mode_tracks = &glance.tracks[n + body.first..];
+                        let mode_tracks = &glance.tracks[n + body.first_mode..];
                         row.iter()
                             .zip(&mode_tracks[..body.modes.len()])
                             .map(|(a, b)| a * b)

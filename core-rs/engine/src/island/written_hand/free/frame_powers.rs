@@ -1,7 +1,7 @@
 //! Many frames of a linear key at once: one frame is an affine map, and its powers are computed by squaring.
 
 use super::{FreeKey, FreeMotion};
-use crate::kernel::Laws;
+use crate::kernel::KernelScratch;
 use crate::state::Target;
 use crate::timeline::Source;
 
@@ -54,7 +54,7 @@ impl FramePowers {
         free: &FreeKey,
         motion: &mut FreeMotion,
         mut frames: u64,
-        laws: &mut Laws,
+        laws: &mut KernelScratch,
         targets: &mut Vec<Target>,
     ) {
         let (mat_count, last_index) = (self.n_mat, self.size() - 1);
@@ -76,7 +76,13 @@ impl FramePowers {
     }
 
     /// Set `change` to that of one frame: for each state variable the effect of 1 alone, less that of the zero state.
-    fn single_frame(&mut self, free: &FreeKey, motion: &mut FreeMotion, laws: &mut Laws, targets: &mut Vec<Target>) {
+    fn single_frame(
+        &mut self,
+        free: &FreeKey,
+        motion: &mut FreeMotion,
+        laws: &mut KernelScratch,
+        targets: &mut Vec<Target>,
+    ) {
         let (mat_count, state_size) = (self.n_mat, self.size());
         self.change.fill(0.0);
         for column in (0..state_size).rev() {
@@ -169,7 +175,7 @@ mod tests {
         Buffers {
             has_only_flow: false,
             coast: free.motion_at_rest(),
-            laws: Laws::new(&free.scheme),
+            laws: KernelScratch::new(&free.scheme),
             targets: Vec::new(),
             frame_powers: FramePowers::new(free),
         }

@@ -181,7 +181,7 @@ impl Blow {
         };
         if stream.is_kept() {
             // The velocity without the ergon: its force is not in the sum yet.
-            let velocity = kernel::centred(scheme, body, self.mat);
+            let velocity = kernel::centred_velocity(scheme, body, self.mat);
             stream.push(self.frame, record(velocity));
         }
         if sparks.are_watched() {

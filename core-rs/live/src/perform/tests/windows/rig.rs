@@ -107,7 +107,7 @@ pub(super) fn torn() -> (Arc<Network>, Timeline) {
 
 pub(super) fn planned(scene: &(Arc<Network>, Timeline), from: u64) -> Simulation {
     let plan = Plan::new(scene.0.clone(), &scene.1, &Budget::default(), None).unwrap();
-    Simulation::planned_from(Arc::new(plan), OPTIONS, from).unwrap()
+    Simulation::from_plan_at_frame(Arc::new(plan), OPTIONS, from).unwrap()
 }
 
 /// Strikes within a second and a half, some at the same instant.
@@ -117,13 +117,13 @@ pub(super) fn strikes() -> Vec<f64> {
 
 /// A window as a performance has it, with the manifest that a reader needs.
 pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &str) -> (Window, WindowReader) {
-    let look = simulation.looked_at();
+    let look = simulation.make_look();
     let part_list: Vec<_> = runs(&look)
         .into_iter()
         .map(|run| {
             let mode_range = run.body.map(|body| {
                 let body = &look.bodies[body];
-                serde_json::json!({"first": body.first, "count": body.modes.len(), "of": body.n_modes})
+                serde_json::json!({"first": body.first_mode, "count": body.modes.len(), "of": body.n_modes})
             });
             serde_json::json!({"name": run.part.to_string(), "first": run.points.start,
                 "count": run.points.len(), "kind": run.kind, "modes": mode_range})
@@ -131,7 +131,7 @@ pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &st
         .collect();
     let manifest = serde_json::json!({"title": title, "points": look.points.len(), "modes": look.n_modes(),
         "parts": part_list, "fps": FPS});
-    let mut ergons = simulation.written(timeline);
+    let mut ergons = simulation.written_ergons(timeline);
     ergons.sort_by(|a, b| a.time.total_cmp(&b.time));
     let window_setup = Setup {
         manifest: manifest.to_string(),

@@ -10,7 +10,7 @@ fn pages_receive_live_strikes() {
     scene.1.strike_point(&scene.0, 3, 7, Some(0.0)).unwrap();
     scene.1.strike_point(&scene.0, 5, 9, Some(0.0)).unwrap();
     let simulation = planned(&scene, 0);
-    let look = simulation.looked_at();
+    let look = simulation.make_look();
     let mut shown = Shown::fast(&simulation, &scene.1);
     let mut hub_cursor = shown.server.hub().join();
     let mut message_bytes = Vec::new();
@@ -97,14 +97,14 @@ fn strikes_before_the_first_picture_are_shown() {
         shown.relay.poll();
         let new_bytes = messages(&shown.server, &mut hub_cursor).concat();
         if tick < opening_tick {
-            assert!(ergons(&new_bytes, &first_simulation.looked_at()).is_empty());
+            assert!(ergons(&new_bytes, &first_simulation.make_look()).is_empty());
         } else {
             message_bytes.extend(new_bytes);
         }
     }
     expected_ergons.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     assert_ergons(
-        &ergons(&message_bytes, &second_simulation.looked_at()),
+        &ergons(&message_bytes, &second_simulation.make_look()),
         &expected_ergons,
     );
     shown.end();
@@ -115,14 +115,14 @@ fn strikes_before_the_first_picture_are_shown() {
 fn pages_receive_strikes_of_gestures() {
     let scene = gesture();
     let simulation = planned(&scene, 0);
-    let look = simulation.looked_at();
+    let look = simulation.make_look();
     let mut reference = {
         let plan = Plan::new(scene.0.clone(), &scene.1, &Budget::default(), None).unwrap();
         let options = Options {
             record: true,
             ..OPTIONS
         };
-        Simulation::planned(Arc::new(plan), options).unwrap()
+        Simulation::from_plan(Arc::new(plan), options).unwrap()
     };
     let mut shown = Shown::fast(&simulation, &scene.1);
     let mut hub_cursor = shown.server.hub().join();
