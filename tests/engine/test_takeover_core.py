@@ -28,12 +28,17 @@ def network() -> _core.Network:
 
 
 def version(
-    net: _core.Network, struck: list[float], start: int, like: _core.Plan | None = None
+    net: _core.Network,
+    struck: list[float],
+    start: int,
+    like: _core.Plan | None = None,
+    couples: bool = True,
 ) -> Version:
-    """Bell a struck at some instants [s], from a frame on."""
+    """MAT 0 struck at some instants [s], from a frame on; `couples`: link 0 closes at 0.1 s."""
     timeline = _core.Timeline(net, RATE)
     timeline.open()
-    timeline.couple(0, 0.1)
+    if couples:
+        timeline.couple(0, 0.1)
     for position in struck:
         timeline.strike(0, position, impulse=1e-4)
     plan = _core.Plan(net, timeline, like=like)
@@ -59,6 +64,46 @@ def test_takeover_by_equal_version_same_bits() -> None:
     after = rendered(second, 20_000)
     assert np.array_equal(np.concatenate([before, after]), all_of_it)
     assert not np.array_equal(rendered(copy, 20_000), after)
+
+
+def _lug_on_string(
+    stiffness: float, *, viscosity: float = 0.0, t60s: tuple[float, float] | None = (0.5, 0.02)
+) -> _core.Network:
+    """A string with a lug, and a ball near it: complex modes, if both lose energy differently."""
+    net = _core.Network()
+    net.part("lute")
+    lug = net.cel("lug", M=2e-3, f=900.0, t60=None if t60s is None else t60s[1])
+    t60 = None if t60s is None else t60s[0]
+    string = net.string("string", masses=12, M=1e-2, f=300.0, t60=t60)
+    ball = net.cel("ball", M=1e-3, f=2.0, t60=0.2)
+    net.ref("screw", string + 3, lug, K=stiffness, Z=viscosity)
+    net.but("touch", ball, lug, K=1e4, gap=1e-2)
+    net.listen("out", positions=[(string + 5, 1, 1.0), (lug, 1, 1.0)])
+    return net
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "methods", "error_db_max"),
+    [
+        ({}, {"stiffness": 2e4 * (1 + 1e-9)}, ("complex modes", "complex modes"), -120.0),
+        ({"t60s": None}, {"t60s": None, "viscosity": 1e-6}, ("modes", "complex modes"), -80.0),
+        ({"t60s": None, "viscosity": 1e-6}, {"t60s": None}, ("complex modes", "modes"), -80.0),
+    ],
+    ids=["complex-complex", "normal-complex", "complex-normal"],
+)
+def test_takeover_by_nearly_equal_modes_continues(old, new, methods, error_db_max) -> None:
+    """Positions and steps of the masses pass from one kind of modes to the other."""
+    networks = [_lug_on_string(**{"stiffness": 2e4} | fields) for fields in (old, new)]
+    (old_plan, uninterrupted), (_, first) = (
+        version(networks[0], [0.01], 0, couples=False) for _ in range(2)
+    )
+    new_plan, second = version(networks[1], [0.01], 1_000, couples=False)
+    assert tuple(plan.rows()[-1].what for plan in (old_plan, new_plan)) == methods
+    complete = rendered(uninterrupted, 5_000)
+    rendered(first, 1_000)
+    second.take_over(first)
+    error = abs(rendered(second, 5_000) - complete[1_000:]).max() / abs(complete).max()
+    assert 20 * np.log10(error) <= error_db_max
 
 
 def test_takeover_refuses_different_frames() -> None:

@@ -8,6 +8,7 @@ mod degenerate_modes;
 pub(crate) mod linear;
 pub(crate) mod mode_shapes;
 pub(crate) mod normal_modes;
+pub(crate) mod state_projection;
 mod viscosity;
 
 pub(crate) use constants::ANGLE_MIN;

@@ -137,7 +137,7 @@ fn sequences_of_mode(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<ModeS
         now,
         before,
     };
-    match modes.poles[mode] {
+    match modes.poles[mode].resolvable_at(rate) {
         Pole::Pair { decay, omega } => {
             let (a, b) = recurrence(decay, omega, rate);
             let step_angle = omega * time_step;
@@ -179,9 +179,9 @@ pub(crate) fn audible_sequences(modes: &ComplexModes, mode_indices: &[usize], ra
 }
 
 /// The response of a part to an impulse at a point.
-pub(crate) fn impulse_response(modes: &ComplexModes, part: &ModeSequence, point: usize) -> Response {
+pub(crate) fn impulse_response(modes: &ComplexModes, part: &ModeSequence, point: usize, rate: Rate) -> Response {
     let mode_gain = modes.struck_shapes[point][part.mode];
-    match modes.poles[part.mode] {
+    match modes.poles[part.mode].resolvable_at(rate) {
         // Im z = Re(−i·z).
         Pole::Pair { decay, omega } => Response::Pair {
             decay,
@@ -305,7 +305,7 @@ impl ModalBody for ComplexModeBody<'_> {
                 among: 0..all_parts.len(),
                 responses: all_parts
                     .iter()
-                    .map(|part| impulse_response(body_modes, part, point))
+                    .map(|part| impulse_response(body_modes, part, point, self.rate))
                     .collect(),
                 share: vec![1.0; all_parts.len()],
                 w: self.rate.step() * self.rate.step(),

@@ -74,9 +74,8 @@ pub(crate) fn cut_bodies(
         wiring.exclude_mats(&body.mats);
         cut_bodies.push((body, BodyPlan::Slow(slow_plan)));
     }
-    // The certificate for slow parts covers normal modes only, and a takeover transfers the motion of a body mass by
-    // mass through normal modes.
-    let allows_complex_modes = cut_bodies.is_empty() && !timeline.is_open;
+    // The certificate for slow parts covers normal modes only.
+    let allows_complex_modes = cut_bodies.is_empty();
     if budget.allows_modes() && has_bodies && !prefers_meshes {
         let wanted_bodies = match budget.contact_substeps() {
             1 => WantedBodies::Linear,
@@ -320,7 +319,7 @@ fn complex_mode_plan(
     let answers = |point: usize| -> Vec<Response> {
         let parts = all_parts.iter();
         parts
-            .map(|part| complex_body::impulse_response(&body_modes, part, point))
+            .map(|part| complex_body::impulse_response(&body_modes, part, point, rate))
             .collect()
     };
     let static_sums = body_modes.rest[port_count..].iter().zip(&outputs.constant_sums);

@@ -39,6 +39,19 @@ pub(crate) enum Pole {
     Free,
 }
 
+impl Pole {
+    /// This pole with a frequency whose samples at `rate` determine the motion between them.
+    pub(crate) fn resolvable_at(self, rate: Rate) -> Self {
+        match self {
+            Self::Pair { decay, omega } => Self::Pair {
+                decay,
+                omega: resolvable_omega(omega, rate),
+            },
+            _ => self,
+        }
+    }
+}
+
 /// What an output sums of a body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Sum {
@@ -123,11 +136,6 @@ impl ComplexModes {
                         _ => blocks::add(&mut complex_modes, &coordinates, damping, &block)?,
                     }
                 }
-            }
-        }
-        for pole in &mut complex_modes.poles {
-            if let Pole::Pair { omega, .. } = pole {
-                *omega = resolvable_omega(*omega, rate);
             }
         }
         complex_modes.sort();

@@ -239,7 +239,7 @@ impl RunningModal {
             // What the second step of a strike adds makes the motion free from its frame on.
             if let (.., false) = due_blow {
                 for (struck, kick) in self.struck.iter_mut().zip(&self.kicks) {
-                    ports::add(struck, kick, 1.0);
+                    ports::add_scaled(struck, kick, 1.0);
                 }
                 self.is_struck = true;
             }
@@ -367,7 +367,11 @@ impl RunningModal {
             let next_amplitude = group_motion.positions.0[lane] + self.pending[group_index].0[lane];
             let (a, b) = (group_rates[group_index].a.0[lane], group_rates[group_index].b.0[lane]);
             now[mode] = group_motion.previous_positions.0[lane];
-            before[mode] = (a * now[mode] - next_amplitude) / b;
+            before[mode] = if b == 0.0 {
+                decay_undone(now[mode], a)
+            } else {
+                (a * now[mode] - next_amplitude) / b
+            };
         }
     }
 
@@ -525,5 +529,15 @@ impl RunningModal {
             }
         }
         (self.present, self.furthest) = (0, frames_ahead);
+    }
+}
+
+/// What a motion that decays by the factor `decay_factor` a frame was a frame before; itself, if it decays by more than
+/// e.
+fn decay_undone(now: f64, decay_factor: f64) -> f64 {
+    if decay_factor > 1.0 / std::f64::consts::E {
+        now / decay_factor
+    } else {
+        now
     }
 }

@@ -2,10 +2,13 @@
 //! starts from the positions and steps of the masses of the old one, even if the method changes.
 
 use std::collections::HashSet;
+use std::ops::Range;
 
 use super::side::{MatLocation, TakeoverSide, UnitIndex, unmatched};
 use super::{RunningUnit, Simulation};
+use crate::body_modes::complex_modes::ComplexPart;
 use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
+use crate::body_modes::state_projection::StateProjection;
 use crate::island::inside::{self, BodyPlan};
 use crate::network::Network;
 use crate::units::Rate;
@@ -30,6 +33,8 @@ pub(super) struct TransferredBody {
 enum MassAccess {
     /// The masses follow from the modes of the body.
     Modes(Box<ModeShapes>),
+    /// Its complex modes follow from the masses.
+    Projection(Box<StateProjection>),
     /// The body computes its masses by another method: their indices in the body, and their motions (x, step).
     Masses(Vec<(usize, (f64, f64))>),
 }
@@ -46,6 +51,8 @@ enum MassSource<'a> {
     /// A body by modes: its network, which of its modes are computed, the MATs that modes of one frequency were turned
     /// towards, and the rate of its steps.
     Modes(&'a Network, (&'a [u32], Option<&'a [usize]>), Rate),
+    /// A body by its complex modes: its network, which parts of them are computed, and the rate of its steps.
+    ComplexModes(&'a Network, &'a [ComplexPart], Rate),
     Masses(Vec<usize>),
 }
 
@@ -56,6 +63,33 @@ pub(super) struct Workspace {
     pub(super) mass_motions: Vec<(f64, f64)>,
     amplitudes: Vec<f64>,
     previous_amplitudes: Vec<f64>,
+}
+
+impl Workspace {
+    /// Makes room for the amplitudes of at least `n_modes`.
+    fn reserve_modes(&mut self, n_modes: usize) {
+        let mode_capacity = self.amplitudes.len().max(n_modes);
+        self.amplitudes.resize(mode_capacity, 0.0);
+        self.previous_amplitudes.resize(mode_capacity, 0.0);
+    }
+
+    /// Amplitudes of modes now and one frame before, which `transform` computes from masses with their steps scaled.
+    fn amplitudes_by(
+        &mut self,
+        masses: Range<usize>,
+        step_factor: f64,
+        n_modes: usize,
+        transform: impl FnOnce(&[(f64, f64)], &mut [f64], &mut [f64]),
+    ) -> [&[f64]; 2] {
+        let masses = &mut self.mass_motions[masses];
+        masses.iter_mut().for_each(|mat| mat.1 *= step_factor);
+        let (now, before) = (
+            &mut self.amplitudes[..n_modes],
+            &mut self.previous_amplitudes[..n_modes],
+        );
+        transform(masses, now, before);
+        [now, before]
+    }
 }
 
 impl<'a> BodyCandidate<'a> {
@@ -74,22 +108,25 @@ impl<'a> BodyCandidate<'a> {
                     unit,
                     body: Some(index),
                 };
-                let (network, modes_and_rate, local_mats): (&Network, Option<_>, Vec<usize>) = match body {
+                let (network, body_mats, mass_source) = match body {
                     BodyPlan::Modal(modal) => {
+                        let network = &*modal.network;
                         let mode_selection = (&modal.computed[..], modal.turned.as_deref());
-                        (&modal.network, Some((mode_selection, modal.rate)), Vec::new())
+                        let mass_source = match &modal.answers {
+                            Some(answers) => MassSource::ComplexModes(network, &answers.places, modal.rate),
+                            None => MassSource::Modes(network, mode_selection, modal.rate),
+                        };
+                        (network, moving_mats(network), mass_source)
                     }
-                    BodyPlan::Mesh(mesh) => (&mesh.network, None, (0..mesh.network.n_mat()).collect()),
-                    BodyPlan::Slow(slow) => (&slow.network, None, (0..slow.free.len()).collect()),
+                    BodyPlan::Mesh(mesh) => {
+                        let mats: Vec<usize> = (0..mesh.network.n_mat()).collect();
+                        (&*mesh.network, mats.clone(), MassSource::Masses(mats))
+                    }
+                    BodyPlan::Slow(slow) => {
+                        let mass_source = MassSource::Masses((0..slow.free.len()).collect());
+                        (&*slow.network, slow.free.clone(), mass_source)
+                    }
                 };
-                let body_mats: Vec<usize> = match body {
-                    BodyPlan::Slow(slow) => slow.free.clone(),
-                    BodyPlan::Mesh(_) => local_mats.clone(),
-                    BodyPlan::Modal(_) => moving_mats(network),
-                };
-                let mass_source = modes_and_rate.map_or(MassSource::Masses(local_mats), |(mode_selection, rate)| {
-                    MassSource::Modes(network, mode_selection, rate)
-                });
                 candidates.push(Self::new(body_place, network, &body_mats, mass_source, time_step));
             }
         }
@@ -128,10 +165,19 @@ impl<'a> BodyCandidate<'a> {
         let source = match self.source {
             MassSource::Modes(network, mode_selection, rate) => {
                 let mode_shapes = ModeShapes::new(network, mode_selection, rate, transform)?;
-                let mode_capacity = workspace.amplitudes.len().max(mode_shapes.n_modes());
-                workspace.amplitudes.resize(mode_capacity, 0.0);
-                workspace.previous_amplitudes.resize(mode_capacity, 0.0);
+                workspace.reserve_modes(mode_shapes.n_modes());
                 MassAccess::Modes(Box::new(mode_shapes))
+            }
+            MassSource::ComplexModes(network, parts, rate) => {
+                workspace.reserve_modes(parts.len());
+                match transform {
+                    ModalTransform::ToPositions => {
+                        MassAccess::Modes(Box::new(ModeShapes::complex(network, parts, rate)?))
+                    }
+                    ModalTransform::ToAmplitudes => {
+                        MassAccess::Projection(Box::new(StateProjection::new(network, parts, rate)?))
+                    }
+                }
             }
             MassSource::Masses(masses) => {
                 MassAccess::Masses(masses.into_iter().map(|mass_index| (mass_index, (0.0, 0.0))).collect())
@@ -223,6 +269,8 @@ impl TransferredBody {
                 mode_shapes.positions(amplitudes_now, amplitudes_before, mats);
                 mats.iter_mut().for_each(|mat| mat.1 *= frame_steps);
             }
+            // A projection only writes.
+            MassAccess::Projection(_) => {}
             MassAccess::Masses(masses) => {
                 let (RunningUnit::Island(island), Some(body)) = (running_unit, self.place.body) else {
                     return;
@@ -252,27 +300,21 @@ impl TransferredBody {
         let frames_per_step = 1.0 / running_unit.steps_per_frame();
         match &mut self.source {
             MassAccess::Modes(mode_shapes) => {
-                let mode_count = mode_shapes.n_modes();
-                let (amplitudes_now, amplitudes_before) = (
-                    &mut workspace.amplitudes[..mode_count],
-                    &mut workspace.previous_amplitudes[..mode_count],
-                );
-                let body_mats = &mut workspace.mass_motions[self.first_slot..self.first_slot + mode_shapes.mats.len()];
-                body_mats.iter_mut().for_each(|mat| mat.1 *= frames_per_step);
-                mode_shapes.amplitudes(body_mats, amplitudes_now, amplitudes_before);
-                match (running_unit, self.place.body) {
-                    (RunningUnit::Bank(bank), _) => {
-                        for mode in 0..mode_count {
-                            bank.set_motion(mode, (amplitudes_now[mode], amplitudes_before[mode]));
-                        }
-                    }
-                    (RunningUnit::Island(island), Some(body)) => {
-                        if let Some(inside::RunningBody::Modal(modal_body)) = island.body(body) {
-                            modal_body.set_amplitudes(amplitudes_now, amplitudes_before);
-                        }
-                    }
-                    (RunningUnit::Island(_), None) => {}
-                }
+                let body_mats = self.first_slot..self.first_slot + mode_shapes.mats.len();
+                let transform = |mats: &[(f64, f64)], now: &mut [f64], before: &mut [f64]| {
+                    mode_shapes.amplitudes(mats, now, before);
+                };
+                let amplitudes = workspace.amplitudes_by(body_mats, frames_per_step, mode_shapes.n_modes(), transform);
+                set_amplitudes(running_unit, self.place.body, amplitudes);
+            }
+            MassAccess::Projection(projection) => {
+                let body_mats = self.first_slot..self.first_slot + projection.mats().len();
+                let n_parts = projection.n_parts();
+                let transform = |mats: &[(f64, f64)], now: &mut [f64], before: &mut [f64]| {
+                    projection.amplitudes(mats, now, before);
+                };
+                let amplitudes = workspace.amplitudes_by(body_mats, frames_per_step, n_parts, transform);
+                set_amplitudes(running_unit, self.place.body, amplitudes);
             }
             MassAccess::Masses(masses) => {
                 let (RunningUnit::Island(island), Some(body)) = (running_unit, self.place.body) else {
@@ -288,5 +330,22 @@ impl TransferredBody {
                 }
             }
         }
+    }
+}
+
+/// Sets the modes of a bank or of a body: amplitudes now and one frame before.
+fn set_amplitudes(running_unit: &mut RunningUnit, body: Option<usize>, [now, before]: [&[f64]; 2]) {
+    match (running_unit, body) {
+        (RunningUnit::Bank(bank), _) => {
+            for (mode, motion) in now.iter().copied().zip(before.iter().copied()).enumerate() {
+                bank.set_motion(mode, motion);
+            }
+        }
+        (RunningUnit::Island(island), Some(body)) => {
+            if let Some(inside::RunningBody::Modal(modal_body)) = island.body(body) {
+                modal_body.set_amplitudes(now, before);
+            }
+        }
+        (RunningUnit::Island(_), None) => {}
     }
 }
