@@ -126,7 +126,7 @@ impl Simulation {
         })
     }
 
-    /// A simulation of a plan, at frame `from` of its timeline. Events before `from` are skipped; modules have their
+    /// A simulation of a plan, at frame `start_frame` of its timeline. Events before `start_frame` are skipped; modules have their
     /// initial state, unless a state is transferred by [`Simulation::take_over`].
     ///
     /// # Errors

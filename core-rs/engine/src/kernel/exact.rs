@@ -58,7 +58,7 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
             force_mixing.next_round();
         }
         for (index, run) in scheme.exact.iter().filter(is_solved).enumerate() {
-            body.exact_work.solved_again += u64::from(round > 0);
+            body.exact_work.n_resolved += u64::from(round > 0);
             let force_before = body.link[run.first];
             // Subtract the force of the last round, so that the run is solved given all other forces.
             body.link[run.first] = -force_before;

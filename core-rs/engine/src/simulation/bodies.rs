@@ -21,7 +21,7 @@ pub(super) struct BodyPlace {
 #[derive(Clone, Debug)]
 pub(super) struct TransferredBody {
     pub(super) place: BodyPlace,
-    /// Index in [`Workspace::mats`] of the first of its masses.
+    /// Index in [`Workspace::mass_motions`] of the first of its masses.
     first_slot: usize,
     source: MassAccess,
 }
@@ -183,7 +183,7 @@ pub(super) fn wanted_bodies(
     (locations, bodies)
 }
 
-/// Names of the masses of all bodies that `bodies` considers on one side.
+/// Names of the masses of all bodies that `wanted_bodies` considers on one side.
 pub(super) fn all_mass_names(
     side: &TakeoverSide<'_>,
     same: [&[bool]; 2],

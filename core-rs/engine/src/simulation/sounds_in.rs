@@ -92,7 +92,7 @@ impl Simulation {
             let Some(channel) = conditioner.channel() else {
                 continue;
             };
-            let last_input = conditioner.last();
+            let last_input = conditioner.last_value();
             for (value, frame) in values.iter_mut().zip(frames.chunks_exact(n_channels)) {
                 let input_sample = frame.get(channel).copied().unwrap_or(0.0);
                 *value = conditioner.next(f64::from(input_sample));

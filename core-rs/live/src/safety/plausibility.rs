@@ -26,13 +26,13 @@ use probe::{Probe, ProbeAnswer};
 use signs::{AxisParameters, Signs, Suspicion};
 
 /// Length of a step, if a tick is shorter [s].
-const STEP: f64 = 1e-3;
+const STEP_SECONDS: f64 = 1e-3;
 /// An axis that tripped may push again after this time without the fault [s].
-const RETRY_AFTER: f64 = 3.0;
+const RETRY_SECONDS: f64 = 3.0;
 /// Its force then fades in over this time [s].
-const FADE: f64 = 0.5;
+const FADE_SECONDS: f64 = 0.5;
 /// A sensor counts as alive for this time after it has moved [s].
-const ALIVE: f64 = 0.5;
+const ALIVE_SECONDS: f64 = 0.5;
 /// For each kind of suspicion: the pause after a probe without a finding, at first and at most [s]. The pause doubles
 /// each time.
 const PAUSES: [[f64; 2]; 2] = [[1.0, 4.0], [0.02, 1.0]];
@@ -103,7 +103,7 @@ pub(super) struct Plausibility {
 impl Plausibility {
     /// An axis that is sent a force every `period` [s].
     pub(super) fn new(axis_spec: AxisSpec, period: f64) -> Self {
-        let step_ticks = (STEP / period).round().max(1.0);
+        let step_ticks = (STEP_SECONDS / period).round().max(1.0);
         let parameters = AxisParameters::new(axis_spec, step_ticks * period);
         Self {
             built: parameters,
@@ -196,8 +196,8 @@ impl Plausibility {
     fn step(&mut self, x: f64, sent: f64, asked: f64) {
         let step_time = self.built.step;
         let steps_in = move |seconds: f64| (seconds / step_time) as u32;
-        let (calm_for, alive_for) = (steps_in(RETRY_AFTER), steps_in(ALIVE));
-        self.fade = (self.fade + self.built.step / FADE).min(1.0);
+        let (calm_for, alive_for) = (steps_in(RETRY_SECONDS), steps_in(ALIVE_SECONDS));
+        self.fade = (self.fade + self.built.step / FADE_SECONDS).min(1.0);
         let quiet_limit = -(steps_in(PAUSE_RESET) as i32);
         for (steps_left, fruitless_probes) in &mut self.pauses {
             *steps_left = (*steps_left - 1).max(quiet_limit);

@@ -4,7 +4,7 @@
 use super::contact::TouchingPair;
 use super::{Pair, Quad};
 use crate::maths::wide::wide;
-use crate::network::{AXES_MAX, PairRun, SpaceLaw, difference, line};
+use crate::network::{AXES_MAX, PairRun, SpaceLaw, difference, length_and_unit_vector};
 use crate::state::ContactHistory;
 
 /// Number of pairs in a batch: its arrays fit into the first-level cache.
@@ -51,7 +51,7 @@ impl Batch {
         }
     }
 
-    /// Add the forces of those pairs that touch, of at most `BATCH` pairs: by the law of a run with K and Z in
+    /// Add the forces of those pairs that touch, of at most `BATCH_PAIRS` pairs: by the law of a run with K and Z in
     /// `k_and_z`, and by its friction.
     pub(super) fn add_forces(
         &mut self,
@@ -176,7 +176,7 @@ wide! {
         let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
         for i in 0..n {
             let length;
-            (length, [x[i], y[i], z[i]]) = line([x[i], y[i], z[i]]);
+            (length, [x[i], y[i], z[i]]) = length_and_unit_vector([x[i], y[i], z[i]]);
             e[i] = length - rest;
         }
     }

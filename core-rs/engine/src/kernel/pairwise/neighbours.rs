@@ -58,11 +58,11 @@ impl Neighbours {
         let pairs = &run.pairs;
         if !pairs.is_searched() {
             return Self {
-                may_touch_wall: vec![true; run.n],
+                may_touch_wall: vec![true; run.n_second],
                 ..Self::default()
             };
         }
-        let point_count = pairs.n_points(run.n);
+        let point_count = pairs.n_points(run.n_second);
         let zeroed_quads = || vec![Quad::default(); point_count];
         Self {
             positions: zeroed_quads(),
@@ -99,11 +99,11 @@ impl Neighbours {
         let pairs = &run.pairs;
         if !pairs.is_searched() {
             for first in 0..pairs.n_first {
-                for second in pairs.others(first, run.n) {
+                for second in pairs.partners(first, run.n_second) {
                     let pair_ends = (run.a + first, run.b + second);
-                    let (pair_distance, direction) = pairs.link.line(pair_ends, &x);
+                    let (pair_distance, direction) = pairs.link.length_and_direction(pair_ends, &x);
                     let elongation = pair_distance - run.rest;
-                    if pairs.link.law.acts(elongation) {
+                    if pairs.link.law.acts_at(elongation) {
                         visit(pair_ends, elongation, direction);
                     }
                 }
@@ -285,7 +285,7 @@ fn point_groups(run: &PairRun) -> [(Range<usize>, [usize; AXES_MAX]); 2] {
         let axis_pairs: [(usize, usize); AXES_MAX] = std::array::from_fn(coordinates);
         (axis_pairs.map(|ends| ends.0), axis_pairs.map(|ends| ends.1))
     };
-    let second_group = *n_first..run.pairs.n_points(run.n);
+    let second_group = *n_first..run.pairs.n_points(run.n_second);
     [(0..*n_first, a_point_mats), (second_group, b_point_mats)]
 }
 

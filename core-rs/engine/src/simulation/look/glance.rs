@@ -52,7 +52,7 @@ impl Glance {
 }
 
 impl Simulation {
-    /// Fills `snapshot` with the state at this frame and the contacts and strikes since the last glance. Only copies.
+    /// Fills `glance` with the state at this frame and the contacts and strikes since the last glance. Only copies.
     pub fn fill_glance(&mut self, look: &Look, glance: &mut Glance) {
         glance.frame = self.frame;
         self.write_tracks(look, &mut glance.tracks);

@@ -33,7 +33,7 @@ impl Oscillation {
         Self { omega, sigma }
     }
 
-    /// The coefficients a and b of its motion from now on; `now` is its displacement [m], `before` that of `step` [s]
+    /// The coefficients a and b of its motion from now on; `displacement` [m] is that at present, `displacement_before` that of `step_seconds` [s]
     /// earlier.
     pub fn coefficients(&self, displacement: f64, displacement_before: f64, step_seconds: f64) -> (f64, f64) {
         let step_angle = self.omega * step_seconds;

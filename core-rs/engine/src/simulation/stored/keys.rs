@@ -26,7 +26,7 @@ impl UnitContents {
 }
 
 impl Simulation {
-    /// A hash of everything that determines a unit up to the last of `frames` (64 hex digits); `before` is the hash up
+    /// A hash of everything that determines a unit up to the last of `frames` (64 hex digits); `previous_key` is the hash up
     /// to the first of `frames`, or empty if that is 0.
     pub(super) fn unit_key(&self, unit: usize, frames: (u64, u64), previous_key: &str) -> String {
         let unit_plan = &self.plan.units[unit];
@@ -46,7 +46,7 @@ impl Simulation {
         })
     }
 
-    /// Hashes of everything that determines each output up to each of the rising frames `stops` (n_stops; n_out).
+    /// Hashes of everything that determines each output up to each of the rising frames `stop_frames` (n_stops; n_out).
     ///
     /// Outputs of two simulations with the same hash have the same samples up to there. Units that are silent up to
     /// there do not count, so notes that are not played change no hash; where nothing else is heard, the hash is empty.

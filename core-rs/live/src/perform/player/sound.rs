@@ -45,7 +45,7 @@ impl Player {
             }
             stage.mixer.process(outputs, mixed_sound);
             if let Some(fades) = &mut stage.fades
-                && fades.take(mixed_sound).is_some()
+                && fades.process(mixed_sound).is_some()
             {
                 stage.n_frames = Some(self.frame + frame_count as u64);
                 stage.fades = None;
