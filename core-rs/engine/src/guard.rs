@@ -28,7 +28,7 @@ use watch::{WatchedRun, least_reach_left, set_reaches, watched_runs};
 /// the laws turn the overshoot into energy: with 3.6 here, a gong struck at its limit of stability gains a quarter of
 /// the energy put in; with 2.0 it gains none (`tests/scenes/stiff.rs`).
 const TRUSTED_LAMBDA_MAX: f64 = 2.0;
-/// Most steps in a frame.
+/// Largest number of steps in a frame.
 const STEPS_MAX: u32 = 8;
 /// Frames in two steps end when links use at most this share of the allowed stiffening. The margin keeps the number of
 /// steps from changing often: each change costs energy.
@@ -64,7 +64,7 @@ impl StabilityLimit {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct FinerFrames {
     pub(crate) frames: u64,
-    /// Most steps in one frame.
+    /// Largest number of steps in one frame.
     pub(crate) steps_max: u32,
     /// The MAT whose links had stiffened most when the last series of finer frames began.
     pub(crate) mat: usize,
@@ -171,8 +171,8 @@ impl Guard {
         let compliance = scheme.compliance();
         let w = if compliance.is_empty() { &scheme.w } else { &compliance };
         let is_moving = |mat: usize| w[mat] > 0.0 && !ports.contains(&mat);
-        let mut watches = watched_runs(&scheme.runs, is_moving);
-        if watches.is_empty() {
+        let mut runs = watched_runs(&scheme.runs, is_moving);
+        if runs.is_empty() {
             return Ok(None);
         }
         let enough_lambda = 0.5 * limit.trusted_lambda;
@@ -180,28 +180,29 @@ impl Guard {
         if lambda_at_rest >= limit.accepted_lambda {
             return Ok(None); // unstable at rest: the certificate refuses it
         }
-        // If λ at rest is near or above `trusted_lambda`, links may still use a quarter of the distance from it to `accepted_lambda`.
+        // If λ at rest is near or above `trusted_lambda`, links may still use a quarter of the distance from it to
+        // `accepted_lambda`.
         let has_poles = limit.has_poles;
         let limit = f64::max(
             limit.trusted_lambda,
             lambda_at_rest + 0.25 * (limit.accepted_lambda - lambda_at_rest),
         );
-        set_reaches(&mut watches, limit - lambda_at_rest, w);
-        if watches.is_empty() {
+        set_reaches(&mut runs, limit - lambda_at_rest, w);
+        if runs.is_empty() {
             return Ok(None);
         }
-        let watched_ends = || watches.iter().flat_map(|watch| [watch.a, watch.b]);
-        let longest = watches.iter().map(|watch| watch.len).max().unwrap_or(0);
-        let last_mats = watches.iter().map(|watch| watch.a.max(watch.b) + watch.len);
+        let watched_ends = || runs.iter().flat_map(|run| [run.a, run.b]);
+        let longest_run = runs.iter().map(|run| run.len).max().unwrap_or(0);
+        let last_mats = runs.iter().map(|run| run.a.max(run.b) + run.len);
         let zero_vector = || vec![0.0; scheme.n_mat()];
-        let cells = TieFactors::new(scheme, network, has_poles)?.map(Arc::new);
-        let tie_buffer = || cells.as_ref().map_or_else(Vec::new, |_| zero_vector());
+        let tie_factors = TieFactors::new(scheme, network, has_poles)?.map(Arc::new);
+        let tie_buffer = || tie_factors.as_ref().map_or_else(Vec::new, |_| zero_vector());
         Ok(Some(Self {
             substep_ties: [tie_buffer(), tie_buffer()],
             watched_mats: watched_ends().min().unwrap_or(0)..last_mats.max().unwrap_or(0),
             ports: ports.to_vec(),
-            unrelated_mats: unrelated_mats(network, scheme, &watches),
-            tie_factors: cells,
+            unrelated_mats: unrelated_mats(network, scheme, &runs),
+            tie_factors,
             rest_lambda: lambda_at_rest,
             lambda_limit: limit,
             elongation_margin: f64::NEG_INFINITY,
@@ -216,10 +217,10 @@ impl Guard {
             force_travel: zero_vector(),
             link_steps: zero_vector(),
             stiffening_sums: zero_vector(),
-            stiffness_rises: vec![0.0; longest],
+            stiffness_rises: vec![0.0; longest_run],
             imposed_paths: Vec::new(),
             compliance,
-            watched_runs: watches,
+            watched_runs: runs,
         }))
     }
 
@@ -319,7 +320,8 @@ impl Guard {
         )
     }
 
-    /// Number of steps that a frame needs if links raise λ by `lambda_rise`; above [`STEPS_MAX`] if no number is enough.
+    /// Number of steps that a frame needs if links raise λ by `lambda_rise`; above [`STEPS_MAX`] if no number is
+    /// enough.
     fn steps_needed(&self, lambda_rise: f64) -> u32 {
         if self.rest_lambda + lambda_rise <= self.lambda_limit {
             return 1;
@@ -333,7 +335,7 @@ impl Guard {
 }
 
 /// MATs that no path of links joins with a watched link.
-fn unrelated_mats(network: &Network, scheme: &Scheme, watches: &[WatchedRun]) -> Vec<usize> {
+fn unrelated_mats(network: &Network, scheme: &Scheme, watched_runs: &[WatchedRun]) -> Vec<usize> {
     let mat_count = scheme.n_mat();
     let mut link_forest = Forest::new(mat_count);
     let is_moving = |mat: usize| scheme.w[mat] > 0.0 || scheme.is_proxy(mat);
@@ -343,9 +345,9 @@ fn unrelated_mats(network: &Network, scheme: &Scheme, watches: &[WatchedRun]) ->
         }
     }
     let mut is_watched = vec![false; mat_count];
-    for watch in watches {
-        for first in [watch.a, watch.b] {
-            (first..first + watch.len).for_each(|mat| is_watched[link_forest.root(mat)] = true);
+    for run in watched_runs {
+        for first in [run.a, run.b] {
+            (first..first + run.len).for_each(|mat| is_watched[link_forest.root(mat)] = true);
         }
     }
     (0..mat_count)

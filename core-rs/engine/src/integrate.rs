@@ -130,7 +130,7 @@ crate::archive::state!(Integrator { method_stepper });
 /// Largest elongation [m] and rate [m/s] up to which a law's damping is tested for giving energy.
 const DAMPING_TEST_MAX: (f64, f64) = (1e-2, 10.0);
 
-/// Most links whose energy is integrated: each takes a few hundred values of its law.
+/// Largest number of links whose energy is integrated: each takes a few hundred values of its law.
 const INTEGRATED_LINKS_MAX: usize = 32;
 
 impl Integrator {
@@ -269,7 +269,7 @@ impl Integrator {
             && self.n_integrated_links() <= INTEGRATED_LINKS_MAX
     }
 
-    /// Links whose energy has no closed form: it is integrated each time that it is asked for.
+    /// Links whose energy has no closed form: it is integrated at each evaluation.
     pub(crate) fn n_integrated_links(&self) -> usize {
         let other_runs = self.method_stepper.stepper().mesh().other_runs.iter();
         let integrated =
@@ -291,9 +291,9 @@ impl Integrator {
                 return 0.0;
             }
             let earlier_impulses = impulses[..index].iter().filter(|other| other.0 == mat);
-            let earlier: f64 = earlier_impulses.map(|other| other.1).sum();
+            let earlier_impulse: f64 = earlier_impulses.map(|other| other.1).sum();
             let mat_mass = scaled_masses[mat] / (step_rate * step_rate);
-            impulse * (stepper.velocity(mat) + (earlier + 0.5 * impulse) / mat_mass)
+            impulse * (stepper.velocity(mat) + (earlier_impulse + 0.5 * impulse) / mat_mass)
         };
         impulses.iter().enumerate().map(impulse_work).sum()
     }

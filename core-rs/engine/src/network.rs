@@ -206,11 +206,11 @@ impl Network {
         self.mats.kind.iter().filter(|kind| kind.moves()).count()
     }
 
-    /// Whether a part with MATs here asks for a macrostep.
+    /// Whether a part with MATs in this network has a macrostep.
     pub(crate) fn has_slow_parts(&self) -> bool {
         let has_mats = |part: usize| self.mats.part.contains(&(part as u32));
         let mut numbered_parts = self.parts.iter().enumerate();
-        numbered_parts.any(|(at, part)| part.macrostep.is_some() && has_mats(at))
+        numbered_parts.any(|(index, part)| part.macrostep.is_some() && has_mats(index))
     }
 
     /// Names of the parts that have moving MATs among `mats`, in the order of the parts.
@@ -293,7 +293,11 @@ impl Network {
     pub(crate) fn subset_of_part(&self, part: usize, excluded_links: &[Range<usize>]) -> Subset {
         let is_inside = |&i: &u32| self.mats.part[i as usize] as usize == part;
         let part_mats: Vec<u32> = (0..self.n_mat() as u32).filter(is_inside).collect();
-        let is_included = |link: &u32| excluded_links.iter().all(|gone| !gone.contains(&(*link as usize)));
+        let is_included = |link: &u32| {
+            excluded_links
+                .iter()
+                .all(|excluded| !excluded.contains(&(*link as usize)))
+        };
         let links_left: Vec<u32> = (0..self.n_lia as u32).filter(is_included).collect();
         self.subset(&part_mats, &[], &links_left)
     }

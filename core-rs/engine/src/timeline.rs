@@ -214,8 +214,9 @@ impl Timeline {
         })
     }
 
-    /// The timeline at the rate divided by `rate_divisor`; events fall on the nearest frame. `None` if there is no such rate,
-    /// a gesture is too fast for it, or something is played live, because live values come by frames of the score.
+    /// The timeline at the rate divided by `rate_divisor`; events fall on the nearest frame. `None` if there is no such
+    /// rate, a gesture is too fast for it, or something is played live, because live values come by frames of the
+    /// score.
     pub(crate) fn at_lower_rate(&self, rate_divisor: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() / f64::from(rate_divisor)).ok()?;
         let is_live_drive = |drive: &Drive| drive.hand().is_some() || drive.port().is_some() || drive.is_sound_in();
@@ -223,12 +224,14 @@ impl Timeline {
         if self.drives.iter().any(is_live_drive) || !self.gestures.iter().all(fits_rate) {
             return None;
         }
-        let every = u64::from(rate_divisor);
+        let rate_divisor = u64::from(rate_divisor);
         Some(Self {
             rate,
-            gates: self.gates.iter().map(|gate| gate.at_lower_rate(every)).collect(),
-            glides: (self.glides.iter()).map(|glide| glide.at_lower_rate(every)).collect(),
-            leads: self.leads.iter().map(|lead| lead.at_lower_rate(every)).collect(),
+            gates: self.gates.iter().map(|gate| gate.at_lower_rate(rate_divisor)).collect(),
+            glides: (self.glides.iter())
+                .map(|glide| glide.at_lower_rate(rate_divisor))
+                .collect(),
+            leads: self.leads.iter().map(|lead| lead.at_lower_rate(rate_divisor)).collect(),
             ..self.clone()
         })
     }
@@ -492,11 +495,11 @@ fn check_movable(network: &Network, mat: usize) -> Result<(), StrikeError> {
     }
 }
 
-fn check_finite(what: &'static str, value: f64) -> Result<(), StrikeError> {
+fn check_finite(quantity: &'static str, value: f64) -> Result<(), StrikeError> {
     if value.is_finite() {
         Ok(())
     } else {
-        Err(StrikeError::Value(what, "", value))
+        Err(StrikeError::Value(quantity, "", value))
     }
 }
 

@@ -57,7 +57,8 @@ impl Manner {
 pub(crate) enum GestureSegment {
     /// Follow a path up to `stop` [s].
     Path { path: PlacedPath, stop: f64 },
-    /// One strike at `strike_instant` [s]; the key then flies freely and passes `arrival_position` [m] at `arrival_instant` [s], the written point `point`.
+    /// One strike at `strike_instant` [s]; the key then flies freely and passes `arrival_position` [m] at
+    /// `arrival_instant` [s], the written point `point`.
     Throw {
         strike_instant: f64,
         arrival_instant: f64,

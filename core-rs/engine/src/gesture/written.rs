@@ -94,7 +94,7 @@ impl Gesture {
         manner: Manner,
     ) -> Result<Self, GestureError> {
         let take_start = path.start();
-        let stop = cut_instant.map_or(path.stop(), |until| until.min(path.stop()));
+        let stop = cut_instant.map_or(path.stop(), |instant| instant.min(path.stop()));
         let end_positions = [path.evaluate(take_start).0, path.evaluate(stop).0];
         let stretches = vec![GestureSegment::Path { path, stop }];
         // A take has no written points that ergons have to meet: its single point is at frame 0, before the take.
@@ -135,8 +135,8 @@ impl Gesture {
 
 impl Manner {
     fn check(&self) -> Result<(), GestureError> {
-        let check_bound = |what, value: f64, least: f64| {
-            if value.is_finite() && value >= least {
+        let check_bound = |what, value: f64, value_min: f64| {
+            if value.is_finite() && value >= value_min {
                 Ok(())
             } else {
                 Err(GestureError::NotPositive { what, value })

@@ -97,7 +97,7 @@ impl Bm4 {
             });
         } else if let Some(stage_losses) = self.losses.get(stage) {
             mesh.for_each_range(scratch, team, [x, v], |mats, ties, [x, v]| {
-                let stage_losses = stage_losses.each_ref().map(|all| &all[mats.clone()]);
+                let stage_losses = stage_losses.each_ref().map(|values| &values[mats.clone()]);
                 passes::decaying_kick_drift(a, stage_losses, ties, &force[mats], x, v);
             });
         } else {

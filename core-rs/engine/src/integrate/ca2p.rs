@@ -150,17 +150,22 @@ impl Stepper for Ca2p {
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         let [elastic, viscous] = [&self.elastic, &self.viscous];
-        let (x, d, x_second, v) = (
+        let (x, d, second_positions, v) = (
             &self.x,
             &self.d,
             &mut self.second_positions,
             &mut self.second_velocities,
         );
-        mesh.for_each_range(scratch, team, [x_second, v], |mats, ties, [x_second, v]| {
-            let mat_forces = [elastic, viscous].map(|all| &all[mats.clone()]);
-            let mat_motion = [x, d].map(|all| &all[mats.clone()]);
-            passes::evaluation_point(ties, mat_forces, mat_motion, x_second, v);
-        });
+        mesh.for_each_range(
+            scratch,
+            team,
+            [second_positions, v],
+            |mats, ties, [second_positions, v]| {
+                let mat_forces = [elastic, viscous].map(|values| &values[mats.clone()]);
+                let mat_motion = [x, d].map(|values| &values[mats.clone()]);
+                passes::evaluation_point(ties, mat_forces, mat_motion, second_positions, v);
+            },
+        );
         for &(mat, impulse) in impulses {
             let impulse_jump = mesh.velocity_step(mat, impulse);
             self.second_positions[mat] += impulse_jump * (1.0 / 6.0);
@@ -176,7 +181,7 @@ impl Stepper for Ca2p {
             self.d[mat] += mesh.velocity_step(mat, impulse);
         }
         self.previous.swap(&mut self.x, &mut self.d);
-        let (force, x_second, v, previous) = (
+        let (force, second_positions, v, previous) = (
             &self.force,
             &self.second_positions,
             &self.second_velocities,
@@ -184,8 +189,8 @@ impl Stepper for Ca2p {
         );
         let (x, d) = (&mut self.x, &mut self.d);
         mesh.for_each_range(scratch, team, [&mut *x, &mut *d], |mats, ties, [x, d]| {
-            let point_motion = [x_second, v].map(|all| &all[mats.clone()]);
-            let previous_motion = [&previous.x, &previous.d].map(|all| &all[mats.clone()]);
+            let point_motion = [second_positions, v].map(|values| &values[mats.clone()]);
+            let previous_motion = [&previous.x, &previous.d].map(|values| &values[mats.clone()]);
             passes::second_pass(ties, &force[mats], point_motion, previous_motion, x, d);
         });
         if let Some(guard) = &mut self.guard
@@ -237,8 +242,8 @@ impl Stepper for Ca2p {
     }
 
     fn update_after_motion(&mut self) {
-        for (x_second, (x, d)) in self.second_positions.iter_mut().zip(self.x.iter().zip(&self.d)) {
-            *x_second = x - d;
+        for (second_positions, (x, d)) in self.second_positions.iter_mut().zip(self.x.iter().zip(&self.d)) {
+            *second_positions = x - d;
         }
         let (scratch, lone_team) = (&mut self.scratch, &mut ThreadTeam::alone());
         self.mesh

@@ -43,10 +43,10 @@ pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substep
     let largest_lambda = |loss_weight: f64, enough_lambda: f64, lambda_limit: f64| {
         largest_eigenvalue_up_to(mesh_scheme, network, loss_weight, enough_lambda, lambda_limit)
     };
-    let certificate = |top: &LargestEigenvalue, word: StabilityGuarantee| Certificate {
-        lambda_max: top.lambda,
-        means: top.means,
-        word,
+    let certificate = |largest: &LargestEigenvalue, guarantee: StabilityGuarantee| Certificate {
+        lambda_max: largest.lambda,
+        means: largest.means,
+        word: guarantee,
     };
     let guarantee = if mesh_scheme.is_linear {
         StabilityGuarantee::Proved

@@ -32,8 +32,8 @@ impl ConjugateGradients {
         }
     }
 
-    /// Solve A·x = `right_side` from the guess in `x`. `apply`: y = A·p; `inverse_diagonal`: 1 over A's diagonal, 0 where x does not
-    /// change.
+    /// Solve A·x = `right_side` from the guess in `x`. `apply`: y = A·p; `inverse_diagonal`: 1 over A's diagonal, 0
+    /// where x does not change.
     ///
     /// The residual that the iterations update drifts away from the true one if A is stiff. So they restart from the
     /// true residual as long as this makes it smaller.

@@ -73,8 +73,8 @@ impl Flow {
     }
 
     /// The error of straight motion and a kick after a push of one mass by a metre a frame at the beginning of a frame.
-    /// `moved` holds the exact positions and velocities at its end. Returns what must be added to positions and velocities
-    /// after the kick   (2n).
+    /// `moved` holds the exact positions and velocities at its end. Returns what must be added to positions and
+    /// velocities after the kick   (2n).
     pub(crate) fn push_deficit(&self, pushed_mass: usize, moved: &[f64]) -> Vec<f64> {
         let n_masses = self.velocity_factor.n;
         let (x, v) = moved.split_at(n_masses);

@@ -176,8 +176,8 @@ wide! {
 }
 
 wide! {
-    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with F computed at x′, v′ (see `evaluation_point`); `previous` holds x and d
-    /// before the step.
+    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with F computed at x′, v′ (see `evaluation_point`); `previous` holds x
+    /// and d before the step.
     pub(super) fn second_pass(
         ties: Ties<'_>,
         force: &[f64],

@@ -16,8 +16,9 @@ use crate::state::{Body, Target};
 /// always close it.
 const SECANT_STEPS_MAX: usize = 200;
 
-/// Largest number of rounds over contacts that share a MAT: a dozen is usual. Guesses keep the number small where rounds alone
-/// would take a hundred, as for light masses between stiff contacts, or friction that holds masses in a circle.
+/// Largest number of rounds over contacts that share a MAT: a dozen is usual. Guesses keep the number small where
+/// rounds alone would take a hundred, as for light masses between stiff contacts, or friction that holds masses in a
+/// circle.
 const ROUNDS_MAX: usize = 200;
 /// Rounds before the first guess: contacts that converge by themselves need none.
 const UNACCELERATED_ROUNDS: usize = 4;

@@ -46,8 +46,8 @@ fn enclosing_points<'a>(points: &'a [Point], frames: &Range<u64>) -> Option<(&'a
     Some((from, to))
 }
 
-/// The value at a frame, interpolated between points whose frames rise. Before the first point and after the last one it
-/// is the value of that point; else `between` computes it from two values and the progress. `None` without points.
+/// The value at a frame, interpolated between points whose frames rise. Before the first point and after the last one
+/// it is the value of that point; else `between` computes it from two values and the progress. `None` without points.
 fn interpolated(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -> Option<f64> {
     let frame = i64::try_from(frame).unwrap_or(i64::MAX);
     let next_index = points.partition_point(|point| point.frame <= frame);
@@ -66,7 +66,8 @@ fn interpolated(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) ->
     }
 }
 
-/// Whether [`interpolated`] gives the same at all of these frames, because they lie before the first point or after the last.
+/// Whether [`interpolated`] gives the same at all of these frames, because they lie before the first point or after the
+/// last.
 fn is_constant(points: &[Point], frames: &Range<u64>) -> bool {
     let (Some(first_point), Some(last_point)) = (points.first(), points.last()) else {
         return true;

@@ -22,8 +22,8 @@ pub struct GainGlide {
     end_gain: f64,
     start_frame: u64,
     length_frames: u64,
-    /// The gain that was asked for: the glide to it is set at the next multiple of the grid, and starts `lag_frames` frames
-    /// later.
+    /// The gain that was requested: the glide to it is set at the next multiple of the grid, and starts `lag_frames`
+    /// frames later.
     requested_gain: Option<f64>,
     lag_frames: u64,
 }
@@ -81,7 +81,7 @@ impl GainGlide {
         (is_resting || self.requested_gain.is_none() && self.start_gain == self.end_gain).then_some(self.end_gain)
     }
 
-    /// At frame `n`: begin the glide that was asked for, if `n` is a multiple of the grid.
+    /// At frame `n`: begin the glide that was requested, if `n` is a multiple of the grid.
     pub fn begin_requested(&mut self, n: u64) {
         if n.is_multiple_of(GRID_FRAMES)
             && let Some(requested_gain) = self.requested_gain.take()

@@ -91,7 +91,7 @@ impl LevelSteps {
         state_bytes
     }
 
-    /// Go on after frames whose levels are `measured`; `state` is the state after them.
+    /// Continue after frames whose levels are `measured`; `state` is the state after them.
     ///
     /// # Errors
     /// [`Damaged`] if these are not the state and the levels of such steps; all is then as it was.

@@ -153,13 +153,13 @@ impl Limiter {
         } else {
             0.0
         };
-        let largest = self.largest_in_window(wanted_reduction);
+        let window_reduction = self.largest_in_window(wanted_reduction);
         let released = self.reduction * self.release_factor;
         // Below one step of the fixed point, the release ends.
         self.reduction = if released * FIXED_ONE < 1.0 {
-            largest
+            window_reduction
         } else {
-            largest.max(released)
+            window_reduction.max(released)
         };
         let newest_reduction = (self.reduction * FIXED_ONE).ceil() as u64;
         self.fixed_reduction_sum = self.fixed_reduction_sum + newest_reduction

@@ -1,7 +1,7 @@
 //! Loudness measurement. It only reports: it does not change samples.
 //!
-//! It is our own because its state is stored beside a stretch, so that a later render goes on from there; the crate
-//! `ebur128` keeps its state to itself. The tests compare both.
+//! Its state is stored beside a stretch, so that a later render continues from there; that of the crate `ebur128`
+//! cannot be read. The tests compare both.
 
 use thiserror::Error;
 

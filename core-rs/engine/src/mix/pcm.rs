@@ -57,8 +57,8 @@ wide! {
         for index in 0..samples.len() {
             let rounded_code = (samples[index] * gain * full_scale).round_ties_even();
             // Not `clamp`, whose check of its bounds is in the way of vectors. `as` converts NaN to 0.
-            let below = if rounded_code > full_scale - 1.0 { full_scale - 1.0 } else { rounded_code };
-            let clipped_code = if below < -full_scale { -full_scale } else { below };
+            let limited_code = if rounded_code > full_scale - 1.0 { full_scale - 1.0 } else { rounded_code };
+            let clipped_code = if limited_code < -full_scale { -full_scale } else { limited_code };
             codes[index] = (clipped_code as i32) << code_shift;
         }
     }

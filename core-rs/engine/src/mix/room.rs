@@ -131,7 +131,7 @@ impl Room {
         } else {
             spec.gain
         };
-        let line_signs = |at: usize| (0..N_LINES).map(move |line| line_sign(at, line));
+        let line_signs = |channel: usize| (0..N_LINES).map(move |line| line_sign(channel, line));
         let channel_gains = (0..spec.channels.len())
             .flat_map(line_signs)
             .map(|sign| sign * output_scale)
@@ -160,8 +160,8 @@ impl Room {
     }
 
     /// Process input samples (n_frames), and add the output to (n_frames, n_channels).
-    pub(super) fn process(&mut self, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
-        self.is_silent = self.is_silent && sent.iter().all(|x| *x == 0.0);
+    pub(super) fn process(&mut self, input: &[f64], mixed: &mut [f64], n_channels: usize) {
+        self.is_silent = self.is_silent && input.iter().all(|x| *x == 0.0);
         if self.is_silent || n_channels == 0 {
             return;
         }
@@ -169,19 +169,19 @@ impl Room {
         let shortest = self.delays.iter().map(DelayLine::length).min();
         let block_length = shortest.unwrap_or(1).clamp(1, BLOCK_FRAMES);
         let mixed = mixed.chunks_mut(block_length * n_channels);
-        for (sent, mixed) in sent.chunks(block_length).zip(mixed) {
-            self.process_block(&sent[..mixed.len() / n_channels], mixed, n_channels);
+        for (input, mixed) in input.chunks(block_length).zip(mixed) {
+            self.process_block(&input[..mixed.len() / n_channels], mixed, n_channels);
         }
     }
 
-    fn process_block(&mut self, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
-        let frame_count = sent.len();
+    fn process_block(&mut self, input: &[f64], mixed: &mut [f64], n_channels: usize) {
+        let frame_count = input.len();
         let mut block = Block {
             input: [0.0; BLOCK_FRAMES],
             lines: [[0.0; BLOCK_FRAMES]; N_LINES],
             filtered: [[0.0; BLOCK_FRAMES]; N_LINES],
         };
-        for (y, &x) in block.input.iter_mut().zip(sent) {
+        for (y, &x) in block.input.iter_mut().zip(input) {
             let x = if x.is_finite() { x } else { 0.0 };
             *y = self.highpass.next(x).high / sqrt(N_LINES as f64);
         }
@@ -211,25 +211,25 @@ struct Block {
     filtered: [[f64; BLOCK_FRAMES]; N_LINES],
 }
 
-// In these functions loops go by index: closures would be compiled for the baseline, and called.
+// In these functions loops use an index: closures would be compiled for the baseline, and called.
 half_wide! {
     #[allow(clippy::needless_range_loop)]
     fn filter_and_mix(filters: &mut Filters, block: &mut Block, count: usize) {
-        let Filters { b0, b1, a1, x: before, y } = filters;
+        let Filters { b0, b1, a1, x: previous_inputs, y } = filters;
         let scale = 1.0 / sqrt(N_LINES as f64);
         for frame in 0..count.min(BLOCK_FRAMES) {
-            let mut now = [0.0; N_LINES];
+            let mut line_outputs = [0.0; N_LINES];
             for line in 0..N_LINES {
                 let x = block.lines[line][frame];
-                let next = b0[line] * x + b1[line] * before[line] - a1[line] * y[line];
-                before[line] = x;
+                let next = b0[line] * x + b1[line] * previous_inputs[line] - a1[line] * y[line];
+                previous_inputs[line] = x;
                 y[line] = without_denormal(next);
-                now[line] = y[line];
+                line_outputs[line] = y[line];
                 block.filtered[line][frame] = y[line];
             }
-            mix_lines(&mut now);
+            mix_lines(&mut line_outputs);
             for line in 0..N_LINES {
-                block.lines[line][frame] = without_denormal(block.input[frame] + now[line] * scale);
+                block.lines[line][frame] = without_denormal(block.input[frame] + line_outputs[line] * scale);
             }
         }
     }
@@ -260,7 +260,7 @@ fn without_denormal(x: f64) -> f64 {
 type Coefficients = [f64; 3];
 
 impl Filters {
-    /// Filters of lines of these lengths [frames] with the decay times asked for; `None` if no first-order filters have
+    /// Filters of lines of these lengths [frames] with the required decay times; `None` if no first-order filters have
     /// them.
     fn new(lengths: [usize; N_LINES], slopes: [f64; 2], t60: [(f64, f64); 2], rate: f64) -> Option<Self> {
         let line_filters = lengths.map(|frames| Self::coefficients(frames, slopes, t60, rate));
@@ -279,8 +279,8 @@ impl Filters {
         let [low, high] = t60.map(|(f, _)| warped(f, rate));
         let (corner_squared, lower_squared, upper_squared) = (low * high, low * low, high * high);
         let mut is_found = false;
-        // The logarithm of the filter's gain is only nearly linear in f²/(f² + f₁·f₂): iterate towards the two gains
-        // asked for.
+        // The logarithm of the filter's gain is only nearly linear in f²/(f² + f₁·f₂): iterate towards the two required
+        // gains.
         for _ in 0..ITERATIONS_MAX {
             let log_gain = |square: f64| {
                 let gain_ratio = exp(end_logs[0] - end_logs[1]);

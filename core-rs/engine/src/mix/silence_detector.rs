@@ -31,7 +31,8 @@ pub struct SilenceDetector {
 }
 
 impl SilenceDetector {
-    /// A detector for frames at `rate` [Hz]; windows count from frame `start_frame` on, where 0 is the first frame taken.
+    /// A detector for frames at `rate` [Hz]; windows count from frame `start_frame` on, where 0 is the first frame
+    /// taken.
     pub fn new(rate: f64, n_channels: usize, start_frame: u64) -> Self {
         Self {
             window_frames: (WINDOW_SECONDS * rate + 0.5).max(1.0) as u64,

@@ -50,8 +50,8 @@ impl Bristle {
         self.stiffness * v.abs() / self.steady_friction(v)
     }
 
-    /// The relaxation per metre of sliding at `v`, and its slope over the speed; at rest, where the relaxation has a kink,
-    /// the slope is 0.
+    /// The relaxation per metre of sliding at `v`, and its slope over the speed; at rest, where the relaxation has a
+    /// kink, the slope is 0.
     pub(crate) fn relaxation_and_slope(&self, v: f64) -> (f64, f64) {
         let steady_level = self.steady_friction(v);
         let relaxation = self.stiffness * v.abs() / steady_level;

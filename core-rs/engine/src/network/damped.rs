@@ -91,7 +91,9 @@ pub(super) fn damped_modes(body: &PartBody, modes: &[Mode], is_coupled: bool, co
     let start_poles: Vec<Complex<f64>> = coupled_poles.iter().map(|mode| mode.pole).collect();
     for (i, mode) in coupled_poles.iter_mut().enumerate() {
         let other_poles = start_poles.iter().enumerate().filter(|(j, _)| *j != i);
-        let pole_gap = other_poles.fold(f64::INFINITY, |least, (_, other)| least.min((other - mode.pole).norm()));
+        let pole_gap = other_poles.fold(f64::INFINITY, |gap_min, (_, other)| {
+            gap_min.min((other - mode.pole).norm())
+        });
         matrices.refine_pole(mode, pole_gap);
     }
     for i in 0..coupled_poles.len() {

@@ -149,8 +149,8 @@ impl Network {
         link_guides.chain(mass_followers.map(|mass| (mass.mat, mass.following.mat)))
     }
 
-    /// Add a link (LNL) between MATs `a` and `b`, `rest` [m] long at rest, in whose law the constants named in `followings`
-    /// follow MATs; returns its index.
+    /// Add a link (LNL) between MATs `a` and `b`, `rest` [m] long at rest, in whose law the constants named in
+    /// `followings` follow MATs; returns its index.
     ///
     /// ```
     /// use ergon_engine::Network;

@@ -20,7 +20,7 @@ pub struct Tone {
     pub t60: f64,
 }
 
-/// Which modes are asked for.
+/// Which modes are requested.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ModeRange {
     /// This many of the lowest modes.
@@ -31,11 +31,11 @@ pub enum ModeRange {
     Around(f64, usize),
 }
 
-/// More modes are asked for than can be kept.
+/// More modes are requested than memory allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{count} modes of {n_masses} masses need too much memory; ask for at most {count_max} modes")]
 pub struct TooManyModes {
-    /// Number of modes asked for.
+    /// Number of requested modes.
     pub count: usize,
     /// Number of masses.
     pub n_masses: usize,
@@ -90,7 +90,7 @@ impl Network {
     pub fn part_modes(&self, part: usize, range: ModeRange) -> Result<PartModes, TooManyModes> {
         let part_body = self.part_body(part);
         let mat_count = part_body.mats.len();
-        // Damping couples each mode with others, so more undamped modes are needed than are asked for.
+        // Damping couples each mode with others, so more undamped modes are needed than are requested.
         let coupled_search = |count: usize, find: &dyn Fn(usize) -> LowestModes| {
             let part_modes = find(count);
             let is_coupled = damped::is_coupled(&part_body, &part_modes.modes);

@@ -95,7 +95,7 @@ pub struct PointGroup {
 }
 
 impl Pairwise {
-    /// Most neighbours of a sphere among equal spheres: in a plane, and in space.
+    /// Largest number of neighbours of a sphere among equal spheres: in a plane, and in space.
     const NEIGHBOURS_MAX: [f64; 2] = [6.0, 12.0];
 
     /// Coordinates along `axis` of two points that may meet, of link i in a run that begins at `ends`: a point of the
@@ -114,8 +114,8 @@ impl Pairwise {
         }
     }
 
-    /// Most points of the other group that push a point at once: for a point of the first group, and for one of the
-    /// second.
+    /// Largest number of points of the other group that push a point at once: for a point of the first group, and for
+    /// one of the second.
     pub(crate) fn neighbours(&self, n_second: usize) -> [f64; 2] {
         if self.is_searched() {
             [Self::NEIGHBOURS_MAX[self.link.n_axes - 2]; 2]

@@ -19,7 +19,7 @@ pub use points::{SpacePoint, SpacePoints};
 
 use super::{LinkKind, Network, Run};
 
-/// Most axes of a space.
+/// Largest number of axes of a space.
 pub(crate) const AXES_MAX: usize = 3;
 
 impl LinkKind {

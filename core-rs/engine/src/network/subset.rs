@@ -173,10 +173,10 @@ impl Network {
             }
             subset.links.push((run.first + i) as u32);
             match &mut open_range {
-                Some(before) if before.is_followed_by(a, b, space.as_ref()) => before.len += 1,
-                before => {
+                Some(range) if range.is_followed_by(a, b, space.as_ref()) => range.len += 1,
+                range => {
                     let next_range = LinkRange { a, b, len: 1, space };
-                    subset.push_run_range(run, before.replace(next_range));
+                    subset.push_run_range(run, range.replace(next_range));
                 }
             }
         }
@@ -308,7 +308,7 @@ impl Subset {
             .filter(|&local| guests.binary_search(&subset_indices[local]).is_err())
             .collect();
         local_indices
-            .chunk_by(|before, after| before + 1 == *after)
+            .chunk_by(|index, next| index + 1 == *next)
             .map(|range| term.over(range[0], range.len()))
             .collect()
     }

@@ -34,7 +34,7 @@ enum MassAccess {
     Masses(Vec<(usize, (f64, f64))>),
 }
 
-/// A body whose masses may be asked for: the names of the masses, and the initial position and step of each [m].
+/// A body that may be transferred: the names of the masses, and the initial position and step of each [m].
 struct BodyCandidate<'a> {
     place: BodyPlace,
     mass_names: Vec<String>,

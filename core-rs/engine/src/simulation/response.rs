@@ -20,8 +20,8 @@ const OVERSAMPLING_MAX: u32 = 64;
 
 impl ReachableNetwork {
     /// Force against the hand [N/m] in each tick of `frames_per_tick` frames, after a displacement of 1 m that lasts
-    /// one tick. `tick_limits`: the smallest and the largest number of ticks; between the two, the response is followed as
-    /// long as it rings.
+    /// one tick. `tick_limits`: the smallest and the largest number of ticks; between the two, the response is followed
+    /// as long as it rings.
     ///
     /// `None` if the network with all contacts closed diverges, even in steps as fine as are allowed.
     ///

@@ -45,7 +45,7 @@ impl ContactHistory {
         let pair_search = self
             .pairs
             .binary_search_by_key(&(first, second), |pair| (pair.first, pair.second));
-        pair_search.ok().map(|at| self.pairs[at].anchor)
+        pair_search.ok().map(|index| self.pairs[index].anchor)
     }
 
     /// Begin a pass over all pairs that touch, in the order of their indices.

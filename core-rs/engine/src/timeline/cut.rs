@@ -13,7 +13,7 @@ impl Timeline {
     /// rise. If it `stops`, couplings stay as they are at the frame.
     ///
     /// Strikes and ergons at the instant of the frame are left out, and so are strikes and glides that are over by
-    /// then. Glides of typed values go on to their end. Keys, drives, inputs and automation stay: see
+    /// then. Glides of typed values continue to their end. Keys, drives, inputs and automation stay: see
     /// [`Timeline::release`].
     ///
     /// ```
@@ -42,7 +42,8 @@ impl Timeline {
         let running_glides = self.glides.iter().filter(|glide| !glide.is_over(frame));
         let running_leads = self.leads.iter().filter(|lead| !lead.is_over(frame));
         let strikes = self.strikes.iter();
-        // All ergons before the frame stay: without any, a body would go by its modes, which must be solved first.
+        // All ergons before the frame stay: without any, a body would be computed by its modes, which must be solved
+        // first.
         let past_ergons = self.ergons.iter().filter(|ergon| is_before(ergon.instant));
         Self {
             rate: self.rate,

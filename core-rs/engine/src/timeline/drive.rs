@@ -69,7 +69,7 @@ impl Drive {
             DriveSource::Hand(hand) => hand.position(n),
             DriveSource::Key(_) | DriveSource::Strikes { .. } => 0.0,
             DriveSource::SoundIn { sound, scale, steps } => {
-                // A position in a frame is the input value of the frame before. A force is asked for only at the start,
+                // A position in a frame is the input value of the frame before. A force is evaluated only at the start,
                 // when the live input is not yet known.
                 let sound_frame = (n / u64::from(*steps)).checked_sub(1);
                 let sound_frame = sound_frame.filter(|_| self.kind == DriveKind::Position);
@@ -99,7 +99,7 @@ impl Drive {
         }
     }
 
-    /// Whether it imposes a position that is known beforehand: neither a hand's nor a key's.
+    /// Whether it imposes a position that is known in advance: neither a hand's nor a key's.
     pub(crate) fn is_path(&self) -> bool {
         let is_known = self.hand().is_none() && self.port().is_none();
         self.kind == DriveKind::Position && is_known
@@ -122,7 +122,7 @@ impl Drive {
     /// Add the force at frame `n`, or impose the position at frame n + 1.
     pub(crate) fn apply(&self, n: u64, rate: f64, body: &mut Body, targets: &mut Vec<Target>) {
         if self.is_sound_in() {
-            return; // only its island knows what is played into it
+            return; // its island applies the live values
         }
         match self.kind {
             DriveKind::Force => body.push(self.mat, self.value(n, rate)),

@@ -214,7 +214,7 @@ impl Timeline {
             Some(_) => {}
         }
         let gate_index = self.gates.iter().position(|gate| gate.first_link == link);
-        if gate_index.is_some_and(|at| !self.gates[at].is_ramp()) {
+        if gate_index.is_some_and(|index| !self.gates[index].is_ramp()) {
             return refusal("the link already has a schedule");
         }
         if !(fade > 0.0 && fade.is_finite()) {
@@ -235,10 +235,10 @@ impl Timeline {
             start,
             stop: stop.map(on_grid),
             fade_frames: ((fade * self.rate.hertz()) as u64).div_ceil(GRID_FRAMES).max(1) * GRID_FRAMES,
-            ramp: gate_index.and_then(|at| self.gates[at].ramp),
+            ramp: gate_index.and_then(|index| self.gates[index].ramp),
         };
         match gate_index {
-            Some(at) => self.gates[at] = gate,
+            Some(index) => self.gates[index] = gate,
             None => self.gates.push(gate),
         }
         Ok(())

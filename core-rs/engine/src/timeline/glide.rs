@@ -13,7 +13,7 @@ pub type MatParameters = [f64; 3];
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Glide {
     pub(crate) mat: usize,
-    /// Frames on the grid, rising, and the parameters there; `None` stands for those of the network. Parameters are
+    /// Frames on the grid, rising, and the parameters there; `None` means those of the network. Parameters are
     /// constant before the first point and after the last.
     pub(crate) points: Arc<[(u64, Option<MatParameters>)]>,
 }
@@ -79,7 +79,7 @@ impl Timeline {
         mat: usize,
         points: &[(f64, MatParameters)],
     ) -> Result<(), Error> {
-        let points: Vec<_> = points.iter().map(|&(at, ties)| (at, Some(ties))).collect();
+        let points: Vec<_> = points.iter().map(|&(instant, ties)| (instant, Some(ties))).collect();
         let glide_count = self.add_glide(network, mat, &points)?;
         debug_assert!(glide_count > 0);
         Ok(())

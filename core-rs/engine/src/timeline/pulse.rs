@@ -74,14 +74,14 @@ impl Timeline {
             StrikeTiming::OfScore => score_frame(strike_instant, frame_rate, self.oversampling),
             StrikeTiming::Nearest => frame(strike_instant, frame_rate),
         };
-        impulse_shares(strike.n_parts).map(move |(frames_after, share)| {
-            let after = f64::from(frames_after) * spacing;
+        impulse_shares(strike.n_parts).map(move |(parts_after, share)| {
+            let frame_offset = f64::from(parts_after) * spacing;
             let (frame, alpha) = if matches!(instants, StrikeTiming::Exact) {
-                let exact_frame = strike_instant * frame_rate + after;
+                let exact_frame = strike_instant * frame_rate + frame_offset;
                 let frame_floor = floor_frame(exact_frame);
                 (frame_floor, (exact_frame - frame_floor as f64).clamp(0.0, 1.0))
             } else {
-                (first_frame.saturating_add(after.round() as u64), 0.0)
+                (first_frame.saturating_add(frame_offset.round() as u64), 0.0)
             };
             StrikePart {
                 frame,
@@ -96,7 +96,7 @@ impl Timeline {
         let (strike_instant, impulse) = (strike.instant, strike.impulse);
         let part_spacing = 1.0 / PARTS_PER_SECOND;
         impulse_shares(strike.n_parts)
-            .map(move |(after, share)| (strike_instant + f64::from(after) * part_spacing, share * impulse))
+            .map(move |(parts_after, share)| (strike_instant + f64::from(parts_after) * part_spacing, share * impulse))
     }
 
     /// Whether strikes on each part of a network act on whole frames: under `ca` and on keys   (n_parts)

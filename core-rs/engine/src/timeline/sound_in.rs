@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use super::{DriveKind, DriveSource, StrikeError, Timeline};
 use crate::section::{BUTTERWORTH_2, Section};
 
-/// Most inputs of a piece.
+/// Largest number of inputs of a piece.
 const INPUTS_MAX: usize = 64;
 /// Longest glide from one set value to the next [s].
 const GLIDE_SECONDS_MAX: f64 = 60.0;
@@ -154,7 +154,7 @@ impl Timeline {
     pub fn sound_in(&mut self, settings: SoundInSettings, samples: &[f64]) -> Result<usize, StrikeError> {
         let frame_rate = self.rate.hertz();
         let index = self.sounds_in.len();
-        let refusal = |what, requirement, value| Err(StrikeError::Value(what, requirement, value));
+        let refusal = |quantity, requirement, value| Err(StrikeError::Value(quantity, requirement, value));
         if index == INPUTS_MAX {
             return refusal("the number of inputs", " of 64 at most", index as f64 + 1.0);
         }
@@ -211,7 +211,7 @@ impl Timeline {
             scale: super::check_finite("scale", scale).map(|()| scale)?,
             steps: 1,
         };
-        // The drive does not belong to the MAT's own part, because no written gesture knows what will be played.
+        // The drive does not belong to the MAT's own part, because written gestures cannot depend on live input.
         self.drive(mat, kind, sound_source, false)
     }
 

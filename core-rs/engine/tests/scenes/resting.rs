@@ -1,8 +1,8 @@
 //! Islands at rest are not computed, and no bit changes: of outputs, of everything that can be read at any frame, and
 //! of stored states.
 //!
-//! By ear islands also sleep, see `sleeping`. The reference is the same simulation with [`Simulation::start_watching`] called
-//! every few frames: that wakes every island.
+//! By ear islands also sleep, see `sleeping`. The reference is the same simulation with [`Simulation::start_watching`]
+//! called every few frames: that wakes every island.
 
 use std::sync::Arc;
 

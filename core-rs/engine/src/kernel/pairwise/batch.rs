@@ -170,9 +170,9 @@ impl Batch {
 
 wide! {
     /// Turns vectors between ends into unit vectors, and computes distances − rest.
-    fn set_directions_and_elongations(rest: f64, apart: [&mut [f64]; AXES_MAX], e: &mut [f64]) {
+    fn set_directions_and_elongations(rest: f64, offsets: [&mut [f64]; AXES_MAX], e: &mut [f64]) {
         let n = e.len();
-        let [x, y, z] = apart;
+        let [x, y, z] = offsets;
         let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
         for i in 0..n {
             let length;

@@ -41,7 +41,8 @@ pub(crate) struct Neighbours {
     /// Ranges that contain every point of the short list: only these are followed and pushed in each frame. Of a skin
     /// on which a few beads lie, they are a small part.
     active_ranges: Vec<Range<usize>>,
-    /// Whether a point is in the short list, and the square of the distance that it moved since the list was selected [m²]   (n each)
+    /// Whether a point is in the short list, and the square of the distance that it moved since the list was selected
+    /// [m²]   (n each)
     is_active: Vec<bool>,
     squared_distances: Vec<f64>,
     batch: Batch,

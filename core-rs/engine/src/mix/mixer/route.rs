@@ -131,8 +131,8 @@ pub(super) struct Route {
     pub(super) entry_glide: Option<GainGlide>,
     /// A gain added to its own, which glides to 0 since a takeover; used where a factor cannot lead to the new gain.
     pub(super) residual_gain: Option<GainGlide>,
-    /// Whether its filters have the same input and the same state as those of the route before it, so that their output is the
-    /// same.
+    /// Whether its filters have the same input and the same state as those of the route before it, so that their output
+    /// is the same.
     pub(super) repeats_previous: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The state of a mixer as bytes, so that another run goes on from a frame without the frames before.
+//! The state of a mixer as bytes, so that another run continues from a frame without the frames before it.
 
 use super::Mixer;
 use crate::archive::{Archive, Damaged, State, state_of};
@@ -37,7 +37,7 @@ impl Mixer {
         Some(state_bytes)
     }
 
-    /// Go on after the frames that a mixer with the same routes and rooms has mixed.
+    /// Continue after the frames that a mixer with the same routes and rooms has mixed.
     ///
     /// # Errors
     /// [`Damaged`] if the bytes are not a state of such a mixer; this one is then as it was.

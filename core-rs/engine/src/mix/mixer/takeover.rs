@@ -15,9 +15,9 @@ impl Mixer {
         self.frame = old.frame;
         let group_pairs = self.group_gains.iter_mut().zip(&old.group_gains);
         group_pairs.for_each(|(group, old)| *group = *old);
-        let new_output = |before: usize| match outputs {
-            Some(outputs) => outputs.get(before).copied().flatten(),
-            None => Some(before),
+        let new_output = |old_output: usize| match outputs {
+            Some(outputs) => outputs.get(old_output).copied().flatten(),
+            None => Some(old_output),
         };
         // The routes of both mixers are in about the same order: start the search after the previous match.
         let search_order =
@@ -69,9 +69,9 @@ impl Mixer {
             }
         }
         for route_index in 1..self.routes.len() {
-            let (earlier, later_routes) = self.routes.split_at_mut(route_index);
-            if let (Some(before), Some(next_route)) = (earlier.last(), later_routes.first_mut()) {
-                next_route.repeats_previous = next_route.has_same_input_as(before);
+            let (earlier_routes, later_routes) = self.routes.split_at_mut(route_index);
+            if let (Some(previous_route), Some(next_route)) = (earlier_routes.last(), later_routes.first_mut()) {
+                next_route.repeats_previous = next_route.has_same_input_as(previous_route);
             }
         }
         let new_gain = self.master_curve.as_ref().map_or(1.0, |fade| fade.gain_at(old.frame));
@@ -95,18 +95,18 @@ impl Mixer {
                 out(other.mixer_output).is_some_and(|new_output| placed.is_continuation_of(other, new_output))
             };
             placed.fade = match old.frozen_outputs.iter().find(is_same_place) {
-                Some(before) => before.fade,
+                Some(old_frozen) => old_frozen.fade,
                 None => GainGlide::between(self.rate, 0.0, 1.0),
             };
         }
-        let gone_outputs = old.frozen_outputs.iter().filter_map(|before| {
-            let new_output = out(before.mixer_output)?;
+        let gone_outputs = old.frozen_outputs.iter().filter_map(|old_frozen| {
+            let new_output = out(old_frozen.mixer_output)?;
             let is_continuing = self
                 .frozen_outputs
                 .iter()
-                .any(|placed| placed.is_continuation_of(before, new_output));
-            let fade_out = GainGlide::between(self.rate, before.fade.gain_at(old.frame), 0.0);
-            (!is_continuing).then(|| before.with_fade(new_output, fade_out))
+                .any(|placed| placed.is_continuation_of(old_frozen, new_output));
+            let fade_out = GainGlide::between(self.rate, old_frozen.fade.gain_at(old.frame), 0.0);
+            (!is_continuing).then(|| old_frozen.with_fade(new_output, fade_out))
         });
         let fading_out = old.frozen_outputs_fading_out.iter().flatten();
         let fading_out = fading_out.filter_map(|other| Some(other.with_fade(out(other.mixer_output)?, other.fade)));
@@ -126,19 +126,19 @@ impl Mixer {
         let mut free_places = self.fading_out.iter_mut();
         let is_sounding = |fading_route: &&mut Route| !fading_route.has_faded_out(old.frame);
         let fading_out = old.fading_out.iter_mut().flatten().filter(is_sounding);
-        for before in fading_out.chain(&mut old.routes) {
-            let output_here = out(before.output);
-            let (Some(out_now), true) = (output_here, before.group < self.group_gains.len()) else {
+        for old_route in fading_out.chain(&mut old.routes) {
+            let new_output = out(old_route.output);
+            let (Some(output), true) = (new_output, old_route.group < self.group_gains.len()) else {
                 continue;
             };
             let successor = (search_start..route_count)
                 .chain(0..search_start)
-                .find(|&route_index| self.routes[route_index].is_continuation_of(before, output_here));
+                .find(|&route_index| self.routes[route_index].is_continuation_of(old_route, new_output));
             if let Some(route_index) = successor {
                 search_start = route_index + 1;
                 continue;
             }
-            let is_there = match before.target {
+            let is_there = match old_route.target {
                 RouteTarget::Channel(channel) => channel < n_channels,
                 RouteTarget::Room(room) => room < n_rooms,
             };
@@ -148,18 +148,18 @@ impl Mixer {
             let Some(free_place) = free_places.next() else {
                 return;
             };
-            let (delay, curve) = (before.delay.take(), before.curve.take());
-            let filters = std::mem::take(&mut before.filters);
+            let (delay, curve) = (old_route.delay.take(), old_route.curve.take());
+            let filters = std::mem::take(&mut old_route.filters);
             let mut fading_route = Route {
-                output: out_now,
+                output,
                 filters,
                 delay,
                 curve,
                 shared_curve: None,
                 repeats_previous: false,
-                ..before.clone()
+                ..old_route.clone()
             };
-            let gain_before = before.fade.map_or(1.0, |fade| fade.gain_at(old.frame));
+            let gain_before = old_route.fade.map_or(1.0, |fade| fade.gain_at(old.frame));
             fading_route.set_fade(self.rate, gain_before, 0.0);
             *free_place = Some(fading_route);
         }

@@ -7,9 +7,9 @@ use super::{AXES_MAX, length_and_unit_vector};
 
 type Vector = [f64; AXES_MAX];
 
-/// Most cells of the grid.
+/// Largest number of cells of the grid.
 const CELLS_MAX: usize = 1 << 18;
-/// Most triangles in all cells together.
+/// Largest number of triangles in all cells together.
 const MEMBERS_MAX: usize = 1 << 22;
 /// Factor by which cells are widened if there are too many.
 const WIDENING: f64 = 1.3;
@@ -32,7 +32,7 @@ pub struct Facets {
 }
 
 impl Facets {
-    /// Most triangles of a surface.
+    /// Largest number of triangles of a surface.
     pub const TRIANGLES_MAX: usize = 200_000;
 
     /// The surface of triangles, each given by the numbers of its corners [m]; points are detected up to the distance

@@ -32,7 +32,7 @@ pub enum SpaceLaw {
         is_clamped: bool,
     },
     /// A contact that sticks: beside its push it pulls by K·sink. Beyond touching, the pull falls to 0 over the
-    /// distance `reach`. `rest` is the distance at which it lets go.
+    /// distance `reach`. `rest` is the distance at which it separates.
     Cohesive {
         /// Exponent of the depth, 1 or more.
         exponent: f64,
@@ -193,7 +193,7 @@ impl SpaceLaw {
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => contact(k, *exponent).energy(-e),
-            // 0 after it has let go, and negative while it holds.
+            // 0 after it has separated, and negative while it sticks.
             Self::Cohesive { .. } if e >= 0.0 => 0.0,
             Self::Cohesive { sink, reach, .. } if e + reach >= 0.0 => -0.5 * k * sink * (e * e) / reach,
             Self::Cohesive {

@@ -65,12 +65,12 @@ impl SpaceLink {
 
     /// Position of the second end minus that of the first, axis by axis.
     pub(crate) fn offset_between(&self, ends: (usize, usize), x: impl Fn(usize) -> f64) -> [f64; AXES_MAX] {
-        let mut between = [0.0; AXES_MAX];
-        for (axis, between) in between.iter_mut().enumerate().take(self.n_axes) {
+        let mut offset = [0.0; AXES_MAX];
+        for (axis, component) in offset.iter_mut().enumerate().take(self.n_axes) {
             let (first_mat, second_mat) = self.pair(ends, axis);
-            *between = x(second_mat) - x(first_mat);
+            *component = x(second_mat) - x(first_mat);
         }
-        between
+        offset
     }
 
     /// Growth of the distance of the ends along `direction`, if each MAT moves by `mat_step`.

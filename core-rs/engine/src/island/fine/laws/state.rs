@@ -43,8 +43,8 @@ pub(in crate::island::fine) struct LawState {
     pub(super) start_force: f64,
     /// The largest_force force of the last frames [N].
     pub(super) largest_force: f64,
-    /// Elongation at the first instant of the frame, from which `path` is counted: a path that stands still has no rate,
-    /// to the last bit [m].
+    /// Elongation at the first instant of the frame, from which `path` is counted: a path that stands still has no
+    /// rate, to the last bit [m].
     pub(super) origin: f64,
     /// Elongation at the instants of the frame, less `origin`, if the forces of the parts to come are zero [m]   (n)
     pub(super) path: Vec<f64>,
