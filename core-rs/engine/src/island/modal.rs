@@ -48,6 +48,9 @@ pub(crate) struct RunningModal {
     /// What impulses between frames have still to add to the modes.
     pending: Vec<Lanes>,
     has_pending: bool,
+    /// What the strikes of this frame add to the modes at the next, and whether there are any.
+    struck: Vec<Lanes>,
+    is_struck: bool,
     between: Option<Between>,
     forces: Vec<f64>,
     /// Positions of the rows at the next frame, while they are pushed   (n_rows)
@@ -119,6 +122,8 @@ impl RunningModal {
             kicks: vec![Lanes::ZERO; group_count],
             pending: vec![Lanes::ZERO; group_count],
             has_pending: false,
+            struck: vec![Lanes::ZERO; group_count],
+            is_struck: false,
             between: None,
             forces: vec![0.0; plan.ports.len()],
             row_positions: vec![0.0; n_rows],
@@ -212,6 +217,9 @@ impl RunningModal {
 
     /// Apply the strikes of frame `n`, so that contacts know where the ports go with them.
     pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
+        if std::mem::take(&mut self.is_struck) {
+            self.struck.fill(Lanes::ZERO);
+        }
         let is_due = |due_blow: &&Blow| due_blow.0 <= n;
         let due_blow = self.script.blows.get(self.next_strike_index).filter(is_due);
         if due_blow.is_none() && !self.has_pending {
@@ -228,6 +236,13 @@ impl RunningModal {
             self.next_strike_index += 1;
             self.script.strike(due_blow, &mut self.kicks);
             self.kick();
+            // What the second step of a strike adds makes the motion free from its frame on.
+            if let (.., false) = due_blow {
+                for (struck, kick) in self.struck.iter_mut().zip(&self.kicks) {
+                    ports::add(struck, kick, 1.0);
+                }
+                self.is_struck = true;
+            }
         }
         self.set_ports(body);
     }
