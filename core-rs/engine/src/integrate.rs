@@ -142,14 +142,14 @@ impl Integrator {
     pub(crate) fn new(network: &Network, rate: Rate, method: MeshMethod, substeps: u32) -> Result<Self, Error> {
         let rate = substep_rate(rate, substeps)?;
         let network_mesh = Arc::new(Mesh::new(network, rate, method)?);
-        let motion = match method {
+        let method_stepper = match method {
             MeshMethod::Ca => MethodStepper::Ca(Box::new(ca::Ca::new(network_mesh, network, rate)?)),
             MeshMethod::Ca2p => MethodStepper::Ca2p(ca2p::Ca2p::new(network_mesh, network)?),
             MeshMethod::Bm4 => MethodStepper::Bm4(bm4::Bm4::new(network_mesh, network)),
             MeshMethod::Ieq => MethodStepper::Ieq(ieq::Ieq::new(network_mesh, network)?),
         };
         Ok(Self {
-            method_stepper: motion,
+            method_stepper,
             substeps,
         })
     }

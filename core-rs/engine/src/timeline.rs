@@ -237,10 +237,10 @@ impl Timeline {
     }
 
     /// Add a key; returns its index.
-    pub fn key(&mut self, name: &str, struck: usize) -> usize {
+    pub fn key(&mut self, name: &str, struck_mat: usize) -> usize {
         self.keys.push(Key {
             name: name.to_owned(),
-            struck_mat: struck,
+            struck_mat,
         });
         self.keys.len() - 1
     }

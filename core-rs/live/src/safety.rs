@@ -117,10 +117,10 @@ impl<D: Device> Guarded<D> {
                 range: self.device.range(axis),
                 resolution: device_spec.pos_lsb,
                 inertia: device_spec.inertia,
-                force: self.pipeline.force_max(),
-                delay: device_spec.loop_delay_s.unwrap_or(0.0),
-                energy: self.pipeline.limits().energy,
-                power: self.pipeline.limits().power,
+                force_max: self.pipeline.force_max(),
+                delay_seconds: device_spec.loop_delay_s.unwrap_or(0.0),
+                energy_max: self.pipeline.limits().energy,
+                power_max: self.pipeline.limits().power,
             })
             .collect();
         self.watched = Some(PlausibilityChecks::new(&axis_specs, self.pipeline.period()));
@@ -190,7 +190,7 @@ impl<D: Device> Guarded<D> {
             self.device.zero();
         }
         if let Some(watched) = &mut self.watched {
-            watched.sent(safe_force.newtons());
+            watched.note_sent_forces(safe_force.newtons());
         }
         Ok(safe_force)
     }
@@ -201,7 +201,7 @@ impl<D: Device> Guarded<D> {
             if self.pipeline.is_fading() {
                 watched.restart();
             }
-            self.pipeline.limit_forces(&watched.pass(forces), time_now)
+            self.pipeline.limit_forces(&watched.check_forces(forces), time_now)
         } else {
             self.pipeline.limit_forces(forces, time_now)
         };

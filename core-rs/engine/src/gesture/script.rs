@@ -92,12 +92,16 @@ impl Gesture {
         for stretch in &self.segments {
             match *stretch {
                 GestureSegment::Throw {
-                    strike_instant: from,
-                    arrival_instant: to,
+                    strike_instant,
+                    arrival_instant,
                     point,
                     ..
-                } if frame(to, rate) <= frame(from, rate) => {
-                    return Err(GestureError::ThrowTooShort { index: point, from, to });
+                } if frame(arrival_instant, rate) <= frame(strike_instant, rate) => {
+                    return Err(GestureError::ThrowTooShort {
+                        index: point,
+                        from: strike_instant,
+                        to: arrival_instant,
+                    });
                 }
                 _ => {}
             }

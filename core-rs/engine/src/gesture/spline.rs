@@ -160,7 +160,7 @@ impl Jerk {
     fn solve(points: KnotPoints, ends: Ends) -> Self {
         let second_differences = points.second_differences(ends);
         let mut lambda: Vec<f64> = second_differences.windows(2).map(|w| w[1] - w[0]).collect();
-        let first = if ends == Ends::Natural { -2 } else { 0 };
+        let first_spline = if ends == Ends::Natural { -2 } else { 0 };
         let n_splines = lambda.len();
         let mut gram_bands = [vec![0.0; n_splines], vec![0.0; n_splines], vec![0.0; n_splines]];
         for i in 0..points.t.len() - 1 {
@@ -168,11 +168,11 @@ impl Jerk {
             // The three B-splines of the interval, in Bernstein's quadratics.
             let splines = [[p, 0.0, 0.0], [1.0 - p, 1.0, 1.0 - r], [0.0, 0.0, r]];
             for (k, left) in splines.iter().enumerate() {
-                let Some(band_row) = spline_index(first, i, k, n_splines) else {
+                let Some(band_row) = spline_index(first_spline, i, k, n_splines) else {
                     continue;
                 };
                 for (l, right) in splines.iter().enumerate().skip(k) {
-                    if spline_index(first, i, l, n_splines).is_some() {
+                    if spline_index(first_spline, i, l, n_splines).is_some() {
                         let integral: f64 = (0..3).map(|m| left[m] * dot(BERNSTEIN_PRODUCTS[m], *right)).sum();
                         gram_bands[l - k][band_row] += interval_width * integral;
                     }
@@ -180,10 +180,7 @@ impl Jerk {
             }
         }
         solve_banded(&mut gram_bands, &mut lambda);
-        Self {
-            lambda,
-            first_spline: first,
-        }
+        Self { lambda, first_spline }
     }
 
     fn piece(&self, points: KnotPoints, i: usize) -> JerkPiece {

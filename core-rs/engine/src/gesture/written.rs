@@ -103,14 +103,14 @@ impl Gesture {
 
     fn new(
         key: usize,
-        stretches: Vec<GestureSegment>,
+        segments: Vec<GestureSegment>,
         start: f64,
-        [x, exit]: [f64; 2],
+        [x, last_position]: [f64; 2],
         points: Vec<(f64, u32)>,
         manner: Manner,
     ) -> Result<Self, GestureError> {
         manner.check()?;
-        let entry = match stretches.first() {
+        let entry_knot = match segments.first() {
             Some(GestureSegment::Path { path, .. }) => {
                 let (x, v, a) = path.evaluate(start);
                 Knot { t: start, x, v, a }
@@ -123,10 +123,10 @@ impl Gesture {
         };
         Ok(Self {
             key,
-            segments: stretches,
+            segments,
             start,
-            last_position: exit,
-            entry_knot: entry,
+            last_position,
+            entry_knot,
             manner,
             points,
         })

@@ -33,16 +33,16 @@ impl Flow {
         let bc = b.times(&c);
         // b·d·b⁻¹·a = b·d·b⁻¹ + b·d·b⁻¹·(a − 1): a − 1 is small, and this form keeps its digits.
         let conjugated_deviation = conjugated.times(&deviation);
-        let keep = conjugated
+        let velocity_factor = conjugated
             .plus_scaled(&conjugated_deviation, 1.0)
             .plus_scaled(&bc, -1.0);
-        let pull = deviation
+        let position_pull = deviation
             .clone()
             .plus_scaled(&bc, 1.0)
             .plus_scaled(&conjugated_deviation, -1.0);
         Some(Self {
-            velocity_factor: keep,
-            position_pull: pull.scaled(-1.0),
+            velocity_factor,
+            position_pull: position_pull.scaled(-1.0),
             start_factors: [deviation, b],
         })
     }

@@ -239,7 +239,7 @@ impl RunningModal {
             // What the second step of a strike adds makes the motion free from its frame on.
             if let (.., false) = due_blow {
                 for (struck, kick) in self.struck.iter_mut().zip(&self.kicks) {
-                    ports::add(struck, kick, 1.0);
+                    ports::add_scaled(struck, kick, 1.0);
                 }
                 self.is_struck = true;
             }

@@ -45,8 +45,8 @@ pub(super) fn add_space_forces(
     }
     let SpaceScratch {
         directions: [direction_x, direction_y, direction_z],
-        elongations: e,
-        elongation_steps: step,
+        elongations,
+        elongation_steps,
     } = scratch;
     let [direction_x, direction_y, direction_z] =
         [direction_x, direction_y, direction_z].map(|axis_values| &mut axis_values[..link_count]);
@@ -73,7 +73,7 @@ pub(super) fn add_space_forces(
             direction_z,
         );
     } else {
-        let (e, step) = (&mut e[..link_count], &mut step[..link_count]);
+        let (e, step) = (&mut elongations[..link_count], &mut elongation_steps[..link_count]);
         set_directions_and_elongations(run.rest, &end_motion, e, step, direction_x, direction_y, direction_z);
         if link.law.yields() {
             let memory = &mut memory[run.first..run.first + link_count];

@@ -82,32 +82,32 @@ impl Fold {
             return Err(FoldError::NotFinite);
         }
         let (mut paths, mut taps) = (Vec::new(), Vec::new());
-        for to in 0..n_out {
-            for from in 0..n_in {
-                let first_tap = (from * n_out + to) * n_taps;
+        for output_channel in 0..n_out {
+            for input_channel in 0..n_in {
+                let first_tap = (input_channel * n_out + output_channel) * n_taps;
                 let filter = &filters[first_tap..first_tap + n_taps];
-                let Some(delay) = filter.iter().position(|h| *h != 0.0) else {
+                let Some(delay_frames) = filter.iter().position(|h| *h != 0.0) else {
                     continue;
                 };
-                let filter_end = filter.iter().rposition(|h| *h != 0.0).unwrap_or(delay) + 1;
+                let filter_end = filter.iter().rposition(|h| *h != 0.0).unwrap_or(delay_frames) + 1;
                 paths.push(FoldPath {
-                    input_channel: from,
-                    output_channel: to,
-                    delay_frames: delay,
+                    input_channel,
+                    output_channel,
+                    delay_frames,
                     first_tap: taps.len(),
-                    n_taps: filter_end - delay,
+                    n_taps: filter_end - delay_frames,
                 });
-                taps.extend_from_slice(&filter[delay..filter_end]);
+                taps.extend_from_slice(&filter[delay_frames..filter_end]);
             }
         }
-        let past = n_taps - 1;
+        let n_past_frames = n_taps - 1;
         Ok(Self {
             n_in,
             n_out,
-            n_past_frames: past,
+            n_past_frames,
             paths,
             taps,
-            input_lines: vec![0.0; n_in * (past + BLOCK_FRAMES)],
+            input_lines: vec![0.0; n_in * (n_past_frames + BLOCK_FRAMES)],
             frame_sums: vec![0.0; BLOCK_FRAMES],
         })
     }

@@ -48,12 +48,18 @@ pub(super) struct PlacedOutput {
 }
 
 impl PlacedOutput {
-    pub(super) fn new(source: Arc<FrozenOutputs>, column: usize, out: usize, begins: i64, rate: f64) -> Self {
+    pub(super) fn new(
+        source: Arc<FrozenOutputs>,
+        column: usize,
+        mixer_output: usize,
+        start_frame: i64,
+        rate: f64,
+    ) -> Self {
         Self {
             source,
             column,
-            mixer_output: out,
-            start_frame: begins,
+            mixer_output,
+            start_frame,
             fade: GainGlide::new(rate, 1.0),
         }
     }
@@ -65,9 +71,9 @@ impl PlacedOutput {
     }
 
     /// A copy for another mixer, at its output `out`, with another fade.
-    pub(super) fn with_fade(&self, out: usize, fade: GainGlide) -> Self {
+    pub(super) fn with_fade(&self, mixer_output: usize, fade: GainGlide) -> Self {
         Self {
-            mixer_output: out,
+            mixer_output,
             fade,
             ..self.clone()
         }

@@ -32,12 +32,12 @@ impl GainGlide {
     /// A constant gain, for frames at `rate` [Hz].
     #[must_use]
     pub fn new(rate: f64, gain: f64) -> Self {
-        let length = ((GLIDE_SECONDS * rate) as u64).div_ceil(GRID_FRAMES).max(1) * GRID_FRAMES;
+        let length_frames = ((GLIDE_SECONDS * rate) as u64).div_ceil(GRID_FRAMES).max(1) * GRID_FRAMES;
         Self {
             start_gain: gain,
             end_gain: gain,
             start_frame: 0,
-            length_frames: length,
+            length_frames,
             requested_gain: None,
             lag_frames: 0,
         }

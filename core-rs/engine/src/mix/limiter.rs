@@ -92,19 +92,19 @@ impl Limiter {
         if n_channels > MAX_CHANNELS {
             return Err(LimiterError::Channels(n_channels));
         }
-        let latency = latency as usize;
+        let latency_frames = latency as usize;
         Ok(Self {
             n_channels,
             ceiling,
-            latency_frames: latency,
+            latency_frames,
             release_factor: maths::exp(-1.0 / (RELEASE_SECONDS * rate)),
-            delayed_samples: vec![0.0; latency * n_channels],
-            fixed_reductions: vec![0; latency + 1],
+            delayed_samples: vec![0.0; latency_frames * n_channels],
+            fixed_reductions: vec![0; latency_frames + 1],
             fixed_reduction_sum: 0,
             write_index: 0,
             next_reduction_index: 0,
             // Allocated here, because `process` must not allocate.
-            candidates: VecDeque::with_capacity(latency + 2),
+            candidates: VecDeque::with_capacity(latency_frames + 2),
             frame: 0,
             reduction: 0.0,
         })

@@ -122,7 +122,8 @@ impl Room {
         }
         let lengths = line_lengths(spec.size / SPEED_OF_SOUND * rate);
         let slopes = end_log_gains(spec.t60, rate).ok_or(RoomError::Apart(long_decay, short_decay))?;
-        let filters = Filters::new(lengths, slopes, spec.t60, rate).ok_or(RoomError::Apart(long_decay, short_decay))?;
+        let line_filters =
+            Filters::new(lengths, slopes, spec.t60, rate).ok_or(RoomError::Apart(long_decay, short_decay))?;
         // Energy of all outputs of the lines after a click of energy 1: a geometric series.
         let mean_length = lengths.iter().sum::<usize>() as f64 / N_LINES as f64;
         let energy_decay = exp(-6.0 * std::f64::consts::LN_10 * mean_length / (long_decay * rate));
@@ -139,7 +140,7 @@ impl Room {
         Ok(Self {
             spec,
             delays: lengths.map(DelayLine::new),
-            line_filters: filters,
+            line_filters,
             channel_gains,
             is_silent: true,
             highpass: Section::new(HIGHPASS_HERTZ.min(0.4 * rate), rate, BUTTERWORTH_2),

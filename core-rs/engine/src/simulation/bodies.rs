@@ -124,7 +124,7 @@ impl<'a> BodyCandidate<'a> {
 
     /// The body, with a place in the workspace; `None` if its modes cannot be found.
     fn into_body(self, transform: ModalTransform, workspace: &mut Workspace) -> Option<TransferredBody> {
-        let first = workspace.mass_motions.len();
+        let first_slot = workspace.mass_motions.len();
         let source = match self.source {
             MassSource::Modes(network, mode_selection, rate) => {
                 let mode_shapes = ModeShapes::new(network, mode_selection, rate, transform)?;
@@ -140,7 +140,7 @@ impl<'a> BodyCandidate<'a> {
         workspace.mass_motions.extend(self.initial_motions);
         Some(TransferredBody {
             place: self.place,
-            first_slot: first,
+            first_slot,
             source,
         })
     }

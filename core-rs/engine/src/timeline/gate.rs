@@ -86,10 +86,10 @@ impl Gate {
     }
 
     /// The gate on other links.
-    pub(crate) fn on_links(self, link: usize, len: usize) -> Self {
+    pub(crate) fn on_links(self, first_link: usize, n_links: usize) -> Self {
         Self {
-            first_link: link,
-            n_links: len,
+            first_link,
+            n_links,
             ..self
         }
     }
@@ -148,9 +148,9 @@ pub(crate) struct GateContinuation {
 
 impl GateContinuation {
     /// Continuation to `gate` from another gate's factor at frame `n`; `None` if both factors are equal.
-    pub(crate) fn new(gate: &Gate, from: f64, n: u64) -> Option<Self> {
-        (from != gate.opening(n)).then_some(Self {
-            old_opening: from,
+    pub(crate) fn new(gate: &Gate, old_opening: f64, n: u64) -> Option<Self> {
+        (old_opening != gate.opening(n)).then_some(Self {
+            old_opening,
             start_frame: n,
         })
     }
@@ -254,7 +254,7 @@ impl Timeline {
         &mut self,
         network: &Network,
         (link, n): (usize, usize),
-        (from, to): (f64, f64),
+        (start_factor, end_factor): (f64, f64),
         (start, stop): (f64, f64),
     ) -> Result<(), Error> {
         let refusal = |message: &str| {
@@ -269,7 +269,10 @@ impl Timeline {
         if n == 0 || !begins_row(link) || !ends_row {
             return refusal("this link is one of a row of links, which can glide only together; name the row");
         }
-        if ![from, to].iter().all(|factor| factor.is_finite() && *factor >= 0.0) {
+        if ![start_factor, end_factor]
+            .iter()
+            .all(|factor| factor.is_finite() && *factor >= 0.0)
+        {
             return refusal("both factors of a glide must be 0 or more");
         }
         if !(start.is_finite() && stop.is_finite() && start >= 0.0) {
@@ -285,8 +288,8 @@ impl Timeline {
             .iter_mut()
             .find(|gate| gate.links().any(|gate_link| faded_links.contains(&gate_link)));
         let ramp = Some(Ramp {
-            start_factor: from,
-            end_factor: to,
+            start_factor,
+            end_factor,
             start,
             stop,
         });

@@ -79,10 +79,10 @@ impl Lead {
     }
 
     /// The same event on other links.
-    pub(crate) fn on_links(&self, link: usize, len: usize) -> Self {
+    pub(crate) fn on_links(&self, first_link: usize, n_links: usize) -> Self {
         Self {
-            first_link: link,
-            n_links: len,
+            first_link,
+            n_links,
             points: self.points.clone(),
         }
     }

@@ -76,7 +76,7 @@ impl Timeline {
         };
         impulse_shares(strike.n_parts).map(move |(parts_after, share)| {
             let frame_offset = f64::from(parts_after) * spacing;
-            let (frame, alpha) = if matches!(instants, StrikeTiming::Exact) {
+            let (frame, frame_fraction) = if matches!(instants, StrikeTiming::Exact) {
                 let exact_frame = strike_instant * frame_rate + frame_offset;
                 let frame_floor = floor_frame(exact_frame);
                 (frame_floor, (exact_frame - frame_floor as f64).clamp(0.0, 1.0))
@@ -85,7 +85,7 @@ impl Timeline {
             };
             StrikePart {
                 frame,
-                frame_fraction: alpha,
+                frame_fraction,
                 impulse: share * impulse,
             }
         })

@@ -117,12 +117,12 @@ fn stage_mixer() -> Mixer {
 fn stage() -> Stage {
     let mixer = stage_mixer();
     let stage_hand = Hand {
-        standin: (0..TICKS).map(|n| 1e-6 * (n % 1_000) as f64).collect(),
-        reach: 1.0,
+        standin_positions: (0..TICKS).map(|n| 1e-6 * (n % 1_000) as f64).collect(),
+        travel_ratio: 1.0,
         guidance: Some(Guidance {
             k: 50.0,
             z: 0.5,
-            loose: false,
+            follows_steps: false,
         }),
         ..Hand::default()
     };

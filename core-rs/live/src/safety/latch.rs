@@ -40,7 +40,7 @@ impl Trip {
     }
 }
 
-/// An axis that trips this often within `WITHIN` stays off.
+/// An axis that trips this often within `TRIP_WINDOW` stays off.
 const TRIPS_MAX: usize = 3;
 const TRIP_WINDOW: Duration = Duration::from_secs(60);
 

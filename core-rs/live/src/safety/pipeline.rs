@@ -96,7 +96,7 @@ impl Pipeline {
         }
     }
 
-    /// The forces to be sent `now` for the forces `asked`.
+    /// The forces to be sent `now` for the forces `requested_forces`.
     pub(super) fn limit_forces(&mut self, requested_forces: &[f64], now: Duration) -> SafeForce {
         self.counts.ticks += 1;
         self.n_unanswered_forces = self.n_unanswered_forces.saturating_add(1);

@@ -228,13 +228,10 @@ impl Neighbours {
     /// Add the forces to `force` (n_mat), and set `pushes` to the sum of the pair forces on each point of the second
     /// group [N]   (run.n).
     pub(super) fn add_forces(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
-        let PointForces {
-            on_first: first,
-            on_second: second,
-        } = &self.forces;
+        let PointForces { on_first, on_second } = &self.forces;
         for (group, first_mats) in point_groups(run) {
             for range in clipped_to(&self.active_ranges, &group) {
-                let zipped_forces = || first[range.clone()].iter().zip(&second[range.clone()]);
+                let zipped_forces = || on_first[range.clone()].iter().zip(&on_second[range.clone()]);
                 for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
                     let point_forces = force[first_mat + range.start - group.start..].iter_mut();
                     for (force, (first, second)) in point_forces.zip(zipped_forces()) {
@@ -243,10 +240,10 @@ impl Neighbours {
                 }
             }
         }
-        let reported_points = first.len() - pushes.len()..first.len();
+        let reported_points = on_first.len() - pushes.len()..on_first.len();
         pushes.fill(0.0);
         for range in clipped_to(&self.active_ranges, &reported_points) {
-            let zipped_forces = first[range.clone()].iter().zip(&second[range.clone()]);
+            let zipped_forces = on_first[range.clone()].iter().zip(&on_second[range.clone()]);
             for (push, (first, second)) in pushes[range.start - reported_points.start..]
                 .iter_mut()
                 .zip(zipped_forces)

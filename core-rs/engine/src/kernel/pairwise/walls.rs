@@ -26,21 +26,23 @@ pub(super) fn add_wall_forces(
     pushes.fill(0.0);
     let mut add_pair = |first: usize, second: usize| {
         let pair_ends = (run.a + first, run.b + second);
-        let (pair_distance, along) = link.length_and_direction(pair_ends, |mat| x[mat]);
-        let e = pair_distance - run.rest;
-        if !link.law.acts_at(e) {
+        let (pair_distance, direction) = link.length_and_direction(pair_ends, |mat| x[mat]);
+        let elongation = pair_distance - run.rest;
+        if !link.law.acts_at(elongation) {
             return;
         }
-        let stretch_step = link.length_step(pair_ends, along, |mat| d[mat]);
-        let elastic = link.law.elastic(k_and_z[0], e);
-        let f = link.law.damped([k_and_z[0], e], elastic, k_and_z[1] * stretch_step);
-        let mut pair_force_vector = along.map(|along| f * along);
+        let stretch_step = link.length_step(pair_ends, direction, |mat| d[mat]);
+        let elastic_force = link.law.elastic(k_and_z[0], elongation);
+        let force = link
+            .law
+            .damped([k_and_z[0], elongation], elastic_force, k_and_z[1] * stretch_step);
+        let mut pair_force_vector = direction.map(|along| force * along);
         if pairs.friction > 0.0 {
             let contact = TouchingPair {
-                elongation: e,
-                force: f,
-                elastic_force: elastic,
-                direction: along,
+                elongation,
+                force,
+                elastic_force,
+                direction,
                 offset: link.offset_between(pair_ends, |mat| x[mat]),
                 relative_step: link.offset_between(pair_ends, |mat| d[mat]),
             };
@@ -54,10 +56,10 @@ pub(super) fn add_wall_forces(
         }
         // Within one group, half the force of each pair counts for each of its points.
         if pairs.is_within {
-            pushes[first] += 0.5 * f;
-            pushes[second] += 0.5 * f;
+            pushes[first] += 0.5 * force;
+            pushes[second] += 0.5 * force;
         } else {
-            pushes[second] += f;
+            pushes[second] += force;
         }
     };
     for first in 0..pairs.n_first {

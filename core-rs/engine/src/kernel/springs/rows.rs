@@ -90,9 +90,9 @@ impl Rows {
 
     /// [`Self::new`] for any springs.
     pub(super) fn for_any_springs(springs: &[Spring], mat_count: usize) -> Self {
-        let (mut places, mut force_count) = (Vec::with_capacity(springs.len()), PADDING);
+        let (mut run_places, mut force_count) = (Vec::with_capacity(springs.len()), PADDING);
         for &Spring { a, b, len, .. } in springs {
-            places.push(RunPlace {
+            run_places.push(RunPlace {
                 a,
                 b,
                 len,
@@ -108,7 +108,7 @@ impl Rows {
             terms: Vec::new(),
             rows: Vec::new(),
             tiles: Vec::new(),
-            run_places: places,
+            run_places,
         };
         let pulling_ends = PullingEnds::new(springs, mat_count);
         let mut row: Option<(Range<usize>, Vec<usize>)> = None;

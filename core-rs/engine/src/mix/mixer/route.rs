@@ -149,7 +149,7 @@ impl Route {
     pub(super) fn new(
         rate: f64,
         [out, group]: [usize; 2],
-        to: RouteTarget,
+        target: RouteTarget,
         gain: f64,
         treatment: RouteTreatment,
     ) -> Result<Self, RouteError> {
@@ -175,7 +175,7 @@ impl Route {
         }
         Ok(Self {
             output: out,
-            target: to,
+            target,
             group,
             gain,
             is_squared,

@@ -62,7 +62,7 @@ impl Player {
             limit(stage, mixed_sound, &mut self.folded);
         }
         for (hand, hand_input) in stage.hands.iter().enumerate() {
-            self.piece_forces[hand] = stage.simulation.hand_force(hand) * hand_input.reach;
+            self.piece_forces[hand] = stage.simulation.hand_force(hand) * hand_input.travel_ratio;
         }
         self.tick += 1;
         self.frame += frame_count as u64;
