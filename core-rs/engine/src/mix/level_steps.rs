@@ -10,13 +10,13 @@ pub const PEAKS_PER_STEP: usize = 10;
 /// Measures a sound in steps of a tenth of a second: the loudness of the last 400 ms, and ten peaks.
 ///
 /// ```
-/// use ergon_engine::mix::level_steps::{LevelSteps, PEAKS};
+/// use ergon_engine::mix::level_steps::{LevelSteps, PEAKS_PER_STEP};
 ///
 /// let mut levels = LevelSteps::new(48_000.0, 1)?;
 /// levels.process(&[0.5; 4_801]);
 /// let measured = levels.levels();
-/// assert_eq!(measured.len(), 1 + PEAKS);
-/// assert_eq!(measured[1..], [0.5; PEAKS]);
+/// assert_eq!(measured.len(), 1 + PEAKS_PER_STEP);
+/// assert_eq!(measured[1..], [0.5; PEAKS_PER_STEP]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -25,7 +25,7 @@ pub struct LevelSteps {
     /// Frames of the current step that have come.
     frames_in_step: usize,
     peaks: [f64; PEAKS_PER_STEP],
-    /// Loudness [LUFS] and peaks of each step   (n_steps · (1 + PEAKS))
+    /// Loudness [LUFS] and peaks of each step   (n_steps · (1 + PEAKS_PER_STEP))
     levels: Vec<f64>,
 }
 
@@ -78,7 +78,7 @@ impl LevelSteps {
         }
     }
 
-    /// The loudness [LUFS] and the peaks of each complete step   (n_steps · (1 + PEAKS))
+    /// The loudness [LUFS] and the peaks of each complete step   (n_steps · (1 + PEAKS_PER_STEP))
     pub fn levels(&self) -> &[f64] {
         &self.levels
     }
