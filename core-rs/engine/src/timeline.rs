@@ -188,7 +188,7 @@ impl Timeline {
     }
 
     /// The timeline at `oversampling` times the rate; `None` if there is no such rate.
-    pub(crate) fn at_higher_rate(&self, oversampling: u32) -> Option<Self> {
+    pub(crate) fn with_higher_rate(&self, oversampling: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() * f64::from(oversampling)).ok()?;
         let slow_gates = self.gates.iter();
         let slow_glides = self.glides.iter();
@@ -197,18 +197,18 @@ impl Timeline {
             rate,
             oversampling: self.oversampling * oversampling,
             gates: slow_gates
-                .map(|gate| gate.at_higher_rate(u64::from(oversampling)))
+                .map(|gate| gate.with_higher_rate(u64::from(oversampling)))
                 .collect(),
             glides: slow_glides
-                .map(|glide| glide.at_higher_rate(u64::from(oversampling)))
+                .map(|glide| glide.with_higher_rate(u64::from(oversampling)))
                 .collect(),
             leads: slow_leads
-                .map(|lead| lead.at_higher_rate(u64::from(oversampling)))
+                .map(|lead| lead.with_higher_rate(u64::from(oversampling)))
                 .collect(),
             drives: self
                 .drives
                 .iter()
-                .map(|drive| drive.at_higher_rate(oversampling))
+                .map(|drive| drive.with_higher_rate(oversampling))
                 .collect(),
             ..self.clone()
         })
@@ -217,7 +217,7 @@ impl Timeline {
     /// The timeline at the rate divided by `rate_divisor`; events fall on the nearest frame. `None` if there is no such
     /// rate, a gesture is too fast for it, or something is played live, because live values come by frames of the
     /// score.
-    pub(crate) fn at_lower_rate(&self, rate_divisor: u32) -> Option<Self> {
+    pub(crate) fn with_lower_rate(&self, rate_divisor: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() / f64::from(rate_divisor)).ok()?;
         let is_live_drive = |drive: &Drive| drive.hand().is_some() || drive.port().is_some() || drive.is_sound_in();
         let fits_rate = |gesture: &Arc<Gesture>| gesture.check_rate(rate.hertz()).is_ok();
@@ -227,11 +227,19 @@ impl Timeline {
         let rate_divisor = u64::from(rate_divisor);
         Some(Self {
             rate,
-            gates: self.gates.iter().map(|gate| gate.at_lower_rate(rate_divisor)).collect(),
-            glides: (self.glides.iter())
-                .map(|glide| glide.at_lower_rate(rate_divisor))
+            gates: self
+                .gates
+                .iter()
+                .map(|gate| gate.with_lower_rate(rate_divisor))
                 .collect(),
-            leads: self.leads.iter().map(|lead| lead.at_lower_rate(rate_divisor)).collect(),
+            glides: (self.glides.iter())
+                .map(|glide| glide.with_lower_rate(rate_divisor))
+                .collect(),
+            leads: self
+                .leads
+                .iter()
+                .map(|lead| lead.with_lower_rate(rate_divisor))
+                .collect(),
             ..self.clone()
         })
     }

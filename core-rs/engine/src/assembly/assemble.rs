@@ -256,7 +256,9 @@ fn oversampled_timeline(timeline: &Timeline, oversampling: u32, network: &Networ
     let mut mat_parts = network.mats().part.iter().map(|&part| part as usize);
     // A discrete network that is the reference has only one rate.
     let is_discrete = mat_parts.any(|part| network.parts()[part].ca_rate.is_some());
-    let faster_timeline = (!is_discrete).then(|| timeline.at_higher_rate(oversampling)).flatten();
+    let faster_timeline = (!is_discrete)
+        .then(|| timeline.with_higher_rate(oversampling))
+        .flatten();
     faster_timeline.ok_or_else(|| Error::Refused {
         module: network.mat_name(0),
         message: format!("its events cannot be computed {oversampling} times a frame"),

@@ -19,7 +19,7 @@ impl LocalTimeline {
     /// The same with one frame in place of `every`; `None` if the timeline has no such version.
     pub(crate) fn slower(&self, every: u32) -> Option<Self> {
         Some(Self {
-            timeline: self.timeline.at_lower_rate(every)?,
+            timeline: self.timeline.with_lower_rate(every)?,
             ..self.clone()
         })
     }

@@ -106,9 +106,9 @@ impl Drive {
     }
 
     /// The same event at `oversampling` times the rate.
-    pub(super) fn at_higher_rate(&self, oversampling: u32) -> Self {
+    pub(super) fn with_higher_rate(&self, oversampling: u32) -> Self {
         let source = match &self.source {
-            DriveSource::Hand(hand) => DriveSource::Hand(hand.at_higher_rate(oversampling)),
+            DriveSource::Hand(hand) => DriveSource::Hand(hand.with_higher_rate(oversampling)),
             DriveSource::SoundIn { sound, scale, steps } => DriveSource::SoundIn {
                 sound: sound.clone(),
                 scale: *scale,

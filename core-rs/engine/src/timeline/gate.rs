@@ -43,7 +43,7 @@ impl Ramp {
     }
 
     /// The same event at `oversampling` times the rate.
-    pub(crate) fn at_higher_rate(self, oversampling: u64) -> Self {
+    pub(crate) fn with_higher_rate(self, oversampling: u64) -> Self {
         Self {
             start: self.start * oversampling,
             stop: self.stop * oversampling,
@@ -52,7 +52,7 @@ impl Ramp {
     }
 
     /// The same event at the rate divided by `rate_divisor`.
-    fn at_lower_rate(self, rate_divisor: u64) -> Self {
+    fn with_lower_rate(self, rate_divisor: u64) -> Self {
         let start = nearest_frame(self.start, rate_divisor);
         Self {
             start,
@@ -64,23 +64,23 @@ impl Ramp {
 
 impl Gate {
     /// The same event at `oversampling` times the rate.
-    pub(crate) fn at_higher_rate(self, oversampling: u64) -> Self {
+    pub(crate) fn with_higher_rate(self, oversampling: u64) -> Self {
         Self {
             start: self.start.map(|start| start * oversampling),
             stop: self.stop.map(|stop| stop * oversampling),
             fade_frames: self.fade_frames * oversampling,
-            ramp: self.ramp.map(|ramp| ramp.at_higher_rate(oversampling)),
+            ramp: self.ramp.map(|ramp| ramp.with_higher_rate(oversampling)),
             ..self
         }
     }
 
     /// The same event at the rate divided by `rate_divisor`.
-    pub(super) fn at_lower_rate(self, rate_divisor: u64) -> Self {
+    pub(super) fn with_lower_rate(self, rate_divisor: u64) -> Self {
         Self {
             start: self.start.map(|start| nearest_frame(start, rate_divisor)),
             stop: self.stop.map(|stop| nearest_frame(stop, rate_divisor)),
             fade_frames: nearest_frame(self.fade_frames, rate_divisor).max(1),
-            ramp: self.ramp.map(|ramp| ramp.at_lower_rate(rate_divisor)),
+            ramp: self.ramp.map(|ramp| ramp.with_lower_rate(rate_divisor)),
             ..self
         }
     }

@@ -43,7 +43,7 @@ impl Hand {
     }
 
     /// The hand at `oversampling` times the rate.
-    pub(super) fn at_higher_rate(&self, oversampling: u32) -> Self {
+    pub(super) fn with_higher_rate(&self, oversampling: u32) -> Self {
         Self {
             tick_frames: self.tick_frames * oversampling,
             ..self.clone()

@@ -60,7 +60,7 @@ impl Lead {
     }
 
     /// The same event at `oversampling` times the rate.
-    pub(super) fn at_higher_rate(&self, oversampling: u64) -> Self {
+    pub(super) fn with_higher_rate(&self, oversampling: u64) -> Self {
         let slow_points = self.points.iter();
         Self {
             points: slow_points
@@ -71,7 +71,7 @@ impl Lead {
     }
 
     /// The same event at the rate divided by `rate_divisor`.
-    pub(super) fn at_lower_rate(&self, rate_divisor: u64) -> Self {
+    pub(super) fn with_lower_rate(&self, rate_divisor: u64) -> Self {
         Self {
             points: points_at_lower_rate(&self.points, rate_divisor),
             ..*self

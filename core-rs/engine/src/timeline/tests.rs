@@ -101,7 +101,7 @@ fn fades_with_length_and_factor() {
     assert!(couple_link(&mut timeline).is_err(), "twice");
     assert!(timeline.fade(&network, (0, 1), (1.0, 0.0), fade_span).is_err(), "twice");
     // At four times the rate everything happens at the same time.
-    let fast_timeline = timeline.at_higher_rate(4).unwrap();
+    let fast_timeline = timeline.with_higher_rate(4).unwrap();
     assert!((fast_timeline.gates[0].opening(4 * half_frame) - coupled_gate.opening(half_frame)).abs() < 1e-12);
 }
 
@@ -197,7 +197,7 @@ fn parts_of_a_strike_at_other_rates() {
         assert_eq!(expected.len(), 7); // 0.19 ms are 8 frames
         assert!((expected.iter().map(|part| part.1).sum::<f64>() - 2e-3).abs() < 1e-17);
         assert!(expected[0].0 > begin && expected[6].0 < begin + 0.19e-3);
-        for other in [timeline.at_higher_rate(4), timeline.at_lower_rate(2)]
+        for other in [timeline.with_higher_rate(4), timeline.with_lower_rate(2)]
             .into_iter()
             .flatten()
         {
