@@ -67,13 +67,8 @@ impl Takeover {
                 {
                     None
                 } else {
-                    let old_members: HashMap<String, usize> = old_voice
-                        .free
-                        .members
-                        .iter()
-                        .map(|&mat| old_name_of(mat))
-                        .zip(0..)
-                        .collect();
+                    let old_names = old_voice.free.members.iter().map(|&mat| old_name_of(mat));
+                    let old_members: HashMap<String, usize> = old_names.zip(0..).collect();
                     let members = voice_script.free.members.iter().enumerate();
                     let index_pair =
                         |(new_member, &mat): (usize, &usize)| Some((new_member, *old_members.get(&new_name_of(mat))?));
