@@ -344,7 +344,7 @@ impl Checkup {
     /// Received bytes that belong to no packet.
     #[getter]
     fn garbage(&self) -> u64 {
-        self.stats.garbage
+        self.stats.garbage_bytes
     }
 
     /// How much faster the device's clock runs than the host's [1e-6].

@@ -26,7 +26,7 @@ impl Fold {
     /// Frames that sound on after the last input frame.
     #[getter]
     fn tail(&self) -> usize {
-        self.0.tail()
+        self.0.tail_frames()
     }
 
     /// Filter frames (n_frames, n_in) into `output` (n_frames, n_out), which is overwritten.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use ergon_live::lead::path::{PathReader, Placed};
+use ergon_live::lead::path::{PathReader, PointerPosition};
 use ergon_live::lead::{Finger, HeldKey, Lead as Stream, LeadOptions, TRACE_COLUMNS};
 use ergon_view::serve::PageKey;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
@@ -88,13 +88,13 @@ impl Lead {
     #[pyo3(signature = (time, x, firmness=1.0))]
     fn place(&self, time: f64, x: f64, firmness: f64) -> bool {
         let firmness = Some(firmness);
-        self.0.feed(Placed { time, x, firmness }).is_ok()
+        self.0.feed(PointerPosition { time, x, firmness }).is_ok()
     }
 
     /// The pointer was lifted at `time` [s].
     fn lift(&self, time: f64) -> bool {
         let (x, firmness) = (0.0, None);
-        self.0.feed(Placed { time, x, firmness }).is_ok()
+        self.0.feed(PointerPosition { time, x, firmness }).is_ok()
     }
 
     /// Whether a player is there.
@@ -175,7 +175,7 @@ pub(crate) fn even_path<'py>(
             let is_there = arrivals.get(read_count).is_some_and(|&arrival| arrival <= time);
             is_there.then(|| {
                 read_count += 1;
-                Placed {
+                PointerPosition {
                     time: stamps[read_count - 1],
                     x: positions[read_count - 1],
                     firmness: Some(1.0),
@@ -186,5 +186,5 @@ pub(crate) fn even_path<'py>(
         path_reading.map_or(f64::NAN, |(x, _)| x)
     });
     let path_positions: Vec<_> = path_positions.collect();
-    Ok((PyArray1::from_vec(py, path_positions), path_reader.late()))
+    Ok((PyArray1::from_vec(py, path_positions), path_reader.n_late()))
 }

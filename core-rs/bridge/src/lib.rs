@@ -124,13 +124,13 @@ mod _core {
         super::named::register(module)
     }
     #[pymodule_export]
-    const FADE: f64 = ergon_engine::timeline::FADE;
+    const FADE: f64 = ergon_engine::timeline::FADE_SECONDS;
     #[pymodule_export]
     const FORCE_FALL_TIME: f64 = ergon_live::perform::FALL_TIME;
     #[pymodule_export]
     const FORCE_SCALE_MIN: f64 = ergon_live::perform::SCALE_MIN;
     #[pymodule_export]
-    const GRID: u64 = ergon_engine::timeline::GRID;
+    const GRID: u64 = ergon_engine::timeline::GRID_FRAMES;
     #[pymodule_export]
     const INAUDIBLE_ERROR_DB: f64 = ergon_engine::plan::INAUDIBLE_ERROR_DB;
     #[pymodule_export]

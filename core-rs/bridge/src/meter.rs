@@ -35,7 +35,7 @@ impl Meter {
     /// Loudness of the last 400 ms [LUFS], without gating; -inf for silence.
     #[getter]
     fn momentary(&self) -> f64 {
-        self.0.momentary()
+        self.0.momentary_loudness()
     }
 
     /// Integrated loudness so far [LUFS]; -inf for silence.
@@ -68,7 +68,7 @@ impl LevelSteps {
     /// What was measured of each complete step (n_steps · 11,): the level of the last 400 ms [LUFS], and ten peaks.
     #[getter]
     fn measured<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.0.measured())
+        PyArray1::from_slice(py, self.0.levels())
     }
 
     /// What the levels of later frames depend on, besides the sound, as bytes.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::mix::curve::{Curve, Pan, Point, Segment, Side};
+use ergon_engine::mix::curve::{Curve, Pan, PanChannel, Point, Segment};
 use ergon_engine::mix::delay::Echo;
 use ergon_engine::mix::filter::FilterKind;
 use ergon_engine::mix::frozen;
@@ -65,28 +65,35 @@ impl Mixer {
         squared: bool,
     ) -> PyResult<()> {
         let destination = if to_room {
-            mixer::To::Room(channel)
+            mixer::RouteTarget::Room(channel)
         } else {
-            mixer::To::Channel(channel)
+            mixer::RouteTarget::Channel(channel)
         };
         let highpass = highpass.map(|f| Ok(FilterKind::Highpass { f }));
         let tones = tones.iter().map(|(word, f, level)| tone_of(word, *f, *level));
         let pan = pan.map(|(places, is_second)| {
-            let pan_side = if is_second { Side::Second } else { Side::First };
+            let pan_side = if is_second {
+                PanChannel::Second
+            } else {
+                PanChannel::First
+            };
             Pan::new(points_of(places), pan_side)
         });
-        let treatment = mixer::Treatment {
+        let treatment = mixer::RouteTreatment {
             is_squared: squared,
-            tones: highpass.into_iter().chain(tones).collect::<PyResult<_>>()?,
+            filters: highpass.into_iter().chain(tones).collect::<PyResult<_>>()?,
             delay,
-            echo: echo.map(|(frames, ratio)| Echo { frames, ratio }),
+            echo: echo.map(|(frames, ratio)| Echo {
+                delay_frames: frames,
+                feedback_ratio: ratio,
+            }),
             curve: match (curve, pan) {
-                (curve, Some(pan)) => Some(curve_of(curve.unwrap_or_default()).panned(pan)),
+                (curve, Some(pan)) => Some(curve_of(curve.unwrap_or_default()).with_pan(pan)),
                 (curve, None) => curve.map(curve_of),
             },
         };
         self.0
-            .treated(group, out, destination, gain, treatment)
+            .add_treated_route(group, out, destination, gain, treatment)
             .map_err(plain_error)
     }
 
@@ -108,17 +115,19 @@ impl Mixer {
             channels,
             gain,
         };
-        self.0.room(room_spec).map_err(plain_error)
+        self.0.add_room(room_spec).map_err(plain_error)
     }
 
     /// Add frozen outputs to `outputs`, one each; their first frame is heard at frame `begins`.
     fn freeze(&mut self, frozen: &FrozenOutputs, outputs: Vec<usize>, begins: i64) -> PyResult<()> {
-        self.0.freeze(&frozen.0, &outputs, begins).map_err(plain_error)
+        self.0
+            .add_frozen_outputs(&frozen.0, &outputs, begins)
+            .map_err(plain_error)
     }
 
     /// Set a gain of all channels over the frames of the piece, as the `curve` of a route.
     fn fade(&mut self, curve: Points) {
-        self.0.fade(curve_of(curve));
+        self.0.set_master_curve(curve_of(curve));
     }
 
     /// Let the gain of a group glide to `gain` in 20 ms, from the next multiple of 64 frames on.

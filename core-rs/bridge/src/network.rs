@@ -67,10 +67,10 @@ impl Network {
     ) -> PyResult<ReachableNetwork> {
         self.check_mat(mat)?;
         let network_moment = network::NetworkMoment {
-            held,
-            without,
+            held_mats: held,
+            disabled_links: without,
             ties: ties.into_iter().map(|(mat, k, z, m)| (mat, [k, z, m])).collect(),
-            factors,
+            link_factors: factors,
         };
         let rate = hertz(rate)?;
         Ok(ReachableNetwork {
@@ -95,7 +95,7 @@ impl Network {
     /// Place of the MAT on the bench [m].
     fn position_of(&self, index: usize) -> PyResult<Place> {
         self.check_mat(index)?;
-        let [x, y] = self.0.mats().place[index];
+        let [x, y] = self.0.mats().bench_position[index];
         Ok(Place { x, y })
     }
 

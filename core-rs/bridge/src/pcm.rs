@@ -1,6 +1,6 @@
 //! Conversion of samples to the formats of sound files.
 
-use ergon_engine::mix::pcm::{self as engine, Bits};
+use ergon_engine::mix::pcm::{self as engine, SampleWidth};
 use numpy::{Element, IxDyn, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -15,7 +15,7 @@ pub(crate) fn pcm<'py>(
     gain: f64,
     bits: u32,
 ) -> PyResult<Bound<'py, PyArrayDyn<i32>>> {
-    let bits = Bits::try_from(bits).map_err(|bits| plain_error(format!("bits must be 16 or 24, not {bits}")))?;
+    let bits = SampleWidth::try_from(bits).map_err(|bits| plain_error(format!("bits must be 16 or 24, not {bits}")))?;
     converted(py, &frames, |samples, codes| engine::pcm(samples, gain, bits, codes))
 }
 
@@ -53,7 +53,9 @@ pub(crate) fn single<'py>(
     frames: PyReadonlyArrayDyn<'py, f64>,
     gain: f64,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
-    converted(py, &frames, |samples, singles| engine::single(samples, gain, singles))
+    converted(py, &frames, |samples, singles| {
+        engine::to_single(samples, gain, singles)
+    })
 }
 
 /// A new array of the same shape, filled from the samples in C order.

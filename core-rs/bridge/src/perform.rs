@@ -89,10 +89,14 @@ impl Performance {
         let rate = simulation.0.rate();
         let hand = |(standin, reach, guidance, response, measured, forces): &HandTuple<'_>| {
             Ok(Hand {
-                standin: standin.as_slice()?.to_vec(),
+                standin_positions: standin.as_slice()?.to_vec(),
                 forces: forces.as_slice()?.to_vec(),
-                reach: *reach,
-                guidance: guidance.map(|(k, z, loose)| Guidance { k, z, loose }),
+                travel_ratio: *reach,
+                guidance: guidance.map(|(k, z, loose)| Guidance {
+                    k,
+                    z,
+                    follows_steps: loose,
+                }),
                 response: response.as_slice()?.to_vec(),
                 measured: measured.map(|(mass, damping, delay)| MeasuredKey { mass, damping, delay }),
                 ..Hand::default()

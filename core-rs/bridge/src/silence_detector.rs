@@ -20,6 +20,6 @@ impl SilenceDetector {
     /// Take (n_frames, n_channels); the frame at which the sound has faded, once that is known.
     fn take(&mut self, py: Python<'_>, frames: PyReadonlyArray2<'_, f64>) -> PyResult<Option<u64>> {
         let frames = rows(&frames, "frames", self.0.n_channels())?;
-        Ok(py.detach(|| self.0.take(frames)))
+        Ok(py.detach(|| self.0.process(frames)))
     }
 }

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use ergon_engine::chance::Chance;
 use ergon_engine::gesture::script::{Gesture, Manner};
-use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network;
-use ergon_engine::timeline::{self, InputSource, Rain, SoundInSettings, Source};
+use ergon_engine::timeline::{self, DriveSource, InputSource, Rain, SoundInSettings};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -74,13 +74,13 @@ impl Timeline {
             .iter()
             .map(|curve| word("curve", curve, words::WAYS))
             .collect::<PyResult<Vec<Approach>>>()?;
-        let written = Written {
+        let written = WrittenPoints {
             t: &t,
             x: &x,
             approaches: &approaches,
             sources: &sources,
         };
-        Gesture::written(key, &written, manner)
+        Gesture::from_points(key, &written, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
             .map_err(|error| from_gesture("gesture", &error))
     }
@@ -188,8 +188,8 @@ impl Timeline {
                 start,
                 stop,
                 impulse,
-                lasts,
-                within,
+                duration: lasts,
+                window: within,
                 source,
             };
             self.inner.rain(&self.network, &mats, &rain_strikes, member_chance)
@@ -227,7 +227,9 @@ impl Timeline {
     fn path(&mut self, mat: usize, points: Vec<(f64, f64, f64, f64)>) -> PyResult<()> {
         self.check_mat("path", mat)?;
         let points: Vec<_> = points.into_iter().map(|(at, k, z, m)| (at, [k, z, m])).collect();
-        self.inner.path(&self.network, mat, &points).map_err(from_engine)
+        self.inner
+            .glide_through(&self.network, mat, &points)
+            .map_err(from_engine)
     }
 
     /// Let `n` CELs from `mat` on go through points (t [s], square of the factor of their frequencies, factor of their
@@ -309,10 +311,10 @@ impl Timeline {
                 let drive_outcome = self.inner.drive_by_sound(mat, kind, sound, scale);
                 return drive_outcome.map_err(|error| module_error("drive", error));
             }
-            (Some(constant), None, None) => Source::Constant(constant),
+            (Some(constant), None, None) => DriveSource::Constant(constant),
             (None, Some(take), None) => {
                 let placed_take = take.0.placed(start, scale, 1.0, false);
-                Source::Take(placed_take.map_err(|error| module_error("drive", error))?)
+                DriveSource::Take(placed_take.map_err(|error| module_error("drive", error))?)
             }
             _ => {
                 return Err(module_error(
@@ -429,10 +431,10 @@ fn manner(
     let ergons = word("ergons", ergons, words::ERGONS)?;
     Ok(Manner {
         touch,
-        ergons,
+        ergon_kind: ergons,
         grain,
-        join,
-        limit,
+        join_seconds: join,
+        force_max: limit,
         is_layer,
     })
 }

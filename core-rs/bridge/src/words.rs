@@ -2,12 +2,12 @@
 
 use ergon_engine::generator::{Angles, Ends, Place, Rim, Shape, Spread};
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Touch};
+use ergon_engine::gesture::script::{ErgonKind, Touch};
 use ergon_engine::gesture::written::Approach;
 use ergon_engine::network::{Contact, Side};
 use ergon_engine::plan::Method;
 use ergon_engine::simulation::OnFault;
-use ergon_engine::timeline::{DriveKind, HandWay};
+use ergon_engine::timeline::{DriveKind, HandInterpolation};
 
 /// A table of words.
 pub(crate) type Words<T> = &'static [(&'static str, T)];
@@ -41,8 +41,9 @@ pub(crate) const WAYS: Words<Approach> = &[
     ("throw", Approach::Throw),
 ];
 pub(crate) const TOUCHES: Words<Touch> = &[("open", Touch::Open), ("tracked", Touch::Tracked)];
-pub(crate) const ERGONS: Words<Ergons> = &[("event", Ergons::Event), ("particle", Ergons::Particle)];
-pub(crate) const HAND_WAYS: Words<HandWay> = &[("hold", HandWay::Hold), ("line", HandWay::Line)];
+pub(crate) const ERGONS: Words<ErgonKind> = &[("event", ErgonKind::Event), ("particle", ErgonKind::Particle)];
+pub(crate) const HAND_WAYS: Words<HandInterpolation> =
+    &[("hold", HandInterpolation::Hold), ("line", HandInterpolation::Line)];
 pub(crate) const DRIVES: Words<DriveKind> = &[("position", DriveKind::Position), ("force", DriveKind::Force)];
 pub(crate) const ON_FAULT: Words<OnFault> = &[("stop", OnFault::Stop), ("mute", OnFault::Mute)];
 pub(crate) const METHODS: Words<Method> = &[

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner};
-use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{Term, Tie};
 use ergon_engine::{Budget, Network, OnFault, Options, Plan, Rate, Simulation, Timeline};
 
@@ -28,7 +28,7 @@ pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
         }],
     )?;
 
-    let points = Written {
+    let points = WrittenPoints {
         t: &[0.0, 0.1, 0.3],  // [s]
         x: &[0.0, 6e-3, 0.0], // [m]
         approaches: &[Approach::Path(Curve::Smooth); 3],
@@ -37,7 +37,7 @@ pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
     let manner = Manner::OPEN;
     let mut timeline = Timeline::new(Rate::new(RATE)?);
     let key = timeline.key("key", mass);
-    timeline.gesture(Gesture::written(key, &points, manner)?)?;
+    timeline.gesture(Gesture::from_points(key, &points, manner)?)?;
 
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
     let options = Options {

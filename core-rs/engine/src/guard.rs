@@ -10,26 +10,26 @@ mod finer;
 mod kernel_stage;
 mod watch;
 
-pub(crate) use finer::{Motion, Stage};
+pub(crate) use finer::{MatMotion, Stage};
 pub(crate) use kernel_stage::KernelStage;
 
 use crate::archive::{Archive, Damaged, State, state_of};
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::network::forest::{Forest, joined};
+use crate::network::forest::{Forest, joined_pairs};
 use crate::network::{Error, Network};
 use crate::scheme::{Scheme, largest_eigenvalue};
 use crate::state::PreviousState;
-use cells::Cells;
-use watch::{WatchedRun, nearest, set_reaches, watches};
+use cells::TieFactors;
+use watch::{WatchedRun, least_reach_left, set_reaches, watched_runs};
 
 /// λ up to which steps of CA are trusted; they are stable up to 4. Near 4 the motion between samples overshoots, and
 /// the laws turn the overshoot into energy: with 3.6 here, a gong struck at its limit of stability gains a quarter of
 /// the energy put in; with 2.0 it gains none (`tests/scenes/stiff.rs`).
 const TRUSTED_LAMBDA_MAX: f64 = 2.0;
-/// Most steps in a frame.
-const MAX_STEPS: u32 = 8;
+/// Largest number of steps in a frame.
+const STEPS_MAX: u32 = 8;
 /// Frames in two steps end when links use at most this share of the allowed stiffening. The margin keeps the number of
 /// steps from changing often: each change costs energy.
 const CALM_SHARE: f64 = 0.5;
@@ -39,23 +39,23 @@ const CALM_FRAMES: u32 = 64;
 
 /// Stability limit of a stepping method.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Limit {
+pub(crate) struct StabilityLimit {
     /// Weight c of the damping in the guarded quantity λmax(M⁻¹(K + c·Z)).
-    pub(crate) c: f64,
+    pub(crate) damping_weight: f64,
     /// Largest λ up to which the method's energy is trusted.
-    pub(crate) trusted: f64,
+    pub(crate) trusted_lambda: f64,
     /// Largest λ at rest that the certificate accepts.
-    pub(crate) accepted: f64,
+    pub(crate) accepted_lambda: f64,
     /// Whether springs to the ground are CELs, whose κ and ζ come from their poles at this rate.
     pub(crate) has_poles: bool,
 }
 
-impl Limit {
+impl StabilityLimit {
     /// The scheme of CORDIS-ANIMA.
     pub(crate) const CA: Self = Self {
-        c: 2.0,
-        trusted: TRUSTED_LAMBDA_MAX,
-        accepted: 4.0,
+        damping_weight: 2.0,
+        trusted_lambda: TRUSTED_LAMBDA_MAX,
+        accepted_lambda: 4.0,
         has_poles: true,
     };
 }
@@ -64,7 +64,7 @@ impl Limit {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct FinerFrames {
     pub(crate) frames: u64,
-    /// Most steps in one frame.
+    /// Largest number of steps in one frame.
     pub(crate) steps_max: u32,
     /// The MAT whose links had stiffened most when the last series of finer frames began.
     pub(crate) mat: usize,
@@ -85,48 +85,48 @@ impl FinerFrames {
 /// The guard of one network: the links that it watches, and its buffers.
 #[derive(Clone, Debug)]
 pub(crate) struct Guard {
-    watches: Vec<WatchedRun>,
+    watched_runs: Vec<WatchedRun>,
     /// From the first to the last MAT that a watched link joins.
-    mats: Range<usize>,
+    watched_mats: Range<usize>,
     /// MATs whose positions come from outside.
     pub(crate) ports: Vec<usize>,
     /// MATs that no path of links joins with a watched link.
-    unrelated: Vec<usize>,
-    cells: Option<Arc<Cells>>,
+    unrelated_mats: Vec<usize>,
+    tie_factors: Option<Arc<TieFactors>>,
     /// 1/M that a force at each MAT meets if there are proxies; empty: the scheme's `w`   (n_mat)
     compliance: Vec<f64>,
     /// λ at rest.
     rest_lambda: f64,
     /// Largest λ at which a frame is computed in one step.
-    limit: f64,
+    lambda_limit: f64,
     /// How far elongations may still change before they have to be checked [m].
-    margin: f64,
+    elongation_margin: f64,
     /// Steps of this frame; 1: an ordinary frame.
-    steps: u32,
+    frame_steps: u32,
     /// Steps of the previous frame.
-    previous_steps: u32,
+    previous_frame_steps: u32,
     /// Number of successive frames for which fewer steps would have been enough.
     calm_frames: u32,
     finer_frames: FinerFrames,
     /// Last step of a finer frame minus the mean of its steps [m a frame]   (n_mat)
-    lead: Vec<f64>,
+    last_step_excess: Vec<f64>,
     /// Positions and steps at the beginning of the frame             (n_mat each)
-    x: Vec<f64>,
-    d: Vec<f64>,
+    start_positions: Vec<f64>,
+    start_steps: Vec<f64>,
     /// Forces from outside in the frame [N]                          (n_mat)
-    outside: Vec<f64>,
+    outside_forces: Vec<f64>,
     /// Distance over which outside forces act in a finer frame [m]   (n_mat)
-    travel: Vec<f64>,
+    force_travel: Vec<f64>,
     /// Change of the step by links and ties alone over one frame [m a frame]   (n_mat)
     link_steps: Vec<f64>,
     /// Stiffening of all links at each MAT [N/m]                     (n_mat)
-    sums: Vec<f64>,
+    stiffening_sums: Vec<f64>,
     /// Stiffening of the links of one run [N/m]                      (longest run)
-    rises: Vec<f64>,
+    stiffness_rises: Vec<f64>,
     /// κ and ζ of CELs in the steps of this frame                   (n_mat each; empty: no CELs)
-    ties: [Vec<f64>; 2],
+    substep_ties: [Vec<f64>; 2],
     /// MATs whose path in the frame is imposed: (MAT, from [m], to [m]).
-    imposed: Vec<(usize, f64, f64)>,
+    imposed_paths: Vec<(usize, f64, f64)>,
 }
 
 crate::archive::option!(Guard, fixed);
@@ -134,24 +134,24 @@ crate::archive::option!(Box<Guard>, fixed);
 
 impl State for Guard {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        archive.list(&mut self.imposed)?;
+        archive.list(&mut self.imposed_paths)?;
         state_of!(
             self,
             archive,
-            margin,
-            steps,
-            previous_steps,
+            elongation_margin,
+            frame_steps,
+            previous_frame_steps,
             calm_frames,
             finer_frames,
-            lead,
-            x,
-            d,
-            outside,
-            travel,
+            last_step_excess,
+            start_positions,
+            start_steps,
+            outside_forces,
+            force_travel,
             link_steps,
-            sums,
-            rises,
-            ties
+            stiffening_sums,
+            stiffness_rises,
+            substep_ties
         )
     }
 }
@@ -165,65 +165,70 @@ impl Guard {
     pub(crate) fn new(
         scheme: &Scheme,
         network: &Network,
-        limit: Limit,
+        limit: StabilityLimit,
         ports: &[usize],
     ) -> Result<Option<Self>, Error> {
         let compliance = scheme.compliance();
         let w = if compliance.is_empty() { &scheme.w } else { &compliance };
         let is_moving = |mat: usize| w[mat] > 0.0 && !ports.contains(&mat);
-        let mut watches = watches(&scheme.runs, is_moving);
-        if watches.is_empty() {
+        let mut runs = watched_runs(&scheme.runs, is_moving);
+        if runs.is_empty() {
             return Ok(None);
         }
-        let enough_lambda = 0.5 * limit.trusted;
-        let lambda_at_rest = largest_eigenvalue(scheme, network, limit.c, enough_lambda)?.lambda;
-        if lambda_at_rest >= limit.accepted {
+        let enough_lambda = 0.5 * limit.trusted_lambda;
+        let lambda_at_rest = largest_eigenvalue(scheme, network, limit.damping_weight, enough_lambda)?.lambda;
+        if lambda_at_rest >= limit.accepted_lambda {
             return Ok(None); // unstable at rest: the certificate refuses it
         }
-        // If λ at rest is near or above `trusted`, links may still use a quarter of the distance from it to `accepted`.
+        // If λ at rest is near or above `trusted_lambda`, links may still use a quarter of the distance from it to
+        // `accepted_lambda`.
         let has_poles = limit.has_poles;
-        let limit = f64::max(limit.trusted, lambda_at_rest + 0.25 * (limit.accepted - lambda_at_rest));
-        set_reaches(&mut watches, limit - lambda_at_rest, w);
-        if watches.is_empty() {
+        let limit = f64::max(
+            limit.trusted_lambda,
+            lambda_at_rest + 0.25 * (limit.accepted_lambda - lambda_at_rest),
+        );
+        set_reaches(&mut runs, limit - lambda_at_rest, w);
+        if runs.is_empty() {
             return Ok(None);
         }
-        let watched_ends = || watches.iter().flat_map(|watch| [watch.a, watch.b]);
-        let longest = watches.iter().map(|watch| watch.len).max().unwrap_or(0);
-        let last_mats = watches.iter().map(|watch| watch.a.max(watch.b) + watch.len);
+        let watched_ends = || runs.iter().flat_map(|run| [run.a, run.b]);
+        let longest_run = runs.iter().map(|run| run.len).max().unwrap_or(0);
+        let last_mats = runs.iter().map(|run| run.a.max(run.b) + run.len);
         let zero_vector = || vec![0.0; scheme.n_mat()];
-        let cells = Cells::new(scheme, network, has_poles)?.map(Arc::new);
-        let tie_buffer = || cells.as_ref().map_or_else(Vec::new, |_| zero_vector());
+        let tie_factors = TieFactors::new(scheme, network, has_poles)?.map(Arc::new);
+        let tie_buffer = || tie_factors.as_ref().map_or_else(Vec::new, |_| zero_vector());
         Ok(Some(Self {
-            ties: [tie_buffer(), tie_buffer()],
-            mats: watched_ends().min().unwrap_or(0)..last_mats.max().unwrap_or(0),
+            substep_ties: [tie_buffer(), tie_buffer()],
+            watched_mats: watched_ends().min().unwrap_or(0)..last_mats.max().unwrap_or(0),
             ports: ports.to_vec(),
-            unrelated: unrelated_mats(network, scheme, &watches),
-            cells,
+            unrelated_mats: unrelated_mats(network, scheme, &runs),
+            tie_factors,
             rest_lambda: lambda_at_rest,
-            limit,
-            margin: f64::NEG_INFINITY,
-            steps: 1,
-            previous_steps: 1,
+            lambda_limit: limit,
+            elongation_margin: f64::NEG_INFINITY,
+            frame_steps: 1,
+            previous_frame_steps: 1,
             calm_frames: 0,
             finer_frames: FinerFrames::default(),
-            lead: zero_vector(),
-            x: zero_vector(),
-            d: zero_vector(),
-            outside: zero_vector(),
-            travel: zero_vector(),
+            last_step_excess: zero_vector(),
+            start_positions: zero_vector(),
+            start_steps: zero_vector(),
+            outside_forces: zero_vector(),
+            force_travel: zero_vector(),
             link_steps: zero_vector(),
-            sums: zero_vector(),
-            rises: vec![0.0; longest],
-            imposed: Vec::new(),
+            stiffening_sums: zero_vector(),
+            stiffness_rises: vec![0.0; longest_run],
+            imposed_paths: Vec::new(),
             compliance,
-            watches,
+            watched_runs: runs,
         }))
     }
 
     /// Reserve room for `n_imposed` MATs with an imposed path, beside the ports.
     pub(crate) fn reserve(&mut self, n_imposed: usize) {
         let count_max = n_imposed + self.ports.len();
-        self.imposed.reserve(count_max.saturating_sub(self.imposed.len()));
+        self.imposed_paths
+            .reserve(count_max.saturating_sub(self.imposed_paths.len()));
     }
 
     /// The frames computed finer so far; `None`: no frame was.
@@ -233,54 +238,54 @@ impl Guard {
 
     /// Whether frames are computed finer for now.
     pub(crate) fn is_finer(&self) -> bool {
-        self.steps > 1
+        self.frame_steps > 1
     }
 
     /// Restore unrelated MATs to where the ordinary frame took them.
-    pub(crate) fn keep_unrelated(&mut self, previous: &PreviousState, x: &mut [f64], d: &mut [f64]) {
-        for &mat in &self.unrelated {
+    pub(crate) fn restore_unrelated(&mut self, previous: &PreviousState, x: &mut [f64], d: &mut [f64]) {
+        for &mat in &self.unrelated_mats {
             (x[mat], d[mat]) = (previous.x[mat], previous.d[mat]);
-            self.travel[mat] = 0.5 * (self.d[mat] + previous.d[mat]);
+            self.force_travel[mat] = 0.5 * (self.start_steps[mat] + previous.d[mat]);
         }
     }
 
     /// Distance over which outside forces acted in the last finer frame [m], for the ledger   (n_mat).
-    pub(crate) fn travel(&self) -> &[f64] {
-        &self.travel
+    pub(crate) fn force_travel(&self) -> &[f64] {
+        &self.force_travel
     }
 
     /// Return to ordinary frames and check elongations anew, after MATs were moved.
     pub(crate) fn reset(&mut self) {
-        (self.steps, self.previous_steps, self.calm_frames) = (1, 1, 0);
-        self.margin = f64::NEG_INFINITY;
+        (self.frame_steps, self.previous_frame_steps, self.calm_frames) = (1, 1, 0);
+        self.elongation_margin = f64::NEG_INFINITY;
     }
 
-    /// Scale `lead`, when all velocities are scaled by a factor.
-    pub(crate) fn slow_down(&mut self, by: f64) {
-        if self.steps > 1 {
-            self.lead.iter_mut().for_each(|lead| *lead *= by);
+    /// Scale `last_step_excess`, when all velocities are scaled by a factor.
+    pub(crate) fn scale_velocities(&mut self, factor: f64) {
+        if self.frame_steps > 1 {
+            self.last_step_excess.iter_mut().for_each(|lead| *lead *= factor);
         }
     }
 
     /// Stop watching links of the MATs for which `is_gone` holds.
-    pub(crate) fn release(&mut self, is_gone: impl Fn(usize) -> bool) {
+    pub(crate) fn unwatch(&mut self, is_gone: impl Fn(usize) -> bool) {
         let touches_gone = |first: usize, len| (first..first + len).any(&is_gone);
-        self.watches
+        self.watched_runs
             .retain(|watch| !touches_gone(watch.a, watch.len) && !touches_gone(watch.b, watch.len));
         self.reset();
     }
 
     /// Whether an ordinary frame that ended at `x` by steps `d` has to be computed again, finer   (n_mat each).
     pub(crate) fn needs_finer(&mut self, x: &[f64], d: &[f64], w: &[f64]) -> bool {
-        if self.steps > 1 {
+        if self.frame_steps > 1 {
             return true;
         }
-        self.margin -= 2.0 * watch::peak(&d[self.mats.clone()]);
+        self.elongation_margin -= 2.0 * watch::magnitude_max(&d[self.watched_mats.clone()]);
         // A NaN margin counts as used up.
-        if self.margin > 0.0 {
+        if self.elongation_margin > 0.0 {
             return false;
         }
-        let (lambda_rise, worst_mat) = self.stiffening(x, w);
+        let (lambda_rise, worst_mat) = self.lambda_rise(x, w);
         let is_exceeded = self.steps_needed(lambda_rise) > 1;
         if is_exceeded {
             self.finer_frames.mat = worst_mat;
@@ -290,51 +295,59 @@ impl Guard {
 
     /// A bound on the rise of λ by stiffening at `x`, and the MAT where it is largest; (0, 0) if every elongation is
     /// within its reach.
-    fn stiffening(&mut self, x: &[f64], w: &[f64]) -> (f64, usize) {
-        self.margin = nearest(&self.watches, x);
-        if self.margin > 0.0 {
+    fn lambda_rise(&mut self, x: &[f64], w: &[f64]) -> (f64, usize) {
+        self.elongation_margin = least_reach_left(&self.watched_runs, x);
+        if self.elongation_margin > 0.0 {
             return (0.0, 0);
         }
-        self.stiffening_exact(x, w)
+        self.lambda_rise_exact(x, w)
     }
 
-    /// [`Guard::stiffening`] without the shortcut.
-    fn stiffening_exact(&mut self, x: &[f64], w: &[f64]) -> (f64, usize) {
+    /// [`Guard::lambda_rise`] without the shortcut.
+    fn lambda_rise_exact(&mut self, x: &[f64], w: &[f64]) -> (f64, usize) {
         let w = if self.compliance.is_empty() {
             w
         } else {
             &self.compliance
         };
-        watch::stiffening(&self.watches, &self.mats, x, w, &mut self.sums, &mut self.rises)
+        watch::lambda_rise_bound(
+            &self.watched_runs,
+            &self.watched_mats,
+            x,
+            w,
+            &mut self.stiffening_sums,
+            &mut self.stiffness_rises,
+        )
     }
 
-    /// Number of steps that a frame needs if links raise λ by `risen`; above [`MAX_STEPS`] if no number is enough.
-    fn steps_needed(&self, risen: f64) -> u32 {
-        if self.rest_lambda + risen <= self.limit {
+    /// Number of steps that a frame needs if links raise λ by `lambda_rise`; above [`STEPS_MAX`] if no number is
+    /// enough.
+    fn steps_needed(&self, lambda_rise: f64) -> u32 {
+        if self.rest_lambda + lambda_rise <= self.lambda_limit {
             return 1;
         }
         let is_enough = |step_count: &u32| {
             let step_count = f64::from(*step_count);
-            self.rest_lambda / step_count + risen / (step_count * step_count) <= TRUSTED_LAMBDA_MAX
+            self.rest_lambda / step_count + lambda_rise / (step_count * step_count) <= TRUSTED_LAMBDA_MAX
         };
-        [2, 4, MAX_STEPS].into_iter().find(is_enough).unwrap_or(2 * MAX_STEPS)
+        [2, 4, STEPS_MAX].into_iter().find(is_enough).unwrap_or(2 * STEPS_MAX)
     }
 }
 
 /// MATs that no path of links joins with a watched link.
-fn unrelated_mats(network: &Network, scheme: &Scheme, watches: &[WatchedRun]) -> Vec<usize> {
+fn unrelated_mats(network: &Network, scheme: &Scheme, watched_runs: &[WatchedRun]) -> Vec<usize> {
     let mat_count = scheme.n_mat();
     let mut link_forest = Forest::new(mat_count);
     let is_moving = |mat: usize| scheme.w[mat] > 0.0 || scheme.is_proxy(mat);
-    for (a, b) in joined(network) {
+    for (a, b) in joined_pairs(network) {
         if is_moving(a) && is_moving(b) {
             link_forest.join(a, b);
         }
     }
     let mut is_watched = vec![false; mat_count];
-    for watch in watches {
-        for first in [watch.a, watch.b] {
-            (first..first + watch.len).for_each(|mat| is_watched[link_forest.root(mat)] = true);
+    for run in watched_runs {
+        for first in [run.a, run.b] {
+            (first..first + run.len).for_each(|mat| is_watched[link_forest.root(mat)] = true);
         }
     }
     (0..mat_count)

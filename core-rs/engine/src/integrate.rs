@@ -45,13 +45,13 @@ trait Stepper {
         false
     }
     /// Set the K and Z of led links to their values at `at`: a frame, and a fraction of a frame.
-    fn lead(&mut self, _lead: &Lead, _at: (u64, f64)) {}
+    fn set_led_links(&mut self, _lead: &Lead, _at: (u64, f64)) {}
     /// Recompute what depends on the K and Z of led links.
-    fn settle_led(&mut self, _team: &mut ThreadTeam<'_>) {}
+    fn recompute_led(&mut self, _team: &mut ThreadTeam<'_>) {}
     /// Take a copy of the numbers that leads change, so that none is shared with a clone.
-    fn unshare(&mut self) {}
+    fn unshare_parameters(&mut self) {}
     /// Positions now [m]                                            (n_mat)
-    fn x(&self) -> &[f64];
+    fn positions(&self) -> &[f64];
     /// The guard of links that stiffen, if the network has any.
     fn guard(&self) -> Option<&Guard> {
         None
@@ -65,14 +65,14 @@ trait Stepper {
     fn velocities_mut(&mut self) -> &mut [f64];
     /// The last step of a MAT, x − x⁻ [m], to the method's accuracy.
     fn last_step(&self, mat: usize) -> f64;
-    /// Set position and last step of a MAT [m]; call `settle` once all are set.
+    /// Set position and last step of a MAT [m]; call `update_after_motion` once all are set.
     fn set_motion(&mut self, mat: usize, x: f64, step: f64);
     /// Recompute what depends on the positions and steps of all MATs.
-    fn settle(&mut self);
+    fn update_after_motion(&mut self);
     /// The energy that the method conserves [J]; of a staggered method, its value half a step earlier.
     fn energy(&self) -> f64;
     /// The energy of masses and links by their laws [J], even if the method conserves another.
-    fn stored(&self) -> f64 {
+    fn stored_energy(&self) -> f64 {
         self.energy()
     }
     /// The network in numbers.
@@ -80,14 +80,14 @@ trait Stepper {
 }
 
 #[derive(Clone, Debug)]
-enum Motion {
+enum MethodStepper {
     Ca(Box<ca::Ca>),
     Ca2p(ca2p::Ca2p),
     Bm4(bm4::Bm4),
     Ieq(ieq::Ieq),
 }
 
-impl State for Motion {
+impl State for MethodStepper {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         match self {
             Self::Ca(stepper) => stepper.archive(archive),
@@ -98,7 +98,7 @@ impl State for Motion {
     }
 }
 
-impl Motion {
+impl MethodStepper {
     fn stepper(&self) -> &dyn Stepper {
         match self {
             Self::Ca(stepper) => &**stepper,
@@ -121,17 +121,17 @@ impl Motion {
 /// A network stepped by one method; a clone is a snapshot.
 #[derive(Clone, Debug)]
 pub(crate) struct Integrator {
-    motion: Motion,
+    method_stepper: MethodStepper,
     substeps: u32,
 }
 
-crate::archive::state!(Integrator { motion });
+crate::archive::state!(Integrator { method_stepper });
 
 /// Largest elongation [m] and rate [m/s] up to which a law's damping is tested for giving energy.
 const DAMPING_TEST_MAX: (f64, f64) = (1e-2, 10.0);
 
-/// Most links whose energy is integrated: each takes a few hundred values of its law.
-const INTEGRATED_MAX: usize = 32;
+/// Largest number of links whose energy is integrated: each takes a few hundred values of its law.
+const INTEGRATED_LINKS_MAX: usize = 32;
 
 impl Integrator {
     /// A network at its X0 and V0, stepped `substeps` times a frame of `rate`. Imposed points do not move.
@@ -140,20 +140,23 @@ impl Integrator {
     /// With the name of a module that the method cannot step: methods other than CA take continuous parameters and
     /// plain contacts only.
     pub(crate) fn new(network: &Network, rate: Rate, method: MeshMethod, substeps: u32) -> Result<Self, Error> {
-        let rate = faster(rate, substeps)?;
+        let rate = substep_rate(rate, substeps)?;
         let network_mesh = Arc::new(Mesh::new(network, rate, method)?);
-        let motion = match method {
-            MeshMethod::Ca => Motion::Ca(Box::new(ca::Ca::new(network_mesh, network, rate)?)),
-            MeshMethod::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(network_mesh, network)?),
-            MeshMethod::Bm4 => Motion::Bm4(bm4::Bm4::new(network_mesh, network)),
-            MeshMethod::Ieq => Motion::Ieq(ieq::Ieq::new(network_mesh, network)?),
+        let method_stepper = match method {
+            MeshMethod::Ca => MethodStepper::Ca(Box::new(ca::Ca::new(network_mesh, network, rate)?)),
+            MeshMethod::Ca2p => MethodStepper::Ca2p(ca2p::Ca2p::new(network_mesh, network)?),
+            MeshMethod::Bm4 => MethodStepper::Bm4(bm4::Bm4::new(network_mesh, network)),
+            MeshMethod::Ieq => MethodStepper::Ieq(ieq::Ieq::new(network_mesh, network)?),
         };
-        Ok(Self { motion, substeps })
+        Ok(Self {
+            method_stepper,
+            substeps,
+        })
     }
 
     /// Advance from frame n to n+1; impulses (MAT, [N·s]) act at the beginning of the frame.
     pub(crate) fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
-        let stepper = self.motion.stepper_mut();
+        let stepper = self.method_stepper.stepper_mut();
         stepper.step(impulses, team);
         for _ in 1..self.substeps {
             stepper.step(&[], team);
@@ -165,82 +168,87 @@ impl Integrator {
         if leads.is_empty() {
             return self.step(impulses, team);
         }
-        let stepper = self.motion.stepper_mut();
+        let stepper = self.method_stepper.stepper_mut();
         for substep in 0..self.substeps {
             let frame_part = (f64::from(substep) + 0.5) / f64::from(self.substeps);
-            leads.iter().for_each(|lead| stepper.lead(lead, (n, frame_part)));
-            stepper.settle_led(team);
+            leads
+                .iter()
+                .for_each(|lead| stepper.set_led_links(lead, (n, frame_part)));
+            stepper.recompute_led(team);
             stepper.step(if substep == 0 { impulses } else { &[] }, team);
         }
     }
 
     /// Set the K and Z of led links to their values at frame `n`.
-    pub(crate) fn lead(&mut self, n: u64, leads: &[Lead]) {
-        let stepper = self.motion.stepper_mut();
-        leads.iter().for_each(|lead| stepper.lead(lead, (n, 0.0)));
+    pub(crate) fn set_led_links(&mut self, n: u64, leads: &[Lead]) {
+        let stepper = self.method_stepper.stepper_mut();
+        leads.iter().for_each(|lead| stepper.set_led_links(lead, (n, 0.0)));
         if !leads.is_empty() {
-            stepper.settle_led(&mut ThreadTeam::alone());
+            stepper.recompute_led(&mut ThreadTeam::alone());
         }
     }
 
     /// Take a copy of the numbers that leads change, so that none is shared with a clone and a step allocates nothing.
     pub(crate) fn unshare_parameters(&mut self) {
-        self.motion.stepper_mut().unshare();
+        self.method_stepper.stepper_mut().unshare_parameters();
     }
 
     /// Multiply all velocities by a factor.
-    pub(crate) fn slow_down(&mut self, by: f64) {
-        let stepper = self.motion.stepper_mut();
-        stepper.velocities_mut().iter_mut().for_each(|v| *v *= by);
+    pub(crate) fn scale_velocities(&mut self, factor: f64) {
+        let stepper = self.method_stepper.stepper_mut();
+        stepper.velocities_mut().iter_mut().for_each(|v| *v *= factor);
         if let Some(guard) = stepper.guard_mut() {
-            guard.slow_down(by);
+            guard.scale_velocities(factor);
         }
     }
 
     /// Position of a MAT, and its step over a frame [m].
-    pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
-        let stepper = self.motion.stepper();
-        (stepper.x()[mat], stepper.last_step(mat) * f64::from(self.substeps))
+    pub(crate) fn mat_motion(&self, mat: usize) -> (f64, f64) {
+        let stepper = self.method_stepper.stepper();
+        (
+            stepper.positions()[mat],
+            stepper.last_step(mat) * f64::from(self.substeps),
+        )
     }
 
-    /// Set position of a MAT and its step over a frame [m]; call [`Integrator::settle`] once all are set.
-    pub(crate) fn put(&mut self, mat: usize, (x, step): (f64, f64)) {
+    /// Set position of a MAT and its step over a frame [m]; call [`Integrator::update_after_motion`] once all are set.
+    pub(crate) fn set_mat_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
         let step = step / f64::from(self.substeps);
-        self.motion.stepper_mut().set_motion(mat, x, step);
+        self.method_stepper.stepper_mut().set_motion(mat, x, step);
     }
 
     /// Recompute what depends on the positions and steps of all MATs.
-    pub(crate) fn settle(&mut self) {
-        let stepper = self.motion.stepper_mut();
+    pub(crate) fn update_after_motion(&mut self) {
+        let stepper = self.method_stepper.stepper_mut();
         stepper.guard_mut().into_iter().for_each(Guard::reset);
-        stepper.settle();
+        stepper.update_after_motion();
     }
 
     /// Partition the mesh for a team of `threads` threads if this saves time; results stay the same to the last bit.
-    pub(crate) fn share(&mut self, threads: usize) {
-        self.motion.stepper_mut().partition_for(threads);
+    pub(crate) fn partition_for(&mut self, threads: usize) {
+        self.method_stepper.stepper_mut().partition_for(threads);
     }
 
     /// Whether a thread team can share the work.
     pub(crate) fn is_shared(&self) -> bool {
-        self.motion.stepper().is_shared()
+        self.method_stepper.stepper().is_shared()
     }
 
     /// Frames that were computed in finer steps, if any.
     pub(crate) fn finer_frames(&self) -> Option<FinerFrames> {
-        let finer_frames = self.motion.stepper().guard()?.finer_frames()?;
+        let finer_frames = self.method_stepper.stepper().guard()?.finer_frames()?;
         Some(finer_frames.per_frame(self.substeps))
     }
 
     /// Positions at the frame [m], (n_mat).
     pub(crate) fn positions(&self) -> &[f64] {
-        self.motion.stepper().x()
+        self.method_stepper.stepper().positions()
     }
 
     /// Velocities [m/s] of some MATs at the frame, before its impulses, to the method's accuracy;
     /// `mats`, `out`: (n,).
     pub(crate) fn velocities(&self, mats: &[usize], out: &mut [f64]) {
-        let stepper = self.motion.stepper();
+        let stepper = self.method_stepper.stepper();
         for (out, &mat) in out.iter_mut().zip(mats) {
             *out = stepper.velocity(mat);
         }
@@ -252,40 +260,40 @@ impl Integrator {
     }
 
     /// Whether steps may create energy that can be measured: never for a linear network.
-    pub(crate) fn may_gain(&self) -> bool {
-        let stepped_mesh = self.motion.stepper().mesh();
+    pub(crate) fn may_create_energy(&self) -> bool {
+        let stepped_mesh = self.method_stepper.stepper().mesh();
         // The balance of an active law cannot be judged.
         let is_known = |run: &Run| !matches!(&run.kind, Kind::Lnl { law, .. } if law.is_active(DAMPING_TEST_MAX.0, DAMPING_TEST_MAX.1));
         !stepped_mesh.scheme.is_linear
             && stepped_mesh.other_runs.iter().all(is_known)
-            && self.n_integrated() <= INTEGRATED_MAX
+            && self.n_integrated_links() <= INTEGRATED_LINKS_MAX
     }
 
-    /// Links whose energy has no closed form: it is integrated each time that it is asked for.
-    pub(crate) fn n_integrated(&self) -> usize {
-        let other_runs = self.motion.stepper().mesh().other_runs.iter();
+    /// Links whose energy has no closed form: it is integrated at each evaluation.
+    pub(crate) fn n_integrated_links(&self) -> usize {
+        let other_runs = self.method_stepper.stepper().mesh().other_runs.iter();
         let integrated =
             other_runs.filter(|run| matches!(&run.kind, Kind::Lnl { law, .. } if !law.has_closed_energy()));
         integrated.map(|run| run.len).sum()
     }
 
     /// The energy of masses and links by their laws [J].
-    pub(crate) fn stored(&self) -> f64 {
-        self.motion.stepper().stored()
+    pub(crate) fn stored_energy(&self) -> f64 {
+        self.method_stepper.stepper().stored_energy()
     }
 
     /// Work of the impulses of the coming frame [J]: each impulse times the mean of the velocities before and after it.
-    pub(crate) fn work(&self, impulses: &[(usize, f64)]) -> f64 {
-        let stepper = self.motion.stepper();
-        let (scaled_masses, step_rate) = (&stepper.mesh().m, stepper.mesh().scheme.rate);
+    pub(crate) fn impulse_work(&self, impulses: &[(usize, f64)]) -> f64 {
+        let stepper = self.method_stepper.stepper();
+        let (scaled_masses, step_rate) = (&stepper.mesh().scaled_masses, stepper.mesh().scheme.rate);
         let impulse_work = |(index, &(mat, impulse)): (usize, &(usize, f64))| {
             if scaled_masses[mat] == 0.0 {
                 return 0.0;
             }
             let earlier_impulses = impulses[..index].iter().filter(|other| other.0 == mat);
-            let earlier: f64 = earlier_impulses.map(|other| other.1).sum();
+            let earlier_impulse: f64 = earlier_impulses.map(|other| other.1).sum();
             let mat_mass = scaled_masses[mat] / (step_rate * step_rate);
-            impulse * (stepper.velocity(mat) + (earlier + 0.5 * impulse) / mat_mass)
+            impulse * (stepper.velocity(mat) + (earlier_impulse + 0.5 * impulse) / mat_mass)
         };
         impulses.iter().enumerate().map(impulse_work).sum()
     }
@@ -293,12 +301,12 @@ impl Integrator {
     /// The energy that the method conserves [J]: constant to the method's accuracy if there are no losses and no
     /// impulses.
     pub(crate) fn energy(&self) -> f64 {
-        self.motion.stepper().energy()
+        self.method_stepper.stepper().energy()
     }
 }
 
 /// `substeps` times the rate.
-fn faster(rate: Rate, substeps: u32) -> Result<Rate, Error> {
+fn substep_rate(rate: Rate, substeps: u32) -> Result<Rate, Error> {
     let refused = |_| Error::Refused {
         module: "substeps".to_owned(),
         message: format!("{substeps} steps a frame are not possible"),

@@ -50,14 +50,14 @@ pub(crate) use takeover::ItemTakeover;
 
 use std::sync::Arc;
 
-use crate::gesture::report::Report;
+use crate::gesture::report::GestureReport;
 use crate::guard::{FinerFrames, Guard};
 use crate::island::written_hand::voice::{Voice, VoiceScript};
 use crate::kernel::KernelScratch;
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::{Body, ExactWork, Target};
-use crate::timeline::{Drive, Ergon, Gate, GateContinuation, Push};
+use crate::timeline::{Drive, Ergon, Gate, GateContinuation, StrikeForce};
 use written_hand::SPARKS;
 use written_hand::framed::FramedGesture;
 
@@ -71,7 +71,7 @@ pub(crate) struct Script {
     scheme: Scheme,
     pub(crate) gestures: Vec<FramedGesture>,
     pub(crate) voices: Vec<VoiceScript>,
-    pushes: Vec<Push>,
+    pushes: Vec<StrikeForce>,
     /// By rising frame.
     ergons: Vec<(u64, Ergon)>,
     pub(crate) gates: Vec<Gate>,
@@ -124,7 +124,7 @@ struct Matter {
 #[derive(Clone, Debug)]
 struct Hands {
     voices: Vec<Voice>,
-    reports: Vec<Report>,
+    reports: Vec<GestureReport>,
     /// Indices of the next push and of the next ergon.
     pushed: usize,
     ergons: usize,
@@ -170,7 +170,7 @@ impl Values {
 fn open_gates(open: &mut [f64], gates: &[Gate], continuations: &[Option<GateContinuation>], n: u64) {
     let gate_pairs = gates.iter().zip(continuations);
     for (open, (gate, continuation)) in open.iter_mut().zip(gate_pairs) {
-        *open = GateContinuation::open(continuation.as_ref(), gate, n);
+        *open = GateContinuation::opening(continuation.as_ref(), gate, n);
     }
 }
 
@@ -234,7 +234,7 @@ impl Island {
     }
 
     /// Reports of all gestures, in the timeline's order.
-    pub(crate) fn reports(&self) -> &[Report] {
+    pub(crate) fn reports(&self) -> &[GestureReport] {
         &self.state.hands.reports
     }
 

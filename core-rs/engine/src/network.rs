@@ -46,7 +46,7 @@ pub use parameters::{But, Contact, Side, Tie};
 pub use proxy::{Proxy, Shares, SidePosition};
 pub use reachable::{NetworkMoment, PRESS_DEPTH, ReachableNetwork};
 pub(crate) use sliding::{Sliding, difference};
-pub(crate) use space::{AXES_MAX, distance, line};
+pub(crate) use space::{AXES_MAX, distance, length_and_unit_vector};
 pub use space::{Facets, Measure, SpaceLaw, SpaceLink, SpacePoint, SpacePoints};
 pub(crate) use subset::Subset;
 
@@ -101,7 +101,7 @@ pub struct Mats {
     /// Initial velocity [m/s]                            (n_mat)
     pub v0: Vec<f64>,
     /// Place on the bench [m]                            (n_mat)
-    pub place: Vec<[f64; 2]>,
+    pub bench_position: Vec<[f64; 2]>,
     /// Index of the part                                 (n_mat)
     pub part: Vec<u32>,
     /// Constant force on the MAT [N]                     (at most n_mat; 0 for MATs beyond the end)
@@ -188,7 +188,7 @@ pub struct Part {
 pub struct Network {
     parts: Vec<Part>,
     /// Index of the part that modules are added to.
-    current: usize,
+    current_part: usize,
     mats: Mats,
     runs: Vec<Run>,
     n_lia: usize,
@@ -206,15 +206,15 @@ impl Network {
         self.mats.kind.iter().filter(|kind| kind.moves()).count()
     }
 
-    /// Whether a part with MATs here asks for a macrostep.
+    /// Whether a part with MATs in this network has a macrostep.
     pub(crate) fn has_slow_parts(&self) -> bool {
         let has_mats = |part: usize| self.mats.part.contains(&(part as u32));
         let mut numbered_parts = self.parts.iter().enumerate();
-        numbered_parts.any(|(at, part)| part.macrostep.is_some() && has_mats(at))
+        numbered_parts.any(|(index, part)| part.macrostep.is_some() && has_mats(index))
     }
 
     /// Names of the parts that have moving MATs among `mats`, in the order of the parts.
-    pub(crate) fn parts_of(&self, mats: &[u32]) -> Vec<String> {
+    pub(crate) fn moving_parts_among(&self, mats: &[u32]) -> Vec<String> {
         let mut has_moving = vec![false; self.parts.len()];
         for &mat_index in mats {
             let mat_index = mat_index as usize;
@@ -230,7 +230,7 @@ impl Network {
     /// Names of the parts with moving MATs, in order.
     pub(crate) fn moving_parts(&self) -> Vec<String> {
         let all_mats: Vec<u32> = (0..self.n_mat() as u32).collect();
-        self.parts_of(&all_mats)
+        self.moving_parts_among(&all_mats)
     }
 
     /// An empty network.
@@ -289,11 +289,15 @@ impl Network {
         self.degree.get(mat).copied().unwrap_or(0)
     }
 
-    /// The network of one part: its MATs and all links between them, except the links in the ranges `without`.
-    pub(crate) fn part_alone(&self, part: usize, without: &[Range<usize>]) -> Subset {
+    /// The network of one part: its MATs and all links between them, except the links in the ranges `excluded_links`.
+    pub(crate) fn subset_of_part(&self, part: usize, excluded_links: &[Range<usize>]) -> Subset {
         let is_inside = |&i: &u32| self.mats.part[i as usize] as usize == part;
         let part_mats: Vec<u32> = (0..self.n_mat() as u32).filter(is_inside).collect();
-        let is_included = |link: &u32| without.iter().all(|gone| !gone.contains(&(*link as usize)));
+        let is_included = |link: &u32| {
+            excluded_links
+                .iter()
+                .all(|excluded| !excluded.contains(&(*link as usize)))
+        };
         let links_left: Vec<u32> = (0..self.n_lia as u32).filter(is_included).collect();
         self.subset(&part_mats, &[], &links_left)
     }
@@ -329,7 +333,7 @@ pub(crate) struct Mat {
     rest: f64,
     x0: f64,
     v0: f64,
-    place: [f64; 2],
+    bench_position: [f64; 2],
     part: u32,
 }
 
@@ -347,7 +351,7 @@ impl Mats {
         self.rest.push(mat.rest);
         self.x0.push(mat.x0);
         self.v0.push(mat.v0);
-        self.place.push(mat.place);
+        self.bench_position.push(mat.bench_position);
         self.part.push(mat.part);
     }
 }

@@ -141,7 +141,7 @@ impl Run {
                 pairs: by.clone(),
                 a: self.a,
                 b: self.b,
-                n: self.len,
+                n_second: self.len,
                 rest: self.rest,
             }),
             _ => None,
@@ -152,7 +152,7 @@ impl Run {
     pub(crate) fn elongation(&self, i: usize, x: impl Fn(usize) -> f64) -> f64 {
         let (first_end, second_end) = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => space.line((first_end, second_end), x).0 - self.rest,
+            Kind::Space(space) => space.length_and_direction((first_end, second_end), x).0 - self.rest,
             _ => x(second_end) - x(first_end) - self.rest,
         }
     }
@@ -161,7 +161,7 @@ impl Run {
     pub(crate) fn stretch(&self, i: usize, x: impl Fn(usize) -> f64, moved: impl Fn(usize) -> f64) -> f64 {
         let link_ends = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => space.stretch(link_ends, space.line(link_ends, x).1, moved),
+            Kind::Space(space) => space.length_step(link_ends, space.length_and_direction(link_ends, x).1, moved),
             _ => moved(link_ends.1) - moved(link_ends.0),
         }
     }
@@ -194,7 +194,7 @@ impl Run {
     /// The bristle law with K and Z of the run, and the time step [s]; `None` for other links.
     pub(crate) fn bristle(&self) -> Option<(Bristle, f64)> {
         match &self.kind {
-            Kind::Bristle { by, rate } => Some((by.with(self.k, self.z), 1.0 / rate)),
+            Kind::Bristle { by, rate } => Some((by.with_stiffness_and_level(self.k, self.z), 1.0 / rate)),
             _ => None,
         }
     }
@@ -284,7 +284,7 @@ impl Scheme {
     pub(crate) fn drop_softening_laws(&mut self) {
         self.runs.retain(|run| match &run.kind {
             Kind::Lnl { law, .. } => !law.is_bounded_far_from_rest(),
-            Kind::Followed { by, .. } => !by.corners().all(|law| law.is_bounded_far_from_rest()),
+            Kind::Followed { by, .. } => !by.end_value_laws().all(|law| law.is_bounded_far_from_rest()),
             _ => true,
         });
     }

@@ -126,8 +126,8 @@ impl Simulation {
         })
     }
 
-    /// A simulation of a plan, at frame `from` of its timeline. Events before `from` are skipped; modules have their
-    /// initial state, unless a state is transferred by [`Simulation::take_over`].
+    /// A simulation of a plan, at frame `start_frame` of its timeline. Events before `start_frame` are skipped; modules
+    /// have their initial state, unless a state is transferred by [`Simulation::take_over`].
     ///
     /// # Errors
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
@@ -299,7 +299,7 @@ impl Simulation {
         mat_values
     }
 
-    /// Position that the gesture of each key asks for now [m], (n_keys); NaN for keys without a running gesture.
+    /// Position that the gesture of each key requires now [m], (n_keys); NaN for keys without a running gesture.
     pub fn gesture_positions(&self) -> Vec<f64> {
         let mut asked_positions = vec![f64::NAN; self.plan.n_keys];
         self.write_gesture_positions(&mut asked_positions);

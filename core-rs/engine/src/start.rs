@@ -43,7 +43,7 @@ pub(crate) fn backward_steps(
         })
         .collect();
     for proxy in network.proxies() {
-        last_steps[proxy.mat] = proxy.sum(|mat| x[mat], |mat| last_steps[mat]);
+        last_steps[proxy.mat] = proxy.weighted_sum(|mat| x[mat], |mat| last_steps[mat]);
     }
     last_steps
 }
@@ -81,7 +81,7 @@ pub(crate) fn forces(
         timeline
             .gates
             .iter()
-            .any(|gate| gate.links().contains(&first) && gate.open(0) == 0.0)
+            .any(|gate| gate.links().contains(&first) && gate.opening(0) == 0.0)
     };
     let network_runs = interrupt::each(network.runs());
     for run in network_runs.filter(|run| !is_closed(run.first) && acts(run.first)) {
@@ -96,8 +96,8 @@ pub(crate) fn forces(
         if let LinkKind::Space(space_link) = &run.kind {
             for i in interrupt::steps(0..run.len) {
                 let end_mats = (run.a + i, run.b + i);
-                let (link_length, direction) = space_link.line(end_mats, |mat| x[mat]);
-                let v = space_link.stretch(end_mats, direction, |mat| network_mats.v0[mat]) * ca_step;
+                let (link_length, direction) = space_link.length_and_direction(end_mats, |mat| x[mat]);
+                let v = space_link.length_step(end_mats, direction, |mat| network_mats.v0[mat]) * ca_step;
                 let e = space_link.law.after_yielding(run.k, link_length - run.rest, 0.0);
                 let f = space_link.law.force([run.k, run.z], e, v);
                 for ((a, b), along) in run.pairs(i).zip(direction) {
@@ -110,7 +110,7 @@ pub(crate) fn forces(
         if let Some(pair_run) = run.pairwise() {
             let pair_link = &pair_run.pairs.link;
             let push = |end_mats, e, along: [f64; AXES_MAX]| {
-                let v = pair_link.stretch(end_mats, along, |mat| network_mats.v0[mat]) * ca_step;
+                let v = pair_link.length_step(end_mats, along, |mat| network_mats.v0[mat]) * ca_step;
                 let f = pair_link.law.force([run.k, run.z], e, v);
                 for (axis, along) in along.into_iter().enumerate().take(pair_link.n_axes) {
                     let (a, b) = pair_link.pair(end_mats, axis);
@@ -131,7 +131,7 @@ pub(crate) fn forces(
                 LinkKind::Lnl(law) if law.is_shared() => tension * e,
                 LinkKind::Lnl(law) => law.force(e, v),
                 LinkKind::Followed(followed) => followed.law_for(|mat| x[mat]).force(e, v),
-                LinkKind::Bristle(bristle) => bristle.with(run.k, run.z).force(0.0, v),
+                LinkKind::Bristle(bristle) => bristle.with_stiffness_and_level(run.k, run.z).force(0.0, v),
                 // Dry friction; the others were added above.
                 LinkKind::Dry(_) | LinkKind::Space(_) | LinkKind::Pairwise(_) => continue,
                 LinkKind::But(but) if but.contact == Contact::Exact => continue,

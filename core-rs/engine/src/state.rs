@@ -55,7 +55,7 @@ crate::archive::state!(Body {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ExactWork {
     /// Contacts and frictions that were solved in rounds after the first.
-    pub(crate) solved_again: u64,
+    pub(crate) n_resolved: u64,
     /// Evaluations of power laws.
     pub(crate) evaluations: u64,
 }

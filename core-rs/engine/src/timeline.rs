@@ -21,19 +21,19 @@ use crate::network::Network;
 use crate::units::{Rate, score_frame};
 
 pub use delayed_port::DelayedPort;
-pub use drive::{Drive, DriveKind, Source};
-pub use gate::{FADE, GRID};
+pub use drive::{Drive, DriveKind, DriveSource};
+pub use gate::{FADE_SECONDS, GRID_FRAMES};
 pub(crate) use gate::{Gate, GateContinuation};
 pub(crate) use glide::Glide;
 pub use glide::MatParameters;
-pub use hand::{Hand, HandWay};
+pub use hand::{Hand, HandInterpolation};
 pub use lead::Factors;
-pub(crate) use lead::{Lead, first, greatest, next_change};
-pub(crate) use pulse::Instants;
-pub(crate) use push::{Push, pushes};
+pub(crate) use lead::{Lead, next_change, with_first_factors, with_greatest_factors};
+pub(crate) use pulse::StrikeTiming;
+pub(crate) use push::{StrikeForce, strike_forces};
 pub use sound_in::{Conditioner, InputSource, SoundIn, SoundInSettings};
 
-/// Most strikes of one piece: 32 bytes each, nine pushes of 40 bytes, and as much again for sorting.
+/// Largest number of strikes of one piece: 32 bytes each, nine pushes of 40 bytes, and as much again for sorting.
 const STRIKES_MAX: u64 = 2_000_000;
 
 /// A rain: random strikes on some MATs.
@@ -48,9 +48,9 @@ pub struct Rain {
     /// Weakest and strongest impulse [N·s].
     pub impulse: (f64, f64),
     /// How long each strike lasts [s]; none: as [`Timeline::strike`].
-    pub lasts: Option<f64>,
+    pub duration: Option<f64>,
     /// Strikes outside these two instants [s] are drawn but left out.
-    pub within: (f64, f64),
+    pub window: (f64, f64),
     /// Place in the score.
     pub source: u32,
 }
@@ -74,7 +74,7 @@ pub enum StrikeError {
     #[error("the position of MAT #{0} is imposed already; impose it once, and add further motion as forces")]
     Driven(usize),
     /// A tick that is too long or has no frame.
-    #[error("a tick has 1 to {max} frames, not {0}", max = hand::TICK_MAX)]
+    #[error("a tick has 1 to {max} frames, not {0}", max = hand::TICK_FRAMES_MAX)]
     Tick(u32),
     /// A tick of another length than that of the hands before: (their length, its own length).
     #[error("all hands must have the same tick: those before have {0} frames, this one has {1}")]
@@ -115,7 +115,7 @@ pub(crate) struct Ergon {
 #[derive(Clone, Debug)]
 pub struct Key {
     pub(crate) name: String,
-    pub(crate) struck: usize,
+    pub(crate) struck_mat: usize,
 }
 
 /// Everything that will happen to a network.
@@ -145,10 +145,10 @@ pub struct Timeline {
 impl Timeline {
     /// MATs whose motion or parameters it determines: struck MATs of keys, MATs with an imposed position, and those
     /// that glide.
-    pub(crate) fn steered(&self) -> Vec<usize> {
+    pub(crate) fn determined_mats(&self) -> Vec<usize> {
         let is_position = |drive: &&Drive| drive.kind == DriveKind::Position;
         let driven_mats = self.drives.iter().filter(is_position).map(|drive| drive.mat);
-        let key_mats = self.keys.iter().map(|key| key.struck);
+        let key_mats = self.keys.iter().map(|key| key.struck_mat);
         let gliding = self.glides.iter().map(|glide| glide.mat);
         driven_mats.chain(key_mats).chain(gliding).collect()
     }
@@ -182,13 +182,13 @@ impl Timeline {
         self.is_unguarded = true;
     }
 
-    /// The frame on which an event at `at` [s] acts; its instant is the same at any oversampling.
-    pub(crate) fn frame(&self, at: f64) -> u64 {
-        score_frame(at, self.rate.hertz(), self.oversampling)
+    /// The frame on which an event at `instant` [s] acts; its instant is the same at any oversampling.
+    pub(crate) fn frame_of(&self, instant: f64) -> u64 {
+        score_frame(instant, self.rate.hertz(), self.oversampling)
     }
 
     /// The timeline at `oversampling` times the rate; `None` if there is no such rate.
-    pub(crate) fn faster(&self, oversampling: u32) -> Option<Self> {
+    pub(crate) fn with_higher_rate(&self, oversampling: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() * f64::from(oversampling)).ok()?;
         let slow_gates = self.gates.iter();
         let slow_glides = self.glides.iter();
@@ -196,38 +196,59 @@ impl Timeline {
         Some(Self {
             rate,
             oversampling: self.oversampling * oversampling,
-            gates: slow_gates.map(|gate| gate.faster(u64::from(oversampling))).collect(),
-            glides: slow_glides.map(|glide| glide.faster(u64::from(oversampling))).collect(),
-            leads: slow_leads.map(|lead| lead.faster(u64::from(oversampling))).collect(),
-            drives: self.drives.iter().map(|drive| drive.faster(oversampling)).collect(),
+            gates: slow_gates
+                .map(|gate| gate.with_higher_rate(u64::from(oversampling)))
+                .collect(),
+            glides: slow_glides
+                .map(|glide| glide.with_higher_rate(u64::from(oversampling)))
+                .collect(),
+            leads: slow_leads
+                .map(|lead| lead.with_higher_rate(u64::from(oversampling)))
+                .collect(),
+            drives: self
+                .drives
+                .iter()
+                .map(|drive| drive.with_higher_rate(oversampling))
+                .collect(),
             ..self.clone()
         })
     }
 
-    /// The timeline at the rate divided by `every`; events fall on the nearest frame. `None` if there is no such rate,
-    /// a gesture is too fast for it, or something is played live, because live values come by frames of the score.
-    pub(crate) fn slower(&self, every: u32) -> Option<Self> {
-        let rate = Rate::new(self.rate.hertz() / f64::from(every)).ok()?;
-        let is_live_drive = |drive: &Drive| drive.hand().is_some() || drive.port().is_some() || drive.is_heard();
+    /// The timeline at the rate divided by `rate_divisor`; events fall on the nearest frame. `None` if there is no such
+    /// rate, a gesture is too fast for it, or something is played live, because live values come by frames of the
+    /// score.
+    pub(crate) fn with_lower_rate(&self, rate_divisor: u32) -> Option<Self> {
+        let rate = Rate::new(self.rate.hertz() / f64::from(rate_divisor)).ok()?;
+        let is_live_drive = |drive: &Drive| drive.hand().is_some() || drive.port().is_some() || drive.is_sound_in();
         let fits_rate = |gesture: &Arc<Gesture>| gesture.check_rate(rate.hertz()).is_ok();
         if self.drives.iter().any(is_live_drive) || !self.gestures.iter().all(fits_rate) {
             return None;
         }
-        let every = u64::from(every);
+        let rate_divisor = u64::from(rate_divisor);
         Some(Self {
             rate,
-            gates: self.gates.iter().map(|gate| gate.slower(every)).collect(),
-            glides: (self.glides.iter()).map(|glide| glide.slower(every)).collect(),
-            leads: self.leads.iter().map(|lead| lead.slower(every)).collect(),
+            gates: self
+                .gates
+                .iter()
+                .map(|gate| gate.with_lower_rate(rate_divisor))
+                .collect(),
+            glides: (self.glides.iter())
+                .map(|glide| glide.with_lower_rate(rate_divisor))
+                .collect(),
+            leads: self
+                .leads
+                .iter()
+                .map(|lead| lead.with_lower_rate(rate_divisor))
+                .collect(),
             ..self.clone()
         })
     }
 
     /// Add a key; returns its index.
-    pub fn key(&mut self, name: &str, struck: usize) -> usize {
+    pub fn key(&mut self, name: &str, struck_mat: usize) -> usize {
         self.keys.push(Key {
             name: name.to_owned(),
-            struck,
+            struck_mat,
         });
         self.keys.len() - 1
     }
@@ -253,10 +274,10 @@ impl Timeline {
     /// Instants [s] and impulses [N·s] of the strikes on a MAT, in order; the impulse of an ergon is its mass times its
     /// speed.
     pub fn strikes_on(&self, mat: usize) -> Vec<(f64, f64)> {
-        self.on_mat(mat, |strike| vec![(strike.instant, strike.impulse)])
+        self.impulses_on_mat(mat, |strike| vec![(strike.instant, strike.impulse)])
     }
 
-    fn on_mat(&self, mat: usize, impulses_of: impl Fn(&Strike) -> Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    fn impulses_on_mat(&self, mat: usize, impulses_of: impl Fn(&Strike) -> Vec<(f64, f64)>) -> Vec<(f64, f64)> {
         let strikes = self.strikes.iter().filter(|strike| strike.mat as usize == mat);
         let ergons = self.ergons.iter().filter(|strike| strike.mat as usize == mat);
         let ergons = ergons.map(|ergon| (ergon.instant, ergon.mass * ergon.speed));
@@ -268,7 +289,7 @@ impl Timeline {
     /// Instants [s] and impulses [N·s] of which the strikes on a MAT consist, in order; the impulse of an ergon is its
     /// mass times its speed.
     pub fn impulses_on(&self, mat: usize) -> Vec<(f64, f64)> {
-        self.on_mat(mat, |strike| self.impulses_of(strike).collect())
+        self.impulses_on_mat(mat, |strike| self.impulses_of(strike).collect())
     }
 
     /// Strike a MAT by `impulse` [N·s] from the instant `time` [s] on; `source`: place in the score.
@@ -301,9 +322,9 @@ impl Timeline {
         source: u32,
     ) -> Result<(), StrikeError> {
         let n_parts = self.parts_of_duration(network, mat, lasts)?;
-        finite("impulse", impulse)?;
-        instant(time)?;
-        movable(network, mat)?;
+        check_finite("impulse", impulse)?;
+        check_instant(time)?;
+        check_movable(network, mat)?;
         if self.strikes.len() >= STRIKES_MAX as usize {
             return Err(StrikeError::TooMany);
         }
@@ -346,7 +367,7 @@ impl Timeline {
     /// let mut network = Network::new();
     /// let m = network.mas("m", 1e-3, 0.0, 0.0)?;
     /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// let rain = Rain { rate: 20.0, start: 0.0, stop: 5.0, impulse: (1e-4, 1e-3), lasts: None, within: (0.0, 5.0),
+    /// let rain = Rain { rate: 20.0, start: 0.0, stop: 5.0, impulse: (1e-4, 1e-3), duration: None, window: (0.0, 5.0),
     /// source: 0 }; let n_strikes = timeline.rain(&network, &[m], &rain, |member| Chance::new(7, "strikes", "sky",
     /// member, 0))?; assert!((50..150).contains(&n_strikes));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -362,15 +383,15 @@ impl Timeline {
         chance: impl Fn(u64) -> Chance,
     ) -> Result<u64, StrikeError> {
         let expected = mats.len() as f64 * rain.rate * (rain.stop - rain.start);
-        finite("rate", rain.rate)?;
+        check_finite("rate", rain.rate)?;
         // NaN is refused here too.
         if expected.is_nan() || expected > STRIKES_MAX as f64 {
             return Err(StrikeError::TooMany);
         }
         let mut n_strikes = 0;
         // Strikes are drawn in order of time, so those after the window need not be drawn.
-        let stop_time = rain.stop.min(rain.within.1);
-        if rain.start >= stop_time || rain.within.0 >= stop_time {
+        let stop_time = rain.stop.min(rain.window.1);
+        if rain.start >= stop_time || rain.window.0 >= stop_time {
             return Ok(0);
         }
         for (member, &mat) in mats.iter().enumerate() {
@@ -381,8 +402,8 @@ impl Timeline {
             let mut strike_times = chance.poisson_times(rain.rate, rain.start, stop_time);
             while let Some(instant) = strike_times.next() {
                 let impulse = strike_times.chance().uniform(rain.impulse.0, rain.impulse.1);
-                if (rain.within.0..rain.within.1).contains(&instant) {
-                    self.strike(network, mat, instant, impulse, rain.lasts, rain.source)?;
+                if (rain.window.0..rain.window.1).contains(&instant) {
+                    self.strike(network, mat, instant, impulse, rain.duration, rain.source)?;
                     n_strikes += 1;
                 }
             }
@@ -403,9 +424,9 @@ impl Timeline {
         speed: f64,
         source: u32,
     ) -> Result<(), StrikeError> {
-        instant(time)?;
-        movable(network, mat)?;
-        finite("speed", speed)?;
+        check_instant(time)?;
+        check_movable(network, mat)?;
+        check_finite("speed", speed)?;
         if !(mass > 0.0 && mass.is_finite()) {
             return Err(StrikeError::Value("mass", " above 0", mass));
         }
@@ -431,16 +452,16 @@ impl Timeline {
         point: u32,
         lasts: Option<f64>,
     ) -> Result<(), StrikeError> {
-        movable(network, mat)?;
+        check_movable(network, mat)?;
         let n_parts = self.parts_of_duration(network, mat, lasts)?;
-        let strike_source = Source::Strikes { point, n_parts };
+        let strike_source = DriveSource::Strikes { point, n_parts };
         self.drive(mat, DriveKind::Force, strike_source, false)
     }
 
     /// The points that may be struck while it plays, each with its MAT.
     pub fn strike_points(&self) -> impl Iterator<Item = (u32, usize)> {
         self.drives.iter().filter_map(|drive| match drive.source {
-            Source::Strikes { point, .. } => Some((point, drive.mat)),
+            DriveSource::Strikes { point, .. } => Some((point, drive.mat)),
             _ => None,
         })
     }
@@ -454,11 +475,11 @@ impl Timeline {
         &mut self,
         mat: usize,
         kind: DriveKind,
-        source: Source,
+        source: DriveSource,
         is_exclusive: bool,
     ) -> Result<(), StrikeError> {
-        if let Source::Constant(constant) = source {
-            finite("constant", constant)?;
+        if let DriveSource::Constant(constant) = source {
+            check_finite("constant", constant)?;
         }
         let sets_position = |drive: &Drive| drive.mat == mat && drive.kind == DriveKind::Position;
         if kind == DriveKind::Position && self.drives.iter().any(sets_position) {
@@ -474,7 +495,7 @@ impl Timeline {
     }
 }
 
-fn movable(network: &Network, mat: usize) -> Result<(), StrikeError> {
+fn check_movable(network: &Network, mat: usize) -> Result<(), StrikeError> {
     if network.mats().kind[mat].moves() {
         Ok(())
     } else {
@@ -482,15 +503,15 @@ fn movable(network: &Network, mat: usize) -> Result<(), StrikeError> {
     }
 }
 
-fn finite(what: &'static str, value: f64) -> Result<(), StrikeError> {
+fn check_finite(quantity: &'static str, value: f64) -> Result<(), StrikeError> {
     if value.is_finite() {
         Ok(())
     } else {
-        Err(StrikeError::Value(what, "", value))
+        Err(StrikeError::Value(quantity, "", value))
     }
 }
 
-fn instant(time: f64) -> Result<(), StrikeError> {
+fn check_instant(time: f64) -> Result<(), StrikeError> {
     if time >= 0.0 && time.is_finite() {
         Ok(())
     } else {

@@ -12,7 +12,7 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, vio
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner};
-use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{Measure, Network, PairLaw, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term, Tie};
 use ergon_engine::plan::{Budget, Computation, Method, Plan};
 use ergon_engine::simulation::{Glance, OnFault, Options, Simulation, Takeover};
@@ -119,14 +119,14 @@ fn slow_key_does_not_allocate() {
     for (start, grain) in [(0.01, None), (0.12, Some(5e-3))] {
         let t = [start, start + 0.04, start + 0.1];
         let method = [Approach::Path(Curve::Smooth); 3];
-        let written = Written {
+        let written = WrittenPoints {
             t: &t,
             x: &[0.0, 3e-3, 1e-3],
             approaches: &method,
             sources: &[],
         };
         let manner = Manner { grain, ..Manner::OPEN };
-        let gesture = Gesture::written(key, &written, manner).unwrap();
+        let gesture = Gesture::from_points(key, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
     }
     timeline.strike(&network, struck, 0.23, 0.01, Some(0.0), 0).unwrap();
@@ -364,7 +364,7 @@ fn friction_between_all_pairs_does_not_allocate() {
     let bowl = points("bowl", &[0.0], &[0.0; 3]);
     let sand = points("sand", &vec![1e-3; n], &x0);
     let last = sand.first.first + 2 * n;
-    network.weigh(last..last + n, -9.81).unwrap();
+    network.set_gravity(last..last + n, -9.81).unwrap();
     let law = SpaceLaw::Contact {
         exponent: 1.0,
         is_clamped: true,

@@ -88,7 +88,7 @@ impl Stage {
 
     /// Number of frames that sound after the last frame of the piece: the fold and the limiter still hold them.
     pub(crate) fn n_tail(&self) -> usize {
-        self.limiter.latency() + self.fold.as_ref().map_or(0, Fold::tail)
+        self.limiter.latency() + self.fold.as_ref().map_or(0, Fold::tail_frames)
     }
 }
 

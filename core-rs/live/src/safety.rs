@@ -117,10 +117,10 @@ impl<D: Device> Guarded<D> {
                 range: self.device.range(axis),
                 resolution: device_spec.pos_lsb,
                 inertia: device_spec.inertia,
-                force: self.pipeline.force_max(),
-                delay: device_spec.loop_delay_s.unwrap_or(0.0),
-                energy: self.pipeline.limits().energy,
-                power: self.pipeline.limits().power,
+                force_max: self.pipeline.force_max(),
+                delay_seconds: device_spec.loop_delay_s.unwrap_or(0.0),
+                energy_max: self.pipeline.limits().energy,
+                power_max: self.pipeline.limits().power,
             })
             .collect();
         self.watched = Some(PlausibilityChecks::new(&axis_specs, self.pipeline.period()));
@@ -190,7 +190,7 @@ impl<D: Device> Guarded<D> {
             self.device.zero();
         }
         if let Some(watched) = &mut self.watched {
-            watched.sent(safe_force.newtons());
+            watched.note_sent_forces(safe_force.newtons());
         }
         Ok(safe_force)
     }
@@ -201,9 +201,9 @@ impl<D: Device> Guarded<D> {
             if self.pipeline.is_fading() {
                 watched.restart();
             }
-            self.pipeline.pass(&watched.pass(forces), time_now)
+            self.pipeline.limit_forces(&watched.check_forces(forces), time_now)
         } else {
-            self.pipeline.pass(forces, time_now)
+            self.pipeline.limit_forces(forces, time_now)
         };
         self.note_trips(time_now);
         safe_force
@@ -222,12 +222,12 @@ impl<D: Device> Guarded<D> {
             let watched = self.watched.as_ref().and_then(|trips| trips.trip(axis));
             let trip_cause = watched.or_else(|| self.pipeline.tripped(axis));
             if let Some(trip_cause) = trip_cause.filter(|_| self.trips[axis].is_none()) {
-                latch.note(trip_cause, now);
+                latch.record_trip(trip_cause, now);
             }
-            if latch.why().is_some() {
+            if latch.permanent_trip().is_some() {
                 self.pipeline.latch(axis);
             }
-            self.trips[axis] = latch.why().or(trip_cause);
+            self.trips[axis] = latch.permanent_trip().or(trip_cause);
         }
     }
 
@@ -248,7 +248,7 @@ impl<D: Device> Guarded<D> {
 
     /// Send zero forces now; later forces pass again.
     pub fn zero(&mut self) {
-        self.pipeline.forget();
+        self.pipeline.reset_previous_force();
         self.device.zero();
     }
 
@@ -283,7 +283,7 @@ impl<D: Device> Guarded<D> {
 
     /// Scale the forces of an axis (0 to 1), to keep a coupling below [`stiffness::limit`].
     pub fn scale(&mut self, axis: usize, gain: f64) {
-        self.pipeline.scale(axis, gain);
+        self.pipeline.set_gain(axis, gain);
     }
 
     /// The reason for which an axis has tripped and is held at zero, if it has.
@@ -302,10 +302,10 @@ impl<D: Device> Guarded<D> {
     /// Continue with the heat, work and trips of `memory`; motors have cooled since then.
     pub fn recall(&mut self, memory: &Memory) {
         let elapsed = clock::wall().saturating_sub(memory.instant);
-        self.pipeline.recall(memory, elapsed.as_secs_f64());
+        self.pipeline.restore(memory, elapsed.as_secs_f64());
         self.latches = memory.latches;
         for (axis, latch) in self.latches.iter().enumerate() {
-            if latch.why().is_some() {
+            if latch.permanent_trip().is_some() {
                 self.pipeline.latch(axis);
             }
         }

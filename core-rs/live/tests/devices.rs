@@ -73,7 +73,7 @@ fn session(wire: usize, yields: usize) -> (Vec<f64>, u64) {
         path.push(sample.position[0]);
     }
     let stats = device_stats(&device);
-    assert_eq!((stats.lost, stats.garbage), (0, 0), "{kind}");
+    assert_eq!((stats.requests_lost, stats.garbage_bytes), (0, 0), "{kind}");
     assert!(stats.round_trip.total() >= 400);
     drop(device);
     (path, emulator.end().hash)
@@ -248,11 +248,11 @@ fn frame_without_lockstep_reports_time_and_velocity() {
         device.receive(&mut sample, deadline).unwrap();
         peak = peak.max(sample.position[0]);
         let stats = device_stats(device);
-        stats.received > 1000 && stats.drift_ppm.is_some() && peak > 3e-3
+        stats.replies_received > 1000 && stats.drift_ppm.is_some() && peak > 3e-3
     };
     assert!((0..EXCHANGES_MAX).any(|_| exchange(&mut device)));
     let stats = device_stats(&device);
-    assert_eq!(stats.garbage, 0);
+    assert_eq!(stats.garbage_bytes, 0);
     // Both clocks are those of this machine.
     assert!(stats.drift_ppm.unwrap().abs() < 1e5, "{stats:?}");
     drop(device);

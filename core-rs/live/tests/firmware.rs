@@ -122,5 +122,5 @@ fn firmware_sketch_acts_as_a_device() {
     assert!((0.005..0.0053).contains(&method), "{method}: 0.1 m/s for 51 ms");
     assert_eq!(later, left);
     let stats = device.device().stats();
-    assert!(stats.garbage == 0 && stats.received > 200, "{stats:?}");
+    assert!(stats.garbage_bytes == 0 && stats.replies_received > 200, "{stats:?}");
 }

@@ -179,7 +179,7 @@ fn sounding_by_the_last_block() {
 #[test]
 fn set_gain_does_not_allocate() {
     let mut mixer = Mixer::new(44_100.0, 1, 1);
-    mixer.route_of(1, 0, 0, 1.0, None).expect("both are there");
+    mixer.add_route_in_group(1, 0, 0, 1.0, None).expect("both are there");
     let (frames, mut mixed) = ([1.0; 2048], [0.0; 2048]);
     reset_violation_count();
     assert_no_alloc(|| {

@@ -34,8 +34,8 @@ fn point(network: &mut Network, name: &str, m: f64, x0: [f64; 2], v0: f64) -> Sp
 
 fn thread(network: &mut Network, ends: (SpacePoint, SpacePoint), k: f64, breaks: f64) {
     let law = SpaceLaw::Yielding {
-        yields: f64::INFINITY,
-        breaks,
+        yield_force: f64::INFINITY,
+        break_elongation: breaks,
     };
     network.space_links("t", ends, 1, 2, law, [k, 0.0, LENGTH]).unwrap();
 }

@@ -159,7 +159,7 @@ impl Network {
         let place = placed(place, hole, angles)?;
         let cell_masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
         let tunings: Vec<(f64, f64)> = cells.iter().map(|(f, t60, _)| (*f, *t60)).collect();
-        let cells = generator::cells_at(&tunings, place, self.0.turns(name, seed))
+        let cells = generator::cells_at(&tunings, place, self.0.member_turns(name, seed))
             .map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || self.0.cells(name, &cell_masses, &cells))?.map_err(from_engine)
     }

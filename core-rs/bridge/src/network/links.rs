@@ -145,8 +145,8 @@ impl Network {
         network_laws
             .map(|law| LawUse {
                 rows: law.rows.iter().map(named_row).collect(),
-                alone: law.alone,
-                in_runs: law.in_runs,
+                alone: law.n_single_links,
+                in_runs: law.n_run_links,
             })
             .collect()
     }

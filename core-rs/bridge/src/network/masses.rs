@@ -14,8 +14,8 @@ pub(super) fn following((mat, offset, span, from, to): FollowingValue) -> Follow
         mat,
         offset,
         span,
-        from,
-        to,
+        value_before: from,
+        value_beyond: to,
     }
 }
 
@@ -91,7 +91,7 @@ impl Network {
         }
         self.check_mat(first)?;
         self.check_mat(first + count - 1)?;
-        self.0.weigh(first..first + count, g).map_err(from_engine)
+        self.0.set_gravity(first..first + count, g).map_err(from_engine)
     }
 
     /// Let the mass of a MAS follow another MAT.
@@ -139,13 +139,13 @@ impl Network {
     #[allow(non_snake_case)]
     fn start(&mut self, index: usize, X0: f64, V0: f64) -> PyResult<()> {
         self.check_mat(index)?;
-        self.0.start(index, X0, V0).map_err(from_engine)
+        self.0.set_initial_motion(index, X0, V0).map_err(from_engine)
     }
 
     /// Impose the MAT's position (ENX).
     fn impose(&mut self, index: usize) -> PyResult<()> {
         self.check_mat(index)?;
-        self.0.impose(index);
+        self.0.set_imposed(index);
         Ok(())
     }
 }

@@ -21,12 +21,12 @@ impl ReachableNetwork {
     /// Number of other hands that feel this hand.
     #[getter]
     fn others(&self) -> usize {
-        self.reached.others
+        self.reached.n_other_hands
     }
 
     /// Bytes that determine `response`: equal bytes, equal response.
     fn key<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        let mut key_bytes = self.reached.network.numbers();
+        let mut key_bytes = self.reached.network.parameter_bytes();
         key_bytes.extend((self.reached.mat as u64).to_le_bytes());
         key_bytes.extend(self.rate.hertz().to_le_bytes());
         PyBytes::new(py, &key_bytes)

@@ -82,8 +82,8 @@ impl Network {
             }
             (None, None, None) => SpaceLaw::Spring,
             _ => SpaceLaw::Yielding {
-                yields: yields.unwrap_or(f64::INFINITY),
-                breaks: breaks.unwrap_or(f64::INFINITY),
+                yield_force: yields.unwrap_or(f64::INFINITY),
+                break_elongation: breaks.unwrap_or(f64::INFINITY),
             },
         };
         self.space(name, [&a, &b], count, space_law, [K, Z, rest])

@@ -17,7 +17,7 @@ use crate::island::inside::BodyPlan;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
 use crate::network::{Error, LinkKind, Network, Subset};
 use crate::scheme::{Certificate, Refusal, Scheme};
-use crate::timeline::{Timeline, greatest};
+use crate::timeline::{Timeline, with_greatest_factors};
 
 /// An island that can be played.
 #[derive(Clone)]
@@ -256,7 +256,9 @@ fn oversampled_timeline(timeline: &Timeline, oversampling: u32, network: &Networ
     let mut mat_parts = network.mats().part.iter().map(|&part| part as usize);
     // A discrete network that is the reference has only one rate.
     let is_discrete = mat_parts.any(|part| network.parts()[part].ca_rate.is_some());
-    let faster_timeline = (!is_discrete).then(|| timeline.faster(oversampling)).flatten();
+    let faster_timeline = (!is_discrete)
+        .then(|| timeline.with_higher_rate(oversampling))
+        .flatten();
     faster_timeline.ok_or_else(|| Error::Refused {
         module: network.mat_name(0),
         message: format!("its events cannot be computed {oversampling} times a frame"),
@@ -272,13 +274,13 @@ pub(crate) fn certified_hub(
     steps_max: usize,
     refusal: Refusal,
 ) -> Result<(usize, bool, Certificate), Error> {
-    let network = &greatest(network, &timeline.leads)?;
+    let network = &with_greatest_factors(network, &timeline.leads)?;
     let mut hub_scheme = Scheme::new(network, timeline.rate)?;
     let mat_parts = network.mats().part.iter().map(|&part| part as usize);
     let mut reference_rates = mat_parts.map(|part| network.parts()[part].ca_rate);
     // If the discrete network is the reference, so are its contacts.
     let is_discrete = reference_rates.any(|reference_rate| reference_rate.is_some());
-    let led_links = timeline.steered();
+    let led_links = timeline.determined_mats();
     let (has_contacts, has_laws) = hub_scheme.has_substepped(&led_links);
     let mut contact_substeps = if has_contacts && !is_discrete {
         budget.contact_substeps().min(steps_max)

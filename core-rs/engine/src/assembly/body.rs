@@ -13,7 +13,7 @@ use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
 use crate::cell::Response;
 use crate::network::{Network, Subset, Term};
-use crate::timeline::{Instants, Timeline};
+use crate::timeline::{StrikeTiming, Timeline};
 use crate::units::Rate;
 
 /// The modes of an island, as many as this score excites and the budget asks for, or those decided before.
@@ -218,18 +218,18 @@ pub(crate) fn impulses_by_mat(
     is_discrete: bool,
 ) -> ImpulsesByMat {
     let instants = if is_discrete {
-        Instants::Nearest
+        StrikeTiming::Nearest
     } else {
-        Instants::Exact
+        StrikeTiming::Exact
     };
     let mut blows_by_mat = ImpulsesByMat::new();
     for strike in timeline.strikes.iter().filter(|strike| is_body_mat(strike.mat)) {
         let mat_blows = blows_by_mat.entry(strike.mat).or_default();
         mat_blows.impulses.push(strike.impulse);
-        let strike_parts = timeline.parts(strike, instants);
+        let strike_parts = timeline.strike_parts(strike, instants);
         mat_blows
             .frame_impulses
-            .extend(strike_parts.map(|part| (part.frame, part.alpha, part.impulse)));
+            .extend(strike_parts.map(|part| (part.frame, part.frame_fraction, part.impulse)));
     }
     for mat_blows in blows_by_mat.values_mut() {
         mat_blows.frame_impulses.sort_by_key(|part| part.0);

@@ -10,7 +10,7 @@ use crate::interrupt;
 use crate::network::{Error, MatKind, Network, Subset, Term};
 use crate::scheme::Scheme;
 use crate::start::backward_steps;
-use crate::timeline::{Timeline, pushes};
+use crate::timeline::{Timeline, strike_forces};
 use crate::units::Rate;
 use crate::units::frame;
 
@@ -126,7 +126,7 @@ pub(crate) fn oscillator_banks(
 
 /// Add what strikes and pushes each oscillator (n_mat).
 fn add_blows(network: &Network, timeline: &Timeline, scheme: &Scheme, cell_oscillators: &mut [Oscillator]) {
-    for push in pushes(network, timeline, |_| true) {
+    for push in strike_forces(network, timeline, |_| true) {
         let struck_mat = push.mat as usize;
         cell_oscillators[struck_mat].blows.push(Blow {
             frame: push.frame,

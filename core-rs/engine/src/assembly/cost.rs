@@ -182,7 +182,7 @@ pub(crate) fn counted_ns(island: &Island) -> [f64; 2] {
     let amounts = [
         ("kick", fine_work.instants),
         ("coupling", fine_work.couplings),
-        ("contact", exact_work.solved_again),
+        ("contact", exact_work.n_resolved),
         ("power_law", exact_work.evaluations),
     ];
     let costs = amounts.map(|(kind, amount)| Costs::nanoseconds(kind) * amount as f64);

@@ -2,10 +2,10 @@
 //! points end an island: no force moves them.
 
 use crate::interrupt;
-use crate::network::forest::{Forest, ends, joined, links};
+use crate::network::forest::{Forest, joined_pairs, link_ends, link_mats};
 use crate::network::{MatKind, Network, Term};
 use crate::start::forces;
-use crate::timeline::{DriveKind, Source, Timeline};
+use crate::timeline::{DriveKind, DriveSource, Timeline};
 
 /// The modules of an island, and the held points that they are tied to.
 #[derive(Clone, Debug, Default)]
@@ -29,20 +29,20 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
     let mat_count = network.n_mat();
     let is_free = free_mats(network, timeline);
     let mut forest = Forest::new(mat_count);
-    for (a, b) in joined(network) {
+    for (a, b) in joined_pairs(network) {
         // Two held points that a link joins stay together: the link belongs to their island.
         if is_free[a] == is_free[b] {
             forest.join(a, b);
         }
     }
     // A port moves with its key.
-    timeline.ports().for_each(|(port, key)| forest.join(port, key));
+    timeline.delayed_ports().for_each(|(port, key)| forest.join(port, key));
     // A written hand keeps a free copy of its key with all modules of the key's part, so these belong to one island.
     for key in &timeline.keys {
-        let key_part = network.mats().part[key.struck];
+        let key_part = network.mats().part[key.struck_mat];
         let is_free_in_part = |mat: &usize| network.mats().part[*mat] == key_part && is_free[*mat];
         for mat in interrupt::steps(0..mat_count).filter(is_free_in_part) {
-            forest.join(key.struck, mat);
+            forest.join(key.struck_mat, mat);
         }
     }
     let (moved, listened) = (moving_mats(network, timeline), HeardModules::new(network, timeline));
@@ -61,16 +61,16 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
         island.is_heard |= listened.hears_mat[mat];
         island.is_moved |= moved[mat];
     }
-    for (link, mats) in links(network) {
-        let [.., last_mat] = mats.all() else { continue };
-        let first_free = mats.all().iter().copied().find(|&mat| is_free[mat]);
+    for (link, mats) in link_mats(network) {
+        let [.., last_mat] = mats.as_slice() else { continue };
+        let first_free = mats.as_slice().iter().copied().find(|&mat| is_free[mat]);
         let first_free = first_free.unwrap_or(*last_mat);
         let island = &mut members[island_of[first_free]];
         island.links.push(link as u32);
         island.is_heard |= listened.hears_link[link];
         // A gated force changes even between two points that never move.
         island.is_moved |= listened.hears_link[link] && timeline.gates.iter().any(|gate| gate.links().contains(&link));
-        let held_mats = mats.all().iter().filter(|&&mat| !is_free[mat]);
+        let held_mats = mats.as_slice().iter().filter(|&&mat| !is_free[mat]);
         for &other in held_mats.filter(|_| is_free[first_free]) {
             island.foreign_held_mats.push(other as u32);
             island.is_moved |= moved[other];
@@ -80,7 +80,7 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
     // Masses that a proxy follows, and fixed points that guide it.
     for proxy in network.proxies() {
         let island = &mut members[island_of[proxy.mat]];
-        let guest_mats = proxy.masses().chain(proxy.guides());
+        let guest_mats = proxy.masses().chain(proxy.guide_mats());
         for other in guest_mats.filter(|&mat| !is_free[mat]) {
             island.foreign_held_mats.push(other as u32);
             island.is_moved |= moved[other];
@@ -88,7 +88,7 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
         }
     }
     // MATs that laws and masses follow.
-    for (mat, guide) in network.followed() {
+    for (mat, guide) in network.follower_pairs() {
         let island = &mut members[island_of[mat]];
         island.is_driven = true;
         if !is_free[guide] {
@@ -96,12 +96,12 @@ pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembe
             island.is_moved |= moved[guide];
         }
     }
-    let struck_mats = timeline.keys.iter().map(|key| key.struck);
+    let struck_mats = timeline.keys.iter().map(|key| key.struck_mat);
     let glided_mats = timeline.glides.iter().map(|glide| glide.mat);
-    for mat in struck_mats.chain(timeline.driven()).chain(glided_mats) {
+    for mat in struck_mats.chain(timeline.driven_mats()).chain(glided_mats) {
         members[island_of[mat]].is_driven = true;
     }
-    for (link, a, b) in ends(network) {
+    for (link, a, b) in link_ends(network) {
         if timeline.leads.iter().any(|lead| lead.links().contains(&link)) {
             let first_free = if is_free[a] { a } else { b };
             members[island_of[first_free]].is_driven = true;
@@ -152,7 +152,7 @@ impl HeardModules {
         let mut is_in_hand = vec![false; network.n_mat()];
         let hand_drives = timeline.drives.iter().filter(|drive| drive.hand().is_some());
         hand_drives.for_each(|hand| is_in_hand[hand.mat] = true);
-        for (link, a, b) in ends(network) {
+        for (link, a, b) in link_ends(network) {
             listened.hears_link[link] |= is_in_hand[a] || is_in_hand[b];
         }
         listened
@@ -176,13 +176,13 @@ fn moving_mats(network: &Network, timeline: &Timeline) -> Vec<bool> {
         is_moved[ergon.mat as usize] = true;
     }
     for gesture in &timeline.gestures {
-        is_moved[timeline.keys[gesture.key].struck] = true;
+        is_moved[timeline.keys[gesture.key].struck_mat] = true;
     }
     for drive in &timeline.drives {
         // A driven point that stays where it starts moves nothing, except by the forces of its links.
         let is_still = matches!(
             (drive.kind, &drive.source),
-            (DriveKind::Position, Source::Constant(x)) if *x == mats.x0[drive.mat]
+            (DriveKind::Position, DriveSource::Constant(x)) if *x == mats.x0[drive.mat]
         );
         is_moved[drive.mat] |= !is_still;
     }

@@ -12,7 +12,7 @@ use crate::integrate::{MeshMethod, certify};
 use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
 use crate::network::{Error, Network};
-use crate::timeline::{Lead, Timeline, greatest, pushes};
+use crate::timeline::{Lead, Timeline, strike_forces, with_greatest_factors};
 use crate::units::Rate;
 
 /// Methods, with their steps a frame and their cost in steps of CA a frame (docs/benchmarks.md), in the order in which
@@ -74,9 +74,9 @@ pub(crate) fn mesh(
     let leads: Vec<Lead> = timeline
         .leads
         .iter()
-        .filter_map(|lead| local_links(&mesh_subset, lead.links()).map(|(first, len)| lead.on(first, len)))
+        .filter_map(|lead| local_links(&mesh_subset, lead.links()).map(|(first, len)| lead.on_links(first, len)))
         .collect();
-    let stiffest_network = greatest(&mesh_subset.network, &leads).ok()?;
+    let stiffest_network = with_greatest_factors(&mesh_subset.network, &leads).ok()?;
     let has_leads = !leads.is_empty();
     let (method, substeps) = match pin {
         Some(pin) => (pin.method, pin.substeps),
@@ -101,7 +101,7 @@ pub(crate) fn mesh(
         strikes: mesh_strikes.copied().collect(),
         ..Timeline::new(rate)
     };
-    let strikes = pushes(network, &struck_timeline, |mat| network.degree(mat) == 0)
+    let strikes = strike_forces(network, &struck_timeline, |mat| network.degree(mat) == 0)
         .into_iter()
         .map(|push| Some((push.frame, local_mat(push.mat)?, push.force * rate.step())));
     Some(Mesh {

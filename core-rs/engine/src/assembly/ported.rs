@@ -20,7 +20,7 @@ use crate::body_modes::normal_modes::{Modes, Row};
 use crate::cell::Response;
 use crate::island::inside::BodyPlan;
 use crate::island::modal::{ComplexResponses, Modal, Mode, Port, StruckPoint};
-use crate::network::forest::ends;
+use crate::network::forest::link_ends;
 use crate::network::{Error, Network, Subset, Term};
 use crate::timeline::Timeline;
 use crate::units::Rate;
@@ -453,7 +453,7 @@ fn hub_and_bodies(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body
         bodies.push(PortedBody {
             n_mats: body.mats.len(),
             n_links: body.links.len(),
-            parts: network.parts_of(&body.mats),
+            parts: network.moving_parts_among(&body.mats),
             left_out_db: None,
             n_modes: mode_count,
             computed_modes: (0..mode_count as u32).collect(),
@@ -476,16 +476,16 @@ fn mats_of_hub(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<b
     let mat_kinds = network.mats().kind.iter();
     let mut is_used_mat: Vec<bool> = mat_kinds.map(|&kind| !kind.is_held()).collect();
     for proxy in network.proxies() {
-        let proxy_mats = proxy.masses().chain(proxy.guides());
+        let proxy_mats = proxy.masses().chain(proxy.guide_mats());
         proxy_mats.for_each(|mat| is_used_mat[mat] = true);
     }
-    for (_, guide) in network.followed() {
+    for (_, guide) in network.follower_pairs() {
         is_used_mat[guide] = true;
     }
-    for (_, a, b) in ends(network).filter(|&(link, _, _)| !is_cut[link]) {
+    for (_, a, b) in link_ends(network).filter(|&(link, _, _)| !is_cut[link]) {
         (is_used_mat[a], is_used_mat[b]) = (true, true);
     }
-    timeline.driven().for_each(|mat| is_used_mat[mat] = true);
+    timeline.driven_mats().for_each(|mat| is_used_mat[mat] = true);
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         if let Term::Position { first, len, .. } | Term::Ground { first, len, .. } = *term {
             is_used_mat[first..first + len].fill(true);

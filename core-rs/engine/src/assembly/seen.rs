@@ -5,7 +5,7 @@ use crate::network::{Error, Network, Subset, Term};
 
 /// Whether anything of an island belongs to a part that is displayed.
 pub(crate) fn is_displayed(network: &Network, island: &IslandMembers, displayed_parts: &[String]) -> bool {
-    !displayed_parts.is_empty() && has_displayed_part(&network.parts_of(&island.mats), displayed_parts)
+    !displayed_parts.is_empty() && has_displayed_part(&network.moving_parts_among(&island.mats), displayed_parts)
 }
 
 /// Whether any of some parts is displayed.

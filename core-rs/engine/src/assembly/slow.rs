@@ -13,7 +13,7 @@ use crate::assembly::cost;
 use crate::assembly::wiring::Body;
 use crate::gesture::script::Touch;
 use crate::island::slow::{Slow, Springs, Weights};
-use crate::network::forest::{Forest, ends};
+use crate::network::forest::{Forest, link_ends};
 use crate::network::{LinkKind, MatKind, Network, Proxy, Run, SpaceLaw, Subset, Term};
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
@@ -55,14 +55,14 @@ pub(crate) fn slow_bodies(network: &Network, timeline: &Timeline) -> SlowBodies 
 
 /// Why a gesture needs its key at every frame, if it does.
 fn needs_every_frame(network: &Network, timeline: &Timeline, part: usize) -> Option<&'static str> {
-    let part_of_key = |key: usize| network.mats().part[timeline.keys[key].struck] as usize;
+    let part_of_key = |key: usize| network.mats().part[timeline.keys[key].struck_mat] as usize;
     let mut gestures = timeline
         .gestures
         .iter()
         .filter(|gesture| part_of_key(gesture.key) == part);
     gestures.find_map(|gesture| match gesture.manner.touch {
         Touch::Tracked => Some("a gesture with `touch: tracked` moves it at every frame"),
-        Touch::Open if gesture.manner.limit.is_some() => Some("its force limit is checked at every frame"),
+        Touch::Open if gesture.manner.force_max.is_some() => Some("its force limit is checked at every frame"),
         Touch::Open => None,
     })
 }
@@ -135,13 +135,13 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
             DriveKind::Force => is_port[drive.mat] = true,
         }
     }
-    timeline.ports().for_each(|(_, key)| is_port[key] = true);
+    timeline.delayed_ports().for_each(|(_, key)| is_port[key] = true);
     timeline.glides.iter().for_each(|glide| is_eligible[glide.mat] = false);
     let following_masses = network.following_masses().iter();
     following_masses.for_each(|mass| is_eligible[mass.mat] = false);
     let strikes = timeline.strikes.iter().map(|strike| strike.mat as usize);
     let ergon_mats = timeline.ergons.iter().map(|ergon| ergon.mat as usize);
-    let struck_mats = timeline.keys.iter().map(|key| key.struck);
+    let struck_mats = timeline.keys.iter().map(|key| key.struck_mat);
     for mat in strikes.chain(ergon_mats).chain(struck_mats) {
         is_port[mat] = true;
     }
@@ -149,7 +149,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
         is_port.fill(true);
     }
     let proxy_masses = network.proxies().iter().flat_map(Proxy::masses);
-    let guide_mats = network.followed().map(|(_, guide)| guide);
+    let guide_mats = network.follower_pairs().map(|(_, guide)| guide);
     proxy_masses.chain(guide_mats).for_each(|mat| is_port[mat] = true);
     let is_held_mat = |mat: usize| is_in_part(mat) && mats.kind[mat].is_held() && !is_driven[mat];
     let mut mat_forest = Forest::new(mat_count);
@@ -172,7 +172,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
             }
         }
     }
-    for (link, first_end, second_end) in ends(network) {
+    for (link, first_end, second_end) in link_ends(network) {
         if is_link_inside[link] && is_eligible[first_end] && is_eligible[second_end] {
             mat_forest.join(first_end, second_end);
         }
@@ -185,7 +185,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
             body.ports.push(mat as u32);
         }
     }
-    for (link, first_end, second_end) in ends(network) {
+    for (link, first_end, second_end) in link_ends(network) {
         for (near, other) in [(first_end, second_end), (second_end, first_end)]
             .into_iter()
             .filter(|&(near, _)| is_eligible[near])

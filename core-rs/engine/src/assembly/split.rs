@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::network::Subset;
-use crate::timeline::{DelayedPort, Drive, Ergon, Glide, Source, Strike, Timeline};
+use crate::timeline::{DelayedPort, Drive, DriveSource, Ergon, Glide, Strike, Timeline};
 
 /// The timeline of one island, and the indices of its keys and gestures in the whole network.
 #[derive(Clone)]
@@ -19,7 +19,7 @@ impl LocalTimeline {
     /// The same with one frame in place of `every`; `None` if the timeline has no such version.
     pub(crate) fn slower(&self, every: u32) -> Option<Self> {
         Some(Self {
-            timeline: self.timeline.slower(every)?,
+            timeline: self.timeline.with_lower_rate(every)?,
             ..self.clone()
         })
     }
@@ -60,15 +60,15 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
         for &(subset_index, mat) in homes_of_mat(drive.mat as u32) {
             let drive = drive.clone();
             // The input is not known in advance: nothing is tried, and nothing left out.
-            timelines[subset_index].timeline.is_open |= drive.is_heard();
+            timelines[subset_index].timeline.is_open |= drive.is_sound_in();
             let source = match drive.source {
-                Source::Key(port) => {
+                DriveSource::Key(port) => {
                     let key_homes = homes_of_mat(port.key as u32).iter();
                     let mut local_keys = key_homes.filter(|(subset, _)| *subset == subset_index);
                     let Some(&(_, key)) = local_keys.next() else {
                         continue;
                     };
-                    Source::Key(DelayedPort { key, ..port })
+                    DriveSource::Key(DelayedPort { key, ..port })
                 }
                 other => other,
             };
@@ -85,7 +85,7 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
         }
     }
     for (index, key) in timeline.keys.iter().enumerate() {
-        for &(subset_index, struck) in homes_of_mat(key.struck as u32) {
+        for &(subset_index, struck) in homes_of_mat(key.struck_mat as u32) {
             timelines[subset_index].keys.push(index as u32);
             timelines[subset_index].timeline.key(&key.name, struck);
         }
@@ -98,7 +98,7 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
                 let gesture = if is_same_key {
                     gesture.clone()
                 } else {
-                    Arc::new((**gesture).clone().on_key(key))
+                    Arc::new((**gesture).clone().with_key(key))
                 };
                 island_timeline.timeline.gestures.push(gesture);
                 island_timeline.gestures.push(index as u32);
@@ -108,12 +108,18 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
     for (subset, island_timeline) in subsets.iter().zip(&mut timelines) {
         for gate in &timeline.gates {
             if let Some((first_link, link_count)) = local_links(subset, gate.links()) {
-                island_timeline.timeline.gates.push(gate.on(first_link, link_count));
+                island_timeline
+                    .timeline
+                    .gates
+                    .push(gate.on_links(first_link, link_count));
             }
         }
         for lead in &timeline.leads {
             if let Some((first_link, link_count)) = local_links(subset, lead.links()) {
-                island_timeline.timeline.leads.push(lead.on(first_link, link_count));
+                island_timeline
+                    .timeline
+                    .leads
+                    .push(lead.on_links(first_link, link_count));
             }
         }
     }
@@ -134,8 +140,8 @@ pub(crate) fn local_links(subset: &Subset, links: Range<usize>) -> Option<(usize
 fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
     let strike_mats = timeline.strikes.iter().map(|strike| strike.mat);
     let ergon_mats = timeline.ergons.iter().map(|ergon| ergon.mat);
-    let driven_mats = timeline.driven().map(|mat| mat as u32);
-    let struck_mats = timeline.keys.iter().map(|key| key.struck as u32);
+    let driven_mats = timeline.driven_mats().map(|mat| mat as u32);
+    let struck_mats = timeline.keys.iter().map(|key| key.struck_mat as u32);
     let glided_mats = timeline.glides.iter().map(|glide| glide.mat as u32);
     let event_mats = strike_mats
         .chain(ergon_mats)

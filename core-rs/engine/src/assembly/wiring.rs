@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use crate::assembly::constants::{MASSES_PER_PORT, MODAL_MASSES_MIN, PORTS_ALWAYS_ALLOWED};
 use crate::interrupt;
-use crate::network::forest::{Forest, ends};
+use crate::network::forest::{Forest, link_ends};
 use crate::network::{Contact, LinkKind, Network, Proxy, Run, Term};
 use crate::timeline::Timeline;
 
@@ -56,10 +56,10 @@ impl BodyLinks {
         let mats = network.mats();
         let mat_count = network.n_mat();
         let mut is_driven = vec![false; mat_count];
-        timeline.driven().for_each(|mat| is_driven[mat] = true);
+        timeline.driven_mats().for_each(|mat| is_driven[mat] = true);
         let mut part_has_key = vec![false; network.parts().len()];
         for key in &timeline.keys {
-            part_has_key[mats.part[key.struck] as usize] = true;
+            part_has_key[mats.part[key.struck_mat] as usize] = true;
         }
         let mut is_eligible: Vec<bool> = (0..mat_count)
             .map(|i| {
@@ -125,7 +125,7 @@ impl BodyLinks {
         let with_laws = matches!(wanted, WantedBodies::All | WantedBodies::Meshes);
         let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
         let mut mat_forest = Forest::new(network.n_mat());
-        for (link, a, b) in ends(network) {
+        for (link, a, b) in link_ends(network) {
             if is_inner(link) && self.is_eligible[a] && self.is_eligible[b] {
                 mat_forest.join(a, b);
             }
@@ -135,7 +135,7 @@ impl BodyLinks {
             let body = joined_bodies.entry(mat_forest.root(mat)).or_insert_with(Body::empty);
             body.mats.push(mat as u32);
         }
-        for (link, a, b) in ends(network) {
+        for (link, a, b) in link_ends(network) {
             for (near_end, far_end) in [(a, b), (b, a)] {
                 if !self.is_eligible[near_end] {
                     continue;
@@ -159,7 +159,7 @@ impl BodyLinks {
             }
         }
         let proxied = network.proxies().iter().flat_map(Proxy::masses);
-        for mat in proxied.chain(network.followed().map(|(_, guide)| guide)) {
+        for mat in proxied.chain(network.follower_pairs().map(|(_, guide)| guide)) {
             if self.is_eligible[mat]
                 && let Some(body) = joined_bodies.get_mut(&mat_forest.root(mat))
             {
@@ -196,7 +196,7 @@ impl Body {
         let is_body_link = |link: usize| self.links.binary_search(&(link as u32)).is_ok();
         let (mut freed_body, mut tie_links) = (self.clone(), Vec::new());
         freed_body.foreign_held_mats.clear();
-        for (link, a, b) in ends(network).filter(|&(link, ..)| is_body_link(link)) {
+        for (link, a, b) in link_ends(network).filter(|&(link, ..)| is_body_link(link)) {
             let guest_pair = [(a, b), (b, a)].into_iter().find(|&(end, _)| is_guest(end));
             match guest_pair {
                 Some((_, port)) if is_single(link) => {

@@ -130,7 +130,7 @@ impl Linear {
         if free.iter().any(|&mat| mats.weight_of(mat) != 0.0) {
             return Err(NoModes::HasWeight);
         }
-        if !network.proxies().is_empty() || network.follows() {
+        if !network.proxies().is_empty() || network.has_following() {
             return Err(NoModes::NotLinear);
         }
         let free_count = free.len();

@@ -187,7 +187,7 @@ impl<'a> IslandContent<'a> {
                 format!(
                     "{} {:?}",
                     timeline_event.key,
-                    (timeline_event.manner.touch, timeline_event.manner.limit)
+                    (timeline_event.manner.touch, timeline_event.manner.force_max)
                 )
             })
             .collect();
@@ -221,17 +221,17 @@ impl<'a> IslandContent<'a> {
 fn gesture_content(gesture: &Gesture) -> (f64, [u8; 32]) {
     let Gesture {
         key,
-        stretches,
+        segments: stretches,
         start,
-        exit,
-        entry,
+        last_position: exit,
+        entry_knot: entry,
         manner,
         points,
     } = gesture;
     // Where a point stands in the score does not affect the sound.
     let instants: Vec<f64> = points.iter().map(|point| point.0).collect();
     (
-        start - manner.join,
+        start - manner.join_seconds,
         digest(format_args!(
             "{key} {stretches:?} {start:?} {exit:?} {entry:?} {manner:?} {instants:?}"
         )),

@@ -38,7 +38,7 @@ pub enum GestureError {
 }
 
 impl GestureError {
-    /// Index of the point at fault, from 0; `None` if the fault is of no single point.
+    /// Index of the point at fault, from 0; `None` if no single point is at fault.
     pub fn point(&self) -> Option<usize> {
         match self {
             Self::Path(

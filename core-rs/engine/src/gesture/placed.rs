@@ -9,18 +9,18 @@ use super::profile::{PathError, Profile};
 /// ```
 /// use std::sync::Arc;
 ///
-/// use ergon_engine::gesture::placed::Placed;
+/// use ergon_engine::gesture::placed::PlacedPath;
 /// use ergon_engine::gesture::profile::{Curve, Point, Profile};
 ///
 /// let point = |t, x| Point { t, x, curve: Curve::Line };
 /// let path = Arc::new(Profile::through(&[point(0.0, 0.0), point(1.0, 4e-3)])?);
-/// let placed = Placed::transformed(path, 10.0, 0.5, 2.0, false)?; // at 10 s, half as far, half as fast
+/// let placed = PlacedPath::transformed(path, 10.0, 0.5, 2.0, false)?; // at 10 s, half as far, half as fast
 /// assert_eq!((placed.start(), placed.stop()), (10.0, 12.0));
 /// assert!((placed.evaluate(11.0).0 - 1e-3).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Placed {
+pub struct PlacedPath {
     profile: Arc<Profile>,
     instant: f64,
     scale: f64,
@@ -28,13 +28,13 @@ pub struct Placed {
     is_reversed: bool,
 }
 
-impl Placed {
-    /// The profile with its zero of time at `at` [s] of the piece, neither scaled nor stretched.
+impl PlacedPath {
+    /// The profile with its zero of time at `instant` [s] of the piece, neither scaled nor stretched.
     ///
     /// # Errors
-    /// [`PathError::Placement`] if `at` is not finite.
-    pub fn new(profile: Arc<Profile>, at: f64) -> Result<Self, PathError> {
-        Self::transformed(profile, at, 1.0, 1.0, false)
+    /// [`PathError::Placement`] if `instant` is not finite.
+    pub fn new(profile: Arc<Profile>, instant: f64) -> Result<Self, PathError> {
+        Self::transformed(profile, instant, 1.0, 1.0, false)
     }
 
     /// The profile as x·`scale` [m] at `start` + t·`stretch` [s]; with `is_reversed` it runs backwards within the same
@@ -81,7 +81,7 @@ impl Placed {
         self.scaled(self.profile.evaluate(self.profile_time(t)))
     }
 
-    /// [`Placed::evaluate`] with a cursor, as [`Profile::evaluate_from`].
+    /// [`PlacedPath::evaluate`] with a cursor, as [`Profile::evaluate_from`].
     pub fn evaluate_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
         self.scaled(self.profile.evaluate_from(cursor, self.profile_time(t)))
     }
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn transformed_path_stretches_scales_and_derives() {
-        let placed_path = Placed::transformed(knock(), 10.0, -0.5, 2.0, false).unwrap();
+        let placed_path = PlacedPath::transformed(knock(), 10.0, -0.5, 2.0, false).unwrap();
         assert_eq!((placed_path.start(), placed_path.stop()), (12.0, 16.0));
         let (x, v, a) = placed_path.evaluate(13.0);
         let (x0, v0, a0) = knock().evaluate(1.5);
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn transformed_path_reversed_takes_the_same_time() {
-        let placed_path = Placed::transformed(knock(), 10.0, 1.0, 1.0, true).unwrap();
+        let placed_path = PlacedPath::transformed(knock(), 10.0, 1.0, 1.0, true).unwrap();
         assert_eq!((placed_path.start(), placed_path.stop()), (11.0, 13.0));
         let mut path_cursor = 0;
         for i in 0..=200 {
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn range_of_placed_path_by_sign_of_scale() {
         let (knock_low, knock_high) = knock().range(1.0, 3.0);
-        let placed_path = Placed::transformed(knock(), 0.0, -2.0, 3.0, true).unwrap();
+        let placed_path = PlacedPath::transformed(knock(), 0.0, -2.0, 3.0, true).unwrap();
         assert_eq!(placed_path.range(0.0, 100.0), (-2.0 * knock_high, -2.0 * knock_low));
         assert!(knock_low < -2.0 && knock_high > 6.0 - 1e-12);
     }
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn transformed_path_without_positive_stretch_is_refused() {
         for stretch in [0.0, -1.0, f64::NAN] {
-            assert!(Placed::transformed(knock(), 0.0, 1.0, stretch, false).is_err());
+            assert!(PlacedPath::transformed(knock(), 0.0, 1.0, stretch, false).is_err());
         }
     }
 }

@@ -44,18 +44,18 @@ pub enum PathError {
         x: f64,
     },
     /// Two points in the wrong order, or at one instant.
-    #[error("time must rise along a path: point {index} is at {t} s, the one before it at {before} s")]
+    #[error("time must rise along a path: point {index} is at {t} s, the one before it at {previous_t} s")]
     NotRising {
         /// Which point, from 0.
         index: usize,
         /// Its instant [s].
         t: f64,
         /// The instant before it [s].
-        before: f64,
+        previous_t: f64,
     },
     /// `hold` to another position.
     #[error(
-        "`hold` stays: point {index} is at {x} m, the one before it at {before} m; \
+        "`hold` stays: point {index} is at {x} m, the one before it at {previous_x} m; \
          use `line` or `smooth` to move"
     )]
     HoldMoves {
@@ -64,7 +64,7 @@ pub enum PathError {
         /// Its position [m].
         x: f64,
         /// The position before it [m].
-        before: f64,
+        previous_x: f64,
     },
     /// A stretch that is not a positive number, or a scale or instant that is not finite.
     #[error(
@@ -103,7 +103,7 @@ pub struct Profile {
     a: Vec<f64>,
 }
 
-/// Most knots that a cursor steps over before a binary search replaces it.
+/// Largest number of knots that a cursor steps over before a binary search replaces it.
 const WALKED_KNOTS_MAX: usize = 8;
 
 impl Profile {
@@ -113,7 +113,7 @@ impl Profile {
     /// If there are no points, a number is not finite, instants do not rise strictly, or a curve does not fit its
     /// points.
     pub fn through(points: &[Point]) -> Result<Self, PathError> {
-        check(points)?;
+        check_points(points)?;
         let mut profile = Self {
             t: Vec::new(),
             x: Vec::new(),
@@ -121,7 +121,7 @@ impl Profile {
             a: Vec::new(),
         };
         let first_point = points[0];
-        profile.push(Knot {
+        profile.push_knot(Knot {
             t: first_point.t,
             x: first_point.x,
             ..Knot::default()
@@ -136,7 +136,7 @@ impl Profile {
                     .count(),
                 Curve::Line | Curve::Hold => 1,
             };
-            profile.run(&points[run_start..=run_start + run_length], run_curve);
+            profile.push_run(&points[run_start..=run_start + run_length], run_curve);
             run_start += run_length;
         }
         Ok(profile)
@@ -150,7 +150,7 @@ impl Profile {
     }
 
     /// Append a run of points of one curve; its first point has been appended before.
-    fn run(&mut self, points: &[Point], curve: Curve) {
+    fn push_run(&mut self, points: &[Point], curve: Curve) {
         let t: Vec<f64> = points.iter().map(|p| p.t).collect();
         let x: Vec<f64> = points.iter().map(|p| p.x).collect();
         let (v, a) = match curve {
@@ -159,7 +159,7 @@ impl Profile {
             Curve::Hold => (vec![0.0; 2], vec![0.0; 2]),
         };
         for i in 0..t.len() {
-            self.push(Knot {
+            self.push_knot(Knot {
                 t: t[i],
                 x: x[i],
                 v: v[i],
@@ -169,7 +169,7 @@ impl Profile {
     }
 
     /// Append a knot, unless it equals the last one.
-    fn push(&mut self, knot: Knot) {
+    fn push_knot(&mut self, knot: Knot) {
         if self.t.is_empty() || self.knot(self.t.len() - 1) != knot {
             self.t.push(knot.t);
             self.x.push(knot.x);
@@ -201,9 +201,9 @@ impl Profile {
         }
     }
 
-    /// The same path with every instant earlier by `by` [s].
-    pub fn earlier(mut self, by: f64) -> Self {
-        self.t.iter_mut().for_each(|t| *t -= by);
+    /// The same path with every instant earlier by `shift_seconds` [s].
+    pub fn shifted_earlier(mut self, shift_seconds: f64) -> Self {
+        self.t.iter_mut().for_each(|t| *t -= shift_seconds);
         self
     }
 
@@ -229,7 +229,7 @@ impl Profile {
 
     /// Position [m], velocity [m/s] and acceleration [m/s²] at `t` [s].
     pub fn evaluate(&self, t: f64) -> (f64, f64, f64) {
-        self.on_piece(self.search(t), t)
+        self.evaluate_on_piece(self.knot_at_or_before(t), t)
     }
 
     /// [`Profile::evaluate`] with a cursor, which begins at 0: O(1) while `t` changes in small steps.
@@ -242,22 +242,22 @@ impl Profile {
                 piece_index += 1;
             } else {
                 *cursor = piece_index;
-                return self.on_piece(piece_index, t);
+                return self.evaluate_on_piece(piece_index, t);
             }
         }
-        *cursor = self.search(t);
-        self.on_piece(*cursor, t)
+        *cursor = self.knot_at_or_before(t);
+        self.evaluate_on_piece(*cursor, t)
     }
 
     /// Lowest and highest position [m] that the path reaches from `from` to `to` [s].
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
         let (from, to) = (from.min(to), from.max(to));
-        let (first_piece, last_piece) = (self.search(from), self.search(to));
+        let (first_piece, last_piece) = (self.knot_at_or_before(from), self.knot_at_or_before(to));
         // Start with the knots: most pieces cannot exceed them, and then need no roots.
         let end_positions = [self.evaluate(from).0, self.evaluate(to).0];
         let mut known_range = extremes(end_positions.iter().chain(&self.x[first_piece + 1..=last_piece]));
         for i in first_piece..(last_piece + 1).min(self.t.len() - 1) {
-            let (piece_low, piece_high) = self.hull(i);
+            let (piece_low, piece_high) = self.piece_bounds(i);
             let (piece_start, piece_stop) = (from.max(self.t[i]), to.min(self.t[i + 1]));
             if piece_start < piece_stop && (piece_low < known_range.0 || piece_high > known_range.1) {
                 let (piece_low, piece_high) = self.piece(i).range(piece_start, piece_stop);
@@ -268,16 +268,16 @@ impl Profile {
     }
 
     /// The last knot at or before `t`, or the first.
-    fn search(&self, t: f64) -> usize {
+    fn knot_at_or_before(&self, t: f64) -> usize {
         self.t.partition_point(|&knot| knot <= t).saturating_sub(1)
     }
 
     fn piece(&self, i: usize) -> Quintic {
-        Quintic::joining(self.knot(i), self.knot(i + 1))
+        Quintic::between_knots(self.knot(i), self.knot(i + 1))
     }
 
     /// The path at `t`, which lies between knot `i` and the next one, before the first knot, or not before the last.
-    fn on_piece(&self, i: usize, t: f64) -> (f64, f64, f64) {
+    fn evaluate_on_piece(&self, i: usize, t: f64) -> (f64, f64, f64) {
         if t < self.t[0] {
             (self.x[0], 0.0, 0.0)
         } else if i + 1 < self.t.len() {
@@ -290,7 +290,7 @@ impl Profile {
     }
 
     /// Bounds of piece `i`: the smallest and the largest ordinate of its Bézier polygon.
-    fn hull(&self, i: usize) -> (f64, f64) {
+    fn piece_bounds(&self, i: usize) -> (f64, f64) {
         let (left_knot, right_knot) = (self.knot(i), self.knot(i + 1));
         let h = (right_knot.t - left_knot.t) / 5.0;
         // The third ordinate from either end is x ± 2V/5 + A/20, with V = T·v, A = T²·a and T = 5h.
@@ -313,7 +313,7 @@ fn extremes<'a>(values: impl IntoIterator<Item = &'a f64>) -> (f64, f64) {
         .fold(empty_range, |(low, high), &x| (low.min(x), high.max(x)))
 }
 
-fn check(points: &[Point]) -> Result<(), PathError> {
+fn check_points(points: &[Point]) -> Result<(), PathError> {
     if points.is_empty() {
         return Err(PathError::Empty);
     }
@@ -330,14 +330,14 @@ fn check(points: &[Point]) -> Result<(), PathError> {
             return Err(PathError::NotRising {
                 index: i + 1,
                 t: current_point.t,
-                before: previous_point.t,
+                previous_t: previous_point.t,
             });
         }
         if current_point.curve == Curve::Hold && current_point.x != previous_point.x {
             return Err(PathError::HoldMoves {
                 index: i + 1,
                 x: current_point.x,
-                before: previous_point.x,
+                previous_x: previous_point.x,
             });
         }
     }

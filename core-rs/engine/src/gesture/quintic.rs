@@ -22,28 +22,32 @@ pub struct Knot {
 /// use ergon_engine::gesture::quintic::{Knot, Quintic};
 ///
 /// let at_rest = |t, x| Knot { t, x, ..Knot::default() };
-/// let piece = Quintic::joining(at_rest(0.0, 0.0), at_rest(1.0, 4e-3));
+/// let piece = Quintic::between_knots(at_rest(0.0, 0.0), at_rest(1.0, 4e-3));
 /// assert!((piece.evaluate(0.5).0 - 2e-3).abs() < 1e-12); // symmetric
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Quintic {
     start: f64,
-    length: f64,
+    duration: f64,
     /// Coefficients in s = (t - start)/length; dimensionless time treats 1 ms and 10 s alike.
-    c: [f64; 6],
+    coefficients: [f64; 6],
 }
 
-crate::archive::state!(Quintic { start, length, c });
+crate::archive::state!(Quintic {
+    start,
+    duration,
+    coefficients
+});
 
 impl Quintic {
     /// The piece from one knot to a later one. If there is no time between them, it rests at `to`.
-    pub fn joining(from: Knot, to: Knot) -> Self {
+    pub fn between_knots(from: Knot, to: Knot) -> Self {
         let duration = to.t - from.t;
         if duration <= 0.0 {
             return Self {
                 start: to.t,
-                length: 1.0,
-                c: [to.x, 0.0, 0.0, 0.0, 0.0, 0.0],
+                duration: 1.0,
+                coefficients: [to.x, 0.0, 0.0, 0.0, 0.0, 0.0],
             };
         }
         let (v0, v1, a0, a1) = (
@@ -58,8 +62,8 @@ impl Quintic {
         let a = a1 - a0;
         Self {
             start: from.t,
-            length: duration,
-            c: [
+            duration,
+            coefficients: [
                 from.x,
                 v0,
                 0.5 * a0,
@@ -72,42 +76,42 @@ impl Quintic {
 
     /// Position [m], velocity [m/s] and acceleration [m/s²] at `t` [s].
     pub fn evaluate(&self, t: f64) -> (f64, f64, f64) {
-        let s = (t - self.start) / self.length;
-        let [c0, c1, c2, c3, c4, c5] = self.c;
+        let s = (t - self.start) / self.duration;
+        let [c0, c1, c2, c3, c4, c5] = self.coefficients;
         let x = ((((c5 * s + c4) * s + c3) * s + c2) * s + c1) * s + c0;
         let v = (((5.0 * c5 * s + 4.0 * c4) * s + 3.0 * c3) * s + 2.0 * c2) * s + c1;
         let a = ((20.0 * c5 * s + 12.0 * c4) * s + 6.0 * c3) * s + 2.0 * c2;
-        (x, v / self.length, a / (self.length * self.length))
+        (x, v / self.duration, a / (self.duration * self.duration))
     }
 
     /// Lowest and highest position [m] from instant `from` to instant `to` [s].
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
-        let unit_time = |t: f64| (t - self.start) / self.length;
-        let slope_terms: [f64; 5] = std::array::from_fn(|k| self.c[k + 1] * (k + 1) as f64);
+        let unit_time = |t: f64| (t - self.start) / self.duration;
+        let slope_terms: [f64; 5] = std::array::from_fn(|k| self.coefficients[k + 1] * (k + 1) as f64);
         let (from, to) = (unit_time(from), unit_time(to));
-        roots(&slope_terms, from, to)
+        sign_changes(&slope_terms, from, to)
             .into_iter()
             .chain([from, to])
-            .map(|unit_time| value(&self.c, unit_time))
+            .map(|unit_time| polynomial_value(&self.coefficients, unit_time))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
                 (low.min(x), high.max(x))
             })
     }
 }
 
-fn value(c: &[f64], s: f64) -> f64 {
+fn polynomial_value(c: &[f64], s: f64) -> f64 {
     c.iter().rev().fold(0.0, |sum, c| sum * s + c)
 }
 
 /// The rising roots in [low, high] at which a polynomial changes sign. It is monotone between two extrema, so the roots
 /// of its slope bracket its own roots.
-fn roots(c: &[f64], low: f64, high: f64) -> Vec<f64> {
+fn sign_changes(c: &[f64], low: f64, high: f64) -> Vec<f64> {
     if c.len() < 2 {
         return Vec::new();
     }
     let slope_terms: Vec<f64> = (1..c.len()).map(|k| c[k] * k as f64).collect();
     let mut root_bounds = vec![low];
-    root_bounds.extend(roots(&slope_terms, low, high));
+    root_bounds.extend(sign_changes(&slope_terms, low, high));
     root_bounds.push(high);
     root_bounds
         .windows(2)
@@ -116,14 +120,14 @@ fn roots(c: &[f64], low: f64, high: f64) -> Vec<f64> {
 }
 
 fn bisect(c: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
-    let is_rising = value(c, high) > 0.0;
-    if (value(c, low) > 0.0) == is_rising {
+    let is_rising = polynomial_value(c, high) > 0.0;
+    if (polynomial_value(c, low) > 0.0) == is_rising {
         return None;
     }
     // 60 halvings of an interval near 1 leave less than the last bit.
     for _ in 0..60 {
         let midpoint = 0.5 * (low + high);
-        if (value(c, midpoint) > 0.0) == is_rising {
+        if (polynomial_value(c, midpoint) > 0.0) == is_rising {
             high = midpoint;
         } else {
             low = midpoint;
@@ -143,15 +147,15 @@ mod tests {
         let second_derivative: Vec<f64> = (1..5).map(|k| slope_terms[k] * k as f64).collect();
         Knot {
             t,
-            x: value(&coefficients, t),
-            v: value(&slope_terms, t),
-            a: value(&second_derivative, t),
+            x: polynomial_value(&coefficients, t),
+            v: polynomial_value(&slope_terms, t),
+            a: polynomial_value(&second_derivative, t),
         }
     }
 
     #[test]
     fn joining_quintics_meets_a_quintic() {
-        let joined_piece = Quintic::joining(wave(0.7), wave(5.2));
+        let joined_piece = Quintic::between_knots(wave(0.7), wave(5.2));
         for i in 0..=50 {
             let t = 0.7 + 4.5 * f64::from(i) / 50.0;
             let (x, v, a) = joined_piece.evaluate(t);
@@ -164,7 +168,7 @@ mod tests {
 
     #[test]
     fn range_of_quintic_includes_inner_extrema() {
-        let wave_piece = Quintic::joining(wave(0.9), wave(5.1));
+        let wave_piece = Quintic::between_knots(wave(0.9), wave(5.1));
         let (range_low, range_high) = wave_piece.range(1.0, 5.0);
         // With u = t − 3 it is (u⁵ - 5u³ + 4u)/10, whose slope vanishes at u² = (15 ± √145)/10; the outer pair has the
         // larger extrema.
@@ -189,7 +193,7 @@ mod tests {
             v: 2.0,
             a: 1.0,
         };
-        let resting_piece = Quintic::joining(
+        let resting_piece = Quintic::between_knots(
             Knot {
                 t: 1.0,
                 ..Knot::default()

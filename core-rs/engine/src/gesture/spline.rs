@@ -38,7 +38,7 @@ pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
     assert_eq!(t.len(), x.len());
     let n_knots = t.len();
     let (mut v, mut a) = (vec![0.0; n_knots], vec![0.0; n_knots]);
-    let knot_points = Points { t, x };
+    let knot_points = KnotPoints { t, x };
     if n_knots > 1 {
         let solved_jerk = Jerk::solve(knot_points, ends);
         for i in 1..n_knots - 1 {
@@ -69,12 +69,12 @@ pub fn slopes(t: &[f64], x: &[f64], ends: Ends) -> (Vec<f64>, Vec<f64>) {
 }
 
 #[derive(Clone, Copy)]
-struct Points<'a> {
+struct KnotPoints<'a> {
     t: &'a [f64],
     x: &'a [f64],
 }
 
-impl Points<'_> {
+impl KnotPoints<'_> {
     fn step(self, i: usize) -> f64 {
         self.t[i + 1] - self.t[i]
     }
@@ -123,7 +123,7 @@ impl Points<'_> {
 struct Jerk {
     lambda: Vec<f64>,
     /// Index of the first B-spline of interval 0: 0, or −2 at a natural end, which lacks two.
-    first: isize,
+    first_spline: isize,
 }
 
 /// The jerk on one interval, in Bernstein's quadratics (1-s)², 2s(1-s), s².
@@ -133,7 +133,7 @@ struct JerkPiece {
 }
 
 /// ∫ of two Bernstein quadratics over [0, 1].
-const BERNSTEIN: [[f64; 3]; 3] = [
+const BERNSTEIN_PRODUCTS: [[f64; 3]; 3] = [
     [1.0 / 5.0, 1.0 / 10.0, 1.0 / 30.0],
     [1.0 / 10.0, 2.0 / 15.0, 1.0 / 10.0],
     [1.0 / 30.0, 1.0 / 10.0, 1.0 / 5.0],
@@ -147,20 +147,20 @@ impl JerkPiece {
 
     /// (1/h)∫ (h-u)²/2 · jerk du: contribution of the jerk to the mean slope, relative to the left end.
     fn slope_from_left(&self) -> f64 {
-        0.5 * self.h * self.h * dot(BERNSTEIN[0], self.j)
+        0.5 * self.h * self.h * dot(BERNSTEIN_PRODUCTS[0], self.j)
     }
 
     /// (1/h)∫ u²/2 · jerk du: contribution of the jerk to the mean slope, relative to the right end.
     fn slope_from_right(&self) -> f64 {
-        0.5 * self.h * self.h * dot(BERNSTEIN[2], self.j)
+        0.5 * self.h * self.h * dot(BERNSTEIN_PRODUCTS[2], self.j)
     }
 }
 
 impl Jerk {
-    fn solve(points: Points, ends: Ends) -> Self {
+    fn solve(points: KnotPoints, ends: Ends) -> Self {
         let second_differences = points.second_differences(ends);
         let mut lambda: Vec<f64> = second_differences.windows(2).map(|w| w[1] - w[0]).collect();
-        let first = if ends == Ends::Natural { -2 } else { 0 };
+        let first_spline = if ends == Ends::Natural { -2 } else { 0 };
         let n_splines = lambda.len();
         let mut gram_bands = [vec![0.0; n_splines], vec![0.0; n_splines], vec![0.0; n_splines]];
         for i in 0..points.t.len() - 1 {
@@ -168,23 +168,24 @@ impl Jerk {
             // The three B-splines of the interval, in Bernstein's quadratics.
             let splines = [[p, 0.0, 0.0], [1.0 - p, 1.0, 1.0 - r], [0.0, 0.0, r]];
             for (k, left) in splines.iter().enumerate() {
-                let Some(band_row) = index(first, i, k, n_splines) else {
+                let Some(band_row) = spline_index(first_spline, i, k, n_splines) else {
                     continue;
                 };
                 for (l, right) in splines.iter().enumerate().skip(k) {
-                    if index(first, i, l, n_splines).is_some() {
-                        let integral: f64 = (0..3).map(|m| left[m] * dot(BERNSTEIN[m], *right)).sum();
+                    if spline_index(first_spline, i, l, n_splines).is_some() {
+                        let integral: f64 = (0..3).map(|m| left[m] * dot(BERNSTEIN_PRODUCTS[m], *right)).sum();
                         gram_bands[l - k][band_row] += interval_width * integral;
                     }
                 }
             }
         }
         solve_banded(&mut gram_bands, &mut lambda);
-        Self { lambda, first }
+        Self { lambda, first_spline }
     }
 
-    fn piece(&self, points: Points, i: usize) -> JerkPiece {
-        let lambda_of_spline = |k| index(self.first, i, k, self.lambda.len()).map_or(0.0, |j| self.lambda[j]);
+    fn piece(&self, points: KnotPoints, i: usize) -> JerkPiece {
+        let lambda_of_spline =
+            |k| spline_index(self.first_spline, i, k, self.lambda.len()).map_or(0.0, |j| self.lambda[j]);
         let (p, r) = points.shares(i);
         let (lambda_before, lambda_here, lambda_after) =
             (lambda_of_spline(0), lambda_of_spline(1), lambda_of_spline(2));
@@ -198,7 +199,7 @@ impl Jerk {
 }
 
 /// Index of the k-th B-spline of an interval, if there is one.
-fn index(first: isize, interval: usize, k: usize, n: usize) -> Option<usize> {
+fn spline_index(first: isize, interval: usize, k: usize, n: usize) -> Option<usize> {
     (interval + k).checked_add_signed(first).filter(|&j| j < n)
 }
 

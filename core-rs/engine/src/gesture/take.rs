@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use super::placed::Placed;
+use super::placed::PlacedPath;
 use super::profile::{PathError, Profile};
 use super::spline::Ends;
 use crate::section::Section;
 
-/// Most samples of a take: five and a half hours at 1 kHz, 1.3 GB while it is being read.
+/// Largest number of samples of a take: five and a half hours at 1 kHz, 1.3 GB while it is being read.
 pub const MAX_SAMPLES: usize = 20_000_000;
 
 /// A captured movement: the natural quintic spline through its samples.
@@ -59,14 +59,14 @@ pub enum TakeError {
         x: f64,
     },
     /// An instant is not later than the one before.
-    #[error("time must rise along a take: sample {index} is at {t} s, the one before it at {before} s")]
+    #[error("time must rise along a take: sample {index} is at {t} s, the one before it at {previous_t} s")]
     NotRising {
         /// Which sample, from 0.
         index: usize,
         /// Its instant [s].
         t: f64,
         /// The instant before it [s].
-        before: f64,
+        previous_t: f64,
     },
     /// `trim` reaches beyond the samples, or keeps nothing.
     #[error("trim {from} s to {to} s does not lie inside the take, which runs from {start} s to {stop} s")]
@@ -122,14 +122,14 @@ impl Take {
     /// If there are too few samples, or they are not finite or not in order, the cutoff is not below half their rate,
     /// or the trim lies outside the take.
     pub fn new(t: &[f64], x: &[f64], preparation: Preparation) -> Result<Self, TakeError> {
-        check(t, x)?;
-        let natural = |t: &[f64], x: &[f64]| Profile::spline(t.to_vec(), x.to_vec(), Ends::Natural);
+        check_samples(t, x)?;
+        let natural_spline = |t: &[f64], x: &[f64]| Profile::spline(t.to_vec(), x.to_vec(), Ends::Natural);
         let profile = match preparation.smooth {
-            None => natural(t, x),
+            None => natural_spline(t, x),
             Some(cutoff) => {
-                let (t, mut x) = evenly(t, x, natural);
-                low_pass(&mut x, cutoff, rate(&t))?;
-                natural(&t, &x)
+                let (t, mut x) = resampled_evenly(t, x, natural_spline);
+                low_pass(&mut x, cutoff, mean_rate(&t))?;
+                natural_spline(&t, &x)
             }
         };
         let Some((from, to)) = preparation.trim else {
@@ -142,7 +142,7 @@ impl Take {
             return Err(TakeError::Trim { from, to, start, stop });
         }
         Ok(Self {
-            profile: Arc::new(profile.trimmed(from, to).earlier(from)),
+            profile: Arc::new(profile.trimmed(from, to).shifted_earlier(from)),
         })
     }
 
@@ -159,7 +159,7 @@ impl Take {
         let take_start = self.profile.start();
         let trimmed_path = self.profile.trimmed(take_start + from, take_start + to);
         Ok(Self {
-            profile: Arc::new(trimmed_path.earlier(take_start + from)),
+            profile: Arc::new(trimmed_path.shifted_earlier(take_start + from)),
         })
     }
 
@@ -172,10 +172,10 @@ impl Take {
     ///
     /// # Errors
     /// [`PathError::Placement`] if a number is not finite or `stretch` is not above 0.
-    pub fn placed(&self, start: f64, scale: f64, stretch: f64, is_reversed: bool) -> Result<Placed, PathError> {
+    pub fn placed(&self, start: f64, scale: f64, stretch: f64, is_reversed: bool) -> Result<PlacedPath, PathError> {
         // The clock of a capture may begin at any value, so its origin is not part of the movement.
         let clock_origin = start - self.profile.start() * stretch;
-        Placed::transformed(Arc::clone(&self.profile), clock_origin, scale, stretch, is_reversed)
+        PlacedPath::transformed(Arc::clone(&self.profile), clock_origin, scale, stretch, is_reversed)
     }
 
     /// Time from its first instant to its last [s].
@@ -184,7 +184,7 @@ impl Take {
     }
 }
 
-fn check(t: &[f64], x: &[f64]) -> Result<(), TakeError> {
+fn check_samples(t: &[f64], x: &[f64]) -> Result<(), TakeError> {
     let n_samples = t.len();
     if n_samples != x.len() {
         return Err(TakeError::Lengths {
@@ -210,20 +210,20 @@ fn check(t: &[f64], x: &[f64]) -> Result<(), TakeError> {
         return Err(TakeError::NotRising {
             index: sample_index,
             t: t[sample_index],
-            before: t[sample_index - 1],
+            previous_t: t[sample_index - 1],
         });
     }
     Ok(())
 }
 
 /// Mean rate of the samples [Hz].
-fn rate(t: &[f64]) -> f64 {
+fn mean_rate(t: &[f64]) -> f64 {
     (t.len() - 1) as f64 / (t[t.len() - 1] - t[0])
 }
 
 /// The samples at even steps, as a digital filter needs them. If instants jitter (0.0333, 0.0667, 0.1), the spline is
 /// sampled instead.
-fn evenly(t: &[f64], x: &[f64], natural: impl Fn(&[f64], &[f64]) -> Profile) -> (Vec<f64>, Vec<f64>) {
+fn resampled_evenly(t: &[f64], x: &[f64], natural: impl Fn(&[f64], &[f64]) -> Profile) -> (Vec<f64>, Vec<f64>) {
     let last_index = t.len() - 1;
     let (first_instant, last_instant) = (t[0], t[last_index]);
     let even_instants: Vec<f64> = (0..=last_index)
@@ -244,11 +244,11 @@ fn evenly(t: &[f64], x: &[f64], natural: impl Fn(&[f64], &[f64]) -> Profile) -> 
 }
 
 /// 1/Q of the two sections of a Butterworth low-pass of order 4: 2·sin(π/8), 2·sin(3π/8).
-const DAMPINGS: [f64; 2] = [0.765_366_864_730_179_6, 1.847_759_065_022_573_5];
+const SECTION_DAMPINGS: [f64; 2] = [0.765_366_864_730_179_6, 1.847_759_065_022_573_5];
 
 /// Number of samples added before and after by reflection through the end points: 3 × (order + 1), as in `filtfilt` of
 /// MATLAB and scipy, so that either can check a take.
-const PADDING: usize = 15;
+const PADDING_SAMPLES: usize = 15;
 
 /// Butterworth low-pass of order 4, forward and backward: no delay, -6 dB at `cutoff` [Hz].
 fn low_pass(x: &mut [f64], cutoff: f64, rate: f64) -> Result<(), TakeError> {
@@ -256,12 +256,12 @@ fn low_pass(x: &mut [f64], cutoff: f64, rate: f64) -> Result<(), TakeError> {
         return Err(TakeError::Smooth { cutoff, rate });
     }
     let last_index = x.len() - 1;
-    let padding = PADDING.min(last_index);
+    let padding = PADDING_SAMPLES.min(last_index);
     let padding_before = (1..=padding).rev().map(|i| 2.0 * x[0] - x[i]);
     let padding_after = (1..=padding).map(|i| 2.0 * x[last_index] - x[last_index - i]);
     let mut padded_samples: Vec<f64> = padding_before.chain(x.iter().copied()).chain(padding_after).collect();
     for _ in 0..2 {
-        for damping in DAMPINGS {
+        for damping in SECTION_DAMPINGS {
             let mut section = Section::new(cutoff, rate, damping);
             section.settle(padded_samples[0]);
             padded_samples.iter_mut().for_each(|x| *x = section.next(*x).low);

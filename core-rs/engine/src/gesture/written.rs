@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use super::error::GestureError;
-use super::placed::Placed;
+use super::placed::PlacedPath;
 use super::profile::{Curve, PathError, Point, Profile};
 use super::quintic::Knot;
-use super::script::{Ergons, Gesture, Manner, Stretch, Touch};
+use super::script::{ErgonKind, Gesture, GestureSegment, Manner, Touch};
 
 /// How the key goes to a written point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +19,7 @@ pub enum Approach {
 
 /// The points of a written gesture, (n_points) each.
 #[derive(Clone, Copy, Debug)]
-pub struct Written<'a> {
+pub struct WrittenPoints<'a> {
     /// Instants [s].
     pub t: &'a [f64],
     /// Positions [m].
@@ -35,27 +35,27 @@ impl Gesture {
     ///
     /// ```
     /// use ergon_engine::gesture::profile::Curve;
-    /// use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
-    /// use ergon_engine::gesture::written::{Approach, Written};
+    /// use ergon_engine::gesture::script::{ErgonKind, Gesture, Manner, Touch};
+    /// use ergon_engine::gesture::written::{Approach, WrittenPoints};
     ///
     /// let smooth = Approach::Path(Curve::Smooth);
-    /// let points = Written {
+    /// let points = WrittenPoints {
     ///     t: &[0.0, 0.06, 0.16],
     ///     x: &[0.0, 6e-3, 0.0],
     ///     approaches: &[smooth, smooth, Approach::Throw],
     ///     sources: &[],
     /// };
     /// let manner = Manner {
-    ///     touch: Touch::Open, ergons: Ergons::Event, grain: None, join: 0.02, limit: None, is_layer: false,
+    ///     touch: Touch::Open, ergon_kind: ErgonKind::Event, grain: None, join_seconds: 0.02, force_max: None, is_layer: false,
     /// };
-    /// Gesture::written(0, &points, manner)?;
-    /// assert!(Gesture::written(0, &points, Manner { join: -1.0, ..manner }).is_err());
+    /// Gesture::from_points(0, &points, manner)?;
+    /// assert!(Gesture::from_points(0, &points, Manner { join_seconds: -1.0, ..manner }).is_err());
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Errors
     /// [`GestureError`] names the point at fault.
-    pub fn written(key: usize, points: &Written<'_>, manner: Manner) -> Result<Self, GestureError> {
+    pub fn from_points(key: usize, points: &WrittenPoints<'_>, manner: Manner) -> Result<Self, GestureError> {
         let n_points = points.t.len();
         if n_points == 0 {
             return Err(PathError::Empty.into());
@@ -74,7 +74,7 @@ impl Gesture {
         let point_source = |i: usize| points.sources.get(i).copied().unwrap_or(0);
         Self::new(
             key,
-            stretches(points)?,
+            segments(points)?,
             points.t[0],
             [points.x[0], points.x[n_points - 1]],
             (0..n_points).map(|i| (points.t[i], point_source(i))).collect(),
@@ -82,36 +82,36 @@ impl Gesture {
         )
     }
 
-    /// A gesture that plays a take on a key, cut at `until` [s].
+    /// A gesture that plays a take on a key, cut at `cut_instant` [s].
     ///
     /// # Errors
     /// [`GestureError`] if `manner` has a number out of range, or tracks the key by particles.
     pub fn from_take(
         key: usize,
-        path: Placed,
-        until: Option<f64>,
+        path: PlacedPath,
+        cut_instant: Option<f64>,
         source: u32,
         manner: Manner,
     ) -> Result<Self, GestureError> {
         let take_start = path.start();
-        let stop = until.map_or(path.stop(), |until| until.min(path.stop()));
+        let stop = cut_instant.map_or(path.stop(), |instant| instant.min(path.stop()));
         let end_positions = [path.evaluate(take_start).0, path.evaluate(stop).0];
-        let stretches = vec![Stretch::Path { path, stop }];
+        let stretches = vec![GestureSegment::Path { path, stop }];
         // A take has no written points that ergons have to meet: its single point is at frame 0, before the take.
         Self::new(key, stretches, take_start, end_positions, vec![(0.0, source)], manner)
     }
 
     fn new(
         key: usize,
-        stretches: Vec<Stretch>,
+        segments: Vec<GestureSegment>,
         start: f64,
-        [x, exit]: [f64; 2],
+        [x, last_position]: [f64; 2],
         points: Vec<(f64, u32)>,
         manner: Manner,
     ) -> Result<Self, GestureError> {
         manner.check()?;
-        let entry = match stretches.first() {
-            Some(Stretch::Path { path, .. }) => {
+        let entry_knot = match segments.first() {
+            Some(GestureSegment::Path { path, .. }) => {
                 let (x, v, a) = path.evaluate(start);
                 Knot { t: start, x, v, a }
             }
@@ -123,10 +123,10 @@ impl Gesture {
         };
         Ok(Self {
             key,
-            stretches,
+            segments,
             start,
-            exit,
-            entry,
+            last_position,
+            entry_knot,
             manner,
             points,
         })
@@ -135,18 +135,18 @@ impl Gesture {
 
 impl Manner {
     fn check(&self) -> Result<(), GestureError> {
-        let check_bound = |what, value: f64, least: f64| {
-            if value.is_finite() && value >= least {
+        let check_bound = |what, value: f64, value_min: f64| {
+            if value.is_finite() && value >= value_min {
                 Ok(())
             } else {
                 Err(GestureError::NotPositive { what, value })
             }
         };
-        if (self.touch, self.ergons) == (Touch::Tracked, Ergons::Particle) {
+        if (self.touch, self.ergon_kind) == (Touch::Tracked, ErgonKind::Particle) {
             return Err(GestureError::TrackedParticle);
         }
-        check_bound("join", self.join, 0.0)?;
-        if let Some(force_limit) = self.limit {
+        check_bound("join", self.join_seconds, 0.0)?;
+        if let Some(force_limit) = self.force_max {
             check_bound("force_limit", force_limit, f64::MIN_POSITIVE)?;
         }
         self.grain
@@ -155,21 +155,21 @@ impl Manner {
 
     /// Largest force of one ergon [N]; infinite if there is no limit.
     pub(crate) fn force_limit(&self) -> f64 {
-        self.limit.unwrap_or(f64::INFINITY)
+        self.force_max.unwrap_or(f64::INFINITY)
     }
 }
 
-fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
-    let Written { t, x, approaches, .. } = *points;
+fn segments(points: &WrittenPoints<'_>) -> Result<Vec<GestureSegment>, GestureError> {
+    let WrittenPoints { t, x, approaches, .. } = *points;
     let mut stretches = Vec::new();
     let mut point_index = 0;
     while point_index + 1 < t.len() {
         let is_throw = |approach: &Approach| *approach == Approach::Throw;
         if is_throw(&approaches[point_index + 1]) {
-            stretches.push(Stretch::Throw {
-                from: t[point_index],
-                to: t[point_index + 1],
-                x: x[point_index + 1],
+            stretches.push(GestureSegment::Throw {
+                strike_instant: t[point_index],
+                arrival_instant: t[point_index + 1],
+                arrival_position: x[point_index + 1],
                 point: point_index + 1,
             });
             point_index += 1;
@@ -178,18 +178,18 @@ fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
                 .iter()
                 .take_while(|approach| !is_throw(approach))
                 .count();
-            stretches.push(path(points, point_index, point_index + run_length)?);
+            stretches.push(path_segment(points, point_index, point_index + run_length)?);
             point_index += run_length;
         }
     }
     if stretches.is_empty() {
-        stretches.push(path(points, 0, 0)?);
+        stretches.push(path_segment(points, 0, 0)?);
     }
     Ok(stretches)
 }
 
 /// The path through points `from..=to`.
-fn path(points: &Written<'_>, from: usize, to: usize) -> Result<Stretch, GestureError> {
+fn path_segment(points: &WrittenPoints<'_>, from: usize, to: usize) -> Result<GestureSegment, GestureError> {
     let path_point = |i: usize| Point {
         t: points.t[i],
         x: points.x[i],
@@ -200,6 +200,6 @@ fn path(points: &Written<'_>, from: usize, to: usize) -> Result<Stretch, Gesture
     };
     let points: Vec<Point> = (from..=to).map(path_point).collect();
     let stop = points[points.len() - 1].t;
-    let path = Placed::new(Arc::new(Profile::through(&points)?), 0.0)?;
-    Ok(Stretch::Path { path, stop })
+    let path = PlacedPath::new(Arc::new(Profile::through(&points)?), 0.0)?;
+    Ok(GestureSegment::Path { path, stop })
 }

@@ -4,13 +4,13 @@ use crate::network::{Error, Network};
 use crate::scheme::Scheme;
 use crate::units::Rate;
 
-use super::MAX_STEPS;
+use super::STEPS_MAX;
 
 /// Factors that turn κ and ζ of the frame into those of 2, 4 and 8 steps a frame, in units of the frame   (n_mat each).
 #[derive(Clone, Debug)]
-pub(super) struct Cells([[Vec<f64>; 2]; 3]);
+pub(super) struct TieFactors([[Vec<f64>; 2]; 3]);
 
-impl Cells {
+impl TieFactors {
     /// Compute the factors; `None` if the network has no CEL, or the method does not use poles.
     pub(super) fn new(scheme: &Scheme, network: &Network, has_poles: bool) -> Result<Option<Self>, Error> {
         let has_ties = [&scheme.kappa, &scheme.zeta]
@@ -22,7 +22,7 @@ impl Cells {
         let multiples = |step_count: u32| -> Result<[Vec<f64>; 2], Error> {
             let step_count = f64::from(step_count);
             let Ok(finer_rate) = Rate::new(scheme.rate * step_count) else {
-                return Ok([&scheme.kappa, &scheme.zeta].map(|all| vec![1.0; all.len()]));
+                return Ok([&scheme.kappa, &scheme.zeta].map(|coefficients| vec![1.0; coefficients.len()]));
             };
             let finer_scheme = Scheme::new(network, finer_rate)?;
             let factors = |fine: &[f64], coarse: &[f64], scale_factor: f64| {
@@ -42,11 +42,11 @@ impl Cells {
                 factors(&finer_scheme.zeta, &scheme.zeta, step_count),
             ])
         };
-        Ok(Some(Self([multiples(2)?, multiples(4)?, multiples(MAX_STEPS)?])))
+        Ok(Some(Self([multiples(2)?, multiples(4)?, multiples(STEPS_MAX)?])))
     }
 
     /// Write κ and ζ for `steps` steps a frame into `out`, from those of the frame.
-    pub(super) fn ties(&self, steps: u32, [kappa, zeta]: [&[f64]; 2], out: [&mut [f64]; 2]) {
+    pub(super) fn write_ties(&self, steps: u32, [kappa, zeta]: [&[f64]; 2], out: [&mut [f64]; 2]) {
         let tie_factors = &self.0[steps.ilog2() as usize - 1];
         for ((out, coarse), factor) in out.into_iter().zip([kappa, zeta]).zip(tie_factors) {
             for ((out, coarse), factor) in out.iter_mut().zip(coarse).zip(factor) {

@@ -5,19 +5,19 @@
 //! an ordinary frame. When the number of steps changes, d is moved between the two instants by the acceleration of
 //! links and ties. Outside forces act at the beginning of the frame, as in a frame of one step.
 
-use super::{CALM_FRAMES, CALM_SHARE, Guard, MAX_STEPS};
+use super::{CALM_FRAMES, CALM_SHARE, Guard, STEPS_MAX};
 use crate::kernel::{advance_by_fraction, is_bounded};
 
 /// A network that the guard can step.
 pub(crate) trait Stage {
     /// Compute the forces of all links at the present positions and steps, into `force`.
-    fn links(&mut self);
+    fn compute_link_forces(&mut self);
     /// The state that a step advances.
-    fn motion(&mut self) -> Motion<'_>;
+    fn mat_motion(&mut self) -> MatMotion<'_>;
 }
 
 /// State and parameters of the MATs, (n_mat) each.
-pub(crate) struct Motion<'a> {
+pub(crate) struct MatMotion<'a> {
     /// 1/M, κ, ζ and the position of the ground.
     pub(crate) ties: [&'a [f64]; 4],
     pub(crate) force: &'a mut [f64],
@@ -28,10 +28,14 @@ pub(crate) struct Motion<'a> {
 impl Guard {
     /// Set the MATs whose path is imposed in the next finer frame: the ports and `targets`; `path` gives positions at
     /// the beginning and the end of the frame [m].
-    pub(crate) fn impose(&mut self, targets: impl Iterator<Item = usize>, path: impl Fn(usize) -> (f64, f64)) {
+    pub(crate) fn set_imposed_paths(
+        &mut self,
+        targets: impl Iterator<Item = usize>,
+        path: impl Fn(usize) -> (f64, f64),
+    ) {
         let imposed_mats = self.ports.iter().copied().chain(targets);
-        self.imposed.clear();
-        self.imposed.extend(imposed_mats.map(|mat| {
+        self.imposed_paths.clear();
+        self.imposed_paths.extend(imposed_mats.map(|mat| {
             let (path_start, path_end) = path(mat);
             (mat, path_start, path_end)
         }));
@@ -40,27 +44,27 @@ impl Guard {
     /// Compute a frame in smaller steps; `stage` holds the state at its beginning and the sum of all forces that act in
     /// it. Returns false if a position is no longer finite or plausible.
     pub(crate) fn compute_finer(&mut self, stage: &mut impl Stage) -> bool {
-        self.begin(stage);
-        let mut step_count = if self.steps > 1 { self.steps } else { 2 };
-        while !self.try_steps(stage, step_count) && step_count < MAX_STEPS {
+        self.begin_frame(stage);
+        let mut step_count = if self.frame_steps > 1 { self.frame_steps } else { 2 };
+        while !self.try_steps(stage, step_count) && step_count < STEPS_MAX {
             step_count *= 2;
-            let Motion { x, d, .. } = stage.motion();
-            x.copy_from_slice(&self.x);
-            d.copy_from_slice(&self.d);
+            let MatMotion { x, d, .. } = stage.mat_motion();
+            x.copy_from_slice(&self.start_positions);
+            d.copy_from_slice(&self.start_steps);
         }
-        self.end(stage, step_count)
+        self.end_frame(stage, step_count)
     }
 
     /// Store the beginning of the frame, and separate outside forces from those of links.
-    fn begin(&mut self, stage: &mut impl Stage) {
-        let Motion { force, x, d, .. } = stage.motion();
-        self.x.copy_from_slice(x);
-        self.d.copy_from_slice(d);
-        self.outside.copy_from_slice(force);
-        stage.links();
-        let Motion { ties, force, x, d } = stage.motion();
+    fn begin_frame(&mut self, stage: &mut impl Stage) {
+        let MatMotion { force, x, d, .. } = stage.mat_motion();
+        self.start_positions.copy_from_slice(x);
+        self.start_steps.copy_from_slice(d);
+        self.outside_forces.copy_from_slice(force);
+        stage.compute_link_forces();
+        let MatMotion { ties, force, x, d } = stage.mat_motion();
         let [w, kappa, zeta, rest] = ties;
-        for (outside, force) in self.outside.iter_mut().zip(&*force) {
+        for (outside, force) in self.outside_forces.iter_mut().zip(&*force) {
             *outside -= force;
         }
         for (i, step) in self.link_steps.iter_mut().enumerate() {
@@ -71,46 +75,50 @@ impl Guard {
     /// Compute the frame in `steps` steps; false if they are too few and more are possible.
     fn try_steps(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
         let step_fraction = 1.0 / f64::from(steps);
-        let time_shift = 0.5 / f64::from(self.previous_steps) - 0.5 * step_fraction;
-        let Motion { d, ties, .. } = stage.motion();
-        let [kappa, zeta] = &mut self.ties;
-        if let Some(finer_cells) = &self.cells {
-            finer_cells.ties(steps, [ties[1], ties[2]], [kappa, zeta]);
+        let time_shift = 0.5 / f64::from(self.previous_frame_steps) - 0.5 * step_fraction;
+        let MatMotion { d, ties, .. } = stage.mat_motion();
+        let [kappa, zeta] = &mut self.substep_ties;
+        if let Some(finer_cells) = &self.tie_factors {
+            finer_cells.write_ties(steps, [ties[1], ties[2]], [kappa, zeta]);
         }
         for (i, d) in d.iter_mut().enumerate() {
-            let frame_lead = if self.previous_steps > 1 { self.lead[i] } else { 0.0 };
+            let frame_lead = if self.previous_frame_steps > 1 {
+                self.last_step_excess[i]
+            } else {
+                0.0
+            };
             *d += frame_lead + time_shift * self.link_steps[i];
         }
-        for &(mat, path_start, path_end) in &self.imposed {
+        for &(mat, path_start, path_end) in &self.imposed_paths {
             d[mat] = path_end - path_start;
         }
         for step in 1..=steps {
-            stage.links();
-            let Motion { ties, force, x, d } = stage.motion();
+            stage.compute_link_forces();
+            let MatMotion { ties, force, x, d } = stage.mat_motion();
             if step == 1 {
                 for (i, force) in force.iter_mut().enumerate() {
-                    *force += f64::from(steps) * self.outside[i];
-                    self.travel[i] = 0.5 * d[i];
+                    *force += f64::from(steps) * self.outside_forces[i];
+                    self.force_travel[i] = 0.5 * d[i];
                 }
             }
-            let step_ties = match self.cells {
-                Some(_) => [ties[0], &self.ties[0], &self.ties[1], ties[3]],
+            let step_ties = match self.tie_factors {
+                Some(_) => [ties[0], &self.substep_ties[0], &self.substep_ties[1], ties[3]],
                 None => ties,
             };
             advance_by_fraction(step_fraction, step_ties, force, x, d);
             if step == 1 {
-                let travel_pairs = self.travel.iter_mut().zip(&*d);
+                let travel_pairs = self.force_travel.iter_mut().zip(&*d);
                 travel_pairs.for_each(|(travel, d)| *travel += 0.5 * d);
             }
             let frame_share = f64::from(step) * step_fraction;
-            for &(mat, path_start, path_end) in &self.imposed {
+            for &(mat, path_start, path_end) in &self.imposed_paths {
                 (x[mat], d[mat]) = (
                     path_start + (path_end - path_start) * frame_share,
                     path_end - path_start,
                 );
             }
-            let (lambda_rise, _) = self.stiffening(x, ties[0]);
-            if steps < MAX_STEPS && self.steps_needed(lambda_rise) > steps {
+            let (lambda_rise, _) = self.lambda_rise(x, ties[0]);
+            if steps < STEPS_MAX && self.steps_needed(lambda_rise) > steps {
                 return false;
             }
         }
@@ -118,24 +126,24 @@ impl Guard {
     }
 
     /// End the frame: `d` becomes the mean of its steps, and `lead` the last step minus that mean.
-    fn end(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
-        let Motion { ties, x, d, .. } = stage.motion();
+    fn end_frame(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
+        let MatMotion { ties, x, d, .. } = stage.mat_motion();
         for i in 0..x.len() {
-            let mean_step = x[i] - self.x[i];
-            self.lead[i] = d[i] - mean_step;
+            let mean_step = x[i] - self.start_positions[i];
+            self.last_step_excess[i] = d[i] - mean_step;
             d[i] = mean_step;
         }
-        let (lambda_rise, _) = self.stiffening_exact(x, ties[0]);
+        let (lambda_rise, _) = self.lambda_rise_exact(x, ties[0]);
         // The number of steps is halved only if a quarter of it would be enough.
         let is_calm = match steps {
-            2 => lambda_rise <= CALM_SHARE * (self.limit - self.rest_lambda),
+            2 => lambda_rise <= CALM_SHARE * (self.lambda_limit - self.rest_lambda),
             _ => 4 * self.steps_needed(lambda_rise) <= steps,
         };
         self.calm_frames = if is_calm { self.calm_frames + 1 } else { 0 };
-        (self.previous_steps, self.steps) = (steps, steps);
+        (self.previous_frame_steps, self.frame_steps) = (steps, steps);
         if self.calm_frames == CALM_FRAMES {
-            (self.calm_frames, self.steps) = (0, steps / 2);
-            self.previous_steps = if self.steps == 1 { 1 } else { steps };
+            (self.calm_frames, self.frame_steps) = (0, steps / 2);
+            self.previous_frame_steps = if self.frame_steps == 1 { 1 } else { steps };
         }
         self.finer_frames.frames += 1;
         self.finer_frames.steps_max = self.finer_frames.steps_max.max(steps);

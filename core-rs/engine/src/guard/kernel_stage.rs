@@ -1,6 +1,6 @@
 //! Lets the guard step an island, by the kernels.
 
-use super::{Motion, Stage};
+use super::{MatMotion, Stage};
 use crate::kernel;
 use crate::kernel::KernelScratch;
 use crate::kernel::thread_team::ThreadTeam;
@@ -16,7 +16,7 @@ pub(crate) struct KernelStage<'a, 'b> {
 }
 
 impl Stage for KernelStage<'_, '_> {
-    fn links(&mut self) {
+    fn compute_link_forces(&mut self) {
         // The ledger still needs the outside forces of this frame.
         let outside = std::mem::take(&mut self.body.outside);
         kernel::proxies::set_from_masses(self.scheme, self.body);
@@ -25,8 +25,8 @@ impl Stage for KernelStage<'_, '_> {
         self.body.outside = outside;
     }
 
-    fn motion(&mut self) -> Motion<'_> {
-        Motion {
+    fn mat_motion(&mut self) -> MatMotion<'_> {
+        MatMotion {
             ties: self.scheme.mat_coefficients(),
             force: &mut self.body.force,
             x: &mut self.body.x,

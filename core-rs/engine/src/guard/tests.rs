@@ -61,7 +61,7 @@ fn guard_bounds_lambda_of_stiffened_links() {
             network.lnl(&link_name, a, b, link_laws[link % 2].clone(), 0.0).unwrap();
         });
         let stiff_scheme = Scheme::new(&stiff_network, rate()).unwrap();
-        let mut guard = Guard::new(&stiff_scheme, &stiff_network, Limit::CA, &[])
+        let mut guard = Guard::new(&stiff_scheme, &stiff_network, StabilityLimit::CA, &[])
             .unwrap()
             .unwrap();
         let mut position_chance = Chance::new(seed, "guard", "x", 0, 0);
@@ -78,9 +78,9 @@ fn guard_bounds_lambda_of_stiffened_links() {
         });
         let tangent_scheme = Scheme::new(&tangent, rate()).unwrap();
         let tangent_lambda = largest_eigenvalue(&tangent_scheme, &tangent, 2.0, 0.0).unwrap().lambda;
-        let (lambda_rise, _) = guard.stiffening(&x, &stiff_scheme.w);
-        if guard.margin > 0.0 {
-            assert!(tangent_lambda <= guard.limit, "{seed}: {tangent_lambda}");
+        let (lambda_rise, _) = guard.lambda_rise(&x, &stiff_scheme.w);
+        if guard.elongation_margin > 0.0 {
+            assert!(tangent_lambda <= guard.lambda_limit, "{seed}: {tangent_lambda}");
         } else {
             assert!(
                 tangent_lambda <= (guard.rest_lambda + lambda_rise) * (1.0 + 1e-6),
@@ -123,7 +123,9 @@ fn guard_is_absent_for_laws_without_stiffening() {
             network.lnl(&format!("l{link}"), a, b, law.clone(), 0.0).unwrap();
         });
         let network_scheme = Scheme::new(&network, rate()).unwrap();
-        Guard::new(&network_scheme, &network, Limit::CA, &[]).unwrap().is_some()
+        Guard::new(&network_scheme, &network, StabilityLimit::CA, &[])
+            .unwrap()
+            .is_some()
     };
     assert!(has_guard(law("2e4*d + 1e10*d**3")));
     assert!(!has_guard(law("2e4*d")) && !has_guard(law("1e2*tanh(50*d)")));
@@ -134,13 +136,15 @@ fn guard_is_absent_for_laws_without_stiffening() {
 #[test]
 fn guard_with_non_finite_positions_needs_finer_steps() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        assert!(!watch::peak(&[0.0, bad, 1.0]).is_finite());
+        assert!(!watch::magnitude_max(&[0.0, bad, 1.0]).is_finite());
         let network = net(2, |network, link, a, b| {
             let hardening_law = Arc::new(Law::hardening(2e4, 1e10, 0.0).unwrap());
             network.lnl(&format!("l{link}"), a, b, hardening_law, 0.0).unwrap();
         });
         let network_scheme = Scheme::new(&network, rate()).unwrap();
-        let mut guard = Guard::new(&network_scheme, &network, Limit::CA, &[]).unwrap().unwrap();
+        let mut guard = Guard::new(&network_scheme, &network, StabilityLimit::CA, &[])
+            .unwrap()
+            .unwrap();
         let (mut x, mut d) = (vec![0.0; N + 1], vec![0.0; N + 1]);
         assert!(!guard.needs_finer(&x, &d, &network_scheme.w));
         (x[3], d[3]) = (bad, bad);

@@ -33,7 +33,7 @@ enum Stiffening {
 impl Stiffening {
     fn from_kind(kind: &Kind) -> Option<Self> {
         if let Kind::Followed { by: following, .. } = kind {
-            let corner_laws: Vec<Law> = following.corners().collect();
+            let corner_laws: Vec<Law> = following.end_value_laws().collect();
             let rest_slopes = corner_laws.iter().map(|law| law.slope(0.0));
             let slope_at_rest = rest_slopes.fold(0.0, f64::max);
             return Some(Self::AnyLaw(corner_laws, slope_at_rest));
@@ -74,7 +74,7 @@ impl Stiffening {
 }
 
 /// Runs that stiffen and have an end that moves; runs with a gate are left out.
-pub(super) fn watches(runs: &[Run], mat_moves: impl Fn(usize) -> bool) -> Vec<WatchedRun> {
+pub(super) fn watched_runs(runs: &[Run], mat_moves: impl Fn(usize) -> bool) -> Vec<WatchedRun> {
     let watch_of_run = |run: &Run| {
         let stiffening = Stiffening::from_kind(&run.kind).filter(|_| run.gate.is_none())?;
         let mut run_ends = (0..run.len).flat_map(|i| [run.a + i, run.b + i]);
@@ -118,7 +118,7 @@ pub(super) fn set_reaches(watches: &mut Vec<WatchedRun>, stiffness_rise: f64, in
 
 wide! {
     /// The largest magnitude of some numbers; NaN if one is NaN.
-    pub(super) fn peak(numbers: &[f64]) -> f64 {
+    pub(super) fn magnitude_max(numbers: &[f64]) -> f64 {
         // The bits of positive numbers, read as integers, have the order of the numbers; those of NaN are above all
         // others.
         f64::from_bits(numbers.iter().fold(0, |peak_bits, d| d.abs().to_bits().max(peak_bits)))
@@ -126,8 +126,8 @@ wide! {
 }
 
 wide! {
-    /// How much further the link nearest to its reach may be stretched [m].
-    pub(super) fn nearest(watches: &[WatchedRun], x: &[f64]) -> f64 {
+    /// How much more the link that is nearest to its reach may be stretched [m].
+    pub(super) fn least_reach_left(watches: &[WatchedRun], x: &[f64]) -> f64 {
         let mut nearest = f64::INFINITY;
         for watch in watches {
             let WatchedRun { a, b, len, rest_length, .. } = *watch;
@@ -149,7 +149,7 @@ wide! {
 ///
 /// The bound is the largest edge sum: stiffening over mass, summed at both ends of a link. `mats` are the MATs that
 /// watched links join; `sums` (n_mat) and `rises` (longest run) are buffers.
-pub(super) fn stiffening(
+pub(super) fn lambda_rise_bound(
     watches: &[WatchedRun],
     mats: &Range<usize>,
     x: &[f64],

@@ -33,7 +33,7 @@ pub(super) struct Bm4 {
     /// energy too   (n_mat each)
     losses: Arc<Vec<[Vec<f64>; 2]>>,
     /// K and Z of the springs as written in the network      (n_springs)
-    written: Arc<[[f64; 2]]>,
+    written_k_and_z: Arc<[[f64; 2]]>,
     /// Position [m] and velocity per step [m]                (n_mat)
     x: Vec<f64>,
     v: Vec<f64>,
@@ -41,7 +41,7 @@ pub(super) struct Bm4 {
     force: Vec<f64>,
     /// Viscous forces of the last kick [N], and velocities at its midpoint       (n_mat)
     viscous: Vec<f64>,
-    midway: Vec<f64>,
+    midpoint_velocities: Vec<f64>,
     scratch: Scratch,
 }
 
@@ -50,30 +50,30 @@ crate::archive::state!(Bm4 {
     v,
     force,
     viscous,
-    midway
+    midpoint_velocities
 });
 
 impl Bm4 {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Self {
-        let (x, v) = (network.mats().x0.clone(), mesh.start(network));
-        let (mut scratch, zero_vector) = (mesh.scratch(), vec![0.0; x.len()]);
+        let (x, v) = (network.mats().x0.clone(), mesh.initial_velocities(network));
+        let (mut scratch, zero_vector) = (mesh.new_scratch(), vec![0.0; x.len()]);
         let mut force = zero_vector.clone();
         let lone_team = &mut ThreadTeam::alone();
-        mesh.elastic(&x, &mut scratch, &mut force, lone_team);
+        mesh.set_elastic_forces(&x, &mut scratch, &mut force, lone_team);
         let mut viscous = zero_vector.clone();
-        mesh.viscous([&x, &v], &mut scratch, &mut viscous, lone_team);
+        mesh.set_viscous_forces([&x, &v], &mut scratch, &mut viscous, lone_team);
         let zeta = &mesh.scheme.zeta;
         let has_exact_losses = !mesh.is_damped && zeta.iter().any(|zeta| *zeta != 0.0);
         let loss_stages = STAGES.iter().filter(|_| has_exact_losses);
-        let losses = loss_stages.map(|[b, _]| losses(zeta, *b)).collect();
+        let losses = loss_stages.map(|[b, _]| decay_and_gain(zeta, *b)).collect();
         Self {
-            written: mesh.springs.iter().map(|spring| [spring.k, spring.z]).collect(),
+            written_k_and_z: mesh.springs.iter().map(|spring| [spring.k, spring.z]).collect(),
             losses: Arc::new(losses),
             x,
             v,
             force,
             viscous,
-            midway: zero_vector,
+            midpoint_velocities: zero_vector,
             scratch,
             mesh,
         }
@@ -84,24 +84,24 @@ impl Bm4 {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         let (x, v, force) = (&mut self.x, &mut self.v, &self.force);
         if mesh.is_damped {
-            let (viscous, midway) = (&mut self.viscous, &mut self.midway);
-            mesh.ranges(scratch, team, [&mut *midway], |mats, ties, [midway]| {
+            let (viscous, midway) = (&mut self.viscous, &mut self.midpoint_velocities);
+            mesh.for_each_range(scratch, team, [&mut *midway], |mats, ties, [midway]| {
                 let mat_forces = [&force[mats.clone()], &viscous[mats.clone()]];
                 let mat_motion = [&x[mats.clone()], &v[mats]];
-                passes::midway(0.5 * b, ties, mat_forces, mat_motion, midway);
+                passes::set_midpoint_velocities(0.5 * b, ties, mat_forces, mat_motion, midway);
             });
-            mesh.viscous([x, midway], scratch, viscous, team);
-            mesh.ranges(scratch, team, [x, v], |mats, ties, [x, v]| {
+            mesh.set_viscous_forces([x, midway], scratch, viscous, team);
+            mesh.for_each_range(scratch, team, [x, v], |mats, ties, [x, v]| {
                 let mat_forces = [&force[mats.clone()], &viscous[mats.clone()]];
                 passes::lossy_kick_drift([b, a], ties, mat_forces, &midway[mats], x, v);
             });
         } else if let Some(stage_losses) = self.losses.get(stage) {
-            mesh.ranges(scratch, team, [x, v], |mats, ties, [x, v]| {
-                let stage_losses = stage_losses.each_ref().map(|all| &all[mats.clone()]);
+            mesh.for_each_range(scratch, team, [x, v], |mats, ties, [x, v]| {
+                let stage_losses = stage_losses.each_ref().map(|values| &values[mats.clone()]);
                 passes::decaying_kick_drift(a, stage_losses, ties, &force[mats], x, v);
             });
         } else {
-            mesh.ranges(scratch, team, [x, v], |mats, ties, [x, v]| {
+            mesh.for_each_range(scratch, team, [x, v], |mats, ties, [x, v]| {
                 passes::kick_drift([b, a], ties, &force[mats], x, v);
             });
         }
@@ -109,7 +109,7 @@ impl Bm4 {
 }
 
 /// e^(−ζb) and (1 − e^(−ζb))/ζ.
-fn losses(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
+fn decay_and_gain(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
     let decay_factors = zeta.iter().map(|zeta| maths::exp(-zeta * b)).collect();
     let gain_factors = zeta.iter().map(|&zeta| {
         if zeta == 0.0 {
@@ -122,23 +122,23 @@ fn losses(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
 }
 
 impl Stepper for Bm4 {
-    fn lead(&mut self, lead: &Lead, (n, part): (u64, f64)) {
+    fn set_led_links(&mut self, lead: &Lead, (n, part): (u64, f64)) {
         let [k_factor, z_factor] = lead.factors(n, part);
         // The mesh is not shared since `unshare`: nothing is copied.
         let unshared_mesh = Arc::make_mut(&mut self.mesh);
-        for (run, (first, [k, z])) in unshared_mesh.first_links.iter().zip(&*self.written).enumerate() {
+        for (run, (first, [k, z])) in unshared_mesh.first_links.iter().zip(&*self.written_k_and_z).enumerate() {
             if lead.links().contains(first) {
                 unshared_mesh.springs.set_k_and_z(run, [k * k_factor, z * z_factor]);
             }
         }
     }
 
-    fn settle_led(&mut self, team: &mut ThreadTeam<'_>) {
+    fn recompute_led(&mut self, team: &mut ThreadTeam<'_>) {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
-        mesh.elastic(&self.x, scratch, &mut self.force, team);
+        mesh.set_elastic_forces(&self.x, scratch, &mut self.force, team);
     }
 
-    fn unshare(&mut self) {
+    fn unshare_parameters(&mut self) {
         Arc::make_mut(&mut self.mesh);
     }
 
@@ -156,7 +156,8 @@ impl Stepper for Bm4 {
         }
         for (stage_index, stage) in STAGES.into_iter().enumerate() {
             self.kick_drift(stage_index, stage, team);
-            self.mesh.elastic(&self.x, &mut self.scratch, &mut self.force, team);
+            self.mesh
+                .set_elastic_forces(&self.x, &mut self.scratch, &mut self.force, team);
         }
         self.kick_drift(0, [B1, 0.0], team);
     }
@@ -165,7 +166,7 @@ impl Stepper for Bm4 {
         &self.mesh
     }
 
-    fn x(&self) -> &[f64] {
+    fn positions(&self) -> &[f64] {
         &self.x
     }
 
@@ -182,12 +183,15 @@ impl Stepper for Bm4 {
         (self.x[mat], self.v[mat]) = (x, step);
     }
 
-    fn settle(&mut self) {
-        self.mesh.velocities_from_steps(&self.x, &mut self.v, &mut self.midway);
+    fn update_after_motion(&mut self) {
+        self.mesh
+            .velocities_from_steps(&self.x, &mut self.v, &mut self.midpoint_velocities);
         let (scratch, lone_team) = (&mut self.scratch, &mut ThreadTeam::alone());
-        self.mesh.elastic(&self.x, scratch, &mut self.force, lone_team);
+        self.mesh
+            .set_elastic_forces(&self.x, scratch, &mut self.force, lone_team);
         let mat_motion = [&self.x[..], &self.v];
-        self.mesh.viscous(mat_motion, scratch, &mut self.viscous, lone_team);
+        self.mesh
+            .set_viscous_forces(mat_motion, scratch, &mut self.viscous, lone_team);
     }
 
     fn velocities_mut(&mut self) -> &mut [f64] {
@@ -195,6 +199,6 @@ impl Stepper for Bm4 {
     }
 
     fn energy(&self) -> f64 {
-        self.mesh.kinetic(&self.v) + self.mesh.stored(&self.x)
+        self.mesh.kinetic_energy(&self.v) + self.mesh.potential_energy(&self.x)
     }
 }

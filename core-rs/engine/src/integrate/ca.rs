@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Stepper;
 use super::mesh::Mesh;
-use crate::guard::{self, Guard, Limit};
+use crate::guard::{self, Guard, StabilityLimit};
 use crate::kernel;
 use crate::kernel::KernelScratch;
 use crate::kernel::mesh_partition::MeshPartition;
@@ -31,7 +31,7 @@ crate::archive::state!(Ca { body, guard });
 impl Ca {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network, rate: Rate) -> Result<Self, Error> {
         let mut scheme = mesh.scheme.clone();
-        let guard = Guard::new(&scheme, network, Limit::CA, &[])?;
+        let guard = Guard::new(&scheme, network, StabilityLimit::CA, &[])?;
         let start_positions = network.mats().x0.clone();
         let start_steps = backward_steps(network, &Timeline::new(rate), &scheme, &start_positions, &[], &|_| true);
         scheme.fuse(|_| false);
@@ -87,7 +87,7 @@ impl Stepper for Ca {
         &self.mesh
     }
 
-    fn x(&self) -> &[f64] {
+    fn positions(&self) -> &[f64] {
         &self.body.x
     }
 
@@ -103,7 +103,7 @@ impl Stepper for Ca {
         (self.body.x[mat], self.body.d[mat]) = (x, step);
     }
 
-    fn settle(&mut self) {
+    fn update_after_motion(&mut self) {
         let lone_team = &mut ThreadTeam::alone();
         kernel::compute_link_forces(&self.scheme, &[], &mut self.body, &mut self.laws, lone_team);
     }
@@ -121,6 +121,6 @@ impl Stepper for Ca {
     }
 
     fn energy(&self) -> f64 {
-        self.mesh.staggered(&self.body.x, &self.body.d, true)
+        self.mesh.staggered_energy(&self.body.x, &self.body.d, true)
     }
 }

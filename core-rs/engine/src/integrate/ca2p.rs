@@ -27,12 +27,12 @@ pub(super) struct Ca2p {
     previous: Box<PreviousState>,
     guard: Option<Box<Guard>>,
     /// Positions and velocities at which the second pass computes forces   (n_mat)
-    x_second: Vec<f64>,
-    v: Vec<f64>,
+    second_positions: Vec<f64>,
+    second_velocities: Vec<f64>,
     /// Elastic and viscous forces at x and d, and the elastic forces of the step before [N]   (n_mat)
     elastic: Vec<f64>,
     viscous: Vec<f64>,
-    elastic_before: Vec<f64>,
+    previous_elastic: Vec<f64>,
     /// All forces of the second pass [N]                        (n_mat)
     force: Vec<f64>,
     scratch: Scratch,
@@ -43,31 +43,31 @@ crate::archive::state!(Ca2p {
     d,
     previous,
     guard,
-    x_second,
-    v,
+    second_positions,
+    second_velocities,
     elastic,
     viscous,
-    elastic_before,
+    previous_elastic,
     force
 });
 
 /// Number of backward steps over the frame before the start: with so many the error of the start is far below that of
 /// the method.
-const STEPS_BACK: usize = 8;
+const BACKWARD_STEPS: usize = 8;
 
 impl Ca2p {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
         let guard = Guard::new(&mesh.scheme, network, certify::ca2p_guard_limit(&mesh), &[])?.map(Box::new);
-        let (x, v) = (network.mats().x0.clone(), mesh.start(network));
-        let mut scratch = mesh.scratch();
-        let d = last_step(&mesh, &x, &v, &mut scratch);
+        let (x, v) = (network.mats().x0.clone(), mesh.initial_velocities(network));
+        let mut scratch = mesh.new_scratch();
+        let d = initial_step(&mesh, &x, &v, &mut scratch);
         let zero_vector = vec![0.0; x.len()];
         let mut integrator = Self {
-            x_second: x.iter().zip(&d).map(|(x, d)| x - d).collect(),
-            v,
+            second_positions: x.iter().zip(&d).map(|(x, d)| x - d).collect(),
+            second_velocities: v,
             elastic: zero_vector.clone(),
             viscous: zero_vector.clone(),
-            elastic_before: zero_vector.clone(),
+            previous_elastic: zero_vector.clone(),
             force: zero_vector,
             previous: PreviousState::new(x.len()),
             guard,
@@ -77,8 +77,8 @@ impl Ca2p {
             mesh,
         };
         let lone_team = &mut ThreadTeam::alone();
-        integrator.mesh.elastic(
-            &integrator.x_second,
+        integrator.mesh.set_elastic_forces(
+            &integrator.second_positions,
             &mut integrator.scratch,
             &mut integrator.elastic,
             lone_team,
@@ -90,32 +90,32 @@ impl Ca2p {
     /// The first pass: forces at the current frame.
     fn first_pass(&mut self, team: &mut ThreadTeam<'_>) {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
-        std::mem::swap(&mut self.elastic, &mut self.elastic_before);
-        mesh.elastic(&self.x, scratch, &mut self.elastic, team);
+        std::mem::swap(&mut self.elastic, &mut self.previous_elastic);
+        mesh.set_elastic_forces(&self.x, scratch, &mut self.elastic, team);
         if mesh.is_damped {
-            mesh.viscous([&self.x, &self.d], scratch, &mut self.viscous, team);
+            mesh.set_viscous_forces([&self.x, &self.d], scratch, &mut self.viscous, team);
         }
     }
 }
 
 /// x(0) − x(−T) of the continuous motion [m], by classical Runge-Kutta backwards   (n_mat)
-fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], scratch: &mut Scratch) -> Vec<f64> {
+fn initial_step(mesh: &Mesh, x0: &[f64], v0: &[f64], scratch: &mut Scratch) -> Vec<f64> {
     let n_mats = x0.len();
     let (mut x, mut v) = (x0.to_vec(), v0.to_vec());
     let (mut force, mut stage_slopes) = (vec![0.0; n_mats], vec![[0.0; 2]; n_mats]);
-    let back_step = -1.0 / STEPS_BACK as f64;
-    for _ in 0..STEPS_BACK {
+    let back_step = -1.0 / BACKWARD_STEPS as f64;
+    for _ in 0..BACKWARD_STEPS {
         let mut slope_sums = vec![[0.0; 2]; n_mats];
         stage_slopes.fill([0.0; 2]);
-        for (ahead, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
-            let stage_places: Vec<f64> = (0..n_mats)
-                .map(|i| x[i] + ahead * back_step * stage_slopes[i][0])
+        for (stage_fraction, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
+            let stage_positions: Vec<f64> = (0..n_mats)
+                .map(|i| x[i] + stage_fraction * back_step * stage_slopes[i][0])
                 .collect();
-            let stage_speeds: Vec<f64> = (0..n_mats)
-                .map(|i| v[i] + ahead * back_step * stage_slopes[i][1])
+            let stage_velocities: Vec<f64> = (0..n_mats)
+                .map(|i| v[i] + stage_fraction * back_step * stage_slopes[i][1])
                 .collect();
-            mesh.total(
-                [&stage_places, &stage_speeds],
+            mesh.set_total_forces(
+                [&stage_positions, &stage_velocities],
                 scratch,
                 &mut force,
                 &mut ThreadTeam::alone(),
@@ -123,10 +123,10 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], scratch: &mut Scratch) -> Vec<
             let mesh_scheme = &mesh.scheme;
             for i in 0..n_mats {
                 let acceleration = force[i] * mesh_scheme.w[i]
-                    - mesh_scheme.kappa[i] * (stage_places[i] - mesh_scheme.rest[i])
-                    - mesh_scheme.zeta[i] * stage_speeds[i];
-                stage_slopes[i] = [stage_speeds[i], acceleration];
-                slope_sums[i][0] += weight * stage_speeds[i];
+                    - mesh_scheme.kappa[i] * (stage_positions[i] - mesh_scheme.rest[i])
+                    - mesh_scheme.zeta[i] * stage_velocities[i];
+                stage_slopes[i] = [stage_velocities[i], acceleration];
+                slope_sums[i][0] += weight * stage_velocities[i];
                 slope_sums[i][1] += weight * acceleration;
             }
         }
@@ -135,7 +135,7 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], scratch: &mut Scratch) -> Vec<
             v[i] += back_step / 6.0 * slope_sums[i][1];
         }
     }
-    x0.iter().zip(&x).map(|(now, before)| now - before).collect()
+    x0.iter().zip(&x).map(|(x0, earlier)| x0 - earlier).collect()
 }
 
 impl Stepper for Ca2p {
@@ -150,27 +150,47 @@ impl Stepper for Ca2p {
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         let [elastic, viscous] = [&self.elastic, &self.viscous];
-        let (x, d, x_second, v) = (&self.x, &self.d, &mut self.x_second, &mut self.v);
-        mesh.ranges(scratch, team, [x_second, v], |mats, ties, [x_second, v]| {
-            let mat_forces = [elastic, viscous].map(|all| &all[mats.clone()]);
-            let mat_motion = [x, d].map(|all| &all[mats.clone()]);
-            passes::evaluation_point(ties, mat_forces, mat_motion, x_second, v);
-        });
+        let (x, d, second_positions, v) = (
+            &self.x,
+            &self.d,
+            &mut self.second_positions,
+            &mut self.second_velocities,
+        );
+        mesh.for_each_range(
+            scratch,
+            team,
+            [second_positions, v],
+            |mats, ties, [second_positions, v]| {
+                let mat_forces = [elastic, viscous].map(|values| &values[mats.clone()]);
+                let mat_motion = [x, d].map(|values| &values[mats.clone()]);
+                passes::evaluation_point(ties, mat_forces, mat_motion, second_positions, v);
+            },
+        );
         for &(mat, impulse) in impulses {
             let impulse_jump = mesh.velocity_step(mat, impulse);
-            self.x_second[mat] += impulse_jump * (1.0 / 6.0);
-            self.v[mat] += 0.5 * impulse_jump;
+            self.second_positions[mat] += impulse_jump * (1.0 / 6.0);
+            self.second_velocities[mat] += 0.5 * impulse_jump;
         }
-        mesh.total([&self.x_second, &self.v], scratch, &mut self.force, team);
+        mesh.set_total_forces(
+            [&self.second_positions, &self.second_velocities],
+            scratch,
+            &mut self.force,
+            team,
+        );
         for &(mat, impulse) in impulses {
             self.d[mat] += mesh.velocity_step(mat, impulse);
         }
         self.previous.swap(&mut self.x, &mut self.d);
-        let (force, x_second, v, previous) = (&self.force, &self.x_second, &self.v, &self.previous);
+        let (force, second_positions, v, previous) = (
+            &self.force,
+            &self.second_positions,
+            &self.second_velocities,
+            &self.previous,
+        );
         let (x, d) = (&mut self.x, &mut self.d);
-        mesh.ranges(scratch, team, [&mut *x, &mut *d], |mats, ties, [x, d]| {
-            let point_motion = [x_second, v].map(|all| &all[mats.clone()]);
-            let previous_motion = [&previous.x, &previous.d].map(|all| &all[mats.clone()]);
+        mesh.for_each_range(scratch, team, [&mut *x, &mut *d], |mats, ties, [x, d]| {
+            let point_motion = [second_positions, v].map(|values| &values[mats.clone()]);
+            let previous_motion = [&previous.x, &previous.d].map(|values| &values[mats.clone()]);
             passes::second_pass(ties, &force[mats], point_motion, previous_motion, x, d);
         });
         if let Some(guard) = &mut self.guard
@@ -195,7 +215,7 @@ impl Stepper for Ca2p {
         &self.mesh
     }
 
-    fn x(&self) -> &[f64] {
+    fn positions(&self) -> &[f64] {
         &self.x
     }
 
@@ -221,12 +241,13 @@ impl Stepper for Ca2p {
         (self.x[mat], self.d[mat]) = (x, step);
     }
 
-    fn settle(&mut self) {
-        for (x_second, (x, d)) in self.x_second.iter_mut().zip(self.x.iter().zip(&self.d)) {
-            *x_second = x - d;
+    fn update_after_motion(&mut self) {
+        for (second_positions, (x, d)) in self.second_positions.iter_mut().zip(self.x.iter().zip(&self.d)) {
+            *second_positions = x - d;
         }
         let (scratch, lone_team) = (&mut self.scratch, &mut ThreadTeam::alone());
-        self.mesh.elastic(&self.x_second, scratch, &mut self.elastic, lone_team);
+        self.mesh
+            .set_elastic_forces(&self.second_positions, scratch, &mut self.elastic, lone_team);
         self.first_pass(lone_team);
     }
 
@@ -248,9 +269,11 @@ impl Stepper for Ca2p {
         let acceleration =
             |force: &[f64], x: f64, i: usize| force[i] * scheme.w[i] - scheme.kappa[i] * (x - scheme.rest[i]);
         let frame_product = |i: usize| {
-            acceleration(&self.elastic, self.x[i], i) * acceleration(&self.elastic_before, self.x[i] - self.d[i], i)
+            acceleration(&self.elastic, self.x[i], i) * acceleration(&self.previous_elastic, self.x[i] - self.d[i], i)
         };
-        let pull_product: f64 = (0..mesh.n_mat()).map(|i| mesh.m[i] * frame_product(i)).sum();
-        mesh.staggered(&self.x, &self.d, true) - pull_product / 24.0
+        let pull_product: f64 = (0..mesh.n_mat())
+            .map(|i| mesh.scaled_masses[i] * frame_product(i))
+            .sum();
+        mesh.staggered_energy(&self.x, &self.d, true) - pull_product / 24.0
     }
 }

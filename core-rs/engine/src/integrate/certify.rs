@@ -14,8 +14,8 @@
 
 use super::mesh::Mesh;
 use super::method::{BM4_LIMIT, MeshMethod};
-use super::{faster, ieq};
-use crate::guard::Limit;
+use super::{ieq, substep_rate};
+use crate::guard::StabilityLimit;
 use crate::network::{Error, Network};
 use crate::scheme::{Certificate, LargestEigenvalue, Refusal, Scheme, StabilityGuarantee, largest_eigenvalue_up_to};
 use crate::units::Rate;
@@ -34,19 +34,19 @@ const LOSS_WEIGHT: f64 = 2.0;
 /// # Errors
 /// If the network is unstable: names the module that would move most.
 pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substeps: u32) -> Result<Certificate, Error> {
-    let rate = faster(rate, substeps)?;
+    let rate = substep_rate(rate, substeps)?;
     if method == MeshMethod::Ca {
         return Scheme::new(network, rate)?.certify_or(network, Refusal::Bare);
     }
     let network_mesh = Mesh::new(network, rate, method)?;
     let mesh_scheme = &network_mesh.scheme;
-    let largest = |loss_weight: f64, enough_lambda: f64, lambda_limit: f64| {
+    let largest_lambda = |loss_weight: f64, enough_lambda: f64, lambda_limit: f64| {
         largest_eigenvalue_up_to(mesh_scheme, network, loss_weight, enough_lambda, lambda_limit)
     };
-    let certificate = |top: &LargestEigenvalue, word: StabilityGuarantee| Certificate {
-        lambda_max: top.lambda,
-        means: top.means,
-        word,
+    let certificate = |largest: &LargestEigenvalue, guarantee: StabilityGuarantee| Certificate {
+        lambda_max: largest.lambda,
+        means: largest.means,
+        word: guarantee,
     };
     let guarantee = if mesh_scheme.is_linear {
         StabilityGuarantee::Proved
@@ -55,47 +55,50 @@ pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substep
     };
     match method {
         MeshMethod::Ca2p => {
-            let (loss_weight, enough_lambda) = ca2p(&network_mesh);
-            let largest_value = largest(loss_weight, enough_lambda, LAMBDA_MAX_SHARED)?;
+            let (loss_weight, enough_lambda) = ca2p_bound(&network_mesh);
+            let largest_value = largest_lambda(loss_weight, enough_lambda, LAMBDA_MAX_SHARED)?;
             if largest_value.lambda < enough_lambda {
                 Ok(certificate(&largest_value, guarantee))
             } else if largest_value.lambda < LAMBDA_MAX_SHARED {
                 Ok(certificate(&largest_value, StabilityGuarantee::Tried))
             } else {
-                Err(unstable(network, method, &largest_value, LAMBDA_MAX_SHARED))
+                Err(unstable_error(network, method, &largest_value, LAMBDA_MAX_SHARED))
             }
         }
         MeshMethod::Bm4 => {
             let lambda_limit = BM4_LIMIT * BM4_LIMIT;
-            let largest_value = largest(LOSS_WEIGHT, lambda_limit, lambda_limit)?;
+            let largest_value = largest_lambda(LOSS_WEIGHT, lambda_limit, lambda_limit)?;
             if largest_value.lambda < lambda_limit {
                 Ok(certificate(&largest_value, StabilityGuarantee::Tried))
             } else {
-                Err(unstable(network, method, &largest_value, lambda_limit))
+                Err(unstable_error(network, method, &largest_value, lambda_limit))
             }
         }
         MeshMethod::Ca | MeshMethod::Ieq => {
             ieq::check_supported(&network_mesh, network)?;
             // IEQ has no stability limit, but for non-linear links it conserves an energy that is not that of their
             // laws.
-            Ok(certificate(&largest(0.0, f64::INFINITY, f64::INFINITY)?, guarantee))
+            Ok(certificate(
+                &largest_lambda(0.0, f64::INFINITY, f64::INFINITY)?,
+                guarantee,
+            ))
         }
     }
 }
 
 /// The stability limit that CA2P's guard watches. The trusted part is the bound for any modes: a stiffened link need
 /// not share modes with the network at rest.
-pub(super) fn ca2p_guard_limit(mesh: &Mesh) -> Limit {
-    Limit {
-        c: ca2p(mesh).0,
-        trusted: 0.9 * LAMBDA_MAX_ANY,
-        accepted: LAMBDA_MAX_SHARED,
+pub(super) fn ca2p_guard_limit(mesh: &Mesh) -> StabilityLimit {
+    StabilityLimit {
+        damping_weight: ca2p_bound(mesh).0,
+        trusted_lambda: 0.9 * LAMBDA_MAX_ANY,
+        accepted_lambda: LAMBDA_MAX_SHARED,
         has_poles: false,
     }
 }
 
 /// CA2P: the weight c of Z in λmax(M⁻¹(K + c·Z)), and the bound below which stability is proved.
-fn ca2p(mesh: &Mesh) -> (f64, f64) {
+fn ca2p_bound(mesh: &Mesh) -> (f64, f64) {
     let has_losses = mesh.is_damped || mesh.scheme.zeta.iter().any(|zeta| *zeta != 0.0);
     if has_losses {
         (6.0, LAMBDA_MAX_ANY)
@@ -104,8 +107,8 @@ fn ca2p(mesh: &Mesh) -> (f64, f64) {
     }
 }
 
-fn unstable(network: &Network, method: MeshMethod, largest: &LargestEigenvalue, limit: f64) -> Error {
-    let (method_name, lambda_max) = (method.facts().name, largest.lambda);
+fn unstable_error(network: &Network, method: MeshMethod, largest: &LargestEigenvalue, limit: f64) -> Error {
+    let (method_name, lambda_max) = (method.properties().name, largest.lambda);
     let rate_factor = (lambda_max / limit).sqrt().ceil();
     Error::Refused {
         module: network.mat_name(largest.worst),

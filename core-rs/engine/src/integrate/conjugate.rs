@@ -16,14 +16,14 @@ const LANES: usize = 8;
 
 /// Work space for a solution.
 #[derive(Clone, Debug)]
-pub(super) struct Conjugate {
+pub(super) struct ConjugateGradients {
     /// Residual r, direction p, and A·p or A·x    (n)
     r: Vec<f64>,
     p: Vec<f64>,
     y: Vec<f64>,
 }
 
-impl Conjugate {
+impl ConjugateGradients {
     pub(super) fn new(n: usize) -> Self {
         Self {
             r: vec![0.0; n],
@@ -32,30 +32,30 @@ impl Conjugate {
         }
     }
 
-    /// Solve A·x = `right` from the guess in `x`. `apply`: y = A·p; `inverse`: 1 over A's diagonal, 0 where x stays as
-    /// it is.
+    /// Solve A·x = `right_side` from the guess in `x`. `apply`: y = A·p; `inverse_diagonal`: 1 over A's diagonal, 0
+    /// where x does not change.
     ///
     /// The residual that the iterations update drifts away from the true one if A is stiff. So they restart from the
     /// true residual as long as this makes it smaller.
     pub(super) fn solve(
         &mut self,
         apply: &mut dyn FnMut(&[f64], &mut [f64]),
-        inverse: &[f64],
-        right: &[f64],
+        inverse_diagonal: &[f64],
+        right_side: &[f64],
         x: &mut [f64],
     ) {
         let Self { r, p, y } = self;
-        let enough_square = TOLERANCE * TOLERANCE * squared_norm(inverse, right);
+        let enough_square = TOLERANCE * TOLERANCE * squared_norm(inverse_diagonal, right_side);
         let (mut iterations, mut last_square) = (0, f64::INFINITY);
         while iterations < ITERATIONS_MAX {
             apply(x, y);
-            let mut residual_square = residual(inverse, right, y, r);
+            let mut residual_square = residual(inverse_diagonal, right_side, y, r);
             // Written so that a NaN ends the loop too.
             if !(residual_square > enough_square && residual_square < RESTART_GAIN * last_square) {
                 break;
             }
             last_square = residual_square;
-            update_direction(inverse, r, 0.0, p);
+            update_direction(inverse_diagonal, r, 0.0, p);
             while residual_square > enough_square && iterations < ITERATIONS_MAX {
                 interrupt::poll_for(p.len());
                 apply(p, y);
@@ -63,8 +63,8 @@ impl Conjugate {
                 if curvature <= 0.0 || curvature.is_nan() {
                     break;
                 }
-                let next_square = update_solution(residual_square / curvature, [inverse, p, y], x, r);
-                update_direction(inverse, r, next_square / residual_square, p);
+                let next_square = update_solution(residual_square / curvature, [inverse_diagonal, p, y], x, r);
+                update_direction(inverse_diagonal, r, next_square / residual_square, p);
                 residual_square = next_square;
                 iterations += 1;
             }

@@ -5,80 +5,91 @@
 //! v ← B·v − A·x, x += v, with B = b·d·b⁻¹·a − b·c and A = −((a − 1) + b·c + b·d·b⁻¹·(1 − a)).
 //! Fast links kick the same velocities. Velocities are in metres a frame.
 
-use super::square::Square;
+use super::square::SquareMatrix;
 
 /// The flow of some masses over a frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Flow {
-    /// B: the share of the velocities that a kick keeps   (n, n)
-    pub(crate) keep: Square,
+    /// B: the factor by which a kick multiplies the velocities   (n, n)
+    pub(crate) velocity_factor: SquareMatrix,
     /// A: the velocity that a kick removes for each position   (n, n)
-    pub(crate) pull: Square,
+    pub(crate) position_pull: SquareMatrix,
     /// a − 1 and b: the velocity of the first straight motion
-    start: [Square; 2],
+    start_factors: [SquareMatrix; 2],
 }
 
 impl Flow {
     /// The flow of masses whose map over one frame is `frame`. `None` if b has no inverse, as when a mode has exactly
     /// two kicks per period.
-    pub(crate) fn new(frame: &Square) -> Option<Self> {
+    pub(crate) fn new(frame: &SquareMatrix) -> Option<Self> {
         let n_masses = frame.n / 2;
         let [a, b] = [frame.block(0, 0, n_masses), frame.block(0, n_masses, n_masses)];
         let [c, d] = [
             frame.block(n_masses, 0, n_masses),
             frame.block(n_masses, n_masses, n_masses),
         ];
-        let conjugated = b.times(&d).over(&b)?;
-        let deviation = a.plus(&Square::identity(n_masses), -1.0);
+        let conjugated = b.times(&d).times_inverse(&b)?;
+        let deviation = a.plus_scaled(&SquareMatrix::identity(n_masses), -1.0);
         let bc = b.times(&c);
         // b·d·b⁻¹·a = b·d·b⁻¹ + b·d·b⁻¹·(a − 1): a − 1 is small, and this form keeps its digits.
         let conjugated_deviation = conjugated.times(&deviation);
-        let keep = conjugated.plus(&conjugated_deviation, 1.0).plus(&bc, -1.0);
-        let pull = deviation.clone().plus(&bc, 1.0).plus(&conjugated_deviation, -1.0);
+        let velocity_factor = conjugated
+            .plus_scaled(&conjugated_deviation, 1.0)
+            .plus_scaled(&bc, -1.0);
+        let position_pull = deviation
+            .clone()
+            .plus_scaled(&bc, 1.0)
+            .plus_scaled(&conjugated_deviation, -1.0);
         Some(Self {
-            keep,
-            pull: pull.scaled(-1.0),
-            start: [deviation, b],
+            velocity_factor,
+            position_pull: position_pull.scaled(-1.0),
+            start_factors: [deviation, b],
         })
     }
 
     /// The velocity of the first straight motion, given positions and velocities at the start.
-    pub(crate) fn start(&self, x: &[f64], v: &[f64]) -> Vec<f64> {
-        let [by_x, by_v] = &self.start;
-        let velocity_pairs = by_x.apply(x).into_iter().zip(by_v.apply(v));
+    pub(crate) fn start_velocities(&self, x: &[f64], v: &[f64]) -> Vec<f64> {
+        let [by_x, by_v] = &self.start_factors;
+        let velocity_pairs = by_x.times_vector(x).into_iter().zip(by_v.times_vector(v));
         velocity_pairs.map(|(from_x, from_v)| from_x + from_v).collect()
     }
 
     /// A frame as a map of positions and velocities: straight motion, then the kick   (2n, 2n).
-    pub(crate) fn joined(&self) -> Square {
-        let n_masses = self.keep.n;
-        let mut frame_map = Square::identity(2 * n_masses);
+    pub(crate) fn frame_map(&self) -> SquareMatrix {
+        let n_masses = self.velocity_factor.n;
+        let mut frame_map = SquareMatrix::identity(2 * n_masses);
         for column in 0..n_masses {
-            *frame_map.entry(column, n_masses + column) = 1.0;
+            *frame_map.entry_mut(column, n_masses + column) = 1.0;
             for row in 0..n_masses {
-                let (keep_entry, pull_entry) = (self.keep.get(row, column), self.pull.get(row, column));
-                *frame_map.entry(n_masses + row, column) = -pull_entry;
-                *frame_map.entry(n_masses + row, n_masses + column) = keep_entry - pull_entry;
+                let (keep_entry, pull_entry) = (
+                    self.velocity_factor.value(row, column),
+                    self.position_pull.value(row, column),
+                );
+                *frame_map.entry_mut(n_masses + row, column) = -pull_entry;
+                *frame_map.entry_mut(n_masses + row, n_masses + column) = keep_entry - pull_entry;
             }
         }
         frame_map
     }
 
-    /// What straight motion and a kick lack after one mass was pushed by a metre a frame at the beginning of a frame.
-    /// `moved` holds the exact positions and velocities at its end. Returns what positions and velocities lack after the
-    /// kick   (2n).
-    pub(crate) fn missing(&self, pushed: usize, moved: &[f64]) -> Vec<f64> {
-        let n_masses = self.keep.n;
+    /// The error of straight motion and a kick after a push of one mass by a metre a frame at the beginning of a frame.
+    /// `moved` holds the exact positions and velocities at its end. Returns what must be added to positions and
+    /// velocities after the kick   (2n).
+    pub(crate) fn push_deficit(&self, pushed_mass: usize, moved: &[f64]) -> Vec<f64> {
+        let n_masses = self.velocity_factor.n;
         let (x, v) = moved.split_at(n_masses);
         let mut unit_push = vec![0.0; n_masses];
-        unit_push[pushed] = 1.0;
-        let (retained, pulled) = (self.keep.apply(&unit_push), self.pull.apply(&unit_push));
-        let mut velocity_lack = self.start(x, v);
+        unit_push[pushed_mass] = 1.0;
+        let (retained, pulled) = (
+            self.velocity_factor.times_vector(&unit_push),
+            self.position_pull.times_vector(&unit_push),
+        );
+        let mut velocity_lack = self.start_velocities(x, v);
         for ((velocity_lack, retained), pulled) in velocity_lack.iter_mut().zip(retained).zip(pulled) {
             *velocity_lack += pulled - retained;
         }
         let mut missing = x.to_vec();
-        missing[pushed] -= 1.0;
+        missing[pushed_mass] -= 1.0;
         missing.extend(velocity_lack);
         missing
     }
@@ -86,22 +97,22 @@ impl Flow {
 
 /// The map of positions and velocities [m a frame] over one frame, of masses with M⁻¹K and M⁻¹Z in units of a frame:
 /// the continuous motion, or one step of CA if `is_discrete`.
-pub(crate) fn frame(k: &Square, z: &Square, is_discrete: bool) -> Square {
+pub(crate) fn frame_map(k: &SquareMatrix, z: &SquareMatrix, is_discrete: bool) -> SquareMatrix {
     let n_masses = k.n;
-    let mut frame_map = Square::zero(2 * n_masses);
+    let mut frame_map = SquareMatrix::zero(2 * n_masses);
     for column in 0..n_masses {
         for row in 0..n_masses {
             let diagonal = if row == column { 1.0 } else { 0.0 };
-            let (k, z) = (k.get(row, column), z.get(row, column));
+            let (k, z) = (k.value(row, column), z.value(row, column));
             let [a, b, c, d] = if is_discrete {
                 [diagonal - k, diagonal - z, -k, diagonal - z]
             } else {
                 [0.0, diagonal, -k, -z]
             };
-            *frame_map.entry(row, column) = a;
-            *frame_map.entry(row, n_masses + column) = b;
-            *frame_map.entry(n_masses + row, column) = c;
-            *frame_map.entry(n_masses + row, n_masses + column) = d;
+            *frame_map.entry_mut(row, column) = a;
+            *frame_map.entry_mut(row, n_masses + column) = b;
+            *frame_map.entry_mut(n_masses + row, column) = c;
+            *frame_map.entry_mut(n_masses + row, n_masses + column) = d;
         }
     }
     if is_discrete {
@@ -113,8 +124,8 @@ pub(crate) fn frame(k: &Square, z: &Square, is_discrete: bool) -> Square {
 
 /// M⁻¹K and M⁻¹Z of a row of three masses, for tests: unequal masses and damping of no proportion.
 #[cfg(test)]
-pub(crate) fn row_of_three() -> (Square, Square) {
-    let (mut k, mut z) = (Square::zero(3), Square::zero(3));
+pub(crate) fn row_of_three() -> (SquareMatrix, SquareMatrix) {
+    let (mut k, mut z) = (SquareMatrix::zero(3), SquareMatrix::zero(3));
     let entries = [
         (0, 0, 3e-3, 4e-3),
         (0, 1, -2e-3, -1e-3),
@@ -125,7 +136,7 @@ pub(crate) fn row_of_three() -> (Square, Square) {
         (2, 2, 3e-3, 2e-2),
     ];
     for (row, column, stiffness, damping) in entries {
-        (*k.entry(row, column), *z.entry(row, column)) = (stiffness, damping);
+        (*k.entry_mut(row, column), *z.entry_mut(row, column)) = (stiffness, damping);
     }
     (k, z)
 }
@@ -136,8 +147,8 @@ mod tests {
     use crate::cell::Cell;
     use crate::units::Rate;
 
-    fn scalar(value: f64) -> Square {
-        Square {
+    fn scalar(value: f64) -> SquareMatrix {
+        SquareMatrix {
             n: 1,
             entries: vec![value],
         }
@@ -151,17 +162,17 @@ mod tests {
         let k = cell_mass * ((2.0 * pi * 440.0) * (2.0 * pi * 440.0) + sigma * sigma);
         let z = 2.0 * sigma * cell_mass;
         let time_step = frame_rate.step();
-        let physical = frame(
+        let physical = frame_map(
             &scalar(k * time_step * time_step / cell_mass),
             &scalar(z * time_step / cell_mass),
             false,
         );
         let cell_ratios = Cell::new(cell_mass, k, z).ratios(frame_rate);
-        let discrete = frame(&scalar(cell_ratios.kappa), &scalar(cell_ratios.zeta), true);
+        let discrete = frame_map(&scalar(cell_ratios.kappa), &scalar(cell_ratios.zeta), true);
         for frame in [physical, discrete] {
             let frame_flow = Flow::new(&frame).unwrap();
-            assert!((1.0 - frame_flow.keep.entries[0] - 0.003_127_866_834_001_569).abs() < 1e-13);
-            assert!((frame_flow.pull.entries[0] - 0.379_699_981_290_506_4).abs() < 1e-12);
+            assert!((1.0 - frame_flow.velocity_factor.entries[0] - 0.003_127_866_834_001_569).abs() < 1e-13);
+            assert!((frame_flow.position_pull.entries[0] - 0.379_699_981_290_506_4).abs() < 1e-12);
         }
     }
 
@@ -170,17 +181,17 @@ mod tests {
     fn flow_without_fast_links_is_exact() {
         let (k, z) = row_of_three();
         for is_discrete in [false, true] {
-            let frame = frame(&k, &z, is_discrete);
+            let frame = frame_map(&k, &z, is_discrete);
             let frame_flow = Flow::new(&frame).unwrap();
             let (x0, v0) = (vec![1.0, -0.5, 2.0], vec![0.01, 0.03, -0.02]);
-            let (mut x, mut v) = (x0.clone(), frame_flow.start(&x0, &v0));
+            let (mut x, mut v) = (x0.clone(), frame_flow.start_velocities(&x0, &v0));
             let mut exact_state = [x0, v0].concat();
-            let joined_map = frame_flow.joined();
+            let joined_map = frame_flow.frame_map();
             for _ in 0..480 {
-                let next_state = joined_map.apply(&[&x[..], &v].concat());
+                let next_state = joined_map.times_vector(&[&x[..], &v].concat());
                 x.copy_from_slice(&next_state[..3]);
                 v.copy_from_slice(&next_state[3..]);
-                exact_state = frame.apply(&exact_state);
+                exact_state = frame.times_vector(&exact_state);
                 for (x, exact_state) in x.iter().zip(&exact_state) {
                     assert!((x - exact_state).abs() < 1e-11, "{x} {exact_state}");
                 }

@@ -12,13 +12,13 @@ mod loops;
 use std::sync::Arc;
 
 use super::Stepper;
-use super::conjugate::Conjugate;
+use super::conjugate::ConjugateGradients;
 use super::mesh::Mesh;
 use super::passes;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::maths::wide::wide;
 use crate::network::{Error, Network};
-use links::{Links, State};
+use links::{IeqLinks, LinkStates};
 
 pub(super) use links::check_supported;
 
@@ -28,8 +28,8 @@ const EXPLICIT_LAMBDA_MAX: f64 = 3.9;
 #[derive(Clone, Debug)]
 pub(super) struct Ieq {
     mesh: Arc<Mesh>,
-    links: Arc<Links>,
-    state: State,
+    links: Arc<IeqLinks>,
+    state: LinkStates,
     /// Position x [m], last step x − x⁻ [m], and x − x⁻⁻, the first guess of the next solution   (n_mat)
     x: Vec<f64>,
     d: Vec<f64>,
@@ -37,11 +37,11 @@ pub(super) struct Ieq {
     /// The part of the system's diagonal that comes from each MAT alone, M·(1 + ½ζ + βκ); 0 for fixed points   (n_mat)
     mat_diagonal: Arc<Vec<f64>>,
     /// Right side, and 1 over the system's diagonal                                              (n_mat)
-    right: Vec<f64>,
-    inverse: Vec<f64>,
-    solver: Conjugate,
+    right_side: Vec<f64>,
+    inverse_diagonal: Vec<f64>,
+    solver: ConjugateGradients,
     /// Forces of one run   (longest run)
-    forces: Vec<f64>,
+    run_forces: Vec<f64>,
 }
 
 crate::archive::state!(Ieq {
@@ -49,34 +49,34 @@ crate::archive::state!(Ieq {
     x,
     d,
     s,
-    right,
-    inverse
+    right_side,
+    inverse_diagonal
 });
 
 impl Ieq {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
         check_supported(&mesh, network)?;
-        let linear_lambda = links::linear_part(&mesh, network)?;
+        let linear_lambda = links::linear_lambda_max(&mesh, network)?;
         let beta = if linear_lambda <= EXPLICIT_LAMBDA_MAX {
             0.0
         } else {
             0.25 * (1.0 - EXPLICIT_LAMBDA_MAX / linear_lambda)
         };
         let x = network.mats().x0.clone();
-        let links = Links::new(&mesh, beta);
-        let d = last_step(&mesh, &links, network);
+        let links = IeqLinks::new(&mesh, beta);
+        let d = initial_step(&mesh, &links, network);
         let mesh_scheme = &mesh.scheme;
         let mat_diagonal = (0..x.len())
-            .map(|i| mesh.m[i] * (1.0 + 0.5 * mesh_scheme.zeta[i] + beta * mesh_scheme.kappa[i]))
+            .map(|i| mesh.scaled_masses[i] * (1.0 + 0.5 * mesh_scheme.zeta[i] + beta * mesh_scheme.kappa[i]))
             .collect();
         Ok(Self {
-            state: links.start(&mesh, &x, &d),
+            state: links.initial_states(&mesh, &x, &d),
             s: d.iter().map(|d| 2.0 * d).collect(),
             mat_diagonal: Arc::new(mat_diagonal),
-            right: vec![0.0; x.len()],
-            inverse: vec![0.0; x.len()],
-            solver: Conjugate::new(x.len()),
-            forces: vec![0.0; links.longest()],
+            right_side: vec![0.0; x.len()],
+            inverse_diagonal: vec![0.0; x.len()],
+            solver: ConjugateGradients::new(x.len()),
+            run_forces: vec![0.0; links.longest_run()],
             links: Arc::new(links),
             x,
             d,
@@ -87,30 +87,30 @@ impl Ieq {
 
 /// x(0) − x(−T) = V − ½A [m], with the acceleration A that the implicit system gives; of the method's own order
 /// (n_mat)
-fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
-    let (x, v) = (&network.mats().x0, mesh.start(network));
+fn initial_step(mesh: &Mesh, links: &IeqLinks, network: &Network) -> Vec<f64> {
+    let (x, v) = (&network.mats().x0, mesh.initial_velocities(network));
     let (mesh_scheme, n_mats) = (&mesh.scheme, x.len());
     let mut force = vec![0.0; n_mats];
-    mesh.total([x, &v], &mut mesh.scratch(), &mut force, &mut ThreadTeam::alone());
+    mesh.set_total_forces([x, &v], &mut mesh.new_scratch(), &mut force, &mut ThreadTeam::alone());
     for (i, force) in force.iter_mut().enumerate() {
         let tie_pull = mesh_scheme.kappa[i] * (x[i] - mesh_scheme.rest[i]) + mesh_scheme.zeta[i] * v[i];
-        *force -= mesh.m[i] * tie_pull;
+        *force -= mesh.scaled_masses[i] * tie_pull;
     }
     let mat_diagonal: Vec<f64> = (0..n_mats)
-        .map(|i| mesh.m[i] * (1.0 + links.beta * mesh_scheme.kappa[i]))
+        .map(|i| mesh.scaled_masses[i] * (1.0 + links.beta * mesh_scheme.kappa[i]))
         .collect();
     let mut inverse = mat_diagonal.clone();
     let elastic_terms = links.elastic_matrix(mesh, [x, &v], &mut inverse);
     for (inverse, mat_diagonal) in inverse.iter_mut().zip(&mat_diagonal) {
         *inverse = if *mat_diagonal > 0.0 { 1.0 / *inverse } else { 0.0 };
     }
-    let (mut acceleration, mut scratch) = (vec![0.0; n_mats], vec![0.0; links.longest()]);
+    let (mut acceleration, mut scratch) = (vec![0.0; n_mats], vec![0.0; links.longest_run()]);
     let mut apply_system = |p: &[f64], y: &mut [f64]| {
         y.fill(0.0);
         passes::apply_stiffnesses(&links.runs, &elastic_terms, p, &mut scratch, y);
         diagonal_minus(&mat_diagonal, p, y);
     };
-    Conjugate::new(n_mats).solve(&mut apply_system, &inverse, &force, &mut acceleration);
+    ConjugateGradients::new(n_mats).solve(&mut apply_system, &inverse, &force, &mut acceleration);
     v.iter()
         .zip(&acceleration)
         .map(|(v, acceleration)| v - 0.5 * acceleration)
@@ -120,35 +120,36 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
 impl Stepper for Ieq {
     fn step(&mut self, impulses: &[(usize, f64)], _team: &mut ThreadTeam<'_>) {
         let (mesh, links) = (&*self.mesh, &*self.links);
-        // Add the links' explicit forces to `right` and their part of the diagonal to `inverse`.
-        self.right.fill(0.0);
-        self.inverse.copy_from_slice(&self.mat_diagonal);
-        links.gather(
+        // Add the links' explicit forces to `right_side` and their part of the diagonal to `inverse_diagonal`.
+        self.right_side.fill(0.0);
+        self.inverse_diagonal.copy_from_slice(&self.mat_diagonal);
+        links.add_explicit_forces(
             mesh,
             [&self.x, &self.d],
             &mut self.state,
-            &mut self.forces,
-            [&mut self.right, &mut self.inverse],
+            &mut self.run_forces,
+            [&mut self.right_side, &mut self.inverse_diagonal],
         );
         let mesh_ties = mesh.ties();
         for i in 0..self.x.len() {
             let tie_pull = mesh_ties.kappa[i] * ((self.x[i] - mesh_ties.rest[i]) - 2.0 * links.beta * self.d[i]);
-            self.right[i] += mesh.m[i] * (2.0 * self.d[i] - tie_pull);
+            self.right_side[i] += mesh.scaled_masses[i] * (2.0 * self.d[i] - tie_pull);
             let is_moving = self.mat_diagonal[i] > 0.0;
-            self.inverse[i] = if is_moving { 1.0 / self.inverse[i] } else { 0.0 };
+            self.inverse_diagonal[i] = if is_moving { 1.0 / self.inverse_diagonal[i] } else { 0.0 };
         }
         for &(mat, impulse) in impulses {
-            self.right[mat] += impulse * mesh.scheme.rate;
+            self.right_side[mat] += impulse * mesh.scheme.rate;
         }
-        let (link_terms, mat_diagonal, link_forces) = (&self.state.c, &*self.mat_diagonal, &mut self.forces);
+        let (link_terms, mat_diagonal, link_forces) =
+            (&self.state.matrix_terms, &*self.mat_diagonal, &mut self.run_forces);
         self.solver.solve(
             &mut |p, y| {
                 y.fill(0.0);
                 passes::apply_stiffnesses(&links.runs, link_terms, p, link_forces, y);
                 diagonal_minus(mat_diagonal, p, y);
             },
-            &self.inverse,
-            &self.right,
+            &self.inverse_diagonal,
+            &self.right_side,
             &mut self.s,
         );
         links.advance_psi(&self.s, &mut self.state);
@@ -162,7 +163,7 @@ impl Stepper for Ieq {
         &self.mesh
     }
 
-    fn x(&self) -> &[f64] {
+    fn positions(&self) -> &[f64] {
         &self.x
     }
 
@@ -179,8 +180,9 @@ impl Stepper for Ieq {
         (self.x[mat], self.d[mat]) = (x, step);
     }
 
-    fn settle(&mut self) {
-        self.links.begin(&self.mesh, &self.x, &self.d, &mut self.state);
+    fn update_after_motion(&mut self) {
+        self.links
+            .set_initial_states(&self.mesh, &self.x, &self.d, &mut self.state);
         for (s, d) in self.s.iter_mut().zip(&self.d) {
             *s = 2.0 * d;
         }
@@ -196,13 +198,13 @@ impl Stepper for Ieq {
         let position_before = |i: usize| self.x[i] - self.d[i];
         let shifted_step = |i: usize| self.d[i] + mesh.scheme.rest[i];
         let link_energy = self.links.energy(mesh, &self.x, &self.d, &self.state);
-        mesh.kinetic(&self.d)
-            + mesh.grounds(&position_before, &|i| self.x[i])
-            + beta * mesh.grounds(&shifted_step, &shifted_step)
+        mesh.kinetic_energy(&self.d)
+            + mesh.ground_energy(&position_before, &|i| self.x[i])
+            + beta * mesh.ground_energy(&shifted_step, &shifted_step)
             + link_energy
     }
 
-    fn stored(&self) -> f64 {
+    fn stored_energy(&self) -> f64 {
         let (quadratic, law_energy) = self.links.nonlinear_energies(&self.mesh, &self.x, &self.d, &self.state);
         self.energy() - quadratic + law_energy
     }

@@ -15,8 +15,8 @@ impl Mesh {
     /// Turn last steps x[n] − x[n−1] into velocities per step at n, by adding half a step's acceleration; `scratch`,
     /// `x` and `v`: (n_mat).
     pub(super) fn velocities_from_steps(&self, x: &[f64], v: &mut [f64], scratch: &mut [f64]) {
-        for (mat, half) in scratch.iter_mut().enumerate() {
-            *half = 0.5 * self.acceleration(mat, &|i| x[i], &|i| v[i]);
+        for (mat, half_acceleration) in scratch.iter_mut().enumerate() {
+            *half_acceleration = 0.5 * self.acceleration(mat, &|i| x[i], &|i| v[i]);
         }
         for (v, half) in v.iter_mut().zip(scratch) {
             *v += *half;
@@ -62,20 +62,20 @@ impl Mesh {
     }
 
     /// Kinetic energy at velocities `v` [J].
-    pub(super) fn kinetic(&self, v: &[f64]) -> f64 {
-        self.m.iter().zip(v).map(|(m, v)| 0.5 * m * (v * v)).sum()
+    pub(super) fn kinetic_energy(&self, v: &[f64]) -> f64 {
+        self.scaled_masses.iter().zip(v).map(|(m, v)| 0.5 * m * (v * v)).sum()
     }
 
     /// Potential energy of all links and ties at positions `x` [J].
-    pub(super) fn stored(&self, x: &[f64]) -> f64 {
-        let mut energy_sum = self.grounds(&|i| x[i], &|i| x[i]);
+    pub(super) fn potential_energy(&self, x: &[f64]) -> f64 {
+        let mut energy_sum = self.ground_energy(&|i| x[i], &|i| x[i]);
         for run in self.springs.iter() {
-            energy_sum += total(run.len, |i| run.potential(x[run.b + i] - x[run.a + i] - run.rest));
+            energy_sum += sum_over(run.len, |i| run.potential(x[run.b + i] - x[run.a + i] - run.rest));
         }
         for run in &self.other_runs {
             let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
             let tension = run.shared_stiffness(elongation);
-            energy_sum += total(run.len, |i| {
+            energy_sum += sum_over(run.len, |i| {
                 run.potential(elongation(i)) + tension_energy(tension, elongation(i))
             });
         }
@@ -85,15 +85,15 @@ impl Mesh {
     /// The energy that a staggered scheme conserves between the last frame (x − d) and this one (x) [J]: ½k·e⁻e for
     /// springs, the mean of both values for every other energy. `is_damped` subtracts ¼Z(e − e⁻)² for each damper:
     /// damping that is computed from the last step reduces the effective mass.
-    pub(super) fn staggered(&self, x: &[f64], d: &[f64], is_damped: bool) -> f64 {
+    pub(super) fn staggered_energy(&self, x: &[f64], d: &[f64], is_damped: bool) -> f64 {
         let position_before = |i: usize| x[i] - d[i];
-        let mut energy_sum = self.kinetic(d) + self.grounds(&position_before, &|i| x[i]);
+        let mut energy_sum = self.kinetic_energy(d) + self.ground_energy(&position_before, &|i| x[i]);
         let loss_factor = if is_damped { 0.25 } else { 0.0 };
         for (i, d) in d.iter().enumerate() {
-            energy_sum -= loss_factor * self.m[i] * self.scheme.zeta[i] * (d * d);
+            energy_sum -= loss_factor * self.scaled_masses[i] * self.scheme.zeta[i] * (d * d);
         }
         for run in self.springs.iter() {
-            energy_sum += total(run.len, |i| {
+            energy_sum += sum_over(run.len, |i| {
                 let e = x[run.b + i] - x[run.a + i] - run.rest;
                 let last = position_before(run.b + i) - position_before(run.a + i) - run.rest;
                 let (square_term, fourth_term) = (e * last, 0.5 * (e * e * e * e + last * last * last * last));
@@ -101,11 +101,11 @@ impl Mesh {
             });
         }
         for run in &self.other_runs {
-            let now = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
-            let last = |i: usize| position_before(run.b + i) - position_before(run.a + i) - run.rest;
-            let tensions = [run.shared_stiffness(now), run.shared_stiffness(last)];
-            energy_sum += total(run.len, |i| {
-                let [now, last] = [(now(i), tensions[0]), (last(i), tensions[1])]
+            let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
+            let last_elongation = |i: usize| position_before(run.b + i) - position_before(run.a + i) - run.rest;
+            let tensions = [run.shared_stiffness(elongation), run.shared_stiffness(last_elongation)];
+            energy_sum += sum_over(run.len, |i| {
+                let [now, last] = [(elongation(i), tensions[0]), (last_elongation(i), tensions[1])]
                     .map(|(e, tension)| run.potential(e) + tension_energy(tension, e));
                 0.5 * (now + last)
             });
@@ -114,18 +114,18 @@ impl Mesh {
     }
 
     /// Σ ½κM·(x − rest)(y − rest) [J].
-    pub(super) fn grounds(&self, x: &dyn Fn(usize) -> f64, y: &dyn Fn(usize) -> f64) -> f64 {
+    pub(super) fn ground_energy(&self, x: &dyn Fn(usize) -> f64, y: &dyn Fn(usize) -> f64) -> f64 {
         let mesh_scheme = &self.scheme;
         (0..self.n_mat())
             .filter(|&i| mesh_scheme.kappa[i] != 0.0)
             .map(|i| {
                 let (x, y) = (x(i) - mesh_scheme.rest[i], y(i) - mesh_scheme.rest[i]);
-                0.5 * self.m[i] * mesh_scheme.kappa[i] * (x * y)
+                0.5 * self.scaled_masses[i] * mesh_scheme.kappa[i] * (x * y)
             })
             .sum()
     }
 }
 
-fn total(n: usize, f: impl Fn(usize) -> f64) -> f64 {
+fn sum_over(n: usize, f: impl Fn(usize) -> f64) -> f64 {
     (0..n).map(f).sum()
 }

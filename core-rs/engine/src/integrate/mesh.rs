@@ -18,7 +18,7 @@ use crate::units::Rate;
 pub(super) struct Mesh {
     pub(super) scheme: Scheme,
     /// M = m/T², the mass per step squared; 0 for fixed points   (n_mat)
-    pub(super) m: Vec<f64>,
+    pub(super) scaled_masses: Vec<f64>,
     /// Springs, hardening or not, in order of declaration.
     pub(super) springs: Springs,
     /// The first link of each run of springs.
@@ -33,7 +33,7 @@ pub(super) struct Mesh {
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
     /// Forces of one run   (longest run)
-    f: Vec<f64>,
+    link_forces: Vec<f64>,
     laws: KernelScratch,
 }
 
@@ -56,7 +56,7 @@ impl Mesh {
         };
         let inverse = |w: &f64| if *w > 0.0 { 1.0 / w } else { 0.0 };
         let mut new_mesh = Self {
-            m: scheme.w.iter().map(inverse).collect(),
+            scaled_masses: scheme.w.iter().map(inverse).collect(),
             springs: Springs::default(),
             first_links: Vec::new(),
             other_runs: Vec::new(),
@@ -101,7 +101,7 @@ impl Mesh {
     }
 
     pub(super) fn n_mat(&self) -> usize {
-        self.m.len()
+        self.scaled_masses.len()
     }
 
     /// 1/M, κ, ζ and rest position of every MAT.
@@ -114,12 +114,12 @@ impl Mesh {
         }
     }
 
-    pub(super) fn scratch(&self) -> Scratch {
+    pub(super) fn new_scratch(&self) -> Scratch {
         let lengths = self.scheme.runs.iter().map(|run| run.len);
         let mut laws = KernelScratch::new(&self.scheme);
         laws.set_springs(&self.springs, self.n_mat());
         Scratch {
-            f: vec![0.0; lengths.max().unwrap_or(0)],
+            link_forces: vec![0.0; lengths.max().unwrap_or(0)],
             laws,
         }
     }
@@ -130,7 +130,7 @@ impl Mesh {
     }
 
     /// V0 per step [m]; 0 for MATs that do not move freely   (n_mat)
-    pub(super) fn start(&self, network: &Network) -> Vec<f64> {
+    pub(super) fn initial_velocities(&self, network: &Network) -> Vec<f64> {
         let network_mats = network.mats();
         (0..self.n_mat())
             .map(|i| match network_mats.kind[i] {
@@ -141,15 +141,21 @@ impl Mesh {
     }
 
     /// Elastic forces of all links at positions `x` [N], including contacts.
-    pub(super) fn elastic(&self, x: &[f64], scratch: &mut Scratch, force: &mut [f64], team: &mut ThreadTeam<'_>) {
+    pub(super) fn set_elastic_forces(
+        &self,
+        x: &[f64],
+        scratch: &mut Scratch,
+        force: &mut [f64],
+        team: &mut ThreadTeam<'_>,
+    ) {
         scratch
             .laws
             .spring_forces(ForcePart::Elastic, &self.springs, [x, x], force, team);
-        self.others(ForcePart::Elastic, [x, x], scratch, force);
+        self.add_other_forces(ForcePart::Elastic, [x, x], scratch, force);
     }
 
     /// Damping forces of all links at positions `x` and velocities `v` [N].
-    pub(super) fn viscous(
+    pub(super) fn set_viscous_forces(
         &self,
         [x, v]: [&[f64]; 2],
         scratch: &mut Scratch,
@@ -163,11 +169,11 @@ impl Mesh {
         scratch
             .laws
             .spring_forces(ForcePart::Viscous, &self.springs, [x, v], force, team);
-        self.others(ForcePart::Viscous, [x, v], scratch, force);
+        self.add_other_forces(ForcePart::Viscous, [x, v], scratch, force);
     }
 
     /// All forces of all links at positions `x` and velocities `v` [N].
-    pub(super) fn total(
+    pub(super) fn set_total_forces(
         &self,
         [x, v]: [&[f64]; 2],
         scratch: &mut Scratch,
@@ -182,12 +188,12 @@ impl Mesh {
         scratch
             .laws
             .spring_forces(spring_part, &self.springs, [x, v], force, team);
-        self.others(ForcePart::Total, [x, v], scratch, force);
+        self.add_other_forces(ForcePart::Total, [x, v], scratch, force);
     }
 
     /// Runs `work` over all MATs, by a thread team if the mesh is partitioned: each call gets a range of MATs, their
     /// ties and their slices of `changed`.
-    pub(super) fn ranges<const N: usize>(
+    pub(super) fn for_each_range<const N: usize>(
         &self,
         scratch: &Scratch,
         team: &mut ThreadTeam<'_>,
@@ -208,9 +214,9 @@ impl Mesh {
         scratch.laws.mesh_partition = MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
     }
 
-    fn others(&self, part: ForcePart, [x, v]: [&[f64]; 2], scratch: &mut Scratch, force: &mut [f64]) {
+    fn add_other_forces(&self, part: ForcePart, [x, v]: [&[f64]; 2], scratch: &mut Scratch, force: &mut [f64]) {
         for run in &self.other_runs {
-            let link_force = &mut scratch.f[..run.len];
+            let link_force = &mut scratch.link_forces[..run.len];
             match &run.kind {
                 Kind::Lnl {
                     law,
@@ -247,12 +253,12 @@ impl Mesh {
                     }
                 }
             }
-            passes::pull(link_force, run.a, run.b, force);
+            passes::add_to_ends(link_force, run.a, run.b, force);
         }
     }
 }
 
-fn only_ca(what: &str) -> String {
+fn only_ca_message(what: &str) -> String {
     format!("only the CA scheme can compute {what}; write `method: ca`, or leave `method` out")
 }
 
@@ -262,7 +268,7 @@ fn refuse_stateful_links(network: &Network) -> Result<(), Error> {
     match link_runs.find(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_))) {
         Some(run) => Err(Error::Refused {
             module: network.link_name(run.first),
-            message: only_ca("a BRISTLE or a DRY link"),
+            message: only_ca_message("a BRISTLE or a DRY link"),
         }),
         None => Ok(()),
     }
@@ -278,16 +284,16 @@ fn check_supported(network: &Network) -> Result<(), Error> {
     if let Some(discrete_part) = discrete {
         return Err(Error::Refused {
             module: discrete_part.name.clone(),
-            message: only_ca("a part under `units: ca`, whose steps are its definition"),
+            message: only_ca_message("a part under `units: ca`, whose steps are its definition"),
         });
     }
     if let Some(first_proxy) = network.proxies().first() {
         return Err(Error::Refused {
             module: network.mat_name(first_proxy.mat),
-            message: only_ca("a PROXY"),
+            message: only_ca_message("a PROXY"),
         });
     }
-    if let Some((followed_mat, _)) = network.followed().next() {
+    if let Some((followed_mat, _)) = network.follower_pairs().next() {
         return Err(Error::Refused {
             module: network.mat_name(followed_mat),
             message: "only the CA scheme can step what follows a MAT".to_owned(),
@@ -297,7 +303,7 @@ fn check_supported(network: &Network) -> Result<(), Error> {
         if matches!(run.kind, LinkKind::Space(_) | LinkKind::Pairwise(_)) {
             return Err(Error::Refused {
                 module: network.link_name(run.first),
-                message: only_ca("a link in space"),
+                message: only_ca_message("a link in space"),
             });
         }
         let LinkKind::But(but_link) = &run.kind else {
@@ -306,7 +312,7 @@ fn check_supported(network: &Network) -> Result<(), Error> {
         if but_link.contact != Contact::Plain {
             return Err(Error::Refused {
                 module: network.link_name(run.first),
-                message: only_ca("an exact or a magic contact"),
+                message: only_ca_message("an exact or a magic contact"),
             });
         }
     }

@@ -1,7 +1,7 @@
 //! The interface through which the guard steps a mesh: it computes frames in finer steps, with the forces of the mesh.
 
 use super::mesh::{Mesh, Scratch};
-use crate::guard::{Guard, Motion, Stage};
+use crate::guard::{Guard, MatMotion, Stage};
 use crate::kernel::thread_team::ThreadTeam;
 
 /// The arrays of a mesh that finer steps need.
@@ -15,13 +15,14 @@ pub(super) struct MeshStage<'a, 'b> {
 }
 
 impl Stage for MeshStage<'_, '_> {
-    fn links(&mut self) {
+    fn compute_link_forces(&mut self) {
         let mat_motion = [&*self.x, &*self.d];
-        self.mesh.total(mat_motion, self.scratch, self.force, self.team);
+        self.mesh
+            .set_total_forces(mat_motion, self.scratch, self.force, self.team);
     }
 
-    fn motion(&mut self) -> Motion<'_> {
-        Motion {
+    fn mat_motion(&mut self) -> MatMotion<'_> {
+        MatMotion {
             ties: self.mesh.scheme.mat_coefficients(),
             force: self.force,
             x: self.x,
@@ -34,7 +35,7 @@ impl MeshStage<'_, '_> {
     /// Compute one frame in finer steps. `x` and `d` hold the state at the beginning of the frame, with its impulses
     /// already applied.
     pub(super) fn step_finer(mut self, guard: &mut Guard) {
-        self.links();
+        self.compute_link_forces();
         guard.compute_finer(&mut self);
     }
 }

@@ -1,6 +1,6 @@
 //! The table of methods.
 
-/// Largest ωT of a stable undamped mode (see `Facts::limit`).
+/// Largest ωT of a stable undamped mode (see `MethodProperties::omega_step_max`).
 pub(super) const BM4_LIMIT: f64 = 3.164;
 
 /// A method of stepping a network.
@@ -18,7 +18,7 @@ pub(crate) enum MeshMethod {
 
 /// Properties of a method.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Facts {
+pub(crate) struct MethodProperties {
     /// Its name in scores and plans.
     pub(crate) name: &'static str,
     /// Order of convergence of an undamped linear body.
@@ -29,7 +29,7 @@ pub(crate) struct Facts {
     /// of some hundred masses under moderate strikes.
     pub(crate) passes: f64,
     /// Largest ωT at which an undamped mode is stable; `None`: no limit.
-    pub(crate) limit: Option<f64>,
+    pub(crate) omega_step_max: Option<f64>,
 }
 
 impl MeshMethod {
@@ -37,35 +37,35 @@ impl MeshMethod {
     pub(crate) const ALL: [Self; 4] = [Self::Ca, Self::Ca2p, Self::Bm4, Self::Ieq];
 
     /// Properties of the method.
-    pub(crate) const fn facts(self) -> Facts {
+    pub(crate) const fn properties(self) -> MethodProperties {
         match self {
-            Self::Ca => Facts {
+            Self::Ca => MethodProperties {
                 name: "ca",
                 order: 2,
                 order_nonlinear: 2,
                 passes: 1.0,
-                limit: Some(2.0),
+                omega_step_max: Some(2.0),
             },
-            Self::Ca2p => Facts {
+            Self::Ca2p => MethodProperties {
                 name: "ca2p",
                 order: 4,
                 order_nonlinear: 2,
                 passes: 2.0,
-                limit: Some(3.464_101_615_137_754), // 2√3
+                omega_step_max: Some(3.464_101_615_137_754), // 2√3
             },
-            Self::Bm4 => Facts {
+            Self::Bm4 => MethodProperties {
                 name: "bm4",
                 order: 4,
                 order_nonlinear: 4,
                 passes: 6.0,
-                limit: Some(BM4_LIMIT),
+                omega_step_max: Some(BM4_LIMIT),
             },
-            Self::Ieq => Facts {
+            Self::Ieq => MethodProperties {
                 name: "ieq",
                 order: 2,
                 order_nonlinear: 2,
                 passes: 12.0,
-                limit: None,
+                omega_step_max: None,
             },
         }
     }

@@ -29,7 +29,7 @@ wide! {
 
 wide! {
     /// Add the forces of a run to its ends: F_a += f, F_b −= f.
-    pub(super) fn pull(f: &[f64], a: usize, b: usize, force: &mut [f64]) {
+    pub(super) fn add_to_ends(f: &[f64], a: usize, b: usize, force: &mut [f64]) {
         for (force, f) in force[a..][..f.len()].iter_mut().zip(f) {
             *force += f;
         }
@@ -111,7 +111,7 @@ wide! {
 
 wide! {
     /// mid = v + h·((F_e + F_v)/M − κ(x − rest) − ζv).
-    pub(super) fn midway(
+    pub(super) fn set_midpoint_velocities(
         h: f64,
         ties: Ties<'_>,
         forces: [&[f64]; 2],
@@ -158,41 +158,41 @@ wide! {
         ties: Ties<'_>,
         forces: [&[f64]; 2],
         motion: [&[f64]; 2],
-        there: &mut [f64],
+        second_positions: &mut [f64],
         v: &mut [f64],
     ) {
         let ([elastic, viscous], [x, d]) = (forces, motion);
         let n = elastic.len();
         let [w, kappa, zeta, rest] = ties.equal_slices(n);
         let (x, d, viscous) = (&x[..n], &d[..n], &viscous[..n]);
-        let (there, v) = (&mut there[..n], &mut v[..n]);
+        let (second_positions, v) = (&mut second_positions[..n], &mut v[..n]);
         for i in 0..n {
             let a = elastic[i] * w[i] - kappa[i] * (x[i] - rest[i]);
             let drag = viscous[i] * w[i] - zeta[i] * d[i];
-            there[i] = x[i] + a * (1.0 / 12.0);
+            second_positions[i] = x[i] + a * (1.0 / 12.0);
             v[i] = d[i] + 0.5 * (a + drag);
         }
     }
 }
 
 wide! {
-    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with F computed at x′, v′ (see `evaluation_point`); `from` holds x and d
-    /// before the step.
+    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with F computed at x′, v′ (see `evaluation_point`); `previous` holds x
+    /// and d before the step.
     pub(super) fn second_pass(
         ties: Ties<'_>,
         force: &[f64],
         point: [&[f64]; 2],
-        from: [&[f64]; 2],
+        previous: [&[f64]; 2],
         x: &mut [f64],
         d: &mut [f64],
     ) {
-        let ([there, v], n) = (point, force.len());
-        let [previous, by] = from.map(|from| &from[..n]);
+        let ([second_positions, v], n) = (point, force.len());
+        let [previous_positions, previous_steps] = previous.map(|values| &values[..n]);
         let [w, kappa, zeta, rest] = ties.equal_slices(n);
-        let (there, v, x, d) = (&there[..n], &v[..n], &mut x[..n], &mut d[..n]);
+        let (second_positions, v, x, d) = (&second_positions[..n], &v[..n], &mut x[..n], &mut d[..n]);
         for i in 0..n {
-            d[i] = by[i] + (force[i] * w[i] - kappa[i] * (there[i] - rest[i]) - zeta[i] * v[i]);
-            x[i] = previous[i] + d[i];
+            d[i] = previous_steps[i] + (force[i] * w[i] - kappa[i] * (second_positions[i] - rest[i]) - zeta[i] * v[i]);
+            x[i] = previous_positions[i] + d[i];
         }
     }
 }
@@ -200,9 +200,9 @@ wide! {
 wide! {
     /// Whether all positions are finite and within range.
     pub(super) fn are_in_range(x: &[f64]) -> bool {
-        let bad = x
+        let out_of_range_flag = x
             .iter()
-            .fold(0_u64, |bad, &x| bad | u64::from(!crate::kernel::is_bounded(x)));
-        bad == 0
+            .fold(0_u64, |flag, &x| flag | u64::from(!crate::kernel::is_bounded(x)));
+        out_of_range_flag == 0
     }
 }

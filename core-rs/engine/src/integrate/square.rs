@@ -6,16 +6,16 @@ use crate::interrupt;
 use crate::kernel::dense;
 
 /// Terms of the exponential's series: at a norm of ½ the remainder is below 1e-19.
-const TERMS: u32 = 16;
+const SERIES_TERMS: u32 = 16;
 
 /// An (n, n) matrix, stored column by column.
 #[derive(Clone, Debug)]
-pub(crate) struct Square {
+pub(crate) struct SquareMatrix {
     pub(crate) n: usize,
     pub(crate) entries: Vec<f64>,
 }
 
-impl Square {
+impl SquareMatrix {
     pub(crate) fn zero(n: usize) -> Self {
         Self {
             n,
@@ -25,15 +25,15 @@ impl Square {
 
     pub(crate) fn identity(n: usize) -> Self {
         let mut identity = Self::zero(n);
-        (0..n).for_each(|i| *identity.entry(i, i) = 1.0);
+        (0..n).for_each(|i| *identity.entry_mut(i, i) = 1.0);
         identity
     }
 
-    pub(crate) fn entry(&mut self, row: usize, column: usize) -> &mut f64 {
+    pub(crate) fn entry_mut(&mut self, row: usize, column: usize) -> &mut f64 {
         &mut self.entries[column * self.n + row]
     }
 
-    pub(crate) fn get(&self, row: usize, column: usize) -> f64 {
+    pub(crate) fn value(&self, row: usize, column: usize) -> f64 {
         self.entries[column * self.n + row]
     }
 
@@ -57,7 +57,7 @@ impl Square {
     }
 
     /// self + factor·other.
-    pub(crate) fn plus(mut self, other: &Self, factor: f64) -> Self {
+    pub(crate) fn plus_scaled(mut self, other: &Self, factor: f64) -> Self {
         let entry_pairs = self.entries.iter_mut().zip(&other.entries);
         entry_pairs.for_each(|(entry, other)| *entry += factor * other);
         self
@@ -69,7 +69,7 @@ impl Square {
     }
 
     /// self·x.
-    pub(crate) fn apply(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn times_vector(&self, x: &[f64]) -> Vec<f64> {
         let mut product = vec![0.0; self.n];
         dense::add_matrix_vector(&self.entries, x, &mut product);
         product
@@ -99,8 +99,8 @@ impl Square {
         }
         let scaled_matrix = self.clone().scaled(1.0 / (1_u64 << squarings.min(63)) as f64);
         let mut series_sum = Self::identity(self.n);
-        for term in (1..=TERMS).rev() {
-            series_sum = Self::identity(self.n).plus(&scaled_matrix.times(&series_sum), 1.0 / f64::from(term));
+        for term in (1..=SERIES_TERMS).rev() {
+            series_sum = Self::identity(self.n).plus_scaled(&scaled_matrix.times(&series_sum), 1.0 / f64::from(term));
         }
         for _ in 0..squarings {
             series_sum = series_sum.times(&series_sum);
@@ -109,7 +109,7 @@ impl Square {
     }
 
     /// self·other⁻¹; `None` if `other` has no inverse.
-    pub(crate) fn over(&self, other: &Self) -> Option<Self> {
+    pub(crate) fn times_inverse(&self, other: &Self) -> Option<Self> {
         // Y·B = A is Bᵀ·Yᵀ = Aᵀ; the columns of a matrix are the rows of its transpose.
         let b = DMatrix::from_row_slice(self.n, self.n, &other.entries);
         let a = DMatrix::from_row_slice(self.n, self.n, &self.entries);
@@ -127,10 +127,10 @@ mod tests {
     /// Compares e^A of a rotation, a decay and a shear with the closed form.
     #[test]
     fn exponential_of_rotation_decay_and_shear() {
-        let mut test_matrix = Square::zero(5);
-        (*test_matrix.entry(0, 1), *test_matrix.entry(1, 0)) = (7.0, -7.0);
-        *test_matrix.entry(2, 2) = -3.0;
-        *test_matrix.entry(3, 4) = 40.0;
+        let mut test_matrix = SquareMatrix::zero(5);
+        (*test_matrix.entry_mut(0, 1), *test_matrix.entry_mut(1, 0)) = (7.0, -7.0);
+        *test_matrix.entry_mut(2, 2) = -3.0;
+        *test_matrix.entry_mut(3, 4) = 40.0;
         let exponential = test_matrix.exponential();
         let entry_cases = [
             (0, 0, crate::maths::cos(7.0)),
@@ -143,7 +143,7 @@ mod tests {
         ];
         for (row, column, expected) in entry_cases {
             assert!(
-                (exponential.get(row, column) - expected).abs() < 1e-12,
+                (exponential.value(row, column) - expected).abs() < 1e-12,
                 "{row} {column}"
             );
         }
@@ -152,19 +152,21 @@ mod tests {
     #[test]
     fn power_and_quotient_of_square_matrices() {
         let matrix_size = 7;
-        let mut test_matrix = Square::identity(matrix_size);
+        let mut test_matrix = SquareMatrix::identity(matrix_size);
         for i in 0..matrix_size * matrix_size {
             test_matrix.entries[i] += 0.1 * (((i * 37) % 11) as f64 - 5.0) / 5.0;
         }
-        let repeated_power = (0..13).fold(Square::identity(matrix_size), |power, _| power.times(&test_matrix));
-        let power_error = test_matrix.power(13).plus(&repeated_power, -1.0);
+        let repeated_power = (0..13).fold(SquareMatrix::identity(matrix_size), |power, _| {
+            power.times(&test_matrix)
+        });
+        let power_error = test_matrix.power(13).plus_scaled(&repeated_power, -1.0);
         let largest = repeated_power.entries.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         assert!(power_error.entries.iter().all(|x| x.abs() < 1e-13 * largest));
         let quotient_error = test_matrix
             .times(&repeated_power)
-            .over(&repeated_power)
-            .map(|quotient_error| quotient_error.plus(&test_matrix, -1.0));
+            .times_inverse(&repeated_power)
+            .map(|quotient_error| quotient_error.plus_scaled(&test_matrix, -1.0));
         assert!(quotient_error.is_some_and(|off| off.entries.iter().all(|x| x.abs() < 1e-10)));
-        assert!(test_matrix.over(&Square::zero(matrix_size)).is_none());
+        assert!(test_matrix.times_inverse(&SquareMatrix::zero(matrix_size)).is_none());
     }
 }

@@ -17,8 +17,8 @@ use super::rest::Rest;
 use super::sounds_in::sound_drives;
 use super::voices::{build_voices, framed};
 use super::{Hands, Island, Matter, Monitors, OnFault, Script, State, Stream, Values};
-use crate::gesture::report::Report;
-use crate::guard::{Guard, Limit};
+use crate::gesture::report::GestureReport;
+use crate::guard::{Guard, StabilityLimit};
 use crate::interrupt;
 use crate::island::written_hand::voice::VoiceScript;
 use crate::kernel::mesh_partition::MeshPartition;
@@ -27,7 +27,7 @@ use crate::kernel::{self, KernelScratch};
 use crate::network::{Error, Network, Term};
 use crate::scheme::{Run, Scheme};
 use crate::state::{Body, PreviousState};
-use crate::timeline::{Drive, Ergon, Timeline, first, greatest, pushes};
+use crate::timeline::{Drive, Ergon, Timeline, strike_forces, with_first_factors, with_greatest_factors};
 
 /// The least number of substeps at which contacts are computed finer than a frame.
 pub(crate) const FINE_SUBSTEPS_MIN: usize = 2;
@@ -86,7 +86,7 @@ impl Island {
         for running_body in &mut matter.bodies {
             running_body.prepare_team(options.threads);
         }
-        let values_change = !glides.is_empty() || !led.is_empty() || network.follows();
+        let values_change = !glides.is_empty() || !led.is_empty() || network.has_following();
         let changing_scheme = values_change.then(|| {
             let mut changing_scheme = scheme.with_changing_coefficients();
             super::glide::apply_following_masses(&scheme, &mut changing_scheme, &matter.body.x);
@@ -102,7 +102,7 @@ impl Island {
         let (sound_drives, played) = sound_drives(&timeline.drives);
         // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
         let fine_ends = |mat| matter.fine.as_ref().map_or(0, |fine| fine.link_ends_on(mat));
-        let pushes = pushes(&network, timeline, |mat| network.degree(mat) == fine_ends(mat));
+        let pushes = strike_forces(&network, timeline, |mat| network.degree(mat) == fine_ends(mat));
         let state = State {
             frame: 0,
             values: Values {
@@ -114,7 +114,7 @@ impl Island {
             },
             hands: Hands {
                 voices,
-                reports: vec![Report::default(); timeline.gestures.len()],
+                reports: vec![GestureReport::default(); timeline.gestures.len()],
                 pushed: 0,
                 ergons: 0,
                 layers: vec![0.0; timeline.keys.len()],
@@ -184,7 +184,7 @@ fn island_scheme(network: &Network, timeline: &Timeline, contact_substeps: usize
     let fine_links = if contact_substeps < FINE_SUBSTEPS_MIN {
         Vec::new()
     } else {
-        scheme.take_substepped(&timeline.steered())
+        scheme.take_substepped(&timeline.determined_mats())
     };
     Ok((scheme, fine_links))
 }
@@ -202,7 +202,7 @@ fn start_matter(
     let led_start = match &timeline.leads[..] {
         [] if network.following_masses().is_empty() => None,
         leads => {
-            let led_network = first(network, leads)?;
+            let led_network = with_first_factors(network, leads)?;
             let led_network = led_network.with_masses_at(&positions(network, timeline, &timeline.drives));
             let mut scheme = Scheme::new(&led_network, timeline.rate)?;
             assign_gates(&mut scheme, timeline);
@@ -251,14 +251,14 @@ fn guard(
     }
     let body_ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
     let guarded = if timeline.leads.is_empty() {
-        Guard::new(scheme, network, Limit::CA, &body_ports)?
+        Guard::new(scheme, network, StabilityLimit::CA, &body_ports)?
     } else {
-        let stiffest = greatest(network, &timeline.leads)?;
+        let stiffest = with_greatest_factors(network, &timeline.leads)?;
         let mut stiffest_scheme = Scheme::new(&stiffest, timeline.rate)?;
         if matter.fine.is_some() {
-            stiffest_scheme.take_substepped(&timeline.steered());
+            stiffest_scheme.take_substepped(&timeline.determined_mats());
         }
-        Guard::new(&stiffest_scheme, &stiffest, Limit::CA, &body_ports)?
+        Guard::new(&stiffest_scheme, &stiffest, StabilityLimit::CA, &body_ports)?
     };
     Ok(guarded.map(Box::new))
 }
@@ -281,7 +281,7 @@ fn energy_rise(
     options: Options,
 ) -> Option<Box<EnergyRise>> {
     // A force does work all the time, a constant one too, although no event falls on the island then.
-    let is_pushed = timeline.drives.iter().any(Drive::pushes);
+    let is_pushed = timeline.drives.iter().any(Drive::is_force);
     if options.unchecked || is_pushed || !timeline.glides.is_empty() {
         return None;
     }
@@ -300,7 +300,7 @@ fn laws(scheme: &Scheme, options: Options) -> KernelScratch {
 fn ergons(timeline: &Timeline) -> Vec<(u64, Ergon)> {
     let timeline_ergons = timeline.ergons.iter();
     let mut timeline_ergons: Vec<_> = timeline_ergons
-        .map(|ergon| (timeline.frame(ergon.instant), *ergon))
+        .map(|ergon| (timeline.frame_of(ergon.instant), *ergon))
         .collect();
     timeline_ergons.sort_by_key(|(frame, _)| *frame);
     timeline_ergons

@@ -14,7 +14,7 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::network::But;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
-use crate::timeline::{Drive, Source};
+use crate::timeline::{Drive, DriveSource};
 
 /// Fewer steps are not worth coasting.
 const STEPS_MIN: usize = 2;
@@ -46,7 +46,7 @@ impl Island {
     /// strikes, and no layer, gate, glide, guard, ledger or muted part.
     pub(super) fn has_only_events(&self) -> bool {
         let (script, values, watch) = (&*self.script, &self.state.values, &self.state.watch);
-        let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes { .. });
+        let is_struck = |drive: &Drive| matches!(drive.source, DriveSource::Strikes { .. });
         let is_left_alone = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)
             && !script.voices.iter().any(|voice_script| voice_script.is_layer);

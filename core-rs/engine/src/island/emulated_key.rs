@@ -6,7 +6,7 @@ use crate::kernel::KernelScratch;
 use crate::maths::floor;
 use crate::network::{Error, Network};
 use crate::state::Target;
-use crate::timeline::{Drive, DriveKind, Key, Source, Timeline};
+use crate::timeline::{Drive, DriveKind, DriveSource, Key, Timeline};
 use crate::units::Rate;
 
 /// A key on its own, stepped frame by frame.
@@ -57,14 +57,14 @@ impl EmulatedKey {
     pub fn new(network: &Network, struck: usize, rate: Rate, motor: Motor) -> Result<Self, Error> {
         let struck_key = Key {
             name: network.mat_name(struck),
-            struck,
+            struck_mat: struck,
         };
         let mut timeline = Timeline::new(rate);
         if motor.push != 0.0 {
             timeline.drives.push(Drive {
                 mat: struck,
                 kind: DriveKind::Force,
-                source: Source::Constant(motor.push),
+                source: DriveSource::Constant(motor.push),
                 acts_on_free_key: true,
             });
         }

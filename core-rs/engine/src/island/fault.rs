@@ -181,7 +181,9 @@ impl Island {
         let mut is_link_cut = vec![false; scheme.n_lia];
         let run_touches_part = |run: &crate::scheme::Run| {
             if let Some(pairs) = run.pairwise() {
-                return pairs.spans().any(|index_span| is_muted[index_span].contains(&true));
+                return pairs
+                    .point_ranges()
+                    .any(|index_span| is_muted[index_span].contains(&true));
             }
             (0..run.n_axes()).any(|axis| {
                 let (first_a, first_b) = run.pair(0, axis);
@@ -200,7 +202,7 @@ impl Island {
         scheme.exact.retain(|run| !run_touches_part(run));
         state.matter.laws.set_springs(&scheme.fused, scheme.n_mat());
         if let Some(guard) = &mut state.watch.guard {
-            guard.release(|mat| is_muted[mat]);
+            guard.unwatch(|mat| is_muted[mat]);
         }
         if let Some(gains) = &mut state.watch.gains {
             gains.release(&is_muted);

@@ -308,7 +308,7 @@ impl Fine {
     pub(super) fn energies(&self, body: &Body, gate_opening: impl Fn(&Run) -> f64, mut report_energy: impl FnMut(f64)) {
         for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.link_constants) {
             let link_energy = match (&run.kind, self.bristle_deflection(run.first)) {
-                (Kind::Bristle { by, .. }, Some(deflection)) => by.with(*k, *z).energy(deflection),
+                (Kind::Bristle { by, .. }, Some(deflection)) => by.with_stiffness_and_level(*k, *z).energy(deflection),
                 _ => {
                     let stiffness_ratio = if run.k == 0.0 { 1.0 } else { k / run.k };
                     stiffness_ratio * run.potential(run.elongation(0, |mat| body.x[mat]))

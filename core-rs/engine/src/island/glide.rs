@@ -65,7 +65,7 @@ impl Glide {
 impl Led {
     /// The first frame, `n` or later, at which K and Z may change.
     pub(super) fn due(&self, n: u64) -> u64 {
-        self.lead.due(n)
+        self.lead.next_change_frame(n)
     }
 }
 
@@ -98,7 +98,7 @@ pub(super) fn glides(network: &Network, timeline: &Timeline, scheme: &Scheme) ->
         let mut round_network = network.clone();
         for (glide_index, glide_ties) in this_round() {
             if let Some(ties_now) = glide_ties {
-                round_network.retie(glides[glide_index].mat, ties_now);
+                round_network.set_tie(glides[glide_index].mat, ties_now);
             }
         }
         let round_scheme = match Scheme::new(&round_network, timeline.rate) {
@@ -170,7 +170,7 @@ pub(super) fn apply_glides(glides: &[Glide], base: &Scheme, scheme_now: &mut Sch
 pub(super) fn apply_following_masses(base: &Scheme, scheme_now: &mut Scheme, x: &[f64]) {
     for mass in &base.following_masses {
         if scheme_now.w[mass.mat] != 0.0 {
-            scheme_now.w[mass.mat] = base.w[mass.mat] * mass.lightness(|mat| x[mat]);
+            scheme_now.w[mass.mat] = base.w[mass.mat] * mass.mass_ratio(|mat| x[mat]);
         }
     }
 }
@@ -214,7 +214,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
             } else {
                 find_run(&scheme.exact).map_or(Place::Fine, Place::Exact)
             };
-            let lead = lead.on(run.first, run.len);
+            let lead = lead.on_links(run.first, run.len);
             let led_before = led_runs.last();
             let has_same_factors = led_before.is_some_and(|led_before| led_before.lead.has_factors_of(&lead));
             led_runs.push(Led {
@@ -244,7 +244,7 @@ pub(super) fn apply_leads(led_runs: &[Led], base: &Scheme, now: &mut Scheme, fin
             Place::Exact(run_index) => (&base.exact[run_index], &mut now.exact[run_index]),
             Place::Fine => {
                 if let Some(fine_state) = fine_state {
-                    fine_state.lead(lead.link, [factors, lead.factors(n + 1, 0.0)]);
+                    fine_state.lead(lead.first_link, [factors, lead.factors(n + 1, 0.0)]);
                 }
                 continue;
             }

@@ -161,7 +161,7 @@ impl Ledger {
             laws: followed_energy::laws(scheme),
             lightness: lightness(scheme).collect(),
         };
-        let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].open(0));
+        let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].opening(0));
         let mut neighbour_rooms = ledger.neighbours.iter_mut();
         let mut law_buffers = ledger.laws.iter_mut();
         for run in all(scheme).filter(|run| !is_spring(run)) {
@@ -169,7 +169,7 @@ impl Ledger {
                 let Some(law_buffer) = law_buffers.next() else {
                     continue;
                 };
-                follower.set(law_buffer, |mat| body.x[mat]);
+                follower.update_law(law_buffer, |mat| body.x[mat]);
                 for i in 0..run.len {
                     let (now, before) = elongation(run, body, i);
                     let frame_energies = Frame::new(law_buffer, rate, [before, now, now], 0.0);
@@ -249,7 +249,7 @@ impl Ledger {
         // A proxy that moves along its masses does work against the force on it.
         let moving_proxies = scheme.proxies.iter().filter(|proxy| proxy.is_moving());
         for proxy in moving_proxies.filter(|_| finer.is_none()) {
-            let with_masses = proxy.sum(|mat| body.x[mat] - body.d[mat], s);
+            let with_masses = proxy.weighted_sum(|mat| body.x[mat] - body.d[mat], s);
             let proxy_travel = s(proxy.mat) - with_masses;
             self.injected.add(-0.5 * proxy_travel * body.force[proxy.mat]);
         }
@@ -295,7 +295,7 @@ impl Ledger {
                 let Some(law) = law_buffers.next() else {
                     continue;
                 };
-                followed_law.set(law, position_at_force);
+                followed_law.update_law(law, position_at_force);
                 for i in 0..run.len {
                     let (e_next, e) = elongation(run, body, i);
                     let e_before = run.elongation(i, |mat| position_at_force(mat) - d[mat]);

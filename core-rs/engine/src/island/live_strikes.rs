@@ -3,7 +3,7 @@
 use crate::archive::state;
 use crate::scheme::Scheme;
 use crate::state::Body;
-use crate::timeline::{Drive, Source, Timeline};
+use crate::timeline::{Drive, DriveSource, Timeline};
 
 /// A MAT that may be struck while it plays.
 #[derive(Clone, Debug)]
@@ -29,10 +29,10 @@ state!(Pending { impulses, n_left });
 /// The strike points among drives.
 pub(super) fn strike_points(timeline: &Timeline) -> Vec<StrikePoint> {
     let strike_point = |drive: &Drive| match drive.source {
-        Source::Strikes { point, n_parts } => Some(StrikePoint {
+        DriveSource::Strikes { point, n_parts } => Some(StrikePoint {
             mat: drive.mat,
             point,
-            shares: timeline.steps_of_strike(n_parts),
+            shares: timeline.impulse_share_by_step(n_parts),
         }),
         _ => None,
     };

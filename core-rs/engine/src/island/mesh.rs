@@ -91,7 +91,7 @@ impl Mesh {
             return;
         }
         let n_mat = integrator.positions().len();
-        let mut motions: Vec<(f64, f64)> = (0..n_mat).map(|mat| integrator.motion(mat)).collect();
+        let mut motions: Vec<(f64, f64)> = (0..n_mat).map(|mat| integrator.mat_motion(mat)).collect();
         let time_step = self.rate.step();
         for &(port, mat) in &self.ports {
             let port_mass = self.network.mats().m[port];
@@ -100,9 +100,9 @@ impl Mesh {
             }
         }
         for (mat, motion) in motions.into_iter().enumerate() {
-            integrator.put(mat, motion);
+            integrator.set_mat_motion(mat, motion);
         }
-        integrator.settle();
+        integrator.update_after_motion();
     }
 }
 
@@ -110,7 +110,7 @@ impl RunningMesh {
     /// A mesh whose ports feel `force` at frame 0 [N], (n_mat of the island).
     pub(crate) fn new(plan: &Mesh, force: &[f64]) -> Result<Self, Error> {
         let mut integrator = Integrator::new(&plan.network, plan.rate, plan.method, plan.substeps)?;
-        integrator.lead(0, &plan.leads);
+        integrator.set_led_links(0, &plan.leads);
         plan.pull_back(&mut integrator, force);
         let port_indices: Vec<usize> = plan.ports.iter().map(|&(port_index, _)| port_index).collect();
         let mut velocities = vec![0.0; port_indices.len()];
@@ -130,7 +130,8 @@ impl RunningMesh {
             next: 0,
             damped: 1.0,
             // K that changes in time gives and takes energy, as a hand does.
-            account: (plan.leads.is_empty() && integrator.may_gain()).then(|| Account::new(integrator.stored())),
+            account: (plan.leads.is_empty() && integrator.may_create_energy())
+                .then(|| Account::new(integrator.stored_energy())),
             worst: None,
             integrator,
             plan: Arc::new(plan.clone()),
@@ -144,14 +145,14 @@ impl RunningMesh {
 
     /// Position of a MAT [m], and its step in a frame [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
-        self.integrator.motion(mat)
+        self.integrator.mat_motion(mat)
     }
 
     /// How strongly it moves: twice its kinetic energy [kg·m² a frame²].
     pub(crate) fn kinetic(&self) -> f64 {
         let indexed_masses = self.plan.network.mats().m.iter().enumerate();
         let double_energy = |(mat, mass): (usize, &f64)| {
-            let (_, mat_step) = self.integrator.motion(mat);
+            let (_, mat_step) = self.integrator.mat_motion(mat);
             if mass.is_finite() {
                 mass * mat_step * mat_step
             } else {
@@ -164,9 +165,9 @@ impl RunningMesh {
     /// Set positions and steps [m] of MATs to values from elsewhere: (mat, (x, step)).
     pub(crate) fn put(&mut self, mat_motions: &[(usize, (f64, f64))]) {
         for &(mat, motion) in mat_motions {
-            self.integrator.put(mat, motion);
+            self.integrator.set_mat_motion(mat, motion);
         }
-        self.integrator.settle();
+        self.integrator.update_after_motion();
         self.begin_account();
         let port_motions = self
             .plan
@@ -174,7 +175,7 @@ impl RunningMesh {
             .iter()
             .zip(self.previous.iter_mut().zip(&mut self.inertial_steps));
         for (&(port, _), (previous, inertial_step)) in port_motions {
-            let (x, port_step) = self.integrator.motion(port);
+            let (x, port_step) = self.integrator.mat_motion(port);
             (*previous, *inertial_step) = (x - port_step, port_step);
         }
     }
@@ -182,13 +183,13 @@ impl RunningMesh {
     /// The first frame, `n` or later, in which anything strikes it or leads its links.
     pub(crate) fn due(&self, n: u64) -> u64 {
         let next_strike = self.plan.strikes.get(self.next).map(|next_strike| next_strike.0);
-        let lead_dues = self.plan.leads.iter().map(|lead| lead.due(n));
+        let lead_dues = self.plan.leads.iter().map(|lead| lead.next_change_frame(n));
         lead_dues.chain(next_strike).min().unwrap_or(u64::MAX)
     }
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
-        self.integrator.lead(n, &self.plan.leads);
+        self.integrator.set_led_links(n, &self.plan.leads);
         self.next = self.plan.strikes.partition_point(|strike| strike.0 < n);
     }
 
@@ -203,7 +204,7 @@ impl RunningMesh {
     /// Prepare for a team of `threads` threads.
     pub(crate) fn prepare_team(&mut self, threads: usize) {
         if self.plan.leads.is_empty() {
-            self.integrator.share(threads);
+            self.integrator.partition_for(threads);
         }
     }
 
@@ -264,13 +265,13 @@ impl RunningMesh {
             self.impulses.push((mat, impulse));
         }
         if self.damped < 1.0 {
-            self.integrator.slow_down(self.damped);
+            self.integrator.scale_velocities(self.damped);
             self.begin_account();
         }
         if let Some(account) = &mut self.account
             && !self.impulses.is_empty()
         {
-            account.take(self.integrator.work(&self.impulses));
+            account.take(self.integrator.impulse_work(&self.impulses));
         }
         let mesh_leads = &self.plan.leads;
         self.integrator.step_led(n, mesh_leads, &self.impulses, team);
@@ -279,16 +280,16 @@ impl RunningMesh {
     /// Begin the account anew.
     fn begin_account(&mut self) {
         if let Some(account) = &mut self.account {
-            *account = Account::new(self.integrator.stored());
+            *account = Account::new(self.integrator.stored_energy());
         }
     }
 
     /// Check whether it created energy by frame `n`; now and then only, where that takes long to compute.
     pub(super) fn check_gain(&mut self, n: u64) -> Option<Gain> {
-        if !(n - 1).is_multiple_of(energy_account::RARE_CHECK_STEPS) && self.integrator.n_integrated() > 0 {
+        if !(n - 1).is_multiple_of(energy_account::RARE_CHECK_STEPS) && self.integrator.n_integrated_links() > 0 {
             return None;
         }
-        let gain = self.account.as_mut()?.gain(self.integrator.stored(), 0.0, n);
+        let gain = self.account.as_mut()?.gain(self.integrator.stored_energy(), 0.0, n);
         if !gain.is_reportable() {
             return None;
         }

@@ -21,7 +21,7 @@ pub(super) fn start(
         .collect();
     let start_positions = positions(network, timeline, drives);
     let mut start_steps = backward_steps(network, timeline, scheme, &start_positions, &drive_forces, acts);
-    for (port, key) in timeline.ports() {
+    for (port, key) in timeline.delayed_ports() {
         start_steps[port] = start_steps[key];
     }
     Body::new(scheme, start_positions, start_steps)
@@ -37,11 +37,11 @@ pub(super) fn positions(network: &Network, timeline: &Timeline, drives: &[Drive]
     {
         start_positions[drive.mat] = drive.value(0, timeline.rate.hertz());
     }
-    for (port, key) in timeline.ports() {
+    for (port, key) in timeline.delayed_ports() {
         start_positions[port] = start_positions[key];
     }
     for proxy in network.proxies() {
-        start_positions[proxy.mat] = proxy.sum(|mat| start_positions[mat], |mat| start_positions[mat]);
+        start_positions[proxy.mat] = proxy.weighted_sum(|mat| start_positions[mat], |mat| start_positions[mat]);
     }
     start_positions
 }

@@ -41,8 +41,8 @@ pub(super) fn work(
     let mut pair_work = Work::default();
     let position_then = |mat: usize| body.x[mat] - body.d[mat];
     neighbours.for_each_touching(run, position_then, |ends, e, along| {
-        let stretch_before = pair_link.stretch(ends, along, |mat| d[0][mat]);
-        let stretch = 0.5 * pair_link.stretch(ends, along, |mat| d[0][mat] + d[1][mat]);
+        let stretch_before = pair_link.length_step(ends, along, |mat| d[0][mat]);
+        let stretch = 0.5 * pair_link.length_step(ends, along, |mat| d[0][mat] + d[1][mat]);
         let (f, elastic) = (
             pair_link.law.force(k_and_z, e, stretch_before),
             pair_link.law.elastic(k_and_z[0], e),
@@ -50,17 +50,17 @@ pub(super) fn work(
         pair_work.total += stretch * f;
         pair_work.elastic += stretch * elastic;
         if run.pairs.friction > 0.0 {
-            let ends_moved = d.map(|d| pair_link.between(ends, |mat| d[mat]));
+            let ends_moved = d.map(|d| pair_link.offset_between(ends, |mat| d[mat]));
             let contact = PairContact {
                 elongation: e,
                 force: f,
                 elastic_force: elastic,
                 direction: along,
-                offset: pair_link.between(ends, position_then),
+                offset: pair_link.offset_between(ends, position_then),
                 relative_step: ends_moved[0],
             };
             let sliding = contact.sliding(&run.pairs, k_and_z);
-            let (force, _) = sliding.force(history.find(run.points(ends)));
+            let (force, _) = sliding.force(history.anchor_of(run.points(ends)));
             for (axis, force) in force.into_iter().enumerate() {
                 pair_work.total += 0.5 * (ends_moved[0][axis] + ends_moved[1][axis]) * force;
             }
@@ -74,14 +74,14 @@ pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body)
     let pair_link = &run.pairs.link;
     let pair_energy = |(points, anchor): ([u32; 2], [f64; 3])| {
         let pair_ends = run.ends(points);
-        let e = pair_link.line(pair_ends, |mat| body.x[mat]).0 - run.rest;
+        let e = pair_link.length_and_direction(pair_ends, |mat| body.x[mat]).0 - run.rest;
         if e >= 0.0 {
             return 0.0;
         }
-        let Some([k, _]) = pair_link.law.pressed(k, e, pair_link.law.elastic(k, e)) else {
+        let Some([k, _]) = pair_link.law.stiffness_and_pull(k, e, pair_link.law.elastic(k, e)) else {
             return 0.0;
         };
-        let spring_elongation = difference(pair_link.between(pair_ends, |mat| body.x[mat]), anchor);
+        let spring_elongation = difference(pair_link.offset_between(pair_ends, |mat| body.x[mat]), anchor);
         let stretch_square: f64 = spring_elongation.iter().map(|component| component * component).sum();
         0.5 * k * stretch_square
     };

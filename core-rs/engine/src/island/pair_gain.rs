@@ -95,13 +95,16 @@ impl PairGains {
     /// A MAT that these contacts move.
     pub(super) fn moving_mat(&self, scheme: &Scheme) -> usize {
         let pair_run = &self.pair_contacts[0].run;
-        let first_moving = (pair_run.b..pair_run.b + pair_run.n).find(|&mat| scheme.w[mat] > 0.0);
+        let first_moving = (pair_run.b..pair_run.b + pair_run.n_second).find(|&mat| scheme.w[mat] > 0.0);
         first_moving.unwrap_or(pair_run.a)
     }
 
     /// Whether any of the marked MATs (n_mat) is an end of these contacts.
     pub(super) fn touches(&self, mats: &[bool]) -> bool {
-        let mut mat_spans = self.pair_contacts.iter().flat_map(|contacts| contacts.run.spans());
+        let mut mat_spans = self
+            .pair_contacts
+            .iter()
+            .flat_map(|contacts| contacts.run.point_ranges());
         mat_spans.any(|span| mats[span].iter().any(|&is_marked| is_marked))
     }
 
@@ -157,10 +160,10 @@ impl PairGains {
 
     fn rounding(&self, body: &Body) -> f64 {
         let pair_energy = |contacts: &PairContacts| {
-            let contact_mats = contacts.run.spans().flatten();
+            let contact_mats = contacts.run.point_ranges().flatten();
             let largest_position = contact_mats.map(|mat| body.x[mat].abs()).fold(0.0, f64::max);
             let elongation_error = ELONGATION_ERROR_ULP * f64::EPSILON * largest_position;
-            contacts.run.n as f64 * contacts.k * elongation_error * elongation_error
+            contacts.run.n_second as f64 * contacts.k * elongation_error * elongation_error
         };
         self.pair_contacts.iter().map(pair_energy).sum()
     }

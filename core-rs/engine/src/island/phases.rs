@@ -28,7 +28,7 @@ pub(super) fn set_values(script: &Script, state: &mut State, mut scheme: Option<
     if values.damped < 1.0 {
         matter.body.d.iter_mut().for_each(|d| *d *= values.damped);
         if let Some(guard) = &mut watch.guard {
-            guard.slow_down(values.damped);
+            guard.scale_velocities(values.damped);
         }
         matter.place(); // bodies are damped by themselves
     }
@@ -228,7 +228,7 @@ impl Frame<'_, '_> {
             [&values.gates, &values.gates_next],
             &matter.targets,
             &matter.body,
-            guard.map(|guard| guard.travel()),
+            guard.map(|guard| guard.force_travel()),
         );
     }
 
@@ -278,7 +278,7 @@ fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>
     previous.swap(&mut body.x, &mut body.d);
     let imposed_mats = matter.targets.iter().map(|target| target.mat);
     let (x, previous) = (&body.x, &previous.x);
-    guard.impose(imposed_mats, |mat| (x[mat], previous[mat]));
+    guard.set_imposed_paths(imposed_mats, |mat| (x[mat], previous[mat]));
     let is_plausible = guard.compute_finer(&mut guard::KernelStage {
         scheme,
         gates: &values.gates,
@@ -287,7 +287,7 @@ fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>
         team,
     });
     if let Some(state_before) = &body.previous {
-        guard.keep_unrelated(state_before, &mut body.x, &mut body.d);
+        guard.restore_unrelated(state_before, &mut body.x, &mut body.d);
     }
     matter.place();
     kernel::proxies::move_to_masses(scheme, &mut matter.body);

@@ -1,7 +1,7 @@
 //! Real hands in an island: positions in, mean forces out, once a tick.
 
 use crate::state::Body;
-use crate::timeline::{Drive, Hand, HandWay};
+use crate::timeline::{Drive, Hand, HandInterpolation};
 
 /// A hand, and the MAT that it moves.
 #[derive(Clone, Debug)]
@@ -69,13 +69,13 @@ pub(super) fn move_hands(hand_bindings: &[HandBinding], hand_states: &mut [HandS
             let (end_position, sent_step) = state.sent.unwrap_or_else(|| (binding.hand.position(n), None));
             let start_position = if n == 0 { end_position } else { state.to };
             (state.from, state.to) = (start_position, end_position);
-            if tick_frames == 1 || binding.hand.interpolation == HandWay::Hold {
+            if tick_frames == 1 || binding.hand.interpolation == HandInterpolation::Hold {
                 *mat_step = sent_step.unwrap_or(end_position - start_position);
                 *mat_position = end_position;
                 continue;
             }
         }
-        if binding.hand.interpolation == HandWay::Line {
+        if binding.hand.interpolation == HandInterpolation::Line {
             let distance = state.to - state.from;
             *mat_step = distance / tick_frames as f64;
             *mat_position = state.from + distance * ((frame_in_tick + 1) as f64 / tick_frames as f64);

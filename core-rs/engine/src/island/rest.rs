@@ -11,7 +11,7 @@ use crate::archive::{Archive, State as _};
 use crate::island::quiet::Quiet;
 use crate::island::written_hand::voice::Voice;
 use crate::kernel::thread_team::ThreadTeam;
-use crate::timeline::{Drive, Source};
+use crate::timeline::{Drive, DriveSource};
 
 /// Successive frames that must leave the state the same before an island rests. Periodic work recurs within so many:
 /// looks at gains, pulls of slow bodies, and modes that are computed ahead.
@@ -316,7 +316,7 @@ impl Island {
     pub(super) fn due(&self, n: u64) -> u64 {
         let (script, state) = (&*self.script, &self.state);
         // The future of hands and takes is not looked at.
-        let is_known = |drive: &Drive| matches!(drive.source, Source::Constant(_) | Source::Strikes { .. });
+        let is_known = |drive: &Drive| matches!(drive.source, DriveSource::Constant(_) | DriveSource::Strikes { .. });
         if !script.drives.iter().all(is_known) || !script.hand_bindings.is_empty() || state.hands.is_struck() {
             return n;
         }
@@ -332,7 +332,7 @@ impl Island {
         let body_events = state.matter.bodies.iter().map(|body| body.due(n));
         let continuations = state.values.gate_continuations.iter();
         let gate_events = script.gates.iter().zip(continuations);
-        let gate_events = gate_events.map(|(gate, continuation)| gate.due(continuation.as_ref(), n));
+        let gate_events = gate_events.map(|(gate, continuation)| gate.next_change_frame(continuation.as_ref(), n));
         let glide_events = script.glides.iter().map(|glide| glide.due(n));
         let lead_events = script.led.iter().map(|led| led.due(n));
         let event_frames = push_frame

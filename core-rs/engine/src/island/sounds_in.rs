@@ -2,7 +2,7 @@
 //! file.
 
 use crate::state::{Body, Target};
-use crate::timeline::{Drive, DriveKind, InputSource, SoundIn, Source};
+use crate::timeline::{Drive, DriveKind, DriveSource, InputSource, SoundIn};
 
 /// Most frames that are handed over at once.
 pub(crate) const FRAMES_MAX: usize = 4_096;
@@ -32,7 +32,7 @@ impl Played {
     fn value(&self, frame: u64, sound: &SoundIn) -> f64 {
         match self {
             Self::Samples(samples) => samples.value(frame, sound),
-            Self::Ramp(Some(ramp)) if frame + 1 >= ramp.start => sound.settings.scaled(ramp.value(frame)),
+            Self::Ramp(Some(ramp)) if frame + 1 >= ramp.start => sound.settings.gained_and_clamped(ramp.value(frame)),
             Self::Ramp(_) => sound.value(frame),
         }
     }
@@ -87,7 +87,7 @@ impl Samples {
 /// The MATs that inputs drive, each with an input that has received nothing.
 pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
     let sound_drive = |drive: &Drive| match &drive.source {
-        Source::SoundIn { sound, scale, steps } => Some(SoundDrive {
+        DriveSource::SoundIn { sound, scale, steps } => Some(SoundDrive {
             mat: drive.mat,
             kind: drive.kind,
             sound: sound.clone(),
@@ -167,7 +167,7 @@ impl super::Island {
                 from: start.checked_sub(1).map_or(0.0, value_before),
                 to: value.clamp(-clamp_limit, clamp_limit),
                 start,
-                length: sound.glide,
+                length: sound.glide_frames,
             });
             has_input = true;
         }

@@ -47,7 +47,7 @@ impl Archived for State {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         // Later gestures may differ from those of the writer, so only reports up to the last gesture that has begun are
         // archived.
-        let has_begun = |report: &crate::gesture::report::Report| !report.start.is_nan();
+        let has_begun = |report: &crate::gesture::report::GestureReport| !report.start.is_nan();
         let mut n_reports = self
             .hands
             .reports

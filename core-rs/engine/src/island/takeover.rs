@@ -133,17 +133,17 @@ impl Island {
                 let old_step = old.state.frame;
                 self.state.values.gate_continuations[to] = match from {
                     // A gate that glides has its own start value.
-                    _ if new_gate.glides() => None,
+                    _ if new_gate.has_ramp() => None,
                     None => GateContinuation::new(new_gate, 1.0, island_step),
                     Some(from) => {
                         let (old_gate, continuation) =
                             (&old.script.gates[from], &old.state.values.gate_continuations[from]);
-                        if old_gate.on(new_gate.link, new_gate.len) == *new_gate {
+                        if old_gate.on_links(new_gate.first_link, new_gate.n_links) == *new_gate {
                             *continuation
                         } else {
                             GateContinuation::new(
                                 new_gate,
-                                GateContinuation::open(continuation.as_ref(), old_gate, old_step),
+                                GateContinuation::opening(continuation.as_ref(), old_gate, old_step),
                                 island_step,
                             )
                         }
@@ -165,7 +165,7 @@ impl Island {
             ItemTakeover::Report(from, to, is_same) => {
                 let new_report = &mut self.state.hands.reports[to];
                 *new_report = old.state.hands.reports[from];
-                new_report.pushed_by = new_report.pushed_by.filter(|_| is_same);
+                new_report.pushed_by_mat = new_report.pushed_by_mat.filter(|_| is_same);
             }
             ItemTakeover::Body(from, to) if is_whole => {
                 self.state.matter.bodies[to].continue_from(&mut old.state.matter.bodies[from]);

@@ -76,11 +76,11 @@ pub(super) fn build_voices(
             ordered.into_iter().partition(|&i| gestures[i].gesture.manner.is_layer);
         let voice_script = VoiceScript {
             key: key_index,
-            struck: played_key.struck,
+            struck: played_key.struck_mat,
             free,
             gestures: key_gestures,
             is_layer: false,
-            outer_links: outer_links(network, played_key.struck),
+            outer_links: outer_links(network, played_key.struck_mat),
         };
         voices.push(Voice::new(&voice_script, free_motion));
         scripts.push(voice_script.clone());
@@ -106,19 +106,19 @@ pub(super) fn free_key(
     bodies: &[BodyPlan],
 ) -> Result<(FreeKey, FreeMotion), Error> {
     let mats = network.mats();
-    if !mats.kind[key.struck].moves() {
+    if !mats.kind[key.struck_mat].moves() {
         return Err(Error::Refused {
-            module: network.mat_name(key.struck),
+            module: network.mat_name(key.struck_mat),
             message: "ergons of a key can only strike a MAS or a CEL".to_owned(),
         });
     }
-    let key_part = mats.part[key.struck] as usize;
+    let key_part = mats.part[key.struck_mat] as usize;
     // Links that close by the end are left out: a gesture is written for the key as it is in the end.
-    let closing = timeline.gates.iter().filter(|gate| gate.closes());
-    let key_network = network.part_alone(key_part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
+    let closing = timeline.gates.iter().filter(|gate| gate.ends_closed());
+    let key_network = network.subset_of_part(key_part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
     let inside = |mat: usize| key_network.mat(mat);
     let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
-    for link in couplings.map(|gate| gate.link) {
+    for link in couplings.map(|gate| gate.first_link) {
         let link_run = network.run_of(link);
         if link_run.is_some_and(|link_run| inside(link_run.a).is_some() && inside(link_run.b).is_some()) {
             return Err(Error::Refused {
@@ -144,7 +144,7 @@ pub(super) fn free_key(
         &|_| true,
     );
     let free = FreeKey {
-        struck: inside(key.struck).unwrap_or(0),
+        struck: inside(key.struck_mat).unwrap_or(0),
         members: key_network.mats.iter().map(|&mat| mat as usize).collect(),
         slow: bodies
             .iter()

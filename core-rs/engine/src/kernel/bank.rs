@@ -250,7 +250,8 @@ macro_rules! loops {
             ) {
                 assert!(ROWS == 0 || sums.len() >= (ROWS - 1) * stride + n_frames);
                 for lane_start in (0..SUM_LANES).step_by($width) {
-                    // SAFETY: lane starts are multiples of the width below SUM_LANES; the sums are as many as is asserted.
+                    // SAFETY: lane starts are multiples of the width below SUM_LANES; the sums are as many as is
+                    // asserted.
                     unsafe {
                         let (a, b) = (load(&coefficients.a, lane_start), load(&coefficients.b, lane_start));
                         let rows = weights.map(|weights| load(weights, lane_start));
@@ -347,8 +348,8 @@ loops!(
     plain,
     1,
     f64,
-    |at: *const f64| *at,
-    |at: *mut f64, value: f64| *at = value,
+    |address: *const f64| *address,
+    |address: *mut f64, value: f64| *address = value,
     |a: f64, b: f64| a + b,
     |a: f64, b: f64| a * b,
     |a: f64, b: f64, c: f64| crate::maths::fma(a, b, -c),

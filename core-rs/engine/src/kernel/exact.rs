@@ -16,8 +16,9 @@ use crate::state::{Body, Target};
 /// always close it.
 const SECANT_STEPS_MAX: usize = 200;
 
-/// Largest number of rounds over contacts that share a MAT: a dozen is usual. Guesses keep the number small where rounds alone
-/// would take a hundred, as for light masses between stiff contacts, or friction that holds masses in a circle.
+/// Largest number of rounds over contacts that share a MAT: a dozen is usual. Guesses keep the number small where
+/// rounds alone would take a hundred, as for light masses between stiff contacts, or friction that holds masses in a
+/// circle.
 const ROUNDS_MAX: usize = 200;
 /// Rounds before the first guess: contacts that converge by themselves need none.
 const UNACCELERATED_ROUNDS: usize = 4;
@@ -58,7 +59,7 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
             force_mixing.next_round();
         }
         for (index, run) in scheme.exact.iter().filter(is_solved).enumerate() {
-            body.exact_work.solved_again += u64::from(round > 0);
+            body.exact_work.n_resolved += u64::from(round > 0);
             let force_before = body.link[run.first];
             // Subtract the force of the last round, so that the run is solved given all other forces.
             body.link[run.first] = -force_before;

@@ -129,8 +129,8 @@ fn move_range(
     all_bounded
 }
 
-/// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `mat_coefficients` gives w, κ, ζ and rest of each. Returns whether
-/// all positions are bounded.
+/// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `mat_coefficients` gives w, κ, ζ and rest of each. Returns
+/// whether all positions are bounded.
 #[inline(always)]
 fn update(mat_coefficients: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [f64], d: &mut [f64]) -> bool {
     let mat_count = force.len();

@@ -47,7 +47,7 @@ pub(super) fn add_pair_forces(
     } = body;
     let run_forces = &mut link[run.first..run.first + run.len];
     let history = &mut histories[history_index];
-    history.begin();
+    history.begin_pass();
     if pair_run.pairs.is_searched() {
         neighbours.compute_forces(pair_run, gated_k_and_z, (x, d), history);
         neighbours.add_forces(pair_run, pair_force, run_forces);
@@ -61,5 +61,5 @@ pub(super) fn add_pair_forces(
             (pair_force, run_forces),
         );
     }
-    history.end();
+    history.end_pass();
 }

@@ -21,7 +21,8 @@ pub(crate) const PADDING: usize = 4;
 
 wide! {
     /// Add to `path` [m], (n), the position of a port at each instant: the sum over modes of its row times the mode's
-    /// position, interpolated between `positions` and `next_positions` with weights from `table`, (n_modes, 2, n padded).
+    /// position, interpolated between `positions` and `next_positions` with weights from `table`, (n_modes, 2, n
+    /// padded).
     pub(crate) fn add_path(
         row: &Lanes,
         table: &[f64],
@@ -29,7 +30,7 @@ wide! {
         next_positions: &Lanes,
         path: &mut [f64],
     ) {
-        // If their number is known when this is compiled, the sums stay in registers.
+        // If their number is a constant, the sums stay in registers.
         match path.len().div_ceil(PADDING) {
             1 => add_padded::<4>(row, table, [positions, next_positions], path),
             2 => add_padded::<8>(row, table, [positions, next_positions], path),

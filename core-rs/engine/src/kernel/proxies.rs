@@ -24,16 +24,16 @@ pub(crate) fn record_positions(scheme: &Scheme, body: &mut Body) {
 }
 
 /// Move proxies to the positions that follow from their masses; for proxies that change their masses, the step is that
-/// since [`note`].
+/// since [`record_positions`].
 pub(crate) fn move_to_masses(scheme: &Scheme, body: &mut Body) {
     let Body { x, d, proxies, .. } = body;
     for (proxy, position_before) in scheme.proxies.iter().zip(&*proxies) {
-        x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);
+        x[proxy.mat] = proxy.weighted_sum(|mat| x[mat], |mat| x[mat]);
         // The weighted sum of last steps keeps more digits than a difference of positions.
         d[proxy.mat] = if proxy.is_moving() {
             x[proxy.mat] - position_before
         } else {
-            proxy.sum(|mat| x[mat], |mat| d[mat])
+            proxy.weighted_sum(|mat| x[mat], |mat| d[mat])
         };
     }
 }
@@ -42,7 +42,7 @@ pub(crate) fn move_to_masses(scheme: &Scheme, body: &mut Body) {
 pub(crate) fn set_from_masses(scheme: &Scheme, body: &mut Body) {
     let Body { x, d, .. } = body;
     for proxy in &scheme.proxies {
-        x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);
-        d[proxy.mat] = proxy.sum(|mat| x[mat], |mat| d[mat]);
+        x[proxy.mat] = proxy.weighted_sum(|mat| x[mat], |mat| x[mat]);
+        d[proxy.mat] = proxy.weighted_sum(|mat| x[mat], |mat| d[mat]);
     }
 }

@@ -53,7 +53,7 @@ pub(super) fn add_link_forces(f: &[f64], force: &mut [f64], a: usize, b: usize) 
 }
 
 wide! {
-    /// [`add`] as a separate function, compiled for each vector width.
+    /// [`add_link_forces`] as a separate function, compiled for each vector width.
     pub(super) fn pull(f: &[f64], force: &mut [f64], a: usize, b: usize) {
         add_link_forces(f, force, a, b);
     }

@@ -74,7 +74,7 @@ pub(crate) fn compute_link_forces(
             }
             Kind::Followed { by, rate, slot } => {
                 let law = &mut laws.following_laws[*slot];
-                by.set(law, |mat| body.x[mat]);
+                by.update_law(law, |mat| body.x[mat]);
                 let EndMotions { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
                     link_force[i] = law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);

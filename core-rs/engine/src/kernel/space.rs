@@ -3,7 +3,7 @@
 
 use super::pull::pull;
 use crate::maths::wide::wide;
-use crate::network::{AXES_MAX, SpaceLaw, SpaceLink, line};
+use crate::network::{AXES_MAX, SpaceLaw, SpaceLink, length_and_unit_vector};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
@@ -45,8 +45,8 @@ pub(super) fn add_space_forces(
     }
     let SpaceScratch {
         directions: [direction_x, direction_y, direction_z],
-        elongations: e,
-        elongation_steps: step,
+        elongations,
+        elongation_steps,
     } = scratch;
     let [direction_x, direction_y, direction_z] =
         [direction_x, direction_y, direction_z].map(|axis_values| &mut axis_values[..link_count]);
@@ -73,7 +73,7 @@ pub(super) fn add_space_forces(
             direction_z,
         );
     } else {
-        let (e, step) = (&mut e[..link_count], &mut step[..link_count]);
+        let (e, step) = (&mut elongations[..link_count], &mut elongation_steps[..link_count]);
         set_directions_and_elongations(run.rest, &end_motion, e, step, direction_x, direction_y, direction_z);
         if link.law.yields() {
             let memory = &mut memory[run.first..run.first + link_count];
@@ -125,7 +125,7 @@ impl<'a> SpaceEndMotions<'a> {
 #[inline(always)]
 fn link_line([x, d]: &[[[&[f64]; 2]; AXES_MAX]; 2], rest: f64, i: usize) -> ([f64; AXES_MAX], f64, f64) {
     let end_offset = |[a, b]: [&[f64]; 2]| b[i] - a[i];
-    let (link_length, direction) = line(x.map(end_offset));
+    let (link_length, direction) = length_and_unit_vector(x.map(end_offset));
     let length_step =
         0.0 + direction[0] * end_offset(d[0]) + direction[1] * end_offset(d[1]) + direction[2] * end_offset(d[2]);
     (direction, link_length - rest, length_step)
@@ -138,11 +138,11 @@ fn update_rest(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
     elastic_elongation
 }
 
-/// [`forces`] of a run of one link, for which separate passes would cost ten times as much.
+/// [`add_space_forces`] of a run of one link, for which separate passes would cost ten times as much.
 fn add_single_link(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
     let link_ends = (run.a, run.b);
-    let (link_length, direction) = link.line(link_ends, |mat| body.x[mat]);
-    let length_step = link.stretch(link_ends, direction, |mat| body.d[mat]);
+    let (link_length, direction) = link.length_and_direction(link_ends, |mat| body.x[mat]);
+    let length_step = link.length_step(link_ends, direction, |mat| body.d[mat]);
     let mut elongation = link_length - run.rest;
     if link.law.yields() {
         elongation = update_rest(link, run.k, elongation, &mut body.memory[run.first]);

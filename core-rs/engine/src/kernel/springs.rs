@@ -39,10 +39,10 @@ impl SpringPass {
     /// The pass for springs that pull on `mat_count` MATs.
     pub(crate) fn new(springs: &[Spring], mat_count: usize) -> Self {
         let rows = vector::are_supported().then(|| Rows::new(springs, mat_count)).flatten();
-        let longest = springs.iter().map(|run| run.len).max().unwrap_or(0);
+        let longest_run = springs.iter().map(|run| run.len).max().unwrap_or(0);
         Self {
             link_forces: rows.as_ref().map_or_else(Vec::new, Rows::zeroed_forces),
-            run_forces: vec![0.0; if rows.is_some() { 0 } else { longest }],
+            run_forces: vec![0.0; if rows.is_some() { 0 } else { longest_run }],
             rows: rows.map(Arc::new),
         }
     }

@@ -13,7 +13,7 @@ pub(crate) fn write_outputs(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
             Tap::Scattered { mats, weight } => weight * scattered_sum(&body.x, mats),
             Tap::Lengths { links, weight } => {
                 let line_links = links.iter();
-                let line_lengths = line_links.map(|(ends, link)| link.line(*ends, |mat| body.x[mat]).0);
+                let line_lengths = line_links.map(|(ends, link)| link.length_and_direction(*ends, |mat| body.x[mat]).0);
                 weight * line_lengths.sum::<f64>()
             }
         };

@@ -1,8 +1,8 @@
 //! Threads that compute one mesh together: a pass is divided into parts, and each free thread takes the next part.
 //!
 //! A pass over a mesh takes microseconds, less than waking a thread; so the threads spin between two passes. A helper
-//! that the operating system does not schedule takes no part and delays no thread: the leader computes the parts that no
-//! helper has taken.
+//! that the operating system does not schedule takes no part and delays no thread: the leader computes the parts that
+//! no helper has taken.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};

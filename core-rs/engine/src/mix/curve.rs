@@ -5,9 +5,9 @@ use std::ops::Range;
 use crate::maths::{atan2, exp, lanes, log, sincos, sqrt};
 
 /// Exponents that are raised together.
-const EXPONENTS: usize = 64;
+const EXPONENTS_PER_BATCH: usize = 64;
 
-/// The way into a point of a [`Curve`].
+/// How a [`Curve`] leads to a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Segment {
     /// Linear.
@@ -23,12 +23,12 @@ pub struct Point {
     pub frame: i64,
     /// Of a curve a ratio of amplitudes, 0 or more; of a pan a place from -1 to 1.
     pub value: f64,
-    /// How the curve goes to this point from the one before.
+    /// How the curve leads to this point from the one before.
     pub segment: Segment,
 }
 
-/// The share of the way from one point to another at a frame between them (0 to 1).
-fn share_of_way(from: &Point, to: &Point, frame: i64) -> f64 {
+/// The progress from one point to another at a frame between them, from 0 to 1.
+fn progress_between(from: &Point, to: &Point, frame: i64) -> f64 {
     let u = (frame - from.frame) as f64 / (to.frame - from.frame) as f64;
     match to.segment {
         Segment::Line => u,
@@ -37,7 +37,7 @@ fn share_of_way(from: &Point, to: &Point, frame: i64) -> f64 {
 }
 
 /// The two points between which all of these frames lie.
-fn segment_of<'a>(points: &'a [Point], frames: &Range<u64>) -> Option<(&'a Point, &'a Point)> {
+fn enclosing_points<'a>(points: &'a [Point], frames: &Range<u64>) -> Option<(&'a Point, &'a Point)> {
     let start_frame = i64::try_from(frames.start).ok()?;
     let stop_frame = i64::try_from(frames.end).ok()?;
     let next_index = points.partition_point(|point| point.frame <= start_frame);
@@ -46,15 +46,15 @@ fn segment_of<'a>(points: &'a [Point], frames: &Range<u64>) -> Option<(&'a Point
     Some((from, to))
 }
 
-/// The value at a frame on the way through points, whose frames rise: that of the only neighbour before the first
-/// point and after the last one, else what `between` makes of two and the share of the way. `None` without points.
-fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -> Option<f64> {
+/// The value at a frame, interpolated between points whose frames rise. Before the first point and after the last one
+/// it is the value of that point; else `between` computes it from two values and the progress. `None` without points.
+fn interpolated(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -> Option<f64> {
     let frame = i64::try_from(frame).unwrap_or(i64::MAX);
     let next_index = points.partition_point(|point| point.frame <= frame);
     let point_before = next_index.checked_sub(1).and_then(|index| points.get(index));
     match (point_before, points.get(next_index)) {
         (Some(from), Some(to)) => {
-            let u = share_of_way(from, to, frame);
+            let u = progress_between(from, to, frame);
             Some(if u == 0.0 {
                 from.value
             } else {
@@ -66,8 +66,9 @@ fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -
     }
 }
 
-/// Whether [`along`] gives the same at all of these frames, because they lie before the first point or after the last.
-fn is_even(points: &[Point], frames: &Range<u64>) -> bool {
+/// Whether [`interpolated`] gives the same at all of these frames, because they lie before the first point or after the
+/// last.
+fn is_constant(points: &[Point], frames: &Range<u64>) -> bool {
     let (Some(first_point), Some(last_point)) = (points.first(), points.last()) else {
         return true;
     };
@@ -75,14 +76,14 @@ fn is_even(points: &[Point], frames: &Range<u64>) -> bool {
     stop_frame <= first_point.frame || start_frame >= last_point.frame
 }
 
-fn sorted(mut points: Vec<Point>) -> Vec<Point> {
+fn sorted_by_frame(mut points: Vec<Point>) -> Vec<Point> {
     points.sort_by_key(|point| point.frame);
     points
 }
 
 /// Which of the two channels of a pan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
+pub enum PanChannel {
     /// Loudest at -1.
     First,
     /// Loudest at 1.
@@ -97,30 +98,30 @@ pub enum Side {
 pub struct Pan {
     /// Points whose values are angles [rad].
     angles: Vec<Point>,
-    side: Side,
+    side: PanChannel,
 }
 
 impl Pan {
     /// A pan through places from -1 to 1.
     #[must_use]
-    pub fn new(places: Vec<Point>, side: Side) -> Self {
+    pub fn new(places: Vec<Point>, side: PanChannel) -> Self {
         let angle_point = |point: Point| Point {
             value: atan2(sqrt((1.0 + point.value).max(0.0)), sqrt((1.0 - point.value).max(0.0))),
             ..point
         };
         Self {
-            angles: sorted(places).into_iter().map(angle_point).collect(),
+            angles: sorted_by_frame(places).into_iter().map(angle_point).collect(),
             side,
         }
     }
 
     /// The gain at a frame of the piece; that of the middle without points.
-    fn value(&self, frame: u64) -> f64 {
-        let pan_angle = along(&self.angles, frame, |from, to, u| from + (to - from) * u);
+    fn gain_at(&self, frame: u64) -> f64 {
+        let pan_angle = interpolated(&self.angles, frame, |from, to, u| from + (to - from) * u);
         let (sin, cos) = sincos(pan_angle.unwrap_or(std::f64::consts::FRAC_PI_4));
         match self.side {
-            Side::First => cos,
-            Side::Second => sin,
+            PanChannel::First => cos,
+            PanChannel::Second => sin,
         }
     }
 }
@@ -136,12 +137,12 @@ impl Pan {
 /// let from = Point { frame: 100, value: 0.01, segment: Segment::Line };
 /// let to = Point { frame: 200, value: 1.0, segment: Segment::Line };
 /// let curve = Curve::new(vec![from, to]);
-/// assert!((curve.value(150) - 0.1).abs() < 1e-15); // -20 dB, halfway from -40 dB
-/// assert_eq!((curve.value(0), curve.value(1000)), (0.01, 1.0));
+/// assert!((curve.gain_at(150) - 0.1).abs() < 1e-15); // -20 dB, halfway from -40 dB
+/// assert_eq!((curve.gain_at(0), curve.gain_at(1000)), (0.01, 1.0));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    levels: Vec<Point>,
+    gain_points: Vec<Point>,
     pan: Option<Pan>,
 }
 
@@ -150,58 +151,58 @@ impl Curve {
     #[must_use]
     pub fn new(points: Vec<Point>) -> Self {
         Self {
-            levels: sorted(points),
+            gain_points: sorted_by_frame(points),
             pan: None,
         }
     }
 
     /// This curve in one channel of a pan.
     #[must_use]
-    pub fn panned(self, pan: Pan) -> Self {
+    pub fn with_pan(self, pan: Pan) -> Self {
         Self { pan: Some(pan), ..self }
     }
 
     /// The gain at a frame of the piece; 1 without points.
     #[must_use]
-    pub fn value(&self, frame: u64) -> f64 {
-        let curve_level = along(&self.levels, frame, |from, to, u| {
+    pub fn gain_at(&self, frame: u64) -> f64 {
+        let curve_level = interpolated(&self.gain_points, frame, |from, to, u| {
             if from > 0.0 && to > 0.0 {
                 from * exp(u * log(to / from))
             } else {
                 from + (to - from) * u
             }
         });
-        let pan_gain = self.pan.as_ref().map_or(1.0, |pan| pan.value(frame));
+        let pan_gain = self.pan.as_ref().map_or(1.0, |pan| pan.gain_at(frame));
         curve_level.unwrap_or(1.0) * pan_gain
     }
 
     /// Its gains from frame `first` on.
     pub(super) fn fill(&self, first: u64, gains: &mut [f64]) {
         let frame_range = first..first.saturating_add(gains.len() as u64);
-        let mut points = std::iter::once(&self.levels).chain(self.pan.as_ref().map(|pan| &pan.angles));
-        if points.all(|points| is_even(points, &frame_range)) {
-            gains.fill(self.value(first));
+        let mut points = std::iter::once(&self.gain_points).chain(self.pan.as_ref().map(|pan| &pan.angles));
+        if points.all(|points| is_constant(points, &frame_range)) {
+            gains.fill(self.gain_at(first));
         } else if !self.fill_segment(&frame_range, gains) {
             let gain_frames = gains.iter_mut().zip(frame_range);
-            gain_frames.for_each(|(gain, frame)| *gain = self.value(frame));
+            gain_frames.for_each(|(gain, frame)| *gain = self.gain_at(frame));
         }
     }
 
     /// The same for frames between two points whose gains are not 0, several at once. Returns false for others.
     fn fill_segment(&self, frames: &Range<u64>, gains: &mut [f64]) -> bool {
-        let Some((from, to)) = segment_of(&self.levels, frames) else {
+        let Some((from, to)) = enclosing_points(&self.gain_points, frames) else {
             return false;
         };
         if from.value <= 0.0 || to.value <= 0.0 || self.pan.is_some() {
             return false;
         }
         let log_ratio = log(to.value / from.value);
-        let mut exponents = [0.0; EXPONENTS];
+        let mut exponents = [0.0; EXPONENTS_PER_BATCH];
         let mut frame = frames.start as i64;
-        for gains in gains.chunks_mut(EXPONENTS) {
+        for gains in gains.chunks_mut(EXPONENTS_PER_BATCH) {
             let exponents = &mut exponents[..gains.len()];
             for exponent in exponents.iter_mut() {
-                *exponent = share_of_way(from, to, frame) * log_ratio;
+                *exponent = progress_between(from, to, frame) * log_ratio;
                 frame += 1;
             }
             lanes::exp(exponents, gains);
@@ -228,19 +229,22 @@ mod tests {
             point(200, 1.0, Segment::Line),
         ]);
         for (frame, gain) in [(0, 0.5), (100, 0.5), (200, 1.0), (300, 0.0), (900, 0.0)] {
-            assert_eq!(curve.value(frame), gain, "{frame}");
+            assert_eq!(curve.gain_at(frame), gain, "{frame}");
         }
         assert!(
-            (curve.value(150) - 1.0).abs() < 1e-15,
+            (curve.gain_at(150) - 1.0).abs() < 1e-15,
             "0 dB, halfway from -6 dB to 6 dB"
         );
-        assert!((curve.value(250) - 0.5).abs() < 1e-15, "by the ratio to nothing");
+        assert!((curve.gain_at(250) - 0.5).abs() < 1e-15, "by the ratio to nothing");
     }
 
     #[test]
     fn curve_from_points_before_the_beginning() {
         let curve = Curve::new(vec![point(-100, 1.0, Segment::Line), point(100, 0.0, Segment::Line)]);
-        assert_eq!((curve.value(0), curve.value(50), curve.value(100)), (0.5, 0.25, 0.0));
+        assert_eq!(
+            (curve.gain_at(0), curve.gain_at(50), curve.gain_at(100)),
+            (0.5, 0.25, 0.0)
+        );
     }
 
     #[test]
@@ -248,13 +252,13 @@ mod tests {
         let level_points = vec![point(100, 0.5, Segment::Line), point(200, 2.0, Segment::Smooth)];
         let place_points = vec![point(150, -1.0, Segment::Line), point(260, 0.5, Segment::Smooth)];
         let plain_curve = Curve::new(level_points.clone());
-        let panned_curve = Curve::new(level_points).panned(Pan::new(place_points, Side::Second));
+        let panned_curve = Curve::new(level_points).with_pan(Pan::new(place_points, PanChannel::Second));
         for curve in [plain_curve, panned_curve, Curve::new(Vec::new())] {
             for length in [1, 7, 50, 64] {
                 for first in (0..400).step_by(length) {
                     let mut gains = vec![0.0; length];
                     curve.fill(first, &mut gains);
-                    let frame_gains: Vec<f64> = (first..).take(length).map(|n| curve.value(n)).collect();
+                    let frame_gains: Vec<f64> = (first..).take(length).map(|n| curve.gain_at(n)).collect();
                     assert_eq!(gains, frame_gains, "{length} frames from {first}");
                 }
             }
@@ -263,17 +267,17 @@ mod tests {
 
     #[test]
     fn curve_without_points_is_one() {
-        assert_eq!(Curve::new(Vec::new()).value(7), 1.0);
+        assert_eq!(Curve::new(Vec::new()).gain_at(7), 1.0);
     }
 
     #[test]
     fn pan_between_two_places() {
         let place_points = [point(0, -1.0, Segment::Line), point(900, 1.0, Segment::Line)];
-        let channel = |side| Curve::new(Vec::new()).panned(Pan::new(place_points.to_vec(), side));
-        let (first_channel, second_channel) = (channel(Side::First), channel(Side::Second));
+        let channel = |side| Curve::new(Vec::new()).with_pan(Pan::new(place_points.to_vec(), side));
+        let (first_channel, second_channel) = (channel(PanChannel::First), channel(PanChannel::Second));
         for frame in [0, 1, 300, 450, 899, 900, 5000] {
             let pan_angle = (frame.min(900) as f64 / 10.0).to_radians();
-            let channel_gains = (first_channel.value(frame), second_channel.value(frame));
+            let channel_gains = (first_channel.gain_at(frame), second_channel.gain_at(frame));
             assert!(
                 (channel_gains.0 - crate::maths::cos(pan_angle)).abs() < 1e-15,
                 "{frame}"
@@ -288,8 +292,8 @@ mod tests {
     #[test]
     fn pan_with_levels() {
         let level_points = vec![point(0, 0.5, Segment::Line)];
-        let middle_pan = Pan::new(vec![point(0, 0.0, Segment::Line)], Side::First);
-        let panned_gain = Curve::new(level_points).panned(middle_pan).value(7);
+        let middle_pan = Pan::new(vec![point(0, 0.0, Segment::Line)], PanChannel::First);
+        let panned_gain = Curve::new(level_points).with_pan(middle_pan).gain_at(7);
         assert!((panned_gain - 0.5 * sqrt(0.5)).abs() < 1e-15);
     }
 }

@@ -4,28 +4,28 @@ use crate::archive::{Archive, Damaged, State, state_of};
 
 /// A delay line; its output is silent until the first sample has passed through it.
 #[derive(Clone, Debug)]
-pub(super) struct Delay {
-    past: Vec<f64>,
+pub(super) struct DelayLine {
+    samples: Vec<f64>,
     write_index: usize,
     echo: Option<Echo>,
 }
 
-/// Largest number of frames over which the beginning of what a longer line takes over is smoothed.
-const SMOOTHED_MAX: usize = 1024;
+/// Largest number of frames over which the first samples that a longer line takes over are faded in.
+const SMOOTHED_FRAMES_MAX: usize = 1024;
 
-/// What goes into a delay line again.
+/// The feedback of a delay line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Echo {
-    /// How long ago it went in [frames]: from 1 to the length of the line.
-    pub frames: usize,
-    /// Its ratio, between -1 and 1.
-    pub ratio: f64,
+    /// Delay of the feedback [frames]: from 1 to the length of the line.
+    pub delay_frames: usize,
+    /// Gain of the feedback, between -1 and 1.
+    pub feedback_ratio: f64,
 }
 
-impl State for Delay {
+impl State for DelayLine {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        let fields: Result<(), Damaged> = state_of!(self, archive, past, write_index);
-        fields.and(if self.write_index < self.past.len() {
+        let fields: Result<(), Damaged> = state_of!(self, archive, samples, write_index);
+        fields.and(if self.write_index < self.samples.len() {
             Ok(())
         } else {
             Err(Damaged)
@@ -33,25 +33,25 @@ impl State for Delay {
     }
 }
 
-impl Delay {
+impl DelayLine {
     /// A delay by `frames`, at least 1.
     pub(super) fn new(frames: usize) -> Self {
         Self {
-            past: vec![0.0; frames.max(1)],
+            samples: vec![0.0; frames.max(1)],
             write_index: 0,
             echo: None,
         }
     }
 
-    /// A line that hears itself: it holds w(n) = x(n) + ratio · w(n - echo), and gives w(n - frames).
-    pub(super) fn echoing(frames: usize, echo: Option<Echo>) -> Self {
+    /// A line with feedback: it holds w(n) = x(n) + ratio · w(n - echo), and gives w(n - frames).
+    pub(super) fn with_echo(frames: usize, echo: Option<Echo>) -> Self {
         Self {
             echo,
             ..Self::new(frames)
         }
     }
 
-    /// What goes into it again.
+    /// Its feedback.
     pub(super) fn echo(&self) -> Option<Echo> {
         self.echo
     }
@@ -61,14 +61,14 @@ impl Delay {
     pub(super) fn next(&mut self, x: f64) -> f64 {
         let oldest_sample = self.oldest();
         let echo_sample = self.echo.map_or(0.0, |echo| {
-            let line_length = self.past.len();
-            let echo_index = self.write_index + line_length - echo.frames;
+            let line_length = self.samples.len();
+            let echo_index = self.write_index + line_length - echo.delay_frames;
             let echo_index = if echo_index < line_length {
                 echo_index
             } else {
                 echo_index - line_length
             };
-            echo.ratio * self.past[echo_index]
+            echo.feedback_ratio * self.samples[echo_index]
         });
         self.push(x + echo_sample);
         oldest_sample
@@ -76,57 +76,57 @@ impl Delay {
 
     /// Frames by which it delays.
     pub(super) fn length(&self) -> usize {
-        self.past.len()
+        self.samples.len()
     }
 
     /// The sample that leaves the line now; call [`Delay::push`] after it.
     #[inline]
     pub(super) fn oldest(&self) -> f64 {
-        self.past[self.write_index]
+        self.samples[self.write_index]
     }
 
     /// Put in the newest sample.
     #[inline]
     pub(super) fn push(&mut self, x: f64) {
-        self.past[self.write_index] = x;
+        self.samples[self.write_index] = x;
         self.write_index += 1;
-        if self.write_index == self.past.len() {
+        if self.write_index == self.samples.len() {
             self.write_index = 0;
         }
     }
 
     /// The samples that leave the line next, no more than its length.
     pub(super) fn copy_oldest(&self, out: &mut [f64]) {
-        let until_wrap = (self.past.len() - self.write_index).min(out.len());
+        let until_wrap = (self.samples.len() - self.write_index).min(out.len());
         let (early_part, late_part) = out.split_at_mut(until_wrap);
-        early_part.copy_from_slice(&self.past[self.write_index..self.write_index + until_wrap]);
-        late_part.copy_from_slice(&self.past[..late_part.len()]);
+        early_part.copy_from_slice(&self.samples[self.write_index..self.write_index + until_wrap]);
+        late_part.copy_from_slice(&self.samples[..late_part.len()]);
     }
 
     /// Put in the newest samples, no more than its length.
     pub(super) fn push_all(&mut self, samples: &[f64]) {
-        let until_wrap = (self.past.len() - self.write_index).min(samples.len());
+        let until_wrap = (self.samples.len() - self.write_index).min(samples.len());
         let (early_part, late_part) = samples.split_at(until_wrap);
-        self.past[self.write_index..self.write_index + until_wrap].copy_from_slice(early_part);
-        self.past[..late_part.len()].copy_from_slice(late_part);
-        self.write_index = (self.write_index + samples.len()) % self.past.len();
+        self.samples[self.write_index..self.write_index + until_wrap].copy_from_slice(early_part);
+        self.samples[..late_part.len()].copy_from_slice(late_part);
+        self.write_index = (self.write_index + samples.len()) % self.samples.len();
     }
 
     /// Continue with the newest samples of another line, as many as fit. Allocates nothing.
     pub(super) fn take_over(&mut self, old: &Self) {
-        let (line_length, old_length) = (self.past.len(), old.past.len());
+        let (line_length, old_length) = (self.samples.len(), old.samples.len());
         self.write_index = 0;
-        for back in 1..=line_length {
-            self.past[line_length - back] = if back <= old_length {
-                old.past[(old.write_index + old_length - back) % old_length]
+        for samples_ago in 1..=line_length {
+            self.samples[line_length - samples_ago] = if samples_ago <= old_length {
+                old.samples[(old.write_index + old_length - samples_ago) % old_length]
             } else {
                 0.0
             };
         }
-        // Where the older one ends, a line that hears itself would hear a step.
+        // Where the older samples end, feedback would repeat a step.
         if self.echo.is_some() && old_length < line_length {
-            let smoothed_count = old_length.min(SMOOTHED_MAX);
-            for (step, x) in self.past[line_length - old_length..][..smoothed_count]
+            let smoothed_count = old_length.min(SMOOTHED_FRAMES_MAX);
+            for (step, x) in self.samples[line_length - old_length..][..smoothed_count]
                 .iter_mut()
                 .enumerate()
             {
@@ -139,7 +139,7 @@ impl Delay {
     /// Energy of the samples in the line: the sum of their squares.
     #[cfg(test)]
     pub(super) fn energy(&self) -> f64 {
-        self.past.iter().map(|x| x * x).sum()
+        self.samples.iter().map(|x| x * x).sum()
     }
 }
 
@@ -147,7 +147,7 @@ impl Delay {
 mod tests {
     use super::*;
 
-    fn delayed_ramp(delay: &mut Delay, from: i32, to: i32) -> Vec<f64> {
+    fn delayed_ramp(delay: &mut DelayLine, from: i32, to: i32) -> Vec<f64> {
         let mut next = |x: f64| {
             let oldest_sample = delay.oldest();
             delay.push(x);
@@ -158,15 +158,18 @@ mod tests {
 
     #[test]
     fn delay_returns_samples_later() {
-        let mut delay = Delay::new(3);
+        let mut delay = DelayLine::new(3);
         assert_eq!(delayed_ramp(&mut delay, 1, 7), [0.0, 0.0, 0.0, 1.0, 2.0, 3.0]);
     }
 
     #[test]
     fn echoing_delay_falls_by_its_feedback() {
         let echo_response = |length| {
-            let echo = Echo { frames: 3, ratio: -0.5 };
-            let mut echo = Delay::echoing(length, Some(echo));
+            let echo = Echo {
+                delay_frames: 3,
+                feedback_ratio: -0.5,
+            };
+            let mut echo = DelayLine::with_echo(length, Some(echo));
             let echoed_samples = (0..10).map(|i| echo.next(if i == 0 { 1.0 } else { 0.0 }));
             echoed_samples.collect::<Vec<f64>>()
         };
@@ -177,15 +180,15 @@ mod tests {
 
     #[test]
     fn delay_take_over_keeps_the_newest_samples() {
-        let mut old_delay = Delay::new(5);
+        let mut old_delay = DelayLine::new(5);
         delayed_ramp(&mut old_delay, 1, 13); // holds 8 … 12
-        let mut equal_delay = Delay::new(5);
+        let mut equal_delay = DelayLine::new(5);
         equal_delay.take_over(&old_delay);
         assert_eq!(delayed_ramp(&mut equal_delay, 0, 5), [8.0, 9.0, 10.0, 11.0, 12.0]);
-        let mut short_delay = Delay::new(2);
+        let mut short_delay = DelayLine::new(2);
         short_delay.take_over(&old_delay);
         assert_eq!(delayed_ramp(&mut short_delay, 0, 2), [11.0, 12.0]);
-        let mut long_delay = Delay::new(7);
+        let mut long_delay = DelayLine::new(7);
         long_delay.take_over(&old_delay);
         assert_eq!(
             delayed_ramp(&mut long_delay, 0, 7),

@@ -45,7 +45,7 @@ impl FilterKind {
 
     /// The name of the filter in a score.
     #[must_use]
-    pub fn word(&self) -> &'static str {
+    pub fn score_word(&self) -> &'static str {
         match self {
             Self::Highpass { .. } => "highpass",
             Self::Lowpass { .. } => "lowpass",
@@ -57,7 +57,7 @@ impl FilterKind {
 
 /// How a filter combines the outputs of its section.
 #[derive(Clone, Copy, Debug)]
-enum Weights {
+enum SectionWeights {
     High,
     Low,
     /// Of input, band-pass and low-pass.
@@ -73,46 +73,42 @@ enum Weights {
 pub(super) struct Filter {
     kind: FilterKind,
     section: Section,
-    weights: Weights,
+    weights: SectionWeights,
 }
 
 state!(Filter { section });
 
 impl Filter {
     /// A filter at rest, at `rate` [Hz].
-    pub(super) fn new(tone: FilterKind, rate: f64) -> Self {
-        let section = |scale| Section::scaled(tone.frequency(), rate, BUTTERWORTH_2, scale);
-        let (section, weights) = match tone {
-            FilterKind::Highpass { .. } => (section(1.0), Weights::High),
-            FilterKind::Lowpass { .. } => (section(1.0), Weights::Low),
+    pub(super) fn new(kind: FilterKind, rate: f64) -> Self {
+        let section = |scale| Section::scaled(kind.frequency(), rate, BUTTERWORTH_2, scale);
+        let (section, weights) = match kind {
+            FilterKind::Highpass { .. } => (section(1.0), SectionWeights::High),
+            FilterKind::Lowpass { .. } => (section(1.0), SectionWeights::Low),
             FilterKind::Lowshelf { level, .. } => {
                 let root_gain = pow(10.0, level / 40.0);
                 let band_weight = BUTTERWORTH_2 * (root_gain - 1.0);
-                let weights = Weights::Shelf([1.0, band_weight, root_gain * root_gain - 1.0]);
+                let weights = SectionWeights::Shelf([1.0, band_weight, root_gain * root_gain - 1.0]);
                 (section(1.0 / sqrt(root_gain)), weights)
             }
             FilterKind::Highshelf { level, .. } => {
                 let root_gain = pow(10.0, level / 40.0);
                 let band_weight = BUTTERWORTH_2 * (1.0 - root_gain) * root_gain;
-                let weights = Weights::Shelf([root_gain * root_gain, band_weight, 1.0 - root_gain * root_gain]);
+                let weights = SectionWeights::Shelf([root_gain * root_gain, band_weight, 1.0 - root_gain * root_gain]);
                 (section(sqrt(root_gain)), weights)
             }
         };
-        Self {
-            kind: tone,
-            section,
-            weights,
-        }
+        Self { kind, section, weights }
     }
 
     /// Whether both have the same kind and values, so that changing from one to the other makes no step in the sound.
-    pub(super) fn has_same_values(&self, before: &Self) -> bool {
-        self.kind == before.kind
+    pub(super) fn is_equal(&self, other: &Self) -> bool {
+        self.kind == other.kind
     }
 
     /// Whether both have the same kind; their values may differ.
-    pub(super) fn is_of_kind(&self, other: &Self) -> bool {
-        self.kind.word() == other.kind.word()
+    pub(super) fn is_same_kind(&self, other: &Self) -> bool {
+        self.kind.score_word() == other.kind.score_word()
     }
 
     /// Copy the state of another filter.
@@ -126,17 +122,17 @@ impl Filter {
     }
 
     /// The section of a high-pass.
-    pub(super) fn highpass(&mut self) -> Option<&mut Section> {
-        matches!(self.weights, Weights::High).then_some(&mut self.section)
+    pub(super) fn highpass_section(&mut self) -> Option<&mut Section> {
+        matches!(self.weights, SectionWeights::High).then_some(&mut self.section)
     }
 
     /// Filter samples in place.
     pub(super) fn process(&mut self, signal: &mut [f64]) {
         let mut section = self.section.clone(); // in registers
         match self.weights {
-            Weights::High => signal.iter_mut().for_each(|x| *x = section.next(*x).high),
-            Weights::Low => signal.iter_mut().for_each(|x| *x = section.next(*x).low),
-            Weights::Shelf([input, band, low]) => signal.iter_mut().for_each(|x| {
+            SectionWeights::High => signal.iter_mut().for_each(|x| *x = section.next(*x).high),
+            SectionWeights::Low => signal.iter_mut().for_each(|x| *x = section.next(*x).low),
+            SectionWeights::Shelf([input, band, low]) => signal.iter_mut().for_each(|x| {
                 let split_bands = section.next(*x);
                 *x = input * *x + band * split_bands.band + low * split_bands.low;
             }),

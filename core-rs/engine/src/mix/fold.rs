@@ -7,9 +7,9 @@ pub const MAX_CHANNELS: usize = 1024;
 /// Largest number of taps of a filter.
 pub const MAX_TAPS: usize = 1 << 16;
 /// Frames that are summed together: their sums stay in registers.
-const TILE: usize = 16;
+const TILE_FRAMES: usize = 16;
 /// Frames that are processed before the past samples are moved to the front of their buffer.
-const BLOCK: usize = 1024;
+const BLOCK_FRAMES: usize = 1024;
 
 /// Why a fold cannot be built.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -45,21 +45,21 @@ pub struct Fold {
     n_in: usize,
     n_out: usize,
     /// Number of past frames that a filter needs: n_taps − 1.
-    past: usize,
+    n_past_frames: usize,
     /// Sorted by output channel, then by input channel.
     paths: Vec<FoldPath>,
     taps: Vec<f64>,
-    /// Of each input channel: past samples, then the current block   (n_in, past + BLOCK)
-    line: Vec<f64>,
-    sums: Vec<f64>,
+    /// Of each input channel: past samples, then the current block   (n_in, n_past_frames + BLOCK_FRAMES)
+    input_lines: Vec<f64>,
+    frame_sums: Vec<f64>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct FoldPath {
-    from: usize,
-    to: usize,
+    input_channel: usize,
+    output_channel: usize,
     /// Number of zeros before its first tap that is not 0.
-    delay: usize,
+    delay_frames: usize,
     first_tap: usize,
     n_taps: usize,
 }
@@ -82,33 +82,33 @@ impl Fold {
             return Err(FoldError::NotFinite);
         }
         let (mut paths, mut taps) = (Vec::new(), Vec::new());
-        for to in 0..n_out {
-            for from in 0..n_in {
-                let first_tap = (from * n_out + to) * n_taps;
+        for output_channel in 0..n_out {
+            for input_channel in 0..n_in {
+                let first_tap = (input_channel * n_out + output_channel) * n_taps;
                 let filter = &filters[first_tap..first_tap + n_taps];
-                let Some(delay) = filter.iter().position(|h| *h != 0.0) else {
+                let Some(delay_frames) = filter.iter().position(|h| *h != 0.0) else {
                     continue;
                 };
-                let filter_end = filter.iter().rposition(|h| *h != 0.0).unwrap_or(delay) + 1;
+                let filter_end = filter.iter().rposition(|h| *h != 0.0).unwrap_or(delay_frames) + 1;
                 paths.push(FoldPath {
-                    from,
-                    to,
-                    delay,
+                    input_channel,
+                    output_channel,
+                    delay_frames,
                     first_tap: taps.len(),
-                    n_taps: filter_end - delay,
+                    n_taps: filter_end - delay_frames,
                 });
-                taps.extend_from_slice(&filter[delay..filter_end]);
+                taps.extend_from_slice(&filter[delay_frames..filter_end]);
             }
         }
-        let past = n_taps - 1;
+        let n_past_frames = n_taps - 1;
         Ok(Self {
             n_in,
             n_out,
-            past,
+            n_past_frames,
             paths,
             taps,
-            line: vec![0.0; n_in * (past + BLOCK)],
-            sums: vec![0.0; BLOCK],
+            input_lines: vec![0.0; n_in * (n_past_frames + BLOCK_FRAMES)],
+            frame_sums: vec![0.0; BLOCK_FRAMES],
         })
     }
 
@@ -122,37 +122,38 @@ impl Fold {
         self.n_out
     }
 
-    /// Number of frames that still sound after the last input frame.
-    pub fn tail(&self) -> usize {
-        self.past
+    /// Number of output frames that are not silent after the last input frame.
+    pub fn tail_frames(&self) -> usize {
+        self.n_past_frames
     }
 
     /// Filter `input` (n_frames, n_in) into `output` (n_frames, n_out), which is overwritten.
     pub fn process(&mut self, input: &[f64], output: &mut [f64]) {
-        let input = input.chunks(BLOCK * self.n_in);
-        for (input, output) in input.zip(output.chunks_mut(BLOCK * self.n_out)) {
-            self.block(input, output);
+        let input = input.chunks(BLOCK_FRAMES * self.n_in);
+        for (input, output) in input.zip(output.chunks_mut(BLOCK_FRAMES * self.n_out)) {
+            self.process_block(input, output);
         }
     }
 
-    fn block(&mut self, input: &[f64], output: &mut [f64]) {
+    fn process_block(&mut self, input: &[f64], output: &mut [f64]) {
         let n_frames = input.len() / self.n_in;
-        let line_width = self.past + BLOCK;
+        let line_width = self.n_past_frames + BLOCK_FRAMES;
         for (frame, row) in input.chunks_exact(self.n_in).enumerate() {
             for (channel, x) in row.iter().enumerate() {
-                self.line[channel * line_width + self.past + frame] = *x;
+                self.input_lines[channel * line_width + self.n_past_frames + frame] = *x;
             }
         }
         let mut paths_left = self.paths.iter().peekable();
         for output_channel in 0..self.n_out {
-            let output_sums = &mut self.sums[..n_frames.next_multiple_of(TILE)];
+            let output_sums = &mut self.frame_sums[..n_frames.next_multiple_of(TILE_FRAMES)];
             output_sums.fill(0.0);
-            while let Some(fold_path) = paths_left.next_if(|fold_path| fold_path.to == output_channel) {
-                let channel_line = &self.line[fold_path.from * line_width..(fold_path.from + 1) * line_width];
+            while let Some(fold_path) = paths_left.next_if(|fold_path| fold_path.output_channel == output_channel) {
+                let channel_line =
+                    &self.input_lines[fold_path.input_channel * line_width..(fold_path.input_channel + 1) * line_width];
                 let path_taps = &self.taps[fold_path.first_tap..fold_path.first_tap + fold_path.n_taps];
-                let line_start = self.past - fold_path.delay;
-                for (tile, output_sums) in output_sums.chunks_exact_mut(TILE).enumerate() {
-                    add(output_sums, channel_line, line_start + tile * TILE, path_taps);
+                let line_start = self.n_past_frames - fold_path.delay_frames;
+                for (tile, output_sums) in output_sums.chunks_exact_mut(TILE_FRAMES).enumerate() {
+                    add_filtered(output_sums, channel_line, line_start + tile * TILE_FRAMES, path_taps);
                 }
             }
             for (frame, sum) in output_sums[..n_frames].iter().enumerate() {
@@ -160,18 +161,18 @@ impl Fold {
             }
         }
         for channel in 0..self.n_in {
-            let channel_line = &mut self.line[channel * line_width..(channel + 1) * line_width];
-            channel_line.copy_within(n_frames..n_frames + self.past, 0);
+            let channel_line = &mut self.input_lines[channel * line_width..(channel + 1) * line_width];
+            channel_line.copy_within(n_frames..n_frames + self.n_past_frames, 0);
         }
     }
 }
 
-/// Add the filtered signal of TILE frames, the first of which is at `start` in `line`.
-fn add(sums: &mut [f64], line: &[f64], start: usize, taps: &[f64]) {
-    let mut tile_sums = [0.0; TILE];
+/// Add the filtered signal of TILE_FRAMES frames, the first of which is at `start` in `line`.
+fn add_filtered(sums: &mut [f64], line: &[f64], start: usize, taps: &[f64]) {
+    let mut tile_sums = [0.0; TILE_FRAMES];
     tile_sums.copy_from_slice(sums);
     for (age, tap) in taps.iter().enumerate() {
-        let delayed = &line[start - age..start - age + TILE];
+        let delayed = &line[start - age..start - age + TILE_FRAMES];
         for (sum, x) in tile_sums.iter_mut().zip(delayed) {
             *sum += tap * x;
         }

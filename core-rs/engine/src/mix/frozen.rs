@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::glide::Glide;
+use super::glide::GainGlide;
 
 /// Samples of outputs that were computed earlier, from their first frame on.
 #[derive(Debug)]
@@ -37,37 +37,43 @@ impl FrozenOutputs {
 
 /// One frozen output in a mixer.
 #[derive(Clone, Debug)]
-pub(super) struct Placed {
+pub(super) struct PlacedOutput {
     source: Arc<FrozenOutputs>,
     column: usize,
     /// The output of the mixer to which it is added.
-    pub(super) out: usize,
+    pub(super) mixer_output: usize,
     /// The frame of the mixer at which its first frame is heard.
-    begins: i64,
-    pub(super) fade: Glide,
+    start_frame: i64,
+    pub(super) fade: GainGlide,
 }
 
-impl Placed {
-    pub(super) fn new(source: Arc<FrozenOutputs>, column: usize, out: usize, begins: i64, rate: f64) -> Self {
+impl PlacedOutput {
+    pub(super) fn new(
+        source: Arc<FrozenOutputs>,
+        column: usize,
+        mixer_output: usize,
+        start_frame: i64,
+        rate: f64,
+    ) -> Self {
         Self {
             source,
             column,
-            out,
-            begins,
-            fade: Glide::new(rate, 1.0),
+            mixer_output,
+            start_frame,
+            fade: GainGlide::new(rate, 1.0),
         }
     }
 
     /// Whether it is the same frozen output, at the same place, as one of an old mixer whose output is now `out`.
-    pub(super) fn continues(&self, before: &Self, out: usize) -> bool {
-        Arc::ptr_eq(&self.source, &before.source)
-            && (self.column, self.begins, self.out) == (before.column, before.begins, out)
+    pub(super) fn is_continuation_of(&self, old_output: &Self, out: usize) -> bool {
+        Arc::ptr_eq(&self.source, &old_output.source)
+            && (self.column, self.start_frame, self.mixer_output) == (old_output.column, old_output.start_frame, out)
     }
 
     /// A copy for another mixer, at its output `out`, with another fade.
-    pub(super) fn fading(&self, out: usize, fade: Glide) -> Self {
+    pub(super) fn with_fade(&self, mixer_output: usize, fade: GainGlide) -> Self {
         Self {
-            out,
+            mixer_output,
             fade,
             ..self.clone()
         }
@@ -77,7 +83,7 @@ impl Placed {
     pub(super) fn faded_sample(&self, n: u64) -> f64 {
         let signed_frame = i64::try_from(n).unwrap_or(i64::MAX);
         self.source
-            .sample(signed_frame.saturating_sub(self.begins), self.column)
-            * self.fade.value(n)
+            .sample(signed_frame.saturating_sub(self.start_frame), self.column)
+            * self.fade.gain_at(n)
     }
 }

@@ -1,6 +1,6 @@
 //! A gain that changes smoothly while it sounds.
 
-use crate::timeline::GRID;
+use crate::timeline::GRID_FRAMES;
 
 /// Duration of a glide from one gain to another [s], rounded up to the grid, as for couplings.
 const GLIDE_SECONDS: f64 = 0.02;
@@ -8,38 +8,38 @@ const GLIDE_SECONDS: f64 = 0.02;
 /// A gain that glides. Every glide begins at a multiple of [`GRID`] frames, whatever the size of blocks.
 ///
 /// ```
-/// use ergon_engine::mix::glide::Glide;
+/// use ergon_engine::mix::glide::GainGlide;
 ///
-/// let mut glide = Glide::new(48_000.0, 1.0);
+/// let mut glide = GainGlide::new(48_000.0, 1.0);
 /// glide.set(0.5);
 /// let mut frames = vec![1.0; 2000];
 /// glide.apply(0, &mut frames, 1);
 /// assert_eq!((frames[0], frames[1999]), (1.0, 0.5));
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct Glide {
-    from: f64,
-    to: f64,
-    start: u64,
-    length: u64,
-    /// The gain that was asked for: the glide to it is set at the next multiple of the grid, and starts `lag` frames
-    /// later.
-    requested: Option<f64>,
-    lag: u64,
+pub struct GainGlide {
+    start_gain: f64,
+    end_gain: f64,
+    start_frame: u64,
+    length_frames: u64,
+    /// The gain that was requested: the glide to it is set at the next multiple of the grid, and starts `lag_frames`
+    /// frames later.
+    requested_gain: Option<f64>,
+    lag_frames: u64,
 }
 
-impl Glide {
+impl GainGlide {
     /// A constant gain, for frames at `rate` [Hz].
     #[must_use]
     pub fn new(rate: f64, gain: f64) -> Self {
-        let length = ((GLIDE_SECONDS * rate) as u64).div_ceil(GRID).max(1) * GRID;
+        let length_frames = ((GLIDE_SECONDS * rate) as u64).div_ceil(GRID_FRAMES).max(1) * GRID_FRAMES;
         Self {
-            from: gain,
-            to: gain,
-            start: 0,
-            length,
-            requested: None,
-            lag: 0,
+            start_gain: gain,
+            end_gain: gain,
+            start_frame: 0,
+            length_frames,
+            requested_gain: None,
+            lag_frames: 0,
         }
     }
 
@@ -53,40 +53,40 @@ impl Glide {
 
     /// Glide to `gain` from the next multiple of the grid on; a gain that is not finite is ignored.
     pub fn set(&mut self, gain: f64) {
-        self.set_later(gain, 0);
+        self.set_after(gain, 0);
     }
 
-    /// [`Glide::set`], but `lag` frames later.
-    pub fn set_later(&mut self, gain: f64, lag: u64) {
+    /// [`GainGlide::set`], but `lag` frames later.
+    pub fn set_after(&mut self, gain: f64, lag: u64) {
         if gain.is_finite() {
-            (self.requested, self.lag) = (Some(gain), lag);
+            (self.requested_gain, self.lag_frames) = (Some(gain), lag);
         }
     }
 
     /// The gain at frame `n`.
     #[must_use]
-    pub fn value(&self, n: u64) -> f64 {
-        let frames_into = n.saturating_sub(self.start);
-        if frames_into >= self.length {
-            return self.to;
+    pub fn gain_at(&self, n: u64) -> f64 {
+        let frames_into = n.saturating_sub(self.start_frame);
+        if frames_into >= self.length_frames {
+            return self.end_gain;
         }
-        let u = frames_into as f64 / self.length as f64;
-        self.from + (self.to - self.from) * u * u * (3.0 - 2.0 * u)
+        let u = frames_into as f64 / self.length_frames as f64;
+        self.start_gain + (self.end_gain - self.start_gain) * u * u * (3.0 - 2.0 * u)
     }
 
     /// The gain, if it is constant from frame `n` on.
     #[must_use]
-    pub fn steady(&self, n: u64) -> Option<f64> {
-        let is_resting = self.requested.is_none() && n.saturating_sub(self.start) >= self.length;
-        (is_resting || self.requested.is_none() && self.from == self.to).then_some(self.to)
+    pub fn constant_gain(&self, n: u64) -> Option<f64> {
+        let is_resting = self.requested_gain.is_none() && n.saturating_sub(self.start_frame) >= self.length_frames;
+        (is_resting || self.requested_gain.is_none() && self.start_gain == self.end_gain).then_some(self.end_gain)
     }
 
-    /// At frame `n`: begin the glide that was asked for, if `n` is a multiple of the grid.
-    pub fn begin_due(&mut self, n: u64) {
-        if n.is_multiple_of(GRID)
-            && let Some(requested_gain) = self.requested.take()
+    /// At frame `n`: begin the glide that was requested, if `n` is a multiple of the grid.
+    pub fn begin_requested(&mut self, n: u64) {
+        if n.is_multiple_of(GRID_FRAMES)
+            && let Some(requested_gain) = self.requested_gain.take()
         {
-            (self.from, self.to, self.start) = (self.value(n), requested_gain, n + self.lag);
+            (self.start_gain, self.end_gain, self.start_frame) = (self.gain_at(n), requested_gain, n + self.lag_frames);
         }
     }
 
@@ -95,17 +95,17 @@ impl Glide {
         let mut n = n;
         let mut frames_left = frames;
         while !frames_left.is_empty() {
-            self.begin_due(n);
-            let frame_count = frames_to_next_glide(n, self.steady(n).is_some());
+            self.begin_requested(n);
+            let frame_count = frames_to_next_glide(n, self.constant_gain(n).is_some());
             let sample_count = frames_left.len();
             let span_length = frame_count.saturating_mul(n_channels as u64).min(sample_count as u64) as usize;
             let (span_frames, frames_after) = frames_left.split_at_mut(span_length);
-            match self.steady(n) {
+            match self.constant_gain(n) {
                 Some(gain) => span_frames.iter_mut().for_each(|x| *x *= gain),
                 None => span_frames
                     .chunks_mut(n_channels.max(1))
                     .zip(n..)
-                    .for_each(|(frame, n)| frame.iter_mut().for_each(|x| *x *= self.value(n))),
+                    .for_each(|(frame, n)| frame.iter_mut().for_each(|x| *x *= self.gain_at(n))),
             }
             (n, frames_left) = (n.saturating_add(frame_count), frames_after);
         }
@@ -113,24 +113,28 @@ impl Glide {
 }
 
 /// Begin or end the glide of a remaining gain at frame `n`; returns whether any of it remains.
-pub(super) fn update_residual(residual: &mut Option<Glide>, n: u64) -> bool {
+pub(super) fn update_residual(residual: &mut Option<GainGlide>, n: u64) -> bool {
     let Some(glide) = residual else { return false };
-    glide.begin_due(n);
-    if glide.steady(n).is_some() {
+    glide.begin_requested(n);
+    if glide.constant_gain(n).is_some() {
         *residual = None;
     }
     residual.is_some()
 }
 
 /// A gain that glides to 0; `None` if it is 0 already.
-pub(super) fn glide_to_zero(rate: f64, from: f64) -> Option<Glide> {
-    (from != 0.0).then(|| Glide::between(rate, from, 0.0))
+pub(super) fn glide_to_zero(rate: f64, from: f64) -> Option<GainGlide> {
+    (from != 0.0).then(|| GainGlide::between(rate, from, 0.0))
 }
 
 /// Number of frames from `n` on in which no glide begins: unlimited if `is_steady`, otherwise up to the next multiple
 /// of the grid.
 pub(super) fn frames_to_next_glide(n: u64, is_steady: bool) -> u64 {
-    if is_steady { u64::MAX } else { GRID - n % GRID }
+    if is_steady {
+        u64::MAX
+    } else {
+        GRID_FRAMES - n % GRID_FRAMES
+    }
 }
 
 #[cfg(test)]
@@ -139,7 +143,7 @@ mod tests {
 
     /// The gain at each of `n` frames, computed in blocks; set to 0.25 at frame 100 and to 2 at frame 400.
     fn gains(n: usize, block: usize) -> Vec<f64> {
-        let mut glide = Glide::new(44_100.0, 1.0);
+        let mut glide = GainGlide::new(44_100.0, 1.0);
         let mut frames = vec![1.0; n];
         let mut frame_index = 0;
         while frame_index < n {
@@ -181,10 +185,10 @@ mod tests {
     #[test]
     fn resting_glide_multiplies_by_its_gain() {
         let mut frames = [0.1, -0.3, 0.7, 1e-9];
-        Glide::new(48_000.0, 0.5).apply(17, &mut frames, 2);
+        GainGlide::new(48_000.0, 0.5).apply(17, &mut frames, 2);
         assert_eq!(frames, [0.05, -0.15, 0.35, 5e-10]);
-        let mut glide = Glide::new(48_000.0, 0.5);
+        let mut glide = GainGlide::new(48_000.0, 0.5);
         glide.set(f64::NAN);
-        assert_eq!(glide.steady(0), Some(0.5));
+        assert_eq!(glide.constant_gain(0), Some(0.5));
     }
 }

@@ -1,37 +1,37 @@
 //! Levels of a sound, step by step.
 
 use super::meter::{Meter, MeterError};
-use super::true_peak::largest;
+use super::true_peak::magnitude_max;
 use crate::archive::{Archive, Damaged, State, state};
 
 /// Peaks in a step.
-pub const PEAKS: usize = 10;
+pub const PEAKS_PER_STEP: usize = 10;
 
 /// Measures a sound in steps of a tenth of a second: the loudness of the last 400 ms, and ten peaks.
 ///
 /// ```
-/// use ergon_engine::mix::level_steps::{LevelSteps, PEAKS};
+/// use ergon_engine::mix::level_steps::{LevelSteps, PEAKS_PER_STEP};
 ///
 /// let mut levels = LevelSteps::new(48_000.0, 1)?;
 /// levels.process(&[0.5; 4_801]);
-/// let measured = levels.measured();
-/// assert_eq!(measured.len(), 1 + PEAKS);
-/// assert_eq!(measured[1..], [0.5; PEAKS]);
+/// let measured = levels.levels();
+/// assert_eq!(measured.len(), 1 + PEAKS_PER_STEP);
+/// assert_eq!(measured[1..], [0.5; PEAKS_PER_STEP]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct LevelSteps {
     meter: Meter,
     /// Frames of the current step that have come.
-    frames_taken: usize,
-    peaks: [f64; PEAKS],
-    /// Loudness [LUFS] and peaks of each step   (n_steps · (1 + PEAKS))
-    measured: Vec<f64>,
+    frames_in_step: usize,
+    peaks: [f64; PEAKS_PER_STEP],
+    /// Loudness [LUFS] and peaks of each step   (n_steps · (1 + PEAKS_PER_STEP))
+    levels: Vec<f64>,
 }
 
 state!(LevelSteps {
     meter,
-    frames_taken,
+    frames_in_step,
     peaks
 });
 
@@ -43,9 +43,9 @@ impl LevelSteps {
     pub fn new(rate: f64, n_channels: usize) -> Result<Self, MeterError> {
         Ok(Self {
             meter: Meter::new(rate, n_channels)?,
-            frames_taken: 0,
-            peaks: [0.0; PEAKS],
-            measured: Vec::new(),
+            frames_in_step: 0,
+            peaks: [0.0; PEAKS_PER_STEP],
+            levels: Vec::new(),
         })
     }
 
@@ -60,25 +60,27 @@ impl LevelSteps {
         let mut frames_left = frames;
         while frames_left.len() >= n_channels {
             // Peak p is that of the frames from p · step / PEAKS on.
-            let peak_index = (1..PEAKS).take_while(|p| p * step / PEAKS <= self.frames_taken).count();
-            let stop = (peak_index + 1) * step / PEAKS;
-            let n_frames = (stop - self.frames_taken).min(frames_left.len() / n_channels);
+            let peak_index = (1..PEAKS_PER_STEP)
+                .take_while(|p| p * step / PEAKS_PER_STEP <= self.frames_in_step)
+                .count();
+            let stop = (peak_index + 1) * step / PEAKS_PER_STEP;
+            let n_frames = (stop - self.frames_in_step).min(frames_left.len() / n_channels);
             let span;
             (span, frames_left) = frames_left.split_at(n_frames * n_channels);
             self.meter.process(span);
-            self.peaks[peak_index] = self.peaks[peak_index].max(largest(span));
-            self.frames_taken += n_frames;
-            if self.frames_taken == step {
-                self.measured.push(self.meter.momentary());
-                self.measured.extend(std::mem::take(&mut self.peaks));
-                self.frames_taken = 0;
+            self.peaks[peak_index] = self.peaks[peak_index].max(magnitude_max(span));
+            self.frames_in_step += n_frames;
+            if self.frames_in_step == step {
+                self.levels.push(self.meter.momentary_loudness());
+                self.levels.extend(std::mem::take(&mut self.peaks));
+                self.frames_in_step = 0;
             }
         }
     }
 
-    /// The loudness [LUFS] and the peaks of each complete step   (n_steps · (1 + PEAKS))
-    pub fn measured(&self) -> &[f64] {
-        &self.measured
+    /// The loudness [LUFS] and the peaks of each complete step   (n_steps · (1 + PEAKS_PER_STEP))
+    pub fn levels(&self) -> &[f64] {
+        &self.levels
     }
 
     /// What the levels of later frames depend on, besides the sound.
@@ -89,7 +91,7 @@ impl LevelSteps {
         state_bytes
     }
 
-    /// Go on after frames whose levels are `measured`; `state` is that after them.
+    /// Continue after frames whose levels are `measured`; `state` is the state after them.
     ///
     /// # Errors
     /// [`Damaged`] if these are not the state and the levels of such steps; all is then as it was.
@@ -98,11 +100,11 @@ impl LevelSteps {
         let mut archive = Archive::Read(state);
         restored.archive(&mut archive)?;
         let step = self.meter.tenth_frames();
-        let is_valid = archive.is_empty() && restored.frames_taken < step && restored.meter.is_within_tenth();
-        if !is_valid || !measured.len().is_multiple_of(1 + PEAKS) {
+        let is_valid = archive.is_empty() && restored.frames_in_step < step && restored.meter.is_within_tenth();
+        if !is_valid || !measured.len().is_multiple_of(1 + PEAKS_PER_STEP) {
             return Err(Damaged);
         }
-        restored.measured = measured.to_vec();
+        restored.levels = measured.to_vec();
         *self = restored;
         Ok(())
     }
@@ -123,16 +125,17 @@ mod tests {
             let (early, late) = frames.split_at(13_000 * n_channels);
             let mut first = LevelSteps::new(44_100.0, n_channels).unwrap();
             first.process(early);
-            let (state, measured) = (first.write_state(), first.measured().to_vec());
+            let (state, measured) = (first.write_state(), first.levels().to_vec());
             let mut second = LevelSteps::new(44_100.0, n_channels).unwrap();
             second.read_state(&state, &measured).unwrap();
             second.process(late);
-            assert_eq!(second.measured(), levels.measured());
-            assert_eq!(levels.measured().len(), 6 * (1 + PEAKS));
+            assert_eq!(second.levels(), levels.levels());
+            assert_eq!(levels.levels().len(), 6 * (1 + PEAKS_PER_STEP));
             let peak = |samples: &[f64]| samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
-            for p in 0..PEAKS {
-                let cell = &frames[p * 4_410 / PEAKS * n_channels..(p + 1) * 4_410 / PEAKS * n_channels];
-                assert_eq!(levels.measured()[1 + p], peak(cell));
+            for p in 0..PEAKS_PER_STEP {
+                let cell =
+                    &frames[p * 4_410 / PEAKS_PER_STEP * n_channels..(p + 1) * 4_410 / PEAKS_PER_STEP * n_channels];
+                assert_eq!(levels.levels()[1 + p], peak(cell));
             }
         }
     }

@@ -8,15 +8,15 @@ use crate::maths;
 
 /// Look-ahead of the limiter [s], which is its attack time: shorter than the 10 ms of backward masking in hearing, and
 /// long enough for a fade without a click.
-const LOOK_AHEAD: f64 = 5e-3;
+const LOOK_AHEAD_SECONDS: f64 = 5e-3;
 /// Time constant of the release [s].
-const RELEASE: f64 = 50e-3;
+const RELEASE_SECONDS: f64 = 50e-3;
 /// A gain of 1 in fixed point, in steps of −241 dB: a running sum of integers does not drift, so the gain returns to
 /// exactly 1.
 const FIXED_ONE: f64 = (1u64 << 40) as f64;
 /// Largest look-ahead [frames]: the sum of that many values up to [`FIXED_ONE`] is at most 2⁵³, so doubles hold it
 /// exactly.
-const LOOK_AHEAD_MAX: f64 = 8191.0;
+const LOOK_AHEAD_FRAMES_MAX: f64 = 8191.0;
 
 /// Largest number of channels; the largest loudspeaker rooms have some hundreds.
 pub const MAX_CHANNELS: usize = 1024;
@@ -58,17 +58,17 @@ pub enum LimiterError {
 pub struct Limiter {
     n_channels: usize,
     ceiling: f64,
-    latency: usize,
+    latency_frames: usize,
     /// Factor by which the reduction falls in one frame.
-    release: f64,
-    /// The last `latency` frames, oldest at `write_index`.
-    delay: Vec<f64>,
-    /// Reductions of the last `latency` + 1 frames in fixed point, before the mean; the next one is written at
-    /// `next_held`.
-    held: Vec<u64>,
-    sum: u64,
+    release_factor: f64,
+    /// The last `latency_frames` frames, oldest at `write_index`.
+    delayed_samples: Vec<f64>,
+    /// Reductions of the last `latency_frames` + 1 frames in fixed point, before the mean; the next one is written at
+    /// `next_reduction_index`.
+    fixed_reductions: Vec<u64>,
+    fixed_reduction_sum: u64,
     write_index: usize,
-    next_held: usize,
+    next_reduction_index: usize,
     /// Candidates for the maximum of the window, in falling order: frame and reduction.
     candidates: VecDeque<(u64, f64)>,
     frame: u64,
@@ -82,8 +82,8 @@ impl Limiter {
     /// If the rate is too low or too high for the look-ahead, the ceiling is not a finite number above 0, or there are
     /// too many channels.
     pub fn new(rate: f64, n_channels: usize, ceiling: f64) -> Result<Self, LimiterError> {
-        let latency = (LOOK_AHEAD * rate).ceil();
-        if !(latency > 0.0 && latency <= LOOK_AHEAD_MAX) {
+        let latency = (LOOK_AHEAD_SECONDS * rate).ceil();
+        if !(latency > 0.0 && latency <= LOOK_AHEAD_FRAMES_MAX) {
             return Err(LimiterError::Rate(rate));
         }
         if !(ceiling > 0.0 && ceiling.is_finite()) {
@@ -92,19 +92,19 @@ impl Limiter {
         if n_channels > MAX_CHANNELS {
             return Err(LimiterError::Channels(n_channels));
         }
-        let latency = latency as usize;
+        let latency_frames = latency as usize;
         Ok(Self {
             n_channels,
             ceiling,
-            latency,
-            release: maths::exp(-1.0 / (RELEASE * rate)),
-            delay: vec![0.0; latency * n_channels],
-            held: vec![0; latency + 1],
-            sum: 0,
+            latency_frames,
+            release_factor: maths::exp(-1.0 / (RELEASE_SECONDS * rate)),
+            delayed_samples: vec![0.0; latency_frames * n_channels],
+            fixed_reductions: vec![0; latency_frames + 1],
+            fixed_reduction_sum: 0,
             write_index: 0,
-            next_held: 0,
+            next_reduction_index: 0,
             // Allocated here, because `process` must not allocate.
-            candidates: VecDeque::with_capacity(latency + 2),
+            candidates: VecDeque::with_capacity(latency_frames + 2),
             frame: 0,
             reduction: 0.0,
         })
@@ -112,7 +112,7 @@ impl Limiter {
 
     /// Delay of the output in frames.
     pub fn latency(&self) -> usize {
-        self.latency
+        self.latency_frames
     }
 
     /// Number of channels.
@@ -135,49 +135,50 @@ impl Limiter {
                 *x = if x.is_nan() { 0.0 } else { x.clamp(-f64::MAX, f64::MAX) };
                 frame_peak = frame_peak.max(x.abs());
             }
-            let frame_gain = self.gain(frame_peak);
-            let delayed = &mut self.delay[self.write_index * self.n_channels..][..self.n_channels];
+            let frame_gain = self.gain_after(frame_peak);
+            let delayed = &mut self.delayed_samples[self.write_index * self.n_channels..][..self.n_channels];
             for (x, delayed) in frame.iter_mut().zip(delayed) {
                 // The rounding of the gain may leave a sample above the ceiling by the last bit.
                 let limited = (*delayed * frame_gain).clamp(-self.ceiling, self.ceiling);
                 *delayed = std::mem::replace(x, limited);
             }
-            self.write_index = (self.write_index + 1) % self.latency;
+            self.write_index = (self.write_index + 1) % self.latency_frames;
         }
     }
 
     /// The gain of the frame that leaves while a frame with this `peak` enters.
-    fn gain(&mut self, peak: f64) -> f64 {
+    fn gain_after(&mut self, peak: f64) -> f64 {
         let wanted_reduction = if peak > self.ceiling {
             1.0 - self.ceiling / peak
         } else {
             0.0
         };
-        let largest = self.largest(wanted_reduction);
-        let released = self.reduction * self.release;
+        let window_reduction = self.largest_in_window(wanted_reduction);
+        let released = self.reduction * self.release_factor;
         // Below one step of the fixed point, the release ends.
         self.reduction = if released * FIXED_ONE < 1.0 {
-            largest
+            window_reduction
         } else {
-            largest.max(released)
+            window_reduction.max(released)
         };
         let newest_reduction = (self.reduction * FIXED_ONE).ceil() as u64;
-        self.sum = self.sum + newest_reduction - std::mem::replace(&mut self.held[self.next_held], newest_reduction);
-        self.next_held = (self.next_held + 1) % self.held.len();
-        1.0 - self.sum as f64 / (self.held.len() as f64 * FIXED_ONE)
+        self.fixed_reduction_sum = self.fixed_reduction_sum + newest_reduction
+            - std::mem::replace(&mut self.fixed_reductions[self.next_reduction_index], newest_reduction);
+        self.next_reduction_index = (self.next_reduction_index + 1) % self.fixed_reductions.len();
+        1.0 - self.fixed_reduction_sum as f64 / (self.fixed_reductions.len() as f64 * FIXED_ONE)
     }
 
-    /// The largest reduction among this frame and the `latency` frames before it.
-    fn largest(&mut self, target_gain: f64) -> f64 {
+    /// The largest reduction among this frame and the `latency_frames` frames before it.
+    fn largest_in_window(&mut self, new_reduction: f64) -> f64 {
         while self
             .candidates
             .back()
-            .is_some_and(|&(_, smaller)| smaller <= target_gain)
+            .is_some_and(|&(_, smaller)| smaller <= new_reduction)
         {
             self.candidates.pop_back();
         }
-        self.candidates.push_back((self.frame, target_gain));
-        if self.candidates[0].0 + (self.latency as u64) < self.frame {
+        self.candidates.push_back((self.frame, new_reduction));
+        if self.candidates[0].0 + (self.latency_frames as u64) < self.frame {
             self.candidates.pop_front();
         }
         self.frame += 1;

@@ -1,11 +1,11 @@
 //! Loudness measurement. It only reports: it does not change samples.
 //!
-//! It is our own because its state is stored beside a stretch, so that a later render goes on from there; the crate
-//! `ebur128` keeps its state to itself. The tests compare both.
+//! Its state is stored beside a stretch, so that a later render continues from there; that of the crate `ebur128`
+//! cannot be read. The tests compare both.
 
 use thiserror::Error;
 
-use super::true_peak::largest;
+use super::true_peak::magnitude_max;
 use crate::archive::state;
 use crate::maths;
 use crate::maths::wide::wide;
@@ -15,17 +15,17 @@ const LANES: usize = 8;
 /// Frames that are filtered at a time.
 const SPAN_FRAMES: usize = 128;
 /// Tenths of a second in the block of which a loudness is measured.
-const TENTHS: usize = 4;
+const TENTHS_PER_BLOCK: usize = 4;
 /// Quieter blocks do not count [LUFS].
-const ABSOLUTE_GATE: f64 = -70.0;
+const ABSOLUTE_GATE_LUFS: f64 = -70.0;
 /// The relative gate, -10 LU: blocks below this share of the mean energy are left out.
 const RELATIVE_GATE: f64 = 0.1;
 /// Loudness of the energy 1 [LUFS].
-const UNIT_LOUDNESS: f64 = -0.691;
+const UNIT_LOUDNESS_LUFS: f64 = -0.691;
 /// Smaller numbers in filters are set to 0: denormal numbers, below 1e-308, are slow.
 const STATE_MIN: f64 = 1e-200;
 /// Rates [Hz], and the most channels.
-const RATES: std::ops::RangeInclusive<f64> = 16.0..=2_822_400.0;
+const RATES_HERTZ: std::ops::RangeInclusive<f64> = 16.0..=2_822_400.0;
 const CHANNELS_MAX: usize = 64;
 
 /// A rate or a number of channels that BS.1770's filters do not cover.
@@ -58,15 +58,15 @@ pub struct Meter {
     n_channels: usize,
     sections: [Biquad; 2],
     /// Filters of groups of channels   (n_channels / LANES, rounded up)
-    groups: Vec<Group>,
+    groups: Vec<ChannelGroup>,
     /// Frames in a tenth of a second, and those of the current one that have come.
     tenth_frames: usize,
-    frames_taken: usize,
+    frames_in_tenth: usize,
     /// Energies of the last tenths of a second, the newest last.
-    last_tenths: [f64; TENTHS],
+    last_tenths: [f64; TENTHS_PER_BLOCK],
     n_tenths: usize,
     /// Mean energies of the blocks that pass the absolute gate.
-    blocks: Vec<f64>,
+    block_energies: Vec<f64>,
 }
 
 /// y = b₀·x + b₁·x⁻ + b₂·x⁻⁻ − a₁·y⁻ − a₂·y⁻⁻.
@@ -78,16 +78,16 @@ struct Biquad {
 
 /// The states of the filters of some channels, and the energy of their current tenth of a second.
 #[derive(Clone, Debug)]
-struct Group {
+struct ChannelGroup {
     states: [[f64; LANES]; 4],
     energies: [f64; LANES],
 }
 
 // What the loudness of later frames depends on.
-state!(Group { states, energies });
+state!(ChannelGroup { states, energies });
 state!(Meter {
     groups,
-    frames_taken,
+    frames_in_tenth,
     last_tenths,
     n_tenths
 });
@@ -99,23 +99,23 @@ impl Meter {
     /// [`MeterError`] if EBU R 128 is not defined for the rate or the number of channels.
     pub fn new(rate: f64, n_channels: usize) -> Result<Self, MeterError> {
         // Every comparison with NaN is false, so NaN is refused.
-        if !(RATES.contains(&rate.round()) && (1..=CHANNELS_MAX).contains(&n_channels)) {
+        if !(RATES_HERTZ.contains(&rate.round()) && (1..=CHANNELS_MAX).contains(&n_channels)) {
             return Err(MeterError { rate, n_channels });
         }
-        let silent_group = Group {
+        let silent_group = ChannelGroup {
             states: [[0.0; LANES]; 4],
             energies: [0.0; LANES],
         };
         Ok(Self {
             peak: 0.0,
             n_channels,
-            sections: weighting(rate.round()),
+            sections: k_weighting(rate.round()),
             groups: vec![silent_group; n_channels.div_ceil(LANES)],
             tenth_frames: (rate.round() as usize + 5) / 10,
-            frames_taken: 0,
-            last_tenths: [0.0; TENTHS],
+            frames_in_tenth: 0,
+            last_tenths: [0.0; TENTHS_PER_BLOCK],
             n_tenths: 0,
-            blocks: Vec::new(),
+            block_energies: Vec::new(),
         })
     }
 
@@ -126,7 +126,7 @@ impl Meter {
 
     /// Whether a restored state is one that frames can lead to.
     pub(super) fn is_within_tenth(&self) -> bool {
-        self.frames_taken < self.tenth_frames && self.n_tenths <= TENTHS
+        self.frames_in_tenth < self.tenth_frames && self.n_tenths <= TENTHS_PER_BLOCK
     }
 
     /// Number of channels.
@@ -137,16 +137,16 @@ impl Meter {
     /// Measure (n_frames, n_channels). For the loudness, a sample that is not finite counts as 0; NaN does not change
     /// the peak.
     pub fn process(&mut self, frames: &[f64]) {
-        self.peak = self.peak.max(largest(frames));
+        self.peak = self.peak.max(magnitude_max(frames));
         let mut frames_left = frames;
         while frames_left.len() >= self.n_channels {
-            let n_frames = (self.tenth_frames - self.frames_taken).min(SPAN_FRAMES);
+            let n_frames = (self.tenth_frames - self.frames_in_tenth).min(SPAN_FRAMES);
             let n_frames = n_frames.min(frames_left.len() / self.n_channels);
             let span;
             (span, frames_left) = frames_left.split_at(n_frames * self.n_channels);
             self.filter(span, n_frames);
-            self.frames_taken += n_frames;
-            if self.frames_taken == self.tenth_frames {
+            self.frames_in_tenth += n_frames;
+            if self.frames_in_tenth == self.tenth_frames {
                 self.end_tenth();
             }
         }
@@ -176,18 +176,18 @@ impl Meter {
             .flat_map(|group| std::mem::take(&mut group.energies))
             .sum::<f64>();
         self.last_tenths.rotate_left(1);
-        self.last_tenths[TENTHS - 1] = tenth_energy;
-        self.n_tenths = (self.n_tenths + 1).min(TENTHS);
-        self.frames_taken = 0;
+        self.last_tenths[TENTHS_PER_BLOCK - 1] = tenth_energy;
+        self.n_tenths = (self.n_tenths + 1).min(TENTHS_PER_BLOCK);
+        self.frames_in_tenth = 0;
         let block_energy = self.block_energy();
-        if self.n_tenths == TENTHS && loudness_of(block_energy) >= ABSOLUTE_GATE {
-            self.blocks.push(block_energy);
+        if self.n_tenths == TENTHS_PER_BLOCK && loudness_of(block_energy) >= ABSOLUTE_GATE_LUFS {
+            self.block_energies.push(block_energy);
         }
     }
 
     /// Mean energy of the last block; before the first frame there is silence.
     fn block_energy(&self) -> f64 {
-        self.last_tenths.iter().sum::<f64>() / (TENTHS * self.tenth_frames) as f64
+        self.last_tenths.iter().sum::<f64>() / (TENTHS_PER_BLOCK * self.tenth_frames) as f64
     }
 
     /// Largest absolute sample so far.
@@ -196,7 +196,7 @@ impl Meter {
     }
 
     /// Loudness of the last four tenths of a second that are complete [LUFS], without gating; -inf for silence.
-    pub fn momentary(&self) -> f64 {
+    pub fn momentary_loudness(&self) -> f64 {
         loudness_of(self.block_energy())
     }
 
@@ -206,15 +206,17 @@ impl Meter {
             let (sum, count) = energies.fold((0.0, 0usize), |(sum, count), x| (sum + x, count + 1));
             if count == 0 { 0.0 } else { sum / count as f64 }
         };
-        let gate = RELATIVE_GATE * mean(&mut self.blocks.iter().copied());
-        loudness_of(mean(&mut self.blocks.iter().copied().filter(|energy| *energy >= gate)))
+        let gate = RELATIVE_GATE * mean(&mut self.block_energies.iter().copied());
+        loudness_of(mean(
+            &mut self.block_energies.iter().copied().filter(|energy| *energy >= gate),
+        ))
     }
 }
 
 /// The loudness of a mean energy [LUFS].
 fn loudness_of(energy: f64) -> f64 {
     if energy > 0.0 {
-        UNIT_LOUDNESS + 10.0 * maths::log10(energy)
+        UNIT_LOUDNESS_LUFS + 10.0 * maths::log10(energy)
     } else {
         f64::NEG_INFINITY
     }
@@ -225,7 +227,7 @@ fn loudness_of(energy: f64) -> f64 {
 /// BS.1770 gives the coefficients at 48 kHz. Those of other rates follow from the analogue filters behind them, by the
 /// bilinear transformation: the corners, gains and Q of libebur128, which are those of B. De Man, "Evaluation of
 /// implementations of the EBU R128 loudness measurement" (AES Convention 145, 2018).
-fn weighting(rate: f64) -> [Biquad; 2] {
+fn k_weighting(rate: f64) -> [Biquad; 2] {
     let warped = |f: f64| {
         let half_angle = std::f64::consts::PI * f / rate;
         maths::sin(half_angle) / maths::cos(half_angle)
@@ -253,7 +255,7 @@ fn weighting(rate: f64) -> [Biquad; 2] {
 wide! {
     /// Filter the first `n_frames` rows, one channel a lane, and add the squares to the energies of the channels.
     #[allow(clippy::needless_range_loop)] // closures would be compiled for the baseline, and called
-    fn add_energies(sections: &[Biquad; 2], group: &mut Group, rows: &[[f64; LANES]; SPAN_FRAMES], n_frames: usize) {
+    fn add_energies(sections: &[Biquad; 2], group: &mut ChannelGroup, rows: &[[f64; LANES]; SPAN_FRAMES], n_frames: usize) {
         let [shelf, highpass] = sections;
         let [mut s0, mut s1, mut s2, mut s3] = group.states;
         let mut energies = group.energies;
@@ -349,9 +351,9 @@ mod tests {
                 meter.loudness()
             );
             assert!(
-                (meter.momentary() - momentary).abs() < 1e-9,
+                (meter.momentary_loudness() - momentary).abs() < 1e-9,
                 "{} {momentary}",
-                meter.momentary()
+                meter.momentary_loudness()
             );
         }
     }
@@ -359,8 +361,8 @@ mod tests {
     #[test]
     fn momentary_loudness_of_a_steady_tone() {
         let meter = measured(&tone(1, -40.0), 1);
-        assert!((meter.momentary() + 43.01).abs() < 0.02);
-        assert_eq!(measured(&[0.0; 96_000], 2).momentary(), f64::NEG_INFINITY);
+        assert!((meter.momentary_loudness() + 43.01).abs() < 0.02);
+        assert_eq!(measured(&[0.0; 96_000], 2).momentary_loudness(), f64::NEG_INFINITY);
     }
 
     #[test]

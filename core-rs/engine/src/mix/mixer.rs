@@ -9,12 +9,12 @@ use std::sync::Arc;
 
 use super::curve::Curve;
 use super::filter::FilterKind;
-use super::frozen::{FrozenOutputs, Placed};
-use super::glide::{Glide, frames_to_next_glide, update_residual};
+use super::frozen::{FrozenOutputs, PlacedOutput};
+use super::glide::{GainGlide, frames_to_next_glide, update_residual};
 use super::room::{Room, RoomSpec};
 use crate::section::SECTION_LANES;
 use route::{GROUPS_MAX, Route};
-pub use route::{RouteError, To, Treatment};
+pub use route::{RouteError, RouteTarget, RouteTreatment};
 
 /// Frames that are mixed at a time.
 const SPAN_FRAMES: usize = 256;
@@ -33,8 +33,8 @@ const FROZEN_FADING_OUT_MAX: usize = 128;
 /// use ergon_engine::mix::mixer::Mixer;
 ///
 /// let mut mixer = Mixer::new(44_100.0, 2, 1);
-/// mixer.route(0, 0, 0.5, None)?;
-/// mixer.route(1, 0, 2.0, None)?;
+/// mixer.add_route(0, 0, 0.5, None)?;
+/// mixer.add_route(1, 0, 2.0, None)?;
 /// let mut mixed = [0.0; 2];
 /// mixer.process(&[1.0, 0.25, 0.0, 1.0], &mut mixed); // two frames of two outputs
 /// assert_eq!(mixed, [1.0, 2.0]);
@@ -46,29 +46,29 @@ pub struct Mixer {
     n_out: usize,
     n_channels: usize,
     routes: Vec<Route>,
-    groups: Vec<Glide>,
+    group_gains: Vec<GainGlide>,
     rooms: Vec<Room>,
     /// Curves of routes, each once, and their gains in the present span   (n_curves · SPAN_FRAMES)
     curves: Vec<Curve>,
     curve_gains: Vec<f64>,
     /// Input of the rooms   (n_rooms · SPAN_FRAMES)
-    sent: Vec<f64>,
+    room_inputs: Vec<f64>,
     /// Gain of all channels over the frames of the piece.
-    fade: Option<Curve>,
+    master_curve: Option<Curve>,
     /// Difference between the earlier gain of all channels and the current one, since a takeover; it glides to 0.
-    residual_gain: Option<Glide>,
+    residual_gain: Option<GainGlide>,
     /// Routes of an earlier mixer that fade out. Those that have ended stay here, because freeing them would take time.
     fading_out: [Option<Route>; FADING_OUT_MAX],
     /// Outputs that were computed earlier.
-    frozen: Vec<Placed>,
-    /// Frozen outputs of an earlier mixer that fade out   (FROZEN_LEAVING_MAX)
-    frozen_fading_out: Vec<Option<Placed>>,
+    frozen_outputs: Vec<PlacedOutput>,
+    /// Frozen outputs of an earlier mixer that fade out   (FROZEN_FADING_OUT_MAX)
+    frozen_outputs_fading_out: Vec<Option<PlacedOutput>>,
     /// Sum of the frozen outputs of one route in a span   (SPAN_FRAMES)
     frozen_sum: Vec<f64>,
     /// What some routes add to their targets in a span, before their gains   (2 · SECTION_LANES · SPAN_FRAMES)
     signals: Vec<f64>,
     /// Sums of the routes to each channel in a span   (n_channels · SPAN_FRAMES)
-    sums: Vec<f64>,
+    channel_sums: Vec<f64>,
     /// Whether any fade may be running.
     is_fading: bool,
     frame: u64,
@@ -82,19 +82,19 @@ impl Mixer {
             n_out,
             n_channels,
             routes: Vec::new(),
-            groups: vec![Glide::new(rate, 1.0)],
+            group_gains: vec![GainGlide::new(rate, 1.0)],
             rooms: Vec::new(),
             curves: Vec::new(),
             curve_gains: Vec::new(),
-            sent: Vec::new(),
-            fade: None,
+            room_inputs: Vec::new(),
+            master_curve: None,
             residual_gain: None,
             fading_out: [const { None }; FADING_OUT_MAX],
-            frozen: Vec::new(),
-            frozen_fading_out: vec![None; FROZEN_FADING_OUT_MAX],
+            frozen_outputs: Vec::new(),
+            frozen_outputs_fading_out: vec![None; FROZEN_FADING_OUT_MAX],
             frozen_sum: vec![0.0; SPAN_FRAMES],
             signals: vec![0.0; 2 * SECTION_LANES * SPAN_FRAMES],
-            sums: vec![0.0; n_channels * SPAN_FRAMES],
+            channel_sums: vec![0.0; n_channels * SPAN_FRAMES],
             is_fading: false,
             frame: 0,
         }
@@ -115,15 +115,21 @@ impl Mixer {
     ///
     /// # Errors
     /// [`RouteError`] if an index, the gain or the cutoff is out of range.
-    pub fn route(&mut self, out: usize, channel: usize, gain: f64, highpass: Option<f64>) -> Result<(), RouteError> {
-        self.route_of(0, out, channel, gain, highpass)
+    pub fn add_route(
+        &mut self,
+        out: usize,
+        channel: usize,
+        gain: f64,
+        highpass: Option<f64>,
+    ) -> Result<(), RouteError> {
+        self.add_route_in_group(0, out, channel, gain, highpass)
     }
 
-    /// [`Mixer::route`] in a group; missing groups up to `group` are created.
+    /// [`Mixer::add_route`] in a group; missing groups up to `group` are created.
     ///
     /// # Errors
     /// [`RouteError`] if an index, the gain or the cutoff is out of range.
-    pub fn route_of(
+    pub fn add_route_in_group(
         &mut self,
         group: usize,
         out: usize,
@@ -131,24 +137,24 @@ impl Mixer {
         gain: f64,
         highpass: Option<f64>,
     ) -> Result<(), RouteError> {
-        let treatment = Treatment {
-            tones: highpass.map(|f| FilterKind::Highpass { f }).into_iter().collect(),
-            ..Treatment::default()
+        let treatment = RouteTreatment {
+            filters: highpass.map(|f| FilterKind::Highpass { f }).into_iter().collect(),
+            ..RouteTreatment::default()
         };
-        self.treated(group, out, To::Channel(channel), gain, treatment)
+        self.add_treated_route(group, out, RouteTarget::Channel(channel), gain, treatment)
     }
 
-    /// [`Mixer::route_of`] to a channel or a room, with a treatment of the signal.
+    /// [`Mixer::add_route_in_group`] to a channel or a room, with a treatment of the signal.
     ///
     /// # Errors
     /// [`RouteError`] if an index, the gain, the cutoff or the delay is out of range.
-    pub fn treated(
+    pub fn add_treated_route(
         &mut self,
         group: usize,
         out: usize,
-        to: To,
+        to: RouteTarget,
         gain: f64,
-        treatment: Treatment,
+        treatment: RouteTreatment,
     ) -> Result<(), RouteError> {
         if group >= GROUPS_MAX {
             return Err(RouteError::Group(group));
@@ -160,16 +166,16 @@ impl Mixer {
         self.check_target(to)?;
         let curve = treatment.curve.clone();
         let mut new_route = Route::new(rate, [out, group], to, gain, treatment)?;
-        new_route.shared_curve = curve.map(|curve| self.share(curve));
-        new_route.repeats = self.routes.last().is_some_and(|last| new_route.has_same_input_as(last));
-        let n_groups = self.groups.len().max(group + 1);
-        self.groups.resize(n_groups, Glide::new(rate, 1.0));
+        new_route.shared_curve = curve.map(|curve| self.curve_index(curve));
+        new_route.repeats_previous = self.routes.last().is_some_and(|last| new_route.has_same_input_as(last));
+        let n_groups = self.group_gains.len().max(group + 1);
+        self.group_gains.resize(n_groups, GainGlide::new(rate, 1.0));
         self.routes.push(new_route);
         Ok(())
     }
 
     /// The index of a curve among those of all routes.
-    fn share(&mut self, curve: Curve) -> usize {
+    fn curve_index(&mut self, curve: Curve) -> usize {
         let known_index = self.curves.iter().position(|known_curve| *known_curve == curve);
         known_index.unwrap_or_else(|| {
             self.curves.push(curve);
@@ -178,11 +184,11 @@ impl Mixer {
         })
     }
 
-    fn check_target(&self, to: To) -> Result<(), RouteError> {
+    fn check_target(&self, to: RouteTarget) -> Result<(), RouteError> {
         let (n_channels, n_rooms) = (self.n_channels, self.rooms.len());
         match to {
-            To::Channel(channel) if channel >= n_channels => Err(RouteError::Channel { channel, n_channels }),
-            To::Room(room) if room >= n_rooms => Err(RouteError::Room { room, n_rooms }),
+            RouteTarget::Channel(channel) if channel >= n_channels => Err(RouteError::Channel { channel, n_channels }),
+            RouteTarget::Room(room) if room >= n_rooms => Err(RouteError::Room { room, n_rooms }),
             _ => Ok(()),
         }
     }
@@ -190,18 +196,18 @@ impl Mixer {
     /// Add a room, heard by some channels; returns its index.
     ///
     /// ```
-    /// use ergon_engine::mix::mixer::{Mixer, To, Treatment};
+    /// use ergon_engine::mix::mixer::{Mixer, RouteTarget, RouteTreatment};
     /// use ergon_engine::mix::room::RoomSpec;
     ///
     /// let mut mixer = Mixer::new(44_100.0, 1, 2);
-    /// let hall = mixer.room(RoomSpec {
+    /// let hall = mixer.add_room(RoomSpec {
     ///     name: "hall".to_owned(),
     ///     size: 12.0,
     ///     t60: [(200.0, 2.0), (6_000.0, 2.0)],
     ///     channels: vec![0, 1],
     ///     gain: 1.0,
     /// })?;
-    /// mixer.treated(0, 0, To::Room(hall), 1.0, Treatment::default())?;
+    /// mixer.add_treated_route(0, 0, RouteTarget::Room(hall), 1.0, RouteTreatment::default())?;
     /// let (mut click, mut heard) = (vec![0.0; 44_100], vec![0.0; 88_200]);
     /// click[0] = 1.0;
     /// mixer.process(&click, &mut heard);
@@ -212,12 +218,12 @@ impl Mixer {
     ///
     /// # Errors
     /// [`RouteError`] if a channel does not exist or the room cannot be built.
-    pub fn room(&mut self, spec: RoomSpec) -> Result<usize, RouteError> {
+    pub fn add_room(&mut self, spec: RoomSpec) -> Result<usize, RouteError> {
         for &channel in &spec.channels {
-            self.check_target(To::Channel(channel))?;
+            self.check_target(RouteTarget::Channel(channel))?;
         }
         self.rooms.push(Room::new(spec, self.rate)?);
-        self.sent.resize(self.rooms.len() * SPAN_FRAMES, 0.0);
+        self.room_inputs.resize(self.rooms.len() * SPAN_FRAMES, 0.0);
         Ok(self.rooms.len() - 1)
     }
 
@@ -228,8 +234,8 @@ impl Mixer {
     /// use ergon_engine::mix::mixer::Mixer;
     ///
     /// let mut mixer = Mixer::new(44_100.0, 1, 1);
-    /// mixer.route(0, 0, 0.5, None)?;
-    /// mixer.freeze(&FrozenOutputs::new(vec![1.0, 2.0], 1).into(), &[0], 1)?;
+    /// mixer.add_route(0, 0, 0.5, None)?;
+    /// mixer.add_frozen_outputs(&FrozenOutputs::new(vec![1.0, 2.0], 1).into(), &[0], 1)?;
     /// let mut mixed = [0.0; 4];
     /// mixer.process(&[0.0, 0.0, 4.0, 4.0], &mut mixed);
     /// assert_eq!(mixed, [0.0, 0.5, 3.0, 2.0]);
@@ -238,7 +244,12 @@ impl Mixer {
     ///
     /// # Errors
     /// [`RouteError`] if an output does not exist, or the numbers of outputs differ.
-    pub fn freeze(&mut self, source: &Arc<FrozenOutputs>, outputs: &[usize], begins: i64) -> Result<(), RouteError> {
+    pub fn add_frozen_outputs(
+        &mut self,
+        source: &Arc<FrozenOutputs>,
+        outputs: &[usize],
+        begins: i64,
+    ) -> Result<(), RouteError> {
         let n_out = self.n_out;
         if let Some(&out) = outputs.iter().find(|&&out| out >= n_out) {
             return Err(RouteError::Out { out, n_out });
@@ -250,20 +261,20 @@ impl Mixer {
             });
         }
         for (column, &out) in outputs.iter().enumerate() {
-            let placed_output = Placed::new(source.clone(), column, out, begins, self.rate);
-            self.frozen.push(placed_output);
+            let placed_output = PlacedOutput::new(source.clone(), column, out, begins, self.rate);
+            self.frozen_outputs.push(placed_output);
         }
         Ok(())
     }
 
     /// Set a gain over the frames of the piece for all channels.
-    pub fn fade(&mut self, curve: Curve) {
-        self.fade = Some(curve);
+    pub fn set_master_curve(&mut self, curve: Curve) {
+        self.master_curve = Some(curve);
     }
 
     /// Number of groups of routes.
     pub fn n_groups(&self) -> usize {
-        self.groups.len()
+        self.group_gains.len()
     }
 
     /// Begin fades that are due at the next frame, and end those that are over; returns whether no fade is left.
@@ -274,29 +285,29 @@ impl Mixer {
             let fading_out = self.fading_out.iter_mut().flatten();
             for route in self.routes.iter_mut().chain(fading_out) {
                 self.is_fading |= update_residual(&mut route.residual_gain, next_frame);
-                if let Some(entry_glide) = &mut route.entry {
-                    entry_glide.begin_due(next_frame);
-                    let entry_is_over = entry_glide.steady(next_frame).is_some();
+                if let Some(entry_glide) = &mut route.entry_glide {
+                    entry_glide.begin_requested(next_frame);
+                    let entry_is_over = entry_glide.constant_gain(next_frame).is_some();
                     self.is_fading |= !entry_is_over;
-                    route.entry.take_if(|_| entry_is_over);
+                    route.entry_glide.take_if(|_| entry_is_over);
                 }
                 let Some(route_fade) = &mut route.fade else {
                     continue;
                 };
-                route_fade.begin_due(next_frame);
-                self.is_fading |= route_fade.steady(next_frame).is_none();
-                if route_fade.steady(next_frame) == Some(1.0) {
+                route_fade.begin_requested(next_frame);
+                self.is_fading |= route_fade.constant_gain(next_frame).is_none();
+                if route_fade.constant_gain(next_frame) == Some(1.0) {
                     route.fade = None;
                 }
             }
             self.is_fading |= update_residual(&mut self.residual_gain, next_frame);
-            let fading_out = self.frozen_fading_out.iter_mut().flatten();
-            for placed in self.frozen.iter_mut().chain(fading_out) {
-                placed.fade.begin_due(next_frame);
-                self.is_fading |= placed.fade.steady(next_frame).is_none();
+            let fading_out = self.frozen_outputs_fading_out.iter_mut().flatten();
+            for frozen_output in self.frozen_outputs.iter_mut().chain(fading_out) {
+                frozen_output.fade.begin_requested(next_frame);
+                self.is_fading |= frozen_output.fade.constant_gain(next_frame).is_none();
             }
-            for place in &mut self.frozen_fading_out {
-                place.take_if(|placed| placed.fade.steady(next_frame).is_some());
+            for fading_slot in &mut self.frozen_outputs_fading_out {
+                fading_slot.take_if(|placed| placed.fade.constant_gain(next_frame).is_some());
             }
         }
         !self.is_fading
@@ -310,7 +321,7 @@ impl Mixer {
     /// Let the gain of a group glide to `gain`, over 20 ms from the next multiple of 64 frames on; a group that does
     /// not exist is ignored. Does not allocate.
     pub fn set_gain(&mut self, group: usize, gain: f64) {
-        if let Some(group_glide) = self.groups.get_mut(group) {
+        if let Some(group_glide) = self.group_gains.get_mut(group) {
             group_glide.set(gain);
         }
     }
@@ -326,9 +337,15 @@ impl Mixer {
         let mut frames_done = 0;
         while frames_done < n_frames {
             let next_frame = self.frame;
-            self.groups.iter_mut().for_each(|glide| glide.begin_due(next_frame));
+            self.group_gains
+                .iter_mut()
+                .for_each(|glide| glide.begin_requested(next_frame));
             let no_fades = self.begin_fades();
-            let is_steady = no_fades && self.groups.iter().all(|glide| glide.steady(next_frame).is_some());
+            let is_steady = no_fades
+                && self
+                    .group_gains
+                    .iter()
+                    .all(|glide| glide.constant_gain(next_frame).is_some());
             let span_length = frames_to_next_glide(next_frame, is_steady)
                 .min((n_frames - frames_done) as u64)
                 .min(SPAN_FRAMES as u64) as usize;
@@ -343,9 +360,9 @@ impl Mixer {
     }
 
     /// The gain of all channels at a frame.
-    fn gain_of_all(&self, n: u64) -> f64 {
-        let residual = self.residual_gain.map_or(0.0, |glide| glide.value(n));
-        self.fade.as_ref().map_or(1.0, |fade| fade.value(n)) + residual
+    fn master_gain(&self, n: u64) -> f64 {
+        let residual = self.residual_gain.map_or(0.0, |glide| glide.gain_at(n));
+        self.master_curve.as_ref().map_or(1.0, |fade| fade.gain_at(n)) + residual
     }
 }
 

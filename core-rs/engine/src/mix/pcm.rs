@@ -4,14 +4,14 @@ use crate::maths::wide::wide;
 
 /// Width of an integer sample.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
-pub enum Bits {
+pub enum SampleWidth {
     /// 16-bit, full scale 2¹⁵.
     Sixteen,
     /// 24-bit, full scale 2²³.
     TwentyFour,
 }
 
-impl TryFrom<u32> for Bits {
+impl TryFrom<u32> for SampleWidth {
     type Error = u32;
 
     fn try_from(bits: u32) -> Result<Self, u32> {
@@ -23,8 +23,8 @@ impl TryFrom<u32> for Bits {
     }
 }
 
-impl Bits {
-    fn width(self) -> u32 {
+impl SampleWidth {
+    fn bits(self) -> u32 {
         match self {
             Self::Sixteen => 16,
             Self::TwentyFour => 24,
@@ -38,15 +38,15 @@ impl Bits {
 /// the range of codes; NaN becomes 0.
 ///
 /// ```
-/// use ergon_engine::mix::pcm::{Bits, pcm};
+/// use ergon_engine::mix::pcm::{SampleWidth, pcm};
 ///
 /// let mut codes = [0; 2];
-/// pcm(&[0.5, 7.0], 1.0, Bits::Sixteen, &mut codes);
+/// pcm(&[0.5, 7.0], 1.0, SampleWidth::Sixteen, &mut codes);
 /// assert_eq!(codes.map(|code| code >> 16), [16_384, 32_767]);
 /// ```
-pub fn pcm(samples: &[f64], gain: f64, bits: Bits, codes: &mut [i32]) {
-    let full_scale = f64::from(1 << (bits.width() - 1));
-    round_all(samples, (gain, full_scale, 32 - bits.width()), codes);
+pub fn pcm(samples: &[f64], gain: f64, bits: SampleWidth, codes: &mut [i32]) {
+    let full_scale = f64::from(1 << (bits.bits() - 1));
+    round_all(samples, (gain, full_scale, 32 - bits.bits()), codes);
 }
 
 wide! {
@@ -57,8 +57,8 @@ wide! {
         for index in 0..samples.len() {
             let rounded_code = (samples[index] * gain * full_scale).round_ties_even();
             // Not `clamp`, whose check of its bounds is in the way of vectors. `as` converts NaN to 0.
-            let below = if rounded_code > full_scale - 1.0 { full_scale - 1.0 } else { rounded_code };
-            let clipped_code = if below < -full_scale { -full_scale } else { below };
+            let limited_code = if rounded_code > full_scale - 1.0 { full_scale - 1.0 } else { rounded_code };
+            let clipped_code = if limited_code < -full_scale { -full_scale } else { limited_code };
             codes[index] = (clipped_code as i32) << code_shift;
         }
     }
@@ -91,7 +91,7 @@ fn pack_known<const WIDTH: usize>(codes: &[i32], packed: &mut [u8]) {
 }
 
 /// `samples` · `gain` in single precision, both of the same length; the product is computed in double precision.
-pub fn single(samples: &[f64], gain: f64, singles: &mut [f32]) {
+pub fn to_single(samples: &[f64], gain: f64, singles: &mut [f32]) {
     for (x, y) in samples.iter().zip(singles) {
         *y = (x * gain) as f32;
     }
@@ -101,10 +101,10 @@ pub fn single(samples: &[f64], gain: f64, singles: &mut [f32]) {
 mod tests {
     use super::*;
 
-    fn codes(samples: &[f64], gain: f64, bits: Bits) -> Vec<i32> {
+    fn codes(samples: &[f64], gain: f64, bits: SampleWidth) -> Vec<i32> {
         let mut codes = vec![0; samples.len()];
         pcm(samples, gain, bits, &mut codes);
-        let code_shift = 32 - bits.width();
+        let code_shift = 32 - bits.bits();
         assert!(codes.iter().all(|c| c.trailing_zeros() >= code_shift), "left-aligned");
         codes.iter().map(|c| c >> code_shift).collect()
     }
@@ -113,9 +113,9 @@ mod tests {
     fn codes_round_half_to_even() {
         let code_step = 1.0 / 32_768.0;
         let tie_samples = [0.5, 1.5, 2.5, -0.5, -1.5, -2.5, 2.500_000_1].map(|x| x * code_step);
-        assert_eq!(codes(&tie_samples, 1.0, Bits::Sixteen), [0, 2, 2, 0, -2, -2, 3]);
+        assert_eq!(codes(&tie_samples, 1.0, SampleWidth::Sixteen), [0, 2, 2, 0, -2, -2, 3]);
         let tie_samples = [0.5, 1.5, -2.5].map(|x| x / 8_388_608.0);
-        assert_eq!(codes(&tie_samples, 1.0, Bits::TwentyFour), [0, 2, -2]);
+        assert_eq!(codes(&tie_samples, 1.0, SampleWidth::TwentyFour), [0, 2, -2]);
     }
 
     #[test]
@@ -132,8 +132,11 @@ mod tests {
         ];
         let top_code = 32_767;
         let expected_codes = [top_code, -32_768, top_code, top_code, -32_768, top_code, -32_768, 0];
-        assert_eq!(codes(&loud_samples, 1.0, Bits::Sixteen), expected_codes);
-        assert_eq!(codes(&[0.5, -0.25], 2.0, Bits::TwentyFour), [8_388_607, -4_194_304]);
+        assert_eq!(codes(&loud_samples, 1.0, SampleWidth::Sixteen), expected_codes);
+        assert_eq!(
+            codes(&[0.5, -0.25], 2.0, SampleWidth::TwentyFour),
+            [8_388_607, -4_194_304]
+        );
     }
 
     #[test]
@@ -154,16 +157,16 @@ mod tests {
     #[test]
     fn bits_from_16_24_and_other_widths() {
         assert_eq!(
-            (Bits::try_from(16), Bits::try_from(24)),
-            (Ok(Bits::Sixteen), Ok(Bits::TwentyFour))
+            (SampleWidth::try_from(16), SampleWidth::try_from(24)),
+            (Ok(SampleWidth::Sixteen), Ok(SampleWidth::TwentyFour))
         );
-        assert_eq!(Bits::try_from(32), Err(32));
+        assert_eq!(SampleWidth::try_from(32), Err(32));
     }
 
     #[test]
     fn single_rounds_once_after_scaling() {
         let mut single_samples = [0.0f32; 3];
-        single(&[0.1, 1.0 / 3.0, -2.0], 3.0, &mut single_samples);
+        to_single(&[0.1, 1.0 / 3.0, -2.0], 3.0, &mut single_samples);
         assert_eq!(single_samples, [(0.1 * 3.0) as f32, 1.0, -6.0]);
     }
 }

@@ -7,14 +7,14 @@
 
 use thiserror::Error;
 
-use super::delay::Delay;
+use super::delay::DelayLine;
 use crate::archive::{Archive, Damaged, State, state, state_of};
 use crate::maths::wide::{half_wide, wide};
 use crate::maths::{cos, exp, log, pow, sin, sqrt};
 use crate::section::{BUTTERWORTH_2, Section};
 
 /// Number of delay lines; a power of two, because the matrix is a Hadamard matrix.
-const LINES: usize = 16;
+const N_LINES: usize = 16;
 /// Speed of sound [m/s].
 const SPEED_OF_SOUND: f64 = 343.0;
 /// Lengths of the shortest and the longest line, roughly relative to the mean.
@@ -25,7 +25,7 @@ const HIGHPASS_HERTZ: f64 = 20.0;
 /// Smaller samples are set to 0: denormal numbers, below 1e-308, are slow.
 const AMPLITUDE_MIN: f64 = 1e-200;
 /// Frames that are computed at a time, where no line is shorter.
-const BLOCK: usize = 64;
+const BLOCK_FRAMES: usize = 64;
 /// Largest number of iterations in the design of a filter.
 const ITERATIONS_MAX: usize = 500;
 
@@ -68,20 +68,20 @@ pub enum RoomError {
 /// First-order filters, y = b₀·x + b₁·x⁻ − a₁·y⁻, one for each line, so that all are computed at once.
 #[derive(Clone, Debug)]
 struct Filters {
-    b0: [f64; LINES],
-    b1: [f64; LINES],
-    a1: [f64; LINES],
-    x: [f64; LINES],
-    y: [f64; LINES],
+    b0: [f64; N_LINES],
+    b1: [f64; N_LINES],
+    a1: [f64; N_LINES],
+    x: [f64; N_LINES],
+    y: [f64; N_LINES],
 }
 
 /// A running room.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
     spec: RoomSpec,
-    delays: [Delay; LINES],
+    delays: [DelayLine; N_LINES],
     /// The losses of the lines.
-    filters: Filters,
+    line_filters: Filters,
     /// Gain of each line in each channel   (n_channels · LINES)
     channel_gains: Vec<f64>,
     /// Whether nothing has come in yet, so that nothing comes out.
@@ -98,7 +98,7 @@ impl State for Room {
         if self.is_silent {
             return Ok(());
         }
-        state_of!(self, archive, delays, filters, highpass)
+        state_of!(self, archive, delays, line_filters, highpass)
     }
 }
 
@@ -120,26 +120,27 @@ impl Room {
         if !is_decay {
             return Err(RoomError::Decay);
         }
-        let lengths = lengths(spec.size / SPEED_OF_SOUND * rate);
-        let slopes = slopes(spec.t60, rate).ok_or(RoomError::Apart(long_decay, short_decay))?;
-        let filters = Filters::new(lengths, slopes, spec.t60, rate).ok_or(RoomError::Apart(long_decay, short_decay))?;
+        let lengths = line_lengths(spec.size / SPEED_OF_SOUND * rate);
+        let slopes = end_log_gains(spec.t60, rate).ok_or(RoomError::Apart(long_decay, short_decay))?;
+        let line_filters =
+            Filters::new(lengths, slopes, spec.t60, rate).ok_or(RoomError::Apart(long_decay, short_decay))?;
         // Energy of all outputs of the lines after a click of energy 1: a geometric series.
-        let mean_length = lengths.iter().sum::<usize>() as f64 / LINES as f64;
+        let mean_length = lengths.iter().sum::<usize>() as f64 / N_LINES as f64;
         let energy_decay = exp(-6.0 * std::f64::consts::LN_10 * mean_length / (long_decay * rate));
         let output_scale = if energy_decay < 1.0 {
             spec.gain * sqrt((1.0 - energy_decay) / energy_decay)
         } else {
             spec.gain
         };
-        let line_signs = |at: usize| (0..LINES).map(move |line| sign(at, line));
+        let line_signs = |channel: usize| (0..N_LINES).map(move |line| line_sign(channel, line));
         let channel_gains = (0..spec.channels.len())
             .flat_map(line_signs)
             .map(|sign| sign * output_scale)
             .collect();
         Ok(Self {
             spec,
-            delays: lengths.map(Delay::new),
-            filters,
+            delays: lengths.map(DelayLine::new),
+            line_filters,
             channel_gains,
             is_silent: true,
             highpass: Section::new(HIGHPASS_HERTZ.min(0.4 * rate), rate, BUTTERWORTH_2),
@@ -156,45 +157,45 @@ impl Room {
         for (delay, old) in self.delays.iter_mut().zip(&old.delays) {
             delay.take_over(old);
         }
-        (self.filters.x, self.filters.y) = (old.filters.x, old.filters.y);
+        (self.line_filters.x, self.line_filters.y) = (old.line_filters.x, old.line_filters.y);
     }
 
     /// Process input samples (n_frames), and add the output to (n_frames, n_channels).
-    pub(super) fn process(&mut self, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
-        self.is_silent = self.is_silent && sent.iter().all(|x| *x == 0.0);
+    pub(super) fn process(&mut self, input: &[f64], mixed: &mut [f64], n_channels: usize) {
+        self.is_silent = self.is_silent && input.iter().all(|x| *x == 0.0);
         if self.is_silent || n_channels == 0 {
             return;
         }
         // No block is longer than the shortest line, so its outputs depend on earlier blocks alone.
-        let shortest = self.delays.iter().map(Delay::length).min();
-        let block_length = shortest.unwrap_or(1).clamp(1, BLOCK);
+        let shortest = self.delays.iter().map(DelayLine::length).min();
+        let block_length = shortest.unwrap_or(1).clamp(1, BLOCK_FRAMES);
         let mixed = mixed.chunks_mut(block_length * n_channels);
-        for (sent, mixed) in sent.chunks(block_length).zip(mixed) {
-            self.process_block(&sent[..mixed.len() / n_channels], mixed, n_channels);
+        for (input, mixed) in input.chunks(block_length).zip(mixed) {
+            self.process_block(&input[..mixed.len() / n_channels], mixed, n_channels);
         }
     }
 
-    fn process_block(&mut self, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
-        let frame_count = sent.len();
+    fn process_block(&mut self, input: &[f64], mixed: &mut [f64], n_channels: usize) {
+        let frame_count = input.len();
         let mut block = Block {
-            input: [0.0; BLOCK],
-            lines: [[0.0; BLOCK]; LINES],
-            filtered: [[0.0; BLOCK]; LINES],
+            input: [0.0; BLOCK_FRAMES],
+            lines: [[0.0; BLOCK_FRAMES]; N_LINES],
+            filtered: [[0.0; BLOCK_FRAMES]; N_LINES],
         };
-        for (y, &x) in block.input.iter_mut().zip(sent) {
+        for (y, &x) in block.input.iter_mut().zip(input) {
             let x = if x.is_finite() { x } else { 0.0 };
-            *y = self.highpass.next(x).high / sqrt(LINES as f64);
+            *y = self.highpass.next(x).high / sqrt(N_LINES as f64);
         }
         for (delay, line) in self.delays.iter().zip(&mut block.lines) {
             delay.copy_oldest(&mut line[..frame_count]);
         }
-        pass(&mut self.filters, &mut block, frame_count);
+        filter_and_mix(&mut self.line_filters, &mut block, frame_count);
         for (delay, line) in self.delays.iter_mut().zip(&block.lines) {
             delay.push_all(&line[..frame_count]);
         }
-        let gain_rows = self.channel_gains.chunks_exact(LINES);
+        let gain_rows = self.channel_gains.chunks_exact(N_LINES);
         for (&channel, row) in self.spec.channels.iter().zip(gain_rows) {
-            let sums = sums(&block.filtered, row);
+            let sums = weighted_sums(&block.filtered, row);
             let channel_samples = mixed.iter_mut().skip(channel).step_by(n_channels);
             channel_samples.zip(&sums).for_each(|(x, sum)| *x += *sum);
         }
@@ -204,32 +205,32 @@ impl Room {
 /// The signals of one block of frames.
 struct Block {
     /// Input of every line.
-    input: [f64; BLOCK],
+    input: [f64; BLOCK_FRAMES],
     /// What leaves the delay of each line, and then what comes into it.
-    lines: [[f64; BLOCK]; LINES],
+    lines: [[f64; BLOCK_FRAMES]; N_LINES],
     /// What leaves the filter of each line.
-    filtered: [[f64; BLOCK]; LINES],
+    filtered: [[f64; BLOCK_FRAMES]; N_LINES],
 }
 
-// In these functions loops go by index: closures would be compiled for the baseline, and called.
+// In these functions loops use an index: closures would be compiled for the baseline, and called.
 half_wide! {
     #[allow(clippy::needless_range_loop)]
-    fn pass(filters: &mut Filters, block: &mut Block, count: usize) {
-        let Filters { b0, b1, a1, x: before, y } = filters;
-        let scale = 1.0 / sqrt(LINES as f64);
-        for frame in 0..count.min(BLOCK) {
-            let mut now = [0.0; LINES];
-            for line in 0..LINES {
+    fn filter_and_mix(filters: &mut Filters, block: &mut Block, count: usize) {
+        let Filters { b0, b1, a1, x: previous_inputs, y } = filters;
+        let scale = 1.0 / sqrt(N_LINES as f64);
+        for frame in 0..count.min(BLOCK_FRAMES) {
+            let mut line_outputs = [0.0; N_LINES];
+            for line in 0..N_LINES {
                 let x = block.lines[line][frame];
-                let next = b0[line] * x + b1[line] * before[line] - a1[line] * y[line];
-                before[line] = x;
+                let next = b0[line] * x + b1[line] * previous_inputs[line] - a1[line] * y[line];
+                previous_inputs[line] = x;
                 y[line] = without_denormal(next);
-                now[line] = y[line];
+                line_outputs[line] = y[line];
                 block.filtered[line][frame] = y[line];
             }
-            mix_lines(&mut now);
-            for line in 0..LINES {
-                block.lines[line][frame] = without_denormal(block.input[frame] + now[line] * scale);
+            mix_lines(&mut line_outputs);
+            for line in 0..N_LINES {
+                block.lines[line][frame] = without_denormal(block.input[frame] + line_outputs[line] * scale);
             }
         }
     }
@@ -238,11 +239,11 @@ half_wide! {
 wide! {
     /// The sums of all lines with these gains, in each frame.
     #[allow(clippy::needless_range_loop)]
-    fn sums(filtered: &[[f64; BLOCK]; LINES], gains: &[f64]) -> [f64; BLOCK] {
-        let mut sums = [0.0; BLOCK];
-        for line in 0..LINES {
+    fn weighted_sums(filtered: &[[f64; BLOCK_FRAMES]; N_LINES], gains: &[f64]) -> [f64; BLOCK_FRAMES] {
+        let mut sums = [0.0; BLOCK_FRAMES];
+        for line in 0..N_LINES {
             let gain = gains[line];
-            for frame in 0..BLOCK {
+            for frame in 0..BLOCK_FRAMES {
                 sums[frame] += gain * filtered[line][frame];
             }
         }
@@ -260,13 +261,13 @@ fn without_denormal(x: f64) -> f64 {
 type Coefficients = [f64; 3];
 
 impl Filters {
-    /// Filters of lines of these lengths [frames] with the decay times asked for; `None` if no first-order filters have
+    /// Filters of lines of these lengths [frames] with the required decay times; `None` if no first-order filters have
     /// them.
-    fn new(lengths: [usize; LINES], slopes: [f64; 2], t60: [(f64, f64); 2], rate: f64) -> Option<Self> {
+    fn new(lengths: [usize; N_LINES], slopes: [f64; 2], t60: [(f64, f64); 2], rate: f64) -> Option<Self> {
         let line_filters = lengths.map(|frames| Self::coefficients(frames, slopes, t60, rate));
         let all_filters: Vec<Coefficients> = line_filters.into_iter().collect::<Option<_>>()?;
         let [b0, b1, a1] = std::array::from_fn(|i| std::array::from_fn(|line| all_filters[line][i]));
-        let (x, y) = ([0.0; LINES], [0.0; LINES]);
+        let (x, y) = ([0.0; N_LINES], [0.0; N_LINES]);
         Some(Self { b0, b1, a1, x, y })
     }
 
@@ -279,8 +280,8 @@ impl Filters {
         let [low, high] = t60.map(|(f, _)| warped(f, rate));
         let (corner_squared, lower_squared, upper_squared) = (low * high, low * low, high * high);
         let mut is_found = false;
-        // The logarithm of the filter's gain is only nearly linear in f²/(f² + f₁·f₂): iterate towards the two gains
-        // asked for.
+        // The logarithm of the filter's gain is only nearly linear in f²/(f² + f₁·f₂): iterate towards the two required
+        // gains.
         for _ in 0..ITERATIONS_MAX {
             let log_gain = |square: f64| {
                 let gain_ratio = exp(end_logs[0] - end_logs[1]);
@@ -317,7 +318,7 @@ fn warped(f: f64, rate: f64) -> f64 {
 
 /// Natural logarithms of the gain a frame, at 0 Hz and at half of the rate, if 1/t60 is a linear function of f²/(f² +
 /// f₁·f₂) of warped frequencies; `None` if either would not decay.
-fn slopes(t60: [(f64, f64); 2], rate: f64) -> Option<[f64; 2]> {
+fn end_log_gains(t60: [(f64, f64); 2], rate: f64) -> Option<[f64; 2]> {
     let [low_warped, high_warped] = t60.map(|(f, _)| warped(f, rate));
     let frequency_share = |f: f64| f * f / (f * f + low_warped * high_warped);
     let (low_share, high_share) = (frequency_share(low_warped), frequency_share(high_warped));
@@ -333,11 +334,11 @@ fn slopes(t60: [(f64, f64); 2], rate: f64) -> Option<[f64; 2]> {
 }
 
 /// Lengths of the lines [frames]: different primes near a geometric series with the mean `mean`.
-fn lengths(mean: f64) -> [usize; LINES] {
+fn line_lengths(mean: f64) -> [usize; N_LINES] {
     let (least_ratio, greatest) = LENGTH_SPREAD;
-    let series_lengths: [f64; LINES] =
-        std::array::from_fn(|i| least_ratio * pow(greatest / least_ratio, i as f64 / (LINES - 1) as f64));
-    let mean_row = series_lengths.iter().sum::<f64>() / LINES as f64;
+    let series_lengths: [f64; N_LINES] =
+        std::array::from_fn(|i| least_ratio * pow(greatest / least_ratio, i as f64 / (N_LINES - 1) as f64));
+    let mean_row = series_lengths.iter().sum::<f64>() / N_LINES as f64;
     let mut previous_length = 1;
     series_lengths.map(|length| {
         let mut line_length = ((length / mean_row * mean) as usize).max(previous_length + 1);
@@ -355,11 +356,11 @@ fn is_prime(n: usize) -> bool {
 
 /// Multiply by the Hadamard matrix, which is √LINES times an orthogonal one, in log₂(LINES) steps.
 #[inline(always)]
-fn mix_lines(x: &mut [f64; LINES]) {
+fn mix_lines(x: &mut [f64; N_LINES]) {
     let mut half_block = 1;
-    while half_block < LINES {
+    while half_block < N_LINES {
         let mut block_start = 0;
-        while block_start < LINES {
+        while block_start < N_LINES {
             for line in block_start..block_start + half_block {
                 (x[line], x[line + half_block]) = (x[line] + x[line + half_block], x[line] - x[line + half_block]);
             }
@@ -371,13 +372,13 @@ fn mix_lines(x: &mut [f64; LINES]) {
 
 /// Sign of a line in a channel: a row of the Hadamard matrix for each of the first channels, so that they are
 /// uncorrelated; a hash (SplitMix64) for later ones.
-fn sign(channel: usize, line: usize) -> f64 {
+fn line_sign(channel: usize, line: usize) -> f64 {
     // Row 0 is left out: all lines would have the same sign, and their first echoes would add up.
     let matrix_row = channel + 1;
-    let is_negative = if matrix_row < LINES {
+    let is_negative = if matrix_row < N_LINES {
         (matrix_row & line).count_ones() % 2 == 1
     } else {
-        let mut hash_state = ((channel * LINES + line) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mut hash_state = ((channel * N_LINES + line) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         hash_state = (hash_state ^ (hash_state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         hash_state = (hash_state ^ (hash_state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         (hash_state ^ (hash_state >> 31)) & 1 == 1
@@ -406,7 +407,7 @@ mod tests {
     }
 
     fn energy(room: &Room) -> f64 {
-        room.delays.iter().map(Delay::energy).sum()
+        room.delays.iter().map(DelayLine::energy).sum()
     }
 
     #[test]

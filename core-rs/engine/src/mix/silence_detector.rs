@@ -16,61 +16,62 @@ const QUIET_WINDOWS: u64 = 10;
 /// use ergon_engine::mix::silence_detector::SilenceDetector;
 ///
 /// let mut finder = SilenceDetector::new(1_000.0, 1, 0);
-/// assert_eq!(finder.take(&[1.0; 1_000]), None);
-/// assert_eq!(finder.take(&[5e-5; 1_000]), Some(1_100));
+/// assert_eq!(finder.process(&[1.0; 1_000]), None);
+/// assert_eq!(finder.process(&[5e-5; 1_000]), Some(1_100));
 /// ```
 #[derive(Clone, Debug)]
 pub struct SilenceDetector {
-    window: u64,
-    channels: usize,
-    from: u64,
+    window_frames: u64,
+    n_channels: usize,
+    start_frame: u64,
     frame: u64,
-    n_quiet: u64,
+    n_quiet_windows: u64,
     peak: f64,
-    loudest: f64,
+    window_peak: f64,
 }
 
 impl SilenceDetector {
-    /// A detector for frames at `rate` [Hz]; windows count from frame `from` on, where 0 is the first frame taken.
-    pub fn new(rate: f64, n_channels: usize, from: u64) -> Self {
+    /// A detector for frames at `rate` [Hz]; windows count from frame `start_frame` on, where 0 is the first frame
+    /// taken.
+    pub fn new(rate: f64, n_channels: usize, start_frame: u64) -> Self {
         Self {
-            window: (WINDOW_SECONDS * rate + 0.5).max(1.0) as u64,
-            channels: n_channels.max(1),
-            from,
+            window_frames: (WINDOW_SECONDS * rate + 0.5).max(1.0) as u64,
+            n_channels: n_channels.max(1),
+            start_frame,
             frame: 0,
-            n_quiet: 0,
+            n_quiet_windows: 0,
             peak: 0.0,
-            loudest: 0.0,
+            window_peak: 0.0,
         }
     }
 
     /// Number of channels.
     pub fn n_channels(&self) -> usize {
-        self.channels
+        self.n_channels
     }
 
     /// Take (n_frames · n_channels); returns the frame at which the sound has decayed, as soon as that is known.
-    pub fn take(&mut self, frames: &[f64]) -> Option<u64> {
+    pub fn process(&mut self, frames: &[f64]) -> Option<u64> {
         let mut frames_left = frames;
         while !frames_left.is_empty() {
-            let window_left = (self.window - self.frame % self.window) as usize;
-            let frame_count = window_left.min(frames_left.len() / self.channels);
+            let window_left = (self.window_frames - self.frame % self.window_frames) as usize;
+            let frame_count = window_left.min(frames_left.len() / self.n_channels);
             let window_part;
-            (window_part, frames_left) = frames_left.split_at(frame_count * self.channels);
-            self.loudest = window_part
+            (window_part, frames_left) = frames_left.split_at(frame_count * self.n_channels);
+            self.window_peak = window_part
                 .iter()
-                .fold(self.loudest, |largest_yet, x| largest_yet.max(x.abs()));
+                .fold(self.window_peak, |largest_yet, x| largest_yet.max(x.abs()));
             self.frame += frame_count as u64;
             if frame_count < window_left {
                 return None;
             }
-            self.peak = self.peak.max(self.loudest);
-            let is_after = self.frame - self.window >= self.from;
-            let is_quiet = is_after && self.loudest <= QUIET_RATIO * self.peak;
-            self.n_quiet = if is_quiet { self.n_quiet + 1 } else { 0 };
-            self.loudest = 0.0;
-            if self.n_quiet == QUIET_WINDOWS {
-                return Some(self.frame - (QUIET_WINDOWS - 1) * self.window);
+            self.peak = self.peak.max(self.window_peak);
+            let is_after = self.frame - self.window_frames >= self.start_frame;
+            let is_quiet = is_after && self.window_peak <= QUIET_RATIO * self.peak;
+            self.n_quiet_windows = if is_quiet { self.n_quiet_windows + 1 } else { 0 };
+            self.window_peak = 0.0;
+            if self.n_quiet_windows == QUIET_WINDOWS {
+                return Some(self.frame - (QUIET_WINDOWS - 1) * self.window_frames);
             }
         }
         None

@@ -97,10 +97,12 @@ impl TruePeak {
                     .zip(span[channel..].iter().step_by(n_channels))
                     .for_each(|(x, y)| *x = *y);
                 let samples = &row[..TAPS - 1 + n_frames];
-                self.peak = self.peak.max(largest(&samples[TAPS - 1..]));
+                self.peak = self.peak.max(magnitude_max(&samples[TAPS - 1..]));
                 // Only near samples that are loud enough may there be a larger value.
-                if largest(samples) * self.interpolation_gain_max > self.peak && samples.iter().all(|x| x.is_finite()) {
-                    self.peak = self.peak.max(largest_between(row, n_frames));
+                if magnitude_max(samples) * self.interpolation_gain_max > self.peak
+                    && samples.iter().all(|x| x.is_finite())
+                {
+                    self.peak = self.peak.max(interpolated_max(row, n_frames));
                 }
                 row.copy_within(n_frames..n_frames + TAPS - 1, 0);
             }
@@ -111,7 +113,7 @@ impl TruePeak {
 wide! {
     /// The largest absolute value of samples; NaN does not count.
     #[allow(clippy::needless_range_loop)] // closures would be compiled for the baseline, and called
-    pub(super) fn largest(samples: &[f64]) -> f64 {
+    pub(super) fn magnitude_max(samples: &[f64]) -> f64 {
         let mut lanes = [0.0; LANES];
         let (groups, rest) = samples.as_chunks::<LANES>();
         for group in groups {
@@ -133,7 +135,7 @@ wide! {
 wide! {
     /// The largest absolute value between the samples of a row, for the first `n_frames` of its span.
     #[allow(clippy::needless_range_loop)] // closures would be compiled for the baseline, and called
-    fn largest_between(row: &[f64; ROW_SAMPLES], n_frames: usize) -> f64 {
+    fn interpolated_max(row: &[f64; ROW_SAMPLES], n_frames: usize) -> f64 {
         let mut largest = [0.0; SPAN_FRAMES];
         for phase in &PHASES {
             let mut forward = [0.0; SPAN_FRAMES];

@@ -1,4 +1,4 @@
-//! A network without what its motion does not depend on, so that equal islands of two scores are equal.
+//! A network without names and places, on which its motion does not depend: equal islands of two scores are then equal.
 
 use super::{Network, Output, Part};
 
@@ -29,33 +29,33 @@ impl PartOrder {
 }
 
 impl Network {
-    /// The same modules without names and places on the picture, with parts by their rank in `order`.
+    /// The same modules without names and positions on the bench, with parts by their rank in `order`.
     pub(crate) fn anonymous(&self, order: &PartOrder) -> Self {
-        let mut renamed = self.clone();
-        renamed.current = 0;
-        renamed.names = super::names::Names::default();
+        let mut anonymised = self.clone();
+        anonymised.current_part = 0;
+        anonymised.names = super::names::Names::default();
         let ordered_parts = order.0.iter().filter_map(|&part| self.parts.get(part));
-        renamed.parts = ordered_parts
+        anonymised.parts = ordered_parts
             .map(|part| Part {
                 name: String::new(),
                 ..part.clone()
             })
             .collect();
-        renamed.mats.place.clear();
-        for part in &mut renamed.mats.part {
+        anonymised.mats.bench_position.clear();
+        for part in &mut anonymised.mats.part {
             *part = order.rank(*part as usize) as u32;
         }
-        for run in &mut renamed.runs {
+        for run in &mut anonymised.runs {
             run.part = order.rank(run.part);
         }
-        let outputs = renamed.outputs.into_iter();
-        renamed.outputs = outputs
+        let outputs = anonymised.outputs.into_iter();
+        anonymised.outputs = outputs
             .map(|output| Output {
                 name: String::new(),
                 ..output
             })
             .collect();
-        renamed
+        anonymised
     }
 }
 

@@ -27,14 +27,14 @@ impl Network {
             let mut chance = Chance::new(seed, "bank", &module_name, member as u64, 0);
             (chance.uniform(0.0, 1.0), chance.uniform(0.0, 1.0))
         };
-        let bank_cells = generator::bank(form, member_draw, self.turns(name, seed))
+        let bank_cells = generator::bank(form, member_draw, self.member_turns(name, seed))
             .map_err(|error| self.refused(name, &error.to_string()))?;
         let cell_masses = vec![m; bank_cells.len()];
         self.cells(name, &cell_masses, &bank_cells)
     }
 
     /// Draws of the angles of a bank: of each member a part of a whole turn.
-    pub fn turns(&self, name: &str, seed: i128) -> impl Fn(usize) -> f64 + use<> {
+    pub fn member_turns(&self, name: &str, seed: i128) -> impl Fn(usize) -> f64 + use<> {
         let module_name = self.full_name(name);
         move |member| Chance::new(seed, "bank angle", &module_name, member as u64, 0).uniform(0.0, 1.0)
     }
@@ -51,12 +51,12 @@ impl Network {
         let module_name = self.full_name(name);
         self.check_capacity(name, cells.len())?;
         let first_mat = self.n_mat();
-        let part = self.current();
+        let part = self.current_part_index();
         for (mass_index, (&m, cell)) in masses.iter().zip(cells).enumerate() {
             if mass_index.is_multiple_of(1024) {
                 interrupt::poll();
             }
-            let (k, z) = self.tie(m, cell.f, Some(cell.t60));
+            let (k, z) = self.tuned_tie(m, cell.f, Some(cell.t60));
             self.mats.push(Mat {
                 kind: MatKind::Cel,
                 m,
@@ -65,7 +65,7 @@ impl Network {
                 rest: 0.0,
                 x0: 0.0,
                 v0: 0.0,
-                place: cell.position,
+                bench_position: cell.position,
                 part,
             });
         }
@@ -95,15 +95,18 @@ impl Network {
         for &(f, t60) in modes {
             self.check_tuning(name, f, Some(t60))?;
         }
-        let mode_ties: Vec<(f64, f64)> = modes.iter().map(|&(f, t60)| self.tie(1.0, f, Some(t60))).collect();
+        let mode_ties: Vec<(f64, f64)> = modes
+            .iter()
+            .map(|&(f, t60)| self.tuned_tie(1.0, f, Some(t60)))
+            .collect();
         let (f, t60) = ADDED_MODE;
         let added_frequency = self.ca_rate().map_or(f, |rate| f.min(0.27 * rate.hertz()));
-        let added_tie = self.tie(1.0, added_frequency, Some(t60));
+        let added_tie = self.tuned_tie(1.0, added_frequency, Some(t60));
         let body = generator::modal_body(mass, &mode_ties, levels, added_tie)
             .map_err(|error| self.refused(name, &error.to_string()))?;
         let mass_count = body.masses.len();
         self.check_capacity(name, mass_count * mass_count)?;
-        let (first_mat, part, place_count) = (self.n_mat(), self.current(), levels[0].len());
+        let (first_mat, part, place_count) = (self.n_mat(), self.current_part_index(), levels[0].len());
         let place_line = generator::Place::Line;
         for (i, &m) in body.masses.iter().enumerate() {
             let row_range = i * mass_count..(i + 1) * mass_count;
@@ -115,7 +118,7 @@ impl Network {
                 rest: 0.0,
                 x0: 0.0,
                 v0: 0.0,
-                place: place_line.position(i.min(place_count - 1), place_count, 0.0, |_| 0.0),
+                bench_position: place_line.position(i.min(place_count - 1), place_count, 0.0, |_| 0.0),
                 part,
             });
         }
@@ -259,7 +262,7 @@ impl Network {
         let (mat_count, fixed_count) = (topology.n_mat, topology.n_fixed);
         let fixed_before = usize::from(topology.is_in_line && fixed_count > 0);
         let first_mat = self.n_mat() + fixed_before;
-        let part = self.current();
+        let part = self.current_part_index();
         // A topology numbers the MATs first, then the fixed points. In a row the first fixed point lies before the
         // MATs.
         let mat_order = (mat_count..mat_count + fixed_before)
@@ -283,7 +286,7 @@ impl Network {
                 rest: 0.0,
                 x0: 0.0,
                 v0: 0.0,
-                place: *mat_position,
+                bench_position: *mat_position,
                 part,
             });
         }

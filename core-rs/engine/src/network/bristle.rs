@@ -29,7 +29,7 @@ pub struct Bristle {
 
 impl Bristle {
     /// The same with another stiffness and another level; Fs keeps its ratio to Fc.
-    pub(crate) fn with(&self, stiffness: f64, level: f64) -> Self {
+    pub(crate) fn with_stiffness_and_level(&self, stiffness: f64, level: f64) -> Self {
         Self {
             stiffness,
             level,
@@ -39,7 +39,7 @@ impl Bristle {
     }
 
     /// Friction of steady sliding at `v`, without viscosity [N].
-    fn steady(&self, v: f64) -> f64 {
+    fn steady_friction(&self, v: f64) -> f64 {
         let u = v / self.speed;
         let steady_level = self.level + (self.static_level - self.level) * exp(-u * u);
         steady_level.max(LEVEL_MIN)
@@ -47,12 +47,13 @@ impl Bristle {
 
     /// Fraction of the bend that sliding at `v` removes per second [1/s].
     pub(crate) fn relaxation_rate(&self, v: f64) -> f64 {
-        self.stiffness * v.abs() / self.steady(v)
+        self.stiffness * v.abs() / self.steady_friction(v)
     }
 
-    /// The wear at `v`, and its slope over the speed [1/m]; at rest, where the wear has a kink, the slope is 0.
+    /// The relaxation per metre of sliding at `v`, and its slope over the speed; at rest, where the relaxation has a
+    /// kink, the slope is 0.
     pub(crate) fn relaxation_and_slope(&self, v: f64) -> (f64, f64) {
-        let steady_level = self.steady(v);
+        let steady_level = self.steady_friction(v);
         let relaxation = self.stiffness * v.abs() / steady_level;
         let level_slope = -2.0 * (v / self.speed) * (steady_level - self.level) / self.speed;
         let speed_sign = if v == 0.0 { 0.0 } else { v.signum() };
@@ -67,7 +68,7 @@ impl Bristle {
         self.force_at_relaxation(z, v, self.relaxation_rate(v))
     }
 
-    /// The same, with the wear at `v` given.
+    /// The same, with a known relaxation rate at `v`.
     pub(crate) fn force_at_relaxation(&self, z: f64, v: f64, relaxation: f64) -> f64 {
         let bristle_rate = v - relaxation * z;
         self.stiffness * z + self.damping * bristle_rate + self.viscosity * v
@@ -75,10 +76,10 @@ impl Bristle {
 
     /// The exact bend after `h` seconds at constant `v`.
     pub(crate) fn slide(&self, z: f64, v: f64, h: f64) -> f64 {
-        let wear_exponent = self.relaxation_rate(v) * h;
-        let lost_share = -expm1(-wear_exponent);
-        let mean_decay = if wear_exponent > 0.0 {
-            lost_share / wear_exponent
+        let relaxation_exponent = self.relaxation_rate(v) * h;
+        let lost_share = -expm1(-relaxation_exponent);
+        let mean_decay = if relaxation_exponent > 0.0 {
+            lost_share / relaxation_exponent
         } else {
             1.0
         };
@@ -86,7 +87,7 @@ impl Bristle {
     }
 
     /// The bend halfway through `h` seconds at `v` [m], by the implicit midpoint rule.
-    pub(crate) fn halfway(&self, z: f64, v: f64, h: f64) -> f64 {
+    pub(crate) fn midpoint_deflection(&self, z: f64, v: f64, h: f64) -> f64 {
         (z + 0.5 * h * v) / (1.0 + 0.5 * h * self.relaxation_rate(v))
     }
 
@@ -146,7 +147,7 @@ mod tests {
     fn steady_slide_has_its_friction_level() {
         for v in [-1.0, -0.01, 1e-4, 0.3] {
             let z = BOW.slide(0.0, v, 10.0);
-            let steady_level = BOW.steady(v).copysign(v);
+            let steady_level = BOW.steady_friction(v).copysign(v);
             assert!(
                 (BOW.stiffness * z - steady_level).abs() < 1e-9 * steady_level.abs(),
                 "{v}"
@@ -185,7 +186,10 @@ mod tests {
         }
         assert_eq!(BOW.relaxation_and_slope(0.0), (0.0, 0.0));
         // Bristles whose stiffness is led to 0 do not wear; the slowest motion has a finite slope.
-        assert_eq!(BOW.with(0.0, 1.0).relaxation_and_slope(0.3), (0.0, 0.0));
+        assert_eq!(
+            BOW.with_stiffness_and_level(0.0, 1.0).relaxation_and_slope(0.3),
+            (0.0, 0.0)
+        );
         let (_, checked_slope) = BOW.relaxation_and_slope(1e-310);
         assert!((checked_slope - BOW.stiffness / BOW.static_level).abs() < 1e-9 * checked_slope);
     }
@@ -198,7 +202,7 @@ mod tests {
             let start_bend = bristle.static_level / bristle.stiffness;
             let (mut z, mut work_done, mut least_margin) = (start_bend, 0.0, 0.0_f64);
             for _ in 0..20_000 {
-                work_done += bristle.force(bristle.halfway(z, v, h), v) * v * h;
+                work_done += bristle.force(bristle.midpoint_deflection(z, v, h), v) * v * h;
                 z = bristle.slide(z, v, h);
                 least_margin = least_margin.min(work_done - (bristle.energy(z) - bristle.energy(start_bend)));
             }

@@ -11,7 +11,7 @@ impl Network {
     /// Begin or continue a part: modules added from now on belong to it.
     pub fn part(&mut self, name: &str, ca_rate: Option<Rate>) {
         let known_part = self.parts.iter().position(|part| part.name == name);
-        self.current = known_part.unwrap_or_else(|| {
+        self.current_part = known_part.unwrap_or_else(|| {
             self.parts.push(Part {
                 name: name.to_owned(),
                 ca_rate,
@@ -23,7 +23,7 @@ impl Network {
 
     /// Allow a plan to compute the springs inside the current part only once in `frames` frames.
     pub fn macrostep(&mut self, frames: u32) {
-        if let Some(current_part) = self.parts.get_mut(self.current) {
+        if let Some(current_part) = self.parts.get_mut(self.current_part) {
             current_part.macrostep = Some(frames.max(1));
         }
     }
@@ -73,7 +73,7 @@ impl Network {
             Tie::Physical { k, z } => (k, z),
             Tie::Tuned { f, t60 } => {
                 self.check_tuning(name, f, t60)?;
-                self.tie(m, f, t60)
+                self.tuned_tie(m, f, t60)
             }
         };
         self.check(name, &[("K", k, Rule::NotNegative), ("Z", z, Rule::NotNegative)])?;
@@ -84,7 +84,7 @@ impl Network {
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the module if a number is not finite.
-    pub fn start(&mut self, index: usize, x0: f64, v0: f64) -> Result<(), Error> {
+    pub fn set_initial_motion(&mut self, index: usize, x0: f64, v0: f64) -> Result<(), Error> {
         if !(x0.is_finite() && v0.is_finite()) {
             return Err(Error::Refused {
                 module: self.mat_name(index),
@@ -97,7 +97,7 @@ impl Network {
     }
 
     /// Make a MAT's position imposed (ENX).
-    pub fn impose(&mut self, index: usize) {
+    pub fn set_imposed(&mut self, index: usize) {
         self.mats.kind[index] = MatKind::Imposed;
     }
 
@@ -173,7 +173,7 @@ impl Network {
     ) -> Result<usize, Error> {
         self.check_capacity(name, 1)?;
         let mat_index = self.n_mat();
-        let part = self.current();
+        let part = self.current_part_index();
         self.mats.push(Mat {
             kind,
             m,
@@ -182,7 +182,7 @@ impl Network {
             rest,
             x0,
             v0,
-            place: [0.0; 2],
+            bench_position: [0.0; 2],
             part,
         });
         let name = self.full_name(name);
@@ -198,7 +198,7 @@ impl Network {
             (true, true) => MatKind::Cel,
         };
         let (z, v0) = if m > 0.0 { (z, v0) } else { (0.0, 0.0) };
-        let part = self.current();
+        let part = self.current_part_index();
         self.mats.push(Mat {
             kind,
             m,
@@ -207,7 +207,7 @@ impl Network {
             rest: 0.0,
             x0,
             v0,
-            place: [0.0; 2],
+            bench_position: [0.0; 2],
             part,
         });
     }
@@ -222,7 +222,7 @@ impl Network {
     ///
     /// # Errors
     /// [`Error::Refused`] with the name of the first MAT if `g` is not finite.
-    pub fn weigh(&mut self, mats: std::ops::Range<usize>, g: f64) -> Result<(), Error> {
+    pub fn set_gravity(&mut self, mats: std::ops::Range<usize>, g: f64) -> Result<(), Error> {
         if !g.is_finite() {
             return Err(Error::Refused {
                 module: self.mat_name(mats.start),
@@ -240,7 +240,7 @@ impl Network {
     }
 
     pub(super) fn add_run(&mut self, kind: LinkKind, a: usize, b: usize, len: usize, [k, z, rest]: [f64; 3]) {
-        let part = self.current() as usize;
+        let part = self.current_part_index() as usize;
         self.push_run(Run {
             kind,
             a,
@@ -255,7 +255,7 @@ impl Network {
     }
 
     /// K and Z of a CEL of damped frequency f: physical, or algorithmic in a part under `ca`.
-    pub(super) fn tie(&self, m: f64, f: f64, t60: Option<f64>) -> (f64, f64) {
+    pub(super) fn tuned_tie(&self, m: f64, f: f64, t60: Option<f64>) -> (f64, f64) {
         match self.ca_rate() {
             None => {
                 let tuned_cell = Cell::tuned(m, f, t60);
@@ -269,22 +269,22 @@ impl Network {
     }
 
     /// The part that modules are added to; begins a part without a name if there is none.
-    pub(super) fn current(&mut self) -> u32 {
+    pub(super) fn current_part_index(&mut self) -> u32 {
         if self.parts.is_empty() {
             self.part("", None);
         }
-        self.current as u32
+        self.current_part as u32
     }
 
     pub(super) fn ca_rate(&self) -> Option<Rate> {
-        self.parts.get(self.current).and_then(|part| part.ca_rate)
+        self.parts.get(self.current_part).and_then(|part| part.ca_rate)
     }
 
     /// The name of a module, prefixed with the name of its part.
     pub(super) fn full_name(&self, name: &str) -> String {
         let part_name = self
             .parts
-            .get(self.current)
+            .get(self.current_part)
             .map_or("", |part_name| part_name.name.as_str());
         match (part_name.is_empty(), name.is_empty()) {
             (true, _) => name.to_owned(),

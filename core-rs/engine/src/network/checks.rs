@@ -3,7 +3,7 @@
 use super::Network;
 use super::error::Error;
 
-/// Most MATs or LIAs of one network: 4 GB of state.
+/// Largest number of MATs or LIAs of one network: 4 GB of state.
 const MODULES_MAX: usize = 20_000_000;
 
 /// A rule for a number.

@@ -5,7 +5,7 @@
 
 use nalgebra::Complex;
 
-use super::part_body::Body;
+use super::part_body::PartBody;
 use crate::interrupt;
 use crate::maths::sqrt;
 use crate::spectrum::sparse::{Factor, Pattern, Values};
@@ -45,16 +45,16 @@ pub(super) struct DampedMode {
 }
 
 /// Whether damping couples any of the modes with others.
-pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
+pub(super) fn is_coupled(body: &PartBody, modes: &[Mode]) -> bool {
     let mat_count = body.springs.n();
     let alternating: Vec<f64> = (0..mat_count).map(|i| if i % 2 == 0 { 1.0 } else { -1.0 }).collect();
-    let damping_image = times(&body.dampers, &alternating);
+    let damping_image = damping_times(&body.dampers, &alternating);
     // If damping does not act on a mode x, Z x is only rounding error; Z times a vector of alternating signs tells
     // its size.
     let rounding_size = ROUNDING * sqrt(dot(&damping_image, &damping_image) / mat_count as f64);
     modes.iter().any(|mode| {
         interrupt::poll_for(mat_count);
-        let damping_image = times(&body.dampers, &mode.vector);
+        let damping_image = damping_times(&body.dampers, &mode.vector);
         let damping_share = dot(&mode.vector, &damping_image);
         let residual = damping_image
             .iter()
@@ -67,11 +67,11 @@ pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
 }
 
 /// The `count` poles of smallest |s| that arise from undamped modes; `is_coupled` says whether damping couples these.
-pub(super) fn damped_modes(body: &Body, modes: &[Mode], is_coupled: bool, count: usize) -> Vec<DampedMode> {
+pub(super) fn damped_modes(body: &PartBody, modes: &[Mode], is_coupled: bool, count: usize) -> Vec<DampedMode> {
     if !is_coupled {
         let solve_mode = |mode: &Mode| {
             interrupt::poll_for(mode.vector.len());
-            uncoupled_mode(mode, &times(&body.dampers, &mode.vector))
+            uncoupled_mode(mode, &damping_times(&body.dampers, &mode.vector))
         };
         return modes.iter().take(count).map(solve_mode).collect();
     }
@@ -80,33 +80,35 @@ pub(super) fn damped_modes(body: &Body, modes: &[Mode], is_coupled: bool, count:
         .iter()
         .map(|mode| {
             interrupt::poll_for(mode.vector.len());
-            times(&body.dampers, &mode.vector)
+            damping_times(&body.dampers, &mode.vector)
         })
         .collect();
-    let Some(mut modes_coupled) = coupled(&modes, &damping_images) else {
+    let Some(mut coupled_poles) = coupled_modes(&modes, &damping_images) else {
         return Vec::new();
     };
-    modes_coupled.truncate(count);
+    coupled_poles.truncate(count);
     let matrices = NetworkMatrices::new(body);
-    let start_poles: Vec<Complex<f64>> = modes_coupled.iter().map(|mode| mode.pole).collect();
-    for (i, mode) in modes_coupled.iter_mut().enumerate() {
+    let start_poles: Vec<Complex<f64>> = coupled_poles.iter().map(|mode| mode.pole).collect();
+    for (i, mode) in coupled_poles.iter_mut().enumerate() {
         let other_poles = start_poles.iter().enumerate().filter(|(j, _)| *j != i);
-        let pole_gap = other_poles.fold(f64::INFINITY, |least, (_, other)| least.min((other - mode.pole).norm()));
-        matrices.correct(mode, pole_gap);
+        let pole_gap = other_poles.fold(f64::INFINITY, |gap_min, (_, other)| {
+            gap_min.min((other - mode.pole).norm())
+        });
+        matrices.refine_pole(mode, pole_gap);
     }
-    for i in 0..modes_coupled.len() {
+    for i in 0..coupled_poles.len() {
         interrupt::poll();
         for j in 0..i {
             let (gap_before, gap_now) = (
                 start_poles[i] - start_poles[j],
-                modes_coupled[i].pole - modes_coupled[j].pole,
+                coupled_poles[i].pole - coupled_poles[j].pole,
             );
             if gap_now.norm() < MERGED_RATIO_MAX * gap_before.norm() {
-                (modes_coupled[i].is_known, modes_coupled[j].is_known) = (false, false);
+                (coupled_poles[i].is_known, coupled_poles[j].is_known) = (false, false);
             }
         }
     }
-    modes_coupled
+    coupled_poles
 }
 
 /// The pole of a mode that damping couples with no other: s² + ζs + λ = 0.
@@ -128,15 +130,15 @@ fn uncoupled_mode(mode: &Mode, image: &[f64]) -> DampedMode {
 }
 
 /// The modes, extended by responses of the springs to damping: orthonormal vectors, each with its λ, as modes are.
-fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
+fn with_responses(body: &PartBody, modes: &[Mode]) -> Vec<Mode> {
     let mat_count = body.springs.n();
     let responses_max = modes.len().min(mat_count - modes.len());
     let mut fresh_images: Vec<Vec<f64>> = Vec::new();
     let mode_vectors = |modes: &[Mode]| -> Vec<Vec<f64>> { modes.iter().map(|mode| mode.vector.clone()).collect() };
     let mut vectors = mode_vectors(modes);
     for mode in modes {
-        let damping_image = times(&body.dampers, &mode.vector);
-        push_new(&mut vectors, &mut fresh_images, damping_image);
+        let damping_image = damping_times(&body.dampers, &mode.vector);
+        push_independent_part(&mut vectors, &mut fresh_images, damping_image);
     }
     fresh_images.truncate(responses_max);
     // Static responses, then responses at half the highest λ: two for each damped point, if there are few.
@@ -148,9 +150,9 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
             break;
         }
         let shifted_factor = body.springs.factor(&mut shift);
-        for rest in &fresh_images {
+        for fresh_image in &fresh_images {
             if responses.len() < responses_max {
-                push_new(&mut vectors, &mut responses, shifted_factor.solve(rest));
+                push_independent_part(&mut vectors, &mut responses, shifted_factor.solve(fresh_image));
             }
         }
     }
@@ -182,7 +184,7 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
 }
 
 /// Add the part of a vector outside an orthonormal basis to the basis and to `fresh`, unless that part is too small.
-fn push_new(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) {
+fn push_independent_part(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) {
     let norm_before = norm(&vector);
     orthogonalise(&mut vector, basis);
     if normalise(&mut vector) <= NEW_SHARE_MIN * norm_before {
@@ -193,7 +195,7 @@ fn push_new(basis: &mut Vec<Vec<f64>>, fresh: &mut Vec<Vec<f64>>, mut vector: Ve
 }
 
 /// Poles of modes that damping couples, by rising |s|: eigenvalues in (p, v) with p = ω·q, ṗ = ω·v, v̇ = −ω·p − Z·v.
-fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<DampedMode>> {
+fn coupled_modes(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<DampedMode>> {
     let mode_count = modes.len();
     let matrix_size = 2 * mode_count;
     let mut state_matrix = vec![0.0; matrix_size * matrix_size];
@@ -254,7 +256,7 @@ pub(super) struct NetworkMatrices {
 }
 
 impl NetworkMatrices {
-    pub(super) fn new(body: &Body) -> Self {
+    pub(super) fn new(body: &PartBody) -> Self {
         let mat_count = body.springs.n();
         let all_springs = body.springs.springs().iter().chain(&body.dampers);
         let all_springs: Vec<Spring> = all_springs.copied().collect();
@@ -273,7 +275,7 @@ impl NetworkMatrices {
 
     /// Refine a pole by Newton's method, s −= xᵀx / xᵀy with P(s) y = P′(s) x, unless its residual shows that it is
     /// exact; `gap` is the distance to the next pole. Source: Ruhe, SIAM J. Numer. Anal. 10 (1973).
-    fn correct(&self, mode: &mut DampedMode, gap: f64) {
+    fn refine_pole(&self, mode: &mut DampedMode, gap: f64) {
         let mat_count = self.pattern.n();
         let mut applied_matrix = vec![Complex::from(0.0); mat_count];
         let (mut s, mut x) = (mode.pole, mode.shape.clone());
@@ -318,7 +320,7 @@ impl NetworkMatrices {
         let shape_factor = if s.im == 0.0 {
             Complex::from(1.0 / vector_norm(&x))
         } else {
-            root(Complex::new(0.0, 2.0 * s.im) / bilinear(&x, &applied_matrix))
+            complex_root(Complex::new(0.0, 2.0 * s.im) / bilinear(&x, &applied_matrix))
         };
         mode.pole = s;
         mode.shape = x.into_iter().map(|x| x * shape_factor).collect();
@@ -330,7 +332,7 @@ fn bilinear(a: &[Complex<f64>], b: &[Complex<f64>]) -> Complex<f64> {
 }
 
 /// √z with a non-negative real part.
-fn root(z: Complex<f64>) -> Complex<f64> {
+fn complex_root(z: Complex<f64>) -> Complex<f64> {
     let modulus = sqrt(z.norm_sqr());
     let re = sqrt((0.5 * (modulus + z.re)).max(0.0));
     let im = sqrt((0.5 * (modulus - z.re)).max(0.0));
@@ -338,7 +340,7 @@ fn root(z: Complex<f64>) -> Complex<f64> {
 }
 
 /// Z x.
-fn times(dampers: &[Spring], x: &[f64]) -> Vec<f64> {
+fn damping_times(dampers: &[Spring], x: &[f64]) -> Vec<f64> {
     let mut y = vec![0.0; x.len()];
     for &((a, lever), other, z) in dampers {
         let damper_force = z * (lever * x[a] - other.map_or(0.0, |(b, other_lever)| other_lever * x[b]));

@@ -24,7 +24,7 @@ pub enum Error {
         oversampling: u32,
     },
     /// Several modules are at fault, each by itself.
-    #[error("{}", lines(.0))]
+    #[error("{}", join_lines(.0))]
     Several(Vec<Error>),
 }
 
@@ -76,7 +76,7 @@ impl Error {
     }
 }
 
-fn lines(errors: &[Error]) -> String {
+fn join_lines(errors: &[Error]) -> String {
     let messages: Vec<String> = errors.iter().map(Error::to_string).collect();
     messages.join("\n")
 }

@@ -20,20 +20,20 @@ pub struct Following {
     /// Distance that the MAT moves from one end to the other [m].
     pub span: f64,
     /// The value when the MAT is at -offset, and before.
-    pub from: f64,
+    pub value_before: f64,
     /// The value when the MAT is at span - offset, and beyond.
-    pub to: f64,
+    pub value_beyond: f64,
 }
 
 impl Following {
-    /// The value when the MAT is at `x` [m]; `from` if `x` is NaN.
+    /// The value when the MAT is at `x` [m]; `value_before` if `x` is NaN.
     #[inline]
     pub(crate) fn value(&self, x: f64) -> f64 {
         let span_share = ((x + self.offset) / self.span).clamp(0.0, 1.0).max(0.0);
-        self.from + (self.to - self.from) * span_share
+        self.value_before + (self.value_beyond - self.value_before) * span_share
     }
 
-    fn moved_to(self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
+    fn renumbered(self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
         Some(Self {
             mat: local(self.mat)?,
             ..self
@@ -44,9 +44,9 @@ impl Following {
 /// The law of a link in which some constants follow MATs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Followed {
-    /// The law; these constants are its open ones, in the order of `by`.
+    /// The law; these constants are its open ones, in the order of `followings`.
     law: Arc<Law>,
-    by: Arc<[Following]>,
+    followings: Arc<[Following]>,
 }
 
 impl Followed {
@@ -57,41 +57,48 @@ impl Followed {
 
     /// Give the open constants of `law`, a copy, the values that belong to MATs at `x` [m].
     #[inline]
-    pub(crate) fn set(&self, law: &mut Law, x: impl Fn(usize) -> f64) {
-        for (slot, by) in self.by.iter().enumerate() {
-            law.set(slot, by.value(x(by.mat)));
+    pub(crate) fn update_law(&self, law: &mut Law, x: impl Fn(usize) -> f64) {
+        for (slot, following) in self.followings.iter().enumerate() {
+            law.set(slot, following.value(x(following.mat)));
         }
     }
 
     /// The law when MATs are at `x` [m].
     pub(crate) fn law_for(&self, x: impl Fn(usize) -> f64) -> Law {
         let mut followed_law = (*self.law).clone();
-        self.set(&mut followed_law, x);
+        self.update_law(&mut followed_law, x);
         followed_law
     }
 
     /// The law with every combination of the end values of its open constants.
-    pub(crate) fn corners(&self) -> impl Iterator<Item = Law> + '_ {
-        (0..1_usize << self.by.len()).map(|ends| {
+    pub(crate) fn end_value_laws(&self) -> impl Iterator<Item = Law> + '_ {
+        (0..1_usize << self.followings.len()).map(|ends| {
             let mut corner_law = (*self.law).clone();
-            for (slot, by) in self.by.iter().enumerate() {
-                corner_law.set(slot, if ends >> slot & 1 == 1 { by.to } else { by.from });
+            for (slot, following) in self.followings.iter().enumerate() {
+                corner_law.set(
+                    slot,
+                    if ends >> slot & 1 == 1 {
+                        following.value_beyond
+                    } else {
+                        following.value_before
+                    },
+                );
             }
             corner_law
         })
     }
 
     /// The MATs that the law follows.
-    pub(crate) fn guides(&self) -> impl Iterator<Item = usize> + '_ {
-        self.by.iter().map(|by| by.mat)
+    pub(crate) fn guide_mats(&self) -> impl Iterator<Item = usize> + '_ {
+        self.followings.iter().map(|following| following.mat)
     }
 
     /// The same law in a network that numbers MATs differently; `None` if a MAT is missing there.
-    pub(super) fn moved_to(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
-        let by = self.by.iter().map(|by| by.moved_to(&local));
+    pub(super) fn renumbered(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
+        let followings = self.followings.iter().map(|following| following.renumbered(&local));
         Some(Self {
             law: self.law.clone(),
-            by: by.collect::<Option<_>>()?,
+            followings: followings.collect::<Option<_>>()?,
         })
     }
 }
@@ -100,22 +107,22 @@ impl Followed {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FollowingMass {
     pub(crate) mat: usize,
-    pub(crate) by: Following,
+    pub(crate) following: Following,
     /// The smallest value of the mass [kg]; the network stores this one.
-    least: f64,
+    mass_min: f64,
 }
 
 impl FollowingMass {
     /// Ratio of the mass in the network to the mass when MATs are at `x` [m]: at most 1.
     #[inline]
-    pub(crate) fn lightness(&self, x: impl Fn(usize) -> f64) -> f64 {
-        self.least / self.by.value(x(self.by.mat))
+    pub(crate) fn mass_ratio(&self, x: impl Fn(usize) -> f64) -> f64 {
+        self.mass_min / self.following.value(x(self.following.mat))
     }
 
-    pub(super) fn moved_to(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
+    pub(super) fn renumbered(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
         Some(Self {
             mat: local(self.mat)?,
-            by: self.by.moved_to(local)?,
+            following: self.following.renumbered(local)?,
             ..*self
         })
     }
@@ -128,22 +135,22 @@ impl Network {
     }
 
     /// Whether a constant of a law or a mass follows a MAT.
-    pub fn follows(&self) -> bool {
-        !self.following_masses.is_empty() || self.runs.iter().any(|run| run.followed().is_some())
+    pub fn has_following(&self) -> bool {
+        !self.following_masses.is_empty() || self.runs.iter().any(|run| run.followed_law().is_some())
     }
 
     /// Pairs of a MAT whose link or mass follows another MAT, and that other MAT.
-    pub(crate) fn followed(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+    pub(crate) fn follower_pairs(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let link_guides = self.runs.iter().flat_map(|run| {
-            let law_guides = run.followed().into_iter().flat_map(Followed::guides);
+            let law_guides = run.followed_law().into_iter().flat_map(Followed::guide_mats);
             law_guides.flat_map(|guide| [(run.a, guide), (run.b, guide)])
         });
         let mass_followers = self.following_masses.iter();
-        link_guides.chain(mass_followers.map(|mass| (mass.mat, mass.by.mat)))
+        link_guides.chain(mass_followers.map(|mass| (mass.mat, mass.following.mat)))
     }
 
-    /// Add a link (LNL) between MATs `a` and `b`, `rest` [m] long at rest, in whose law the constants named in `by`
-    /// follow MATs; returns its index.
+    /// Add a link (LNL) between MATs `a` and `b`, `rest` [m] long at rest, in whose law the constants named in
+    /// `followings` follow MATs; returns its index.
     ///
     /// ```
     /// use ergon_engine::Network;
@@ -154,10 +161,10 @@ impl Network {
     /// let (a, b) = (network.mas("a", 1e-3, 0.0, 0.0)?, network.sol("b", 0.0)?);
     /// let finger = network.mas("finger", 0.1, 0.0, 0.0)?;
     /// let text = LawText { law: Some("k*d"), ..LawText::default() };
-    /// // From 100 N/m to 400 N/m while the finger goes a centimetre.
-    /// let by = Following { mat: finger, offset: 0.0, span: 0.01, from: 100.0, to: 400.0 };
+    /// // From 100 N/m to 400 N/m while the finger moves by a centimetre.
+    /// let by = Following { mat: finger, offset: 0.0, span: 0.01, value_before: 100.0, value_beyond: 400.0 };
     /// network.following_lnl("tie", (a, b), &text, 0.0, &[("k".to_owned(), by)])?;
-    /// assert!(network.follows());
+    /// assert!(network.has_following());
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
@@ -170,18 +177,18 @@ impl Network {
         (a, b): (usize, usize),
         text: &LawText<'_>,
         rest: f64,
-        by: &[(String, Following)],
+        followings: &[(String, Following)],
     ) -> Result<usize, Error> {
         self.check(name, &[("rest", rest, Rule::Finite)])?;
-        if by.len() > FOLLOWING_MAX {
+        if followings.len() > FOLLOWING_MAX {
             let message = format!("at most {FOLLOWING_MAX} constants of a law follow MATs");
             return Err(self.refused(name, &message));
         }
-        let open_constants: Vec<String> = by.iter().map(|(constant, _)| constant.clone()).collect();
+        let open_constants: Vec<String> = followings.iter().map(|(constant, _)| constant.clone()).collect();
         let mut constants = text.constants.clone();
-        for (constant, following) in by {
+        for (constant, following) in followings {
             self.check_following(name, following)?;
-            constants.insert(constant.clone(), following.from);
+            constants.insert(constant.clone(), following.value_before);
         }
         let open_law = Law::new(&LawText {
             constants,
@@ -191,7 +198,7 @@ impl Network {
         let open_law = open_law.map_err(|error| self.refused(name, &error.to_string()))?;
         let followed = Followed {
             law: Arc::new(open_law),
-            by: by.iter().map(|(_, following)| *following).collect(),
+            followings: followings.iter().map(|(_, following)| *following).collect(),
         };
         self.link(name, LinkKind::Followed(followed), a, b, [0.0, 0.0, rest])
     }
@@ -201,44 +208,48 @@ impl Network {
     /// # Errors
     /// [`Error::Refused`] with its name if it is not a MAS, follows a MAT already, a mass is not above 0, a number is
     /// not finite, or the MAT is missing.
-    pub fn follow_mass(&mut self, name: &str, mat: usize, by: Following) -> Result<(), Error> {
+    pub fn follow_mass(&mut self, name: &str, mat: usize, following: Following) -> Result<(), Error> {
         let refuse_mass = |message: &str| self.refused(name, message);
         if self.mats.kind.get(mat) != Some(&MatKind::Mas) {
             return Err(refuse_mass("only the mass of a MAS follows a MAT"));
         }
-        if self.following_masses.iter().any(|following| following.mat == mat) || by.mat == mat {
+        if self.following_masses.iter().any(|other| other.mat == mat) || following.mat == mat {
             return Err(refuse_mass("its mass follows one other MAT"));
         }
-        self.check_following(name, &by)?;
-        let least = by.from.min(by.to);
-        if least <= 0.0 {
+        self.check_following(name, &following)?;
+        let mass_min = following.value_before.min(following.value_beyond);
+        if mass_min <= 0.0 {
             return Err(refuse_mass("a mass is above 0 wherever it follows"));
         }
-        self.mats.m[mat] = least;
-        self.following_masses.push(FollowingMass { mat, by, least });
+        self.mats.m[mat] = mass_min;
+        self.following_masses.push(FollowingMass {
+            mat,
+            following,
+            mass_min,
+        });
         Ok(())
     }
 
     /// The network with each following mass fixed at its value when MATs are at `x` [m].
     pub(crate) fn with_masses_at(mut self, x: &[f64]) -> Self {
-        for following in std::mem::take(&mut self.following_masses) {
-            self.mats.m[following.mat] = following.by.value(x[following.by.mat]);
+        for mass in std::mem::take(&mut self.following_masses) {
+            self.mats.m[mass.mat] = mass.following.value(x[mass.following.mat]);
         }
         self
     }
 
-    fn check_following(&self, name: &str, by: &Following) -> Result<(), Error> {
-        if by.mat >= self.n_mat() {
+    fn check_following(&self, name: &str, following: &Following) -> Result<(), Error> {
+        if following.mat >= self.n_mat() {
             return Err(self.refused(name, "what it follows is not there"));
         }
-        if by.span == 0.0 {
+        if following.span == 0.0 {
             return Err(self.refused(name, "span is 0: the MAT would change nothing"));
         }
         let numbers = [
-            ("offset", by.offset, Rule::Finite),
-            ("span", by.span, Rule::Finite),
-            ("from", by.from, Rule::Finite),
-            ("to", by.to, Rule::Finite),
+            ("offset", following.offset, Rule::Finite),
+            ("span", following.span, Rule::Finite),
+            ("from", following.value_before, Rule::Finite),
+            ("to", following.value_beyond, Rule::Finite),
         ];
         self.check(name, &numbers)
     }
@@ -246,7 +257,7 @@ impl Network {
 
 impl Run {
     /// The law of links that follow MATs; `None` for other links.
-    pub(crate) fn followed(&self) -> Option<&Followed> {
+    pub(crate) fn followed_law(&self) -> Option<&Followed> {
         match &self.kind {
             LinkKind::Followed(followed) => Some(followed),
             _ => None,

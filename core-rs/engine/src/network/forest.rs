@@ -30,7 +30,7 @@ impl Forest {
 }
 
 /// Each link with its two ends; a link in space appears once per axis.
-pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+pub(crate) fn link_ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
     let link_runs = network.runs().iter();
     link_runs.flat_map(|run| {
         interrupt::steps(0..run.len).flat_map(move |i| run.pairs(i).map(move |(a, b)| (run.first + i, a, b)))
@@ -39,7 +39,7 @@ pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usi
 
 /// Pairs of MATs that influence each other: both ends of a link, the coordinates of each end, a proxy and its masses
 /// and guides, and anything that follows a MAT and that MAT.
-pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> + '_ {
+pub(crate) fn joined_pairs(network: &Network) -> impl Iterator<Item = (usize, usize)> + '_ {
     let space_runs = network.runs().iter().filter(|run| run.n_axes() > 1);
     let coordinates = space_runs.flat_map(|run| {
         interrupt::steps(0..run.len).flat_map(move |i| {
@@ -48,27 +48,27 @@ pub(crate) fn joined(network: &Network) -> impl Iterator<Item = (usize, usize)> 
             other_mats.flat_map(move |(other_a, other_b)| [(first_mat, other_a), (second_mat, other_b)])
         })
     });
-    // Points of a group influence each other through the points that they meet.
+    // Points of a group influence each other through the points that they touch.
     let crowds = network.runs().iter().filter_map(Run::pairwise);
     let crowds = crowds.flat_map(|run| {
-        let group_spans = [(run.a, run.pairs.n_first), (run.b, run.n)];
+        let group_spans = [(run.a, run.pairs.n_first), (run.b, run.n_second)];
         group_spans
             .into_iter()
             .flat_map(|(first, n)| interrupt::steps(first + 1..first + n).map(move |mat| (first, mat)))
     });
     let proxies = network.proxies().iter().flat_map(|proxy| {
-        let other_mats = proxy.masses().chain(proxy.guides());
+        let other_mats = proxy.masses().chain(proxy.guide_mats());
         other_mats.map(|mat| (proxy.mat, mat))
     });
-    let ends = ends(network).map(|(_, first_mat, second_mat)| (first_mat, second_mat));
+    let ends = link_ends(network).map(|(_, first_mat, second_mat)| (first_mat, second_mat));
     ends.chain(coordinates)
         .chain(crowds)
         .chain(proxies)
-        .chain(network.followed())
+        .chain(network.follower_pairs())
 }
 
 /// The MATs of each link, axis by axis: its first end, then its second.
-pub(crate) fn links(network: &Network) -> impl Iterator<Item = (usize, LinkMats)> + '_ {
+pub(crate) fn link_mats(network: &Network) -> impl Iterator<Item = (usize, LinkMats)> + '_ {
     let link_runs = network.runs().iter();
     link_runs.flat_map(|run| {
         interrupt::steps(0..run.len).map(move |i| {
@@ -92,7 +92,7 @@ impl LinkMats {
         self.len += 2;
     }
 
-    pub(crate) fn all(&self) -> &[usize] {
+    pub(crate) fn as_slice(&self) -> &[usize] {
         &self.mats[..self.len]
     }
 }

@@ -15,9 +15,9 @@ pub struct LawUse {
     /// The operations; see [`Law::rows`].
     pub rows: Vec<Row>,
     /// Number of links that are alone in their run.
-    pub alone: usize,
+    pub n_single_links: usize,
     /// Number of links in longer runs.
-    pub in_runs: usize,
+    pub n_run_links: usize,
 }
 
 impl Network {
@@ -244,14 +244,14 @@ impl Network {
             let law_index = *known_rows.entry(law_rows).or_insert_with_key(|law_rows| {
                 law_uses.push(LawUse {
                     rows: law_rows.clone(),
-                    alone: 0,
-                    in_runs: 0,
+                    n_single_links: 0,
+                    n_run_links: 0,
                 });
                 law_uses.len() - 1
             });
             match run.len {
-                1 => law_uses[law_index].alone += 1,
-                len => law_uses[law_index].in_runs += len,
+                1 => law_uses[law_index].n_single_links += 1,
+                len => law_uses[law_index].n_run_links += len,
             }
         }
         law_uses

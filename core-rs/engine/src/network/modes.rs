@@ -8,7 +8,7 @@ use crate::interrupt;
 use crate::spectrum::{self, LowestModes};
 use crate::units::LN_1000;
 
-/// Most numbers in all shapes together.
+/// Largest number of values in all shapes together.
 const ENTRIES_MAX: usize = 100_000_000;
 
 /// A mode of the network.
@@ -20,7 +20,7 @@ pub struct Tone {
     pub t60: f64,
 }
 
-/// Which modes are asked for.
+/// Which modes are requested.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ModeRange {
     /// This many of the lowest modes.
@@ -31,11 +31,11 @@ pub enum ModeRange {
     Around(f64, usize),
 }
 
-/// More modes are asked for than can be kept.
+/// More modes are requested than memory allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{count} modes of {n_masses} masses need too much memory; ask for at most {count_max} modes")]
 pub struct TooManyModes {
-    /// Number of modes asked for.
+    /// Number of requested modes.
     pub count: usize,
     /// Number of masses.
     pub n_masses: usize,
@@ -90,7 +90,7 @@ impl Network {
     pub fn part_modes(&self, part: usize, range: ModeRange) -> Result<PartModes, TooManyModes> {
         let part_body = self.part_body(part);
         let mat_count = part_body.mats.len();
-        // Damping couples each mode with others, so more undamped modes are needed than are asked for.
+        // Damping couples each mode with others, so more undamped modes are needed than are requested.
         let coupled_search = |count: usize, find: &dyn Fn(usize) -> LowestModes| {
             let part_modes = find(count);
             let is_coupled = damped::is_coupled(&part_body, &part_modes.modes);
@@ -100,8 +100,8 @@ impl Network {
             }
         };
         let lowest_part_modes = |count| spectrum::lowest_modes(&part_body.springs, count);
-        let frequency = |mode: &DampedMode| Tone::from_pole(part_body.continuous(mode.pole)).f;
-        let checked_count = |count: usize| -> Result<usize, TooManyModes> {
+        let frequency = |mode: &DampedMode| Tone::from_pole(part_body.continuous_pole(mode.pole)).f;
+        let count_in_memory = |count: usize| -> Result<usize, TooManyModes> {
             let (count, count_max) = (count.min(mat_count), ENTRIES_MAX / mat_count);
             if count <= count_max {
                 return Ok(count);
@@ -115,14 +115,14 @@ impl Network {
         let (mut pole_modes, is_certified) = match range {
             _ if mat_count == 0 => (Vec::new(), true),
             ModeRange::Lowest(count) => {
-                let count = checked_count(count)?;
+                let count = count_in_memory(count)?;
                 let (part_modes, is_coupled) = coupled_search(count, &lowest_part_modes);
                 let lowest_part_modes = damped::damped_modes(&part_body, &part_modes.modes, is_coupled, count);
                 let is_complete = lowest_part_modes.len() == count;
                 (lowest_part_modes, part_modes.is_certified && is_complete)
             }
             ModeRange::Below(f) => {
-                let count = checked_count(spectrum::n_below(&part_body.springs, part_body.lambda(f)))?;
+                let count = count_in_memory(spectrum::n_below(&part_body.springs, part_body.lambda_at(f)))?;
                 let (part_modes, is_coupled) = coupled_search(count, &lowest_part_modes);
                 let mut all_modes =
                     damped::damped_modes(&part_body, &part_modes.modes, is_coupled, part_modes.modes.len());
@@ -130,8 +130,8 @@ impl Network {
                 (all_modes, part_modes.is_certified)
             }
             ModeRange::Around(f, count) => {
-                let count = checked_count(count)?;
-                let centre_lambda = part_body.lambda(f);
+                let count = count_in_memory(count)?;
+                let centre_lambda = part_body.lambda_at(f);
                 let modes_near = |count| spectrum::modes_around(&part_body.springs, centre_lambda, count);
                 let (part_modes, is_coupled) = coupled_search(count, &modes_near);
                 let mut all_modes =
@@ -148,8 +148,8 @@ impl Network {
         let signed_shape = |mode: &DampedMode| -> Vec<Complex<f64>> {
             interrupt::poll_for(mat_count);
             let compare_real = |x: &Complex<f64>, y: &Complex<f64>| x.re.abs().total_cmp(&y.re.abs());
-            let count_max = mode.shape.iter().copied().max_by(compare_real);
-            let shape_sign = if count_max.is_some_and(|x| x.re < 0.0) {
+            let largest_component = mode.shape.iter().copied().max_by(compare_real);
+            let shape_sign = if largest_component.is_some_and(|x| x.re < 0.0) {
                 -1.0
             } else {
                 1.0
@@ -157,7 +157,10 @@ impl Network {
             let mode_entries = mode.shape.iter().zip(&part_body.sqrt_masses);
             mode_entries.map(|(x, root)| x * (shape_sign / root)).collect()
         };
-        let poles: Vec<Complex<f64>> = pole_modes.iter().map(|mode| part_body.continuous(mode.pole)).collect();
+        let poles: Vec<Complex<f64>> = pole_modes
+            .iter()
+            .map(|mode| part_body.continuous_pole(mode.pole))
+            .collect();
         Ok(PartModes {
             tones: poles.iter().map(|&s| Tone::from_pole(s)).collect(),
             poles,

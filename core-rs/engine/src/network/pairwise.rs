@@ -2,7 +2,7 @@
 
 use super::checks::Rule;
 use super::error::Error;
-use super::space::{AXES_MAX, Measure, SINKS, SpaceLaw, SpaceLink, SpacePoint};
+use super::space::{AXES_MAX, COLLAPSE_MESSAGE, Measure, SpaceLaw, SpaceLink, SpacePoint};
 use super::{LinkKind, Network, Run};
 
 /// Contacts or attractions between all pairs of points of two groups. Link i belongs to the i-th point of the second
@@ -49,7 +49,7 @@ pub(crate) struct PairRun {
     pub(crate) a: usize,
     pub(crate) b: usize,
     /// Number of points of the second group.
-    pub(crate) n: usize,
+    pub(crate) n_second: usize,
     /// Length below which a pair touches [m].
     pub(crate) rest: f64,
 }
@@ -58,27 +58,29 @@ impl PairRun {
     /// The numbers of two points from their first coordinates: points of the first group come first, then those of the
     /// second, if it is another group.
     pub(crate) fn points(&self, (a, b): (usize, usize)) -> [u32; 2] {
-        [(a - self.a) as u32, (self.before() + b - self.b) as u32]
+        [(a - self.a) as u32, (self.n_before_second() + b - self.b) as u32]
     }
 
     /// The first coordinates of two points from their numbers.
     pub(crate) fn ends(&self, [first, second]: [u32; 2]) -> (usize, usize) {
-        let second = self.b + second as usize - self.before();
+        let second = self.b + second as usize - self.n_before_second();
         (self.a + first as usize, second)
     }
 
     /// How many points are numbered before the second group.
-    fn before(&self) -> usize {
+    fn n_before_second(&self) -> usize {
         if self.pairs.is_within { 0 } else { self.pairs.n_first }
     }
 
     /// The MATs of its points: two ranges per axis.
-    pub(crate) fn spans(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
-        let Self { pairs, a, b, n, .. } = self;
-        let (a, b, n) = (*a, *b, *n);
+    pub(crate) fn point_ranges(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+        let Self {
+            pairs, a, b, n_second, ..
+        } = self;
+        let (a, b, n_second) = (*a, *b, *n_second);
         (0..pairs.link.n_axes).flat_map(move |axis| {
             let (a, b) = pairs.link.pair((a, b), axis);
-            [a..a + pairs.n_first, b..b + n]
+            [a..a + pairs.n_first, b..b + n_second]
         })
     }
 }
@@ -93,8 +95,8 @@ pub struct PointGroup {
 }
 
 impl Pairwise {
-    /// Most neighbours of a sphere among equal spheres: in a plane, and in space.
-    const NEIGHBOURS: [f64; 2] = [6.0, 12.0];
+    /// Largest number of neighbours of a sphere among equal spheres: in a plane, and in space.
+    const NEIGHBOURS_MAX: [f64; 2] = [6.0, 12.0];
 
     /// Coordinates along `axis` of two points that may meet, of link i in a run that begins at `ends`: a point of the
     /// first group, and the i-th point of the second group.
@@ -112,11 +114,11 @@ impl Pairwise {
         }
     }
 
-    /// Most points of the other group that push a point at once: for a point of the first group, and for one of the
-    /// second.
+    /// Largest number of points of the other group that push a point at once: for a point of the first group, and for
+    /// one of the second.
     pub(crate) fn neighbours(&self, n_second: usize) -> [f64; 2] {
         if self.is_searched() {
-            [Self::NEIGHBOURS[self.link.n_axes - 2]; 2]
+            [Self::NEIGHBOURS_MAX[self.link.n_axes - 2]; 2]
         } else {
             [n_second as f64, self.n_first as f64]
         }
@@ -129,7 +131,7 @@ impl Pairwise {
     }
 
     /// Points of the second group that a point of the first may meet, when all pairs are examined.
-    pub(crate) fn others(&self, first: usize, n_second: usize) -> std::ops::Range<usize> {
+    pub(crate) fn partners(&self, first: usize, n_second: usize) -> std::ops::Range<usize> {
         if self.is_within {
             first + 1..n_second
         } else {
@@ -146,7 +148,7 @@ impl Run {
                 pairs: pairs.clone(),
                 a: self.a,
                 b: self.b,
-                n: self.len,
+                n_second: self.len,
                 rest: self.rest,
             }),
             _ => None,
@@ -225,7 +227,7 @@ fn refusal([a, b]: [PointGroup; 2], n_axes: usize, pair_law: &PairLaw, gap: f64)
     let attracts = matches!(space_law, SpaceLaw::Attraction { .. });
     let normal_length = |normal: &[f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);
     // No two axes share a MAT.
-    let is_whole = |group: PointGroup| {
+    let has_separate_axes = |group: PointGroup| {
         let mut axis_starts: Vec<usize> = (0..n_axes.min(AXES_MAX))
             .filter_map(|axis| group.first.coordinate(axis))
             .collect();
@@ -241,7 +243,7 @@ fn refusal([a, b]: [PointGroup; 2], n_axes: usize, pair_law: &PairLaw, gap: f64)
         Some("needs two groups of points, the second not smaller than the first")
     } else if a != b && (starts_inside(a, b) || starts_inside(b, a)) {
         Some("its two groups have points in common")
-    } else if !is_whole(a) || !is_whole(b) {
+    } else if !has_separate_axes(a) || !has_separate_axes(b) {
         Some("the coordinates of a group lie axis by axis")
     } else if a == b && *measure != Measure::Distance {
         Some("points of one group meet by their distance")
@@ -252,7 +254,7 @@ fn refusal([a, b]: [PointGroup; 2], n_axes: usize, pair_law: &PairLaw, gap: f64)
     } else if is_contact && *measure == Measure::Distance && a.n > 1 && gap <= 0.0 {
         Some("points that meet need a gap above 0: the distance at which they touch")
     } else if matches!(measure, Measure::Distance | Measure::Surface(_)) && space_law.rests_beyond_gap(gap) {
-        Some(SINKS)
+        Some(COLLAPSE_MESSAGE)
     } else if matches!(measure, Measure::Plane(normal) if (normal_length(normal) - 1.0).abs() > 1e-9
         || (n_axes == 2 && normal[2] != 0.0))
     {

@@ -11,7 +11,7 @@ use crate::spectrum::springs::{End, Spring, Springs};
 use crate::units::Rate;
 
 /// The masses, springs and dampers of a part by itself.
-pub(super) struct Body {
+pub(super) struct PartBody {
     /// Masses, by their index in the network   (n)
     pub(super) mats: Vec<usize>,
     /// √M   (n)
@@ -28,12 +28,12 @@ pub(super) struct Body {
 }
 
 impl Network {
-    pub(super) fn part_body(&self, part: usize) -> Body {
-        Body::new(self.elements(&[part]))
+    pub(super) fn part_body(&self, part: usize) -> PartBody {
+        PartBody::new(self.elements(&[part]))
     }
 }
 
-impl Body {
+impl PartBody {
     /// The body of the masses and links of some parts.
     pub(super) fn new(elements: Elements) -> Self {
         let sqrt_masses: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
@@ -73,7 +73,7 @@ impl Body {
     }
 
     /// The eigenvalue of an undamped mode of frequency `f` [Hz].
-    pub(super) fn lambda(&self, f: f64) -> f64 {
+    pub(super) fn lambda_at(&self, f: f64) -> f64 {
         match self.ca_rate {
             None => (std::f64::consts::TAU * f) * (std::f64::consts::TAU * f),
             Some(rate) => {
@@ -84,7 +84,7 @@ impl Body {
     }
 
     /// The pole s [1/s] in continuous time for a pole of the eigenvalue problem.
-    pub(super) fn continuous(&self, pole: Complex<f64>) -> Complex<f64> {
+    pub(super) fn continuous_pole(&self, pole: Complex<f64>) -> Complex<f64> {
         let Some(rate) = self.ca_rate else {
             return pole;
         };

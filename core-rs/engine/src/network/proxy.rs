@@ -62,7 +62,7 @@ impl SidePosition {
 
     fn renumbered(self, new_index: &impl Fn(usize) -> Option<usize>) -> Option<Self> {
         Some(match self {
-            Self::Fixed(at) => Self::Fixed(at),
+            Self::Fixed(place) => Self::Fixed(place),
             Self::Following { mat, offset, span } => Self::Following {
                 mat: new_index(mat)?,
                 offset,
@@ -100,7 +100,7 @@ impl Proxy {
     }
 
     /// Σ share·value over its masses, when MATs are at `x` [m].
-    pub(crate) fn sum(&self, x: impl Fn(usize) -> f64, value: impl Fn(usize) -> f64) -> f64 {
+    pub(crate) fn weighted_sum(&self, x: impl Fn(usize) -> f64, value: impl Fn(usize) -> f64) -> f64 {
         let mut weighted_sum = 0.0;
         self.for_each_share(x, |mat, share| weighted_sum += share * value(mat));
         weighted_sum
@@ -122,12 +122,12 @@ impl Proxy {
     }
 
     /// The MATs that determine its place.
-    pub(crate) fn guides(&self) -> impl Iterator<Item = usize> + '_ {
-        let along: &[SidePosition] = match &self.shares {
+    pub(crate) fn guide_mats(&self) -> impl Iterator<Item = usize> + '_ {
+        let sides: &[SidePosition] = match &self.shares {
             Shares::Fixed(_) => &[],
-            Shares::Moving { sides: along, .. } => along,
+            Shares::Moving { sides, .. } => sides,
         };
-        along.iter().filter_map(|along| match along {
+        sides.iter().filter_map(|side| match side {
             SidePosition::Fixed(_) => None,
             SidePosition::Following { mat, .. } => Some(*mat),
         })
@@ -135,7 +135,7 @@ impl Proxy {
 
     /// Turn shares that follow no MAT into fixed shares.
     fn fix_shares(&mut self) {
-        if self.guides().next().is_none() {
+        if self.guide_mats().next().is_none() {
             let mut fixed_shares = Vec::new();
             self.for_each_share(|_| 0.0, |mat, share| fixed_shares.push((mat, share)));
             self.shares = Shares::Fixed(fixed_shares.into());
@@ -220,7 +220,7 @@ impl Network {
         if new_proxy.masses().next().is_none() || !new_proxy.masses().all(is_known) {
             return Err(self.refused(name, "a PROXY must lie between masses that exist"));
         }
-        if !new_proxy.guides().all(is_known) {
+        if !new_proxy.guide_mats().all(is_known) {
             return Err(self.refused(name, "a PROXY must follow a MAT that exists"));
         }
         self.check_shares(name, &new_proxy.shares)?;
@@ -228,13 +228,14 @@ impl Network {
         let mats = &self.mats;
         let initial_position = |mat: usize| mats.x0[mat];
         let (x0, v0) = (
-            new_proxy.sum(initial_position, initial_position),
-            new_proxy.sum(initial_position, |mat| mats.v0[mat]),
+            new_proxy.weighted_sum(initial_position, initial_position),
+            new_proxy.weighted_sum(initial_position, |mat| mats.v0[mat]),
         );
-        let proxy_place = [0, 1].map(|axis| new_proxy.sum(initial_position, |mat| mats.place[mat][axis]));
+        let proxy_place =
+            [0, 1].map(|axis| new_proxy.weighted_sum(initial_position, |mat| mats.bench_position[mat][axis]));
         let numbers = [0.0, 0.0, 0.0, 0.0, x0, v0];
         let mat = self.add_mat(name, MatKind::Proxy, numbers)?;
-        self.mats.place[mat] = proxy_place;
+        self.mats.bench_position[mat] = proxy_place;
         self.proxies.push(new_proxy);
         Ok(mat)
     }
@@ -244,16 +245,12 @@ impl Network {
             Shares::Fixed(shares) => shares
                 .iter()
                 .try_for_each(|&(_, share)| self.check(name, &[("a share", share, Rule::Finite)])),
-            Shares::Moving {
-                mats,
-                columns,
-                sides: along,
-            } => {
+            Shares::Moving { mats, columns, sides } => {
                 if *columns == 0 || !mats.len().is_multiple_of(*columns) {
                     return Err(self.refused(name, "its masses do not fill the last row"));
                 }
-                along.iter().try_for_each(|along| match *along {
-                    SidePosition::Fixed(at) => self.check(name, &[("at", at, Rule::NotNegative)]),
+                sides.iter().try_for_each(|side| match *side {
+                    SidePosition::Fixed(place) => self.check(name, &[("at", place, Rule::NotNegative)]),
                     SidePosition::Following { span: 0.0, .. } => {
                         Err(self.refused(name, "span is 0 m, so the MAT would not move it; write a length"))
                     }

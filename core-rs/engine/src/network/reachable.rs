@@ -2,24 +2,24 @@
 
 use super::{Contact, LinkKind, MatKind, Network, Run};
 use crate::law::Law;
-use crate::network::forest::{Forest, links};
+use crate::network::forest::{Forest, link_mats};
 
 /// Contacts and hardening laws are linearised for penetrations up to this depth [m].
 pub const PRESS_DEPTH: f64 = 1e-3;
 /// Number of places on either side of rest at which the slope of a law is evaluated.
-const PLACES: i32 = 16;
+const SLOPE_PLACES: i32 = 16;
 
 /// How a network differs from its state at rest at one moment of a piece.
 #[derive(Clone, Debug, Default)]
 pub struct NetworkMoment {
     /// MATs that other hands hold.
-    pub held: Vec<usize>,
+    pub held_mats: Vec<usize>,
     /// Links that are switched off.
-    pub without: Vec<usize>,
+    pub disabled_links: Vec<usize>,
     /// K, Z and M of MATs that glide.
     pub ties: Vec<(usize, [f64; 3])>,
     /// Factors of links whose force glides.
-    pub factors: Vec<(usize, f64)>,
+    pub link_factors: Vec<(usize, f64)>,
 }
 
 /// The part of a network that a hand can move: linear, at rest, with all contacts closed.
@@ -30,7 +30,7 @@ pub struct ReachableNetwork {
     /// The MAT that the hand moves.
     pub mat: usize,
     /// Number of other hands that are linked to it.
-    pub others: usize,
+    pub n_other_hands: usize,
 }
 
 impl Network {
@@ -39,13 +39,13 @@ impl Network {
     ///
     /// `rate` [Hz] sets the stiffness of magic contacts, which depends on the length of a step.
     pub fn reachable_network(&self, mat: usize, moment: &NetworkMoment, depth: f64, rate: f64) -> ReachableNetwork {
-        let is_removed = |link: usize| moment.without.contains(&link);
-        let is_held_still = |other: usize| other != mat && moment.held.contains(&other);
+        let is_removed = |link: usize| moment.disabled_links.contains(&link);
+        let is_held_still = |other: usize| other != mat && moment.held_mats.contains(&other);
         let can_move = |other: usize| other == mat || self.mats.kind[other].moves();
         let (mut joined_mats, mut components) = (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
-        for (_, mats) in links(self).filter(|&(link, _)| !is_removed(link)) {
+        for (_, mats) in link_mats(self).filter(|&(link, _)| !is_removed(link)) {
             // A link in space joins all coordinates of its points.
-            let mut movable = mats.all().iter().copied().filter(|&mat| can_move(mat));
+            let mut movable = mats.as_slice().iter().copied().filter(|&mat| can_move(mat));
             let Some(first_movable) = movable.next() else {
                 continue;
             };
@@ -58,15 +58,15 @@ impl Network {
             }
         }
         let hand_root = joined_mats.root(mat);
-        let others = moment.held.iter();
-        let others = others.filter(|&&other| other != mat && joined_mats.root(other) == hand_root);
-        let others = others.count();
+        let linked_hands = moment.held_mats.iter();
+        let linked_hands = linked_hands.filter(|&&other| other != mat && joined_mats.root(other) == hand_root);
+        let n_other_hands = linked_hands.count();
         let hand_root = components.root(mat);
         let mut is_reached: Vec<bool> = (0..self.n_mat()).map(|i| components.root(i) == hand_root).collect();
-        let links_reached: Vec<_> = links(self)
-            .filter(|(link, mats)| !is_removed(*link) && mats.all().iter().any(|&mat| is_reached[mat]))
+        let links_reached: Vec<_> = link_mats(self)
+            .filter(|(link, mats)| !is_removed(*link) && mats.as_slice().iter().any(|&mat| is_reached[mat]))
             .collect();
-        for mat in links_reached.iter().flat_map(|(_, mats)| mats.all()) {
+        for mat in links_reached.iter().flat_map(|(_, mats)| mats.as_slice()) {
             is_reached[*mat] = true;
         }
         let mats: Vec<u32> = (0..self.n_mat() as u32).filter(|&i| is_reached[i as usize]).collect();
@@ -75,10 +75,10 @@ impl Network {
         let local_mat = |global_index: usize| mats.binary_search(&(global_index as u32)).ok();
         for &(global_index, tie) in &moment.ties {
             if let Some(mat) = local_mat(global_index) {
-                reached.network.retie(mat, tie);
+                reached.network.set_tie(mat, tie);
             }
         }
-        for mat in moment.held.iter().filter(|mat| is_held_still(**mat)) {
+        for mat in moment.held_mats.iter().filter(|mat| is_held_still(**mat)) {
             if let Some(mat) = local_mat(*mat) {
                 reached.network.mats.kind[mat] = MatKind::Sol;
             }
@@ -88,7 +88,7 @@ impl Network {
         reached.network.linearise(depth, rate, hand_mat);
         for run in &mut reached.network.runs {
             let global_index = reached.links[run.first] as usize;
-            let factors = moment.factors.iter().filter(|(link, _)| *link == global_index);
+            let factors = moment.link_factors.iter().filter(|(link, _)| *link == global_index);
             for (_, factor) in factors {
                 (run.k, run.z) = (run.k * factor, run.z * factor);
             }
@@ -96,7 +96,7 @@ impl Network {
         ReachableNetwork {
             network: reached.network,
             mat: hand_mat,
-            others,
+            n_other_hands,
         }
     }
 
@@ -109,7 +109,7 @@ impl Network {
         for run in runs {
             let is_ca_part = parts.get(run.part).is_some_and(|part| part.ca_rate.is_some());
             let rate_square = if is_ca_part { 1.0 } else { rate * rate };
-            let (k, z) = stiffest(run, depth, inverse_mass(run.a) + inverse_mass(run.b), rate_square);
+            let (k, z) = stiffest_run(run, depth, inverse_mass(run.a) + inverse_mass(run.b), rate_square);
             (run.k, run.z, run.rest) = (k, z, 0.0);
             // A link in space keeps its kind, which acts along all axes: it is nowhere stiffer than along its own line.
             if run.n_axes() == 1 {
@@ -123,7 +123,7 @@ impl Network {
     }
 
     /// All numbers that determine the motion, as bytes: networks with equal bytes move equally.
-    pub fn numbers(&self) -> Vec<u8> {
+    pub fn parameter_bytes(&self) -> Vec<u8> {
         let mut number_bytes = Vec::with_capacity(32 * self.n_mat() + 48 * self.runs.len());
         let mut push_number = |number: u64| number_bytes.extend(number.to_le_bytes());
         let part_rate = |part: usize| {
@@ -155,12 +155,12 @@ impl Network {
 ///
 /// `inverse_mass_sum` is the sum of 1/M of both ends [1/kg]; `rate_square` [1/s²], or 1 for a discrete part, converts
 /// the algorithmic K of a magic contact.
-fn stiffest(run: &Run, depth: f64, inverse_mass_sum: f64, rate_square: f64) -> (f64, f64) {
+fn stiffest_run(run: &Run, depth: f64, inverse_mass_sum: f64, rate_square: f64) -> (f64, f64) {
     match &run.kind {
         LinkKind::Ref | LinkKind::Space(_) | LinkKind::Pairwise(_) => (run.k, run.z),
         // Replaced by a spring that reaches F at `depth`.
         LinkKind::Dry(_) => (run.z / depth, 0.0),
-        LinkKind::Bristle(bristle) => (run.k, bristle.with(run.k, run.z).steepest_damping()),
+        LinkKind::Bristle(bristle) => (run.k, bristle.with_stiffness_and_level(run.k, run.z).steepest_damping()),
         LinkKind::But(but) if but.contact == Contact::Magic => {
             let reduced_mass = if inverse_mass_sum > 0.0 {
                 1.0 / inverse_mass_sum
@@ -173,7 +173,7 @@ fn stiffest(run: &Run, depth: f64, inverse_mass_sum: f64, rate_square: f64) -> (
         LinkKind::But(but) => (but.elastic(run.k).slope(depth), run.z),
         LinkKind::Lnl(law) => stiffest_law(law, depth),
         LinkKind::Followed(followed) => followed
-            .corners()
+            .end_value_laws()
             .map(|law| stiffest_law(&law, depth))
             .fold((0.0, 0.0), |(k, z), stiffness_and_damping| {
                 (stiffness_and_damping.0.max(k), stiffness_and_damping.1.max(z))
@@ -182,7 +182,7 @@ fn stiffest(run: &Run, depth: f64, inverse_mass_sum: f64, rate_square: f64) -> (
 }
 
 fn stiffest_law(law: &Law, depth: f64) -> (f64, f64) {
-    let elongations = (-PLACES..=PLACES).map(|i| depth * f64::from(i) / f64::from(PLACES));
+    let elongations = (-SLOPE_PLACES..=SLOPE_PLACES).map(|i| depth * f64::from(i) / f64::from(SLOPE_PLACES));
     let law_slopes = elongations.clone().map(|d| law.slope(d)).filter(|k| k.is_finite());
     let damping_slopes = elongations.map(|d| law.damping_slope(d)).filter(|z| z.is_finite());
     // A negative slope, which gives way or supplies energy, counts as 0.

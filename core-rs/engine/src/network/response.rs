@@ -6,7 +6,7 @@ use nalgebra::Complex;
 
 use super::Network;
 use super::damped::NetworkMatrices;
-use super::part_body::Body;
+use super::part_body::PartBody;
 use crate::interrupt;
 use crate::maths::{cos, sin};
 use crate::spectrum::sparse::Factor;
@@ -41,7 +41,7 @@ impl Network {
         listened: &[Vec<usize>],
         frequencies: &[f64],
     ) -> Vec<Complex<f64>> {
-        let body = Body::new(self.elements(parts));
+        let body = PartBody::new(self.elements(parts));
         let mat_count = body.mats.len();
         let local_mats = |mats: &[usize]| -> Vec<usize> {
             let mat_slots = mats.iter().map(|mat| body.mats.binary_search(mat));
@@ -56,13 +56,13 @@ impl Network {
         let mut response = vec![Complex::from(0.0); listened.len() * frequencies.len()];
         for (column, &f) in frequencies.iter().enumerate() {
             interrupt::poll();
-            let (s, point_gain) = point(&body, f);
-            let answer = answer(&matrices, s, &scaled_force);
+            let (s, point_gain) = evaluation_point(&body, f);
+            let solution = solve_at(&matrices, s, &scaled_force);
             for (row, mat_slots) in listened.iter().enumerate() {
                 let position = |x: &Vec<Complex<f64>>| -> Complex<f64> {
                     mat_slots.iter().map(|&slot| x[slot] / body.sqrt_masses[slot]).sum()
                 };
-                response[row * frequencies.len() + column] = match &answer {
+                response[row * frequencies.len() + column] = match &solution {
                     Some(x) => position(x) * Complex::new(0.0, TAU * f) * point_gain,
                     None => Complex::from(f64::INFINITY),
                 };
@@ -73,7 +73,7 @@ impl Network {
 }
 
 /// The s at which P(s) is solved for a frequency [Hz], and the factor of its solution.
-fn point(body: &Body, f: f64) -> (Complex<f64>, Complex<f64>) {
+fn evaluation_point(body: &PartBody, f: f64) -> (Complex<f64>, Complex<f64>) {
     let Some(rate) = body.ca_rate else {
         return (Complex::new(0.0, TAU * f), Complex::from(1.0));
     };
@@ -84,7 +84,7 @@ fn point(body: &Body, f: f64) -> (Complex<f64>, Complex<f64>) {
 }
 
 /// The solution x of P(s) x = force; `None` at a pole.
-fn answer(matrices: &NetworkMatrices, s: Complex<f64>, force: &[Complex<f64>]) -> Option<Vec<Complex<f64>>> {
+fn solve_at(matrices: &NetworkMatrices, s: Complex<f64>, force: &[Complex<f64>]) -> Option<Vec<Complex<f64>>> {
     let matrix_at_s = matrices.polynomial(s);
     let matrix_factor = Factor::new(&matrices.pattern, &matrix_at_s, Complex::from(0.0))?;
     let mut x = matrix_factor.solve(force);

@@ -6,31 +6,26 @@ impl Network {
     /// Whether modules, parameters, names and outputs are those of `other`. Initial positions and velocities may
     /// differ, and so may parts without modules.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        let (this_side, other_side) = (&self.mats, &other.mats);
+        let (mats, other_mats) = (&self.mats, &other.mats);
         let is_same_part = |a: usize, b: usize| self.part_at(a) == other.part_at(b);
-        let is_same_run = |(this_side, other_side): (&Run, &Run)| {
-            let run_ends = |is_same_run: &Run| (is_same_run.a, is_same_run.b, is_same_run.len, is_same_run.first);
-            let numbers = |is_same_run: &Run| [is_same_run.k, is_same_run.z, is_same_run.rest];
-            run_ends(this_side) == run_ends(other_side)
-                && numbers(this_side) == numbers(other_side)
-                && this_side.kind == other_side.kind
-                && is_same_part(this_side.part, other_side.part)
+        let is_same_run = |(run, other_run): (&Run, &Run)| {
+            let run_ends = |run: &Run| (run.a, run.b, run.len, run.first);
+            let numbers = |run: &Run| [run.k, run.z, run.rest];
+            run_ends(run) == run_ends(other_run)
+                && numbers(run) == numbers(other_run)
+                && run.kind == other_run.kind
+                && is_same_part(run.part, other_run.part)
         };
-        let mut part_pairs = this_side.part.iter().zip(&other_side.part);
-        this_side.kind == other_side.kind
-            && [
-                &this_side.m,
-                &this_side.k,
-                &this_side.z,
-                &this_side.rest,
-                &this_side.weight,
-            ] == [
-                &other_side.m,
-                &other_side.k,
-                &other_side.z,
-                &other_side.rest,
-                &other_side.weight,
-            ]
+        let mut part_pairs = mats.part.iter().zip(&other_mats.part);
+        mats.kind == other_mats.kind
+            && [&mats.m, &mats.k, &mats.z, &mats.rest, &mats.weight]
+                == [
+                    &other_mats.m,
+                    &other_mats.k,
+                    &other_mats.z,
+                    &other_mats.rest,
+                    &other_mats.weight,
+                ]
             && part_pairs.all(|(&a, &b)| is_same_part(a as usize, b as usize))
             && self.proxies == other.proxies
             && self.following_masses == other.following_masses

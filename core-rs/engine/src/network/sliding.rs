@@ -14,32 +14,34 @@ pub(crate) struct Sliding {
     /// Largest friction force: the coefficient times the push of the contact [N].
     pub(crate) limit: f64,
     /// Stiffness [N/m] and damping per step [N/m].
-    pub(crate) by: [f64; 2],
+    pub(crate) k_and_z: [f64; 2],
     /// Vector from the first point to the second [m].
-    pub(crate) apart: Vector,
+    pub(crate) offset: Vector,
     /// Unit vector along the line of the contact.
-    pub(crate) along: Vector,
-    /// Change of `apart` in the last step [m].
-    pub(crate) moved: Vector,
+    pub(crate) direction: Vector,
+    /// Change of `offset` in the last step [m].
+    pub(crate) relative_step: Vector,
 }
 
 impl Sliding {
-    /// The force that pulls the first point [N], and the new anchor: the value of `apart` at which the spring has no
+    /// The force that pulls the first point [N], and the new anchor: the value of `offset` at which the spring has no
     /// force. `anchor` is that of the last frame; `None` if the points did not touch then.
     pub(crate) fn force(&self, anchor: Option<Vector>) -> (Vector, Vector) {
-        let [k, z] = self.by;
-        let mut stretch = anchor.map_or([0.0; AXES_MAX], |anchor| self.across(difference(self.apart, anchor)));
+        let [k, z] = self.k_and_z;
+        let mut stretch = anchor.map_or([0.0; AXES_MAX], |anchor| {
+            self.perpendicular_part(difference(self.offset, anchor))
+        });
         shorten(&mut stretch, self.limit / k);
-        let motion_across = self.across(self.moved);
+        let motion_across = self.perpendicular_part(self.relative_step);
         let mut friction_force = std::array::from_fn(|axis| k * stretch[axis] + z * motion_across[axis]);
         shorten(&mut friction_force, self.limit);
-        (friction_force, difference(self.apart, stretch))
+        (friction_force, difference(self.offset, stretch))
     }
 
     /// The component of a vector perpendicular to the line of the contact.
-    fn across(&self, vector: Vector) -> Vector {
-        let along_line = dot(vector, self.along);
-        std::array::from_fn(|axis| vector[axis] - along_line * self.along[axis])
+    fn perpendicular_part(&self, vector: Vector) -> Vector {
+        let along_line = dot(vector, self.direction);
+        std::array::from_fn(|axis| vector[axis] - along_line * self.direction[axis])
     }
 }
 

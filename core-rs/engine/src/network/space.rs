@@ -10,21 +10,21 @@ mod measure;
 mod points;
 
 pub use facets::Facets;
-pub(super) use law::SINKS;
+pub(super) use law::COLLAPSE_MESSAGE;
 pub use law::SpaceLaw;
 pub use links::SpaceLink;
 pub use measure::Measure;
-pub(crate) use measure::{distance, inverse, line};
+pub(crate) use measure::{distance, inverse, length_and_unit_vector};
 pub use points::{SpacePoint, SpacePoints};
 
 use super::{LinkKind, Network, Run};
 
-/// Most axes of a space.
+/// Largest number of axes of a space.
 pub(crate) const AXES_MAX: usize = 3;
 
 impl LinkKind {
     /// Whether its force depends on earlier motion.
-    pub(crate) fn remembers(&self) -> bool {
+    pub(crate) fn has_memory(&self) -> bool {
         match self {
             Self::Bristle(_) => true,
             Self::Space(space) => space.law.yields(),
@@ -47,13 +47,13 @@ impl LinkKind {
     /// Whether it may break for good.
     pub fn may_break(&self) -> bool {
         let Self::Space(SpaceLink {
-            law: SpaceLaw::Yielding { breaks, .. },
+            law: SpaceLaw::Yielding { break_elongation, .. },
             ..
         }) = self
         else {
             return false;
         };
-        breaks.is_finite()
+        break_elongation.is_finite()
     }
 
     /// Whether it acts only while its ends touch.

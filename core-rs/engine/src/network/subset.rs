@@ -65,14 +65,14 @@ impl Network {
         let proxies = proxies.filter_map(|proxy| proxy.renumbered(|mat| subset.mat(mat)));
         subset.network.proxies = proxies.collect();
         let mass_followers = self.following_masses.iter();
-        let mass_followers = mass_followers.filter_map(|mass| mass.moved_to(|mat| subset.mat(mat)));
+        let mass_followers = mass_followers.filter_map(|mass| mass.renumbered(|mat| subset.mat(mat)));
         subset.network.following_masses = mass_followers.collect();
         for run in interrupt::each(&self.runs) {
             if let LinkKind::Pairwise(pairs) = &run.kind {
                 subset.push_pairwise(run, pairs, links);
                 continue;
             }
-            let mut law_guides = run.followed().into_iter().flat_map(Followed::guides);
+            let mut law_guides = run.followed_law().into_iter().flat_map(Followed::guide_mats);
             if law_guides.any(|mat| subset.mat(mat).is_none()) {
                 continue;
             }
@@ -83,7 +83,7 @@ impl Network {
         }
         let Subset { mats, links, .. } = &subset;
         subset.network.names = self.names.subset(mats, links);
-        subset.listen(&self.outputs, guests);
+        subset.add_outputs(&self.outputs, guests);
         subset
     }
 
@@ -102,13 +102,17 @@ impl Network {
     }
 
     /// Give a MAT another K, Z and M.
-    pub(crate) fn retie(&mut self, mat: usize, [k, z, m]: [f64; 3]) {
+    pub(crate) fn set_tie(&mut self, mat: usize, [k, z, m]: [f64; 3]) {
         let mats = &mut self.mats;
         (mats.k[mat], mats.z[mat], mats.m[mat]) = (k, z, m);
     }
 
     /// Multiply K and Z of some links, which are whole runs; q of a hardening spring does not change.
-    pub(crate) fn scale(&mut self, links: std::ops::Range<usize>, [k_factor, z_factor]: [f64; 2]) -> Result<(), Error> {
+    pub(crate) fn scale_links(
+        &mut self,
+        links: std::ops::Range<usize>,
+        [k_factor, z_factor]: [f64; 2],
+    ) -> Result<(), Error> {
         for run in self.runs.iter_mut().filter(|run| links.contains(&run.first)) {
             (run.k, run.z) = (run.k * k_factor, run.z * z_factor);
             let LinkKind::Lnl(law) = &run.kind else {
@@ -152,7 +156,7 @@ impl Network {
             rest: all_mats.rest[i],
             x0: all_mats.x0[i],
             v0: all_mats.v0[i],
-            place: all_mats.place[i],
+            bench_position: all_mats.bench_position[i],
             part: all_mats.part[i],
         }
     }
@@ -161,7 +165,7 @@ impl Network {
     fn add_inside(&self, run: &Run, links: &[u32], subset: &mut Subset) {
         let mut open_range: Option<LinkRange> = None;
         for i in interrupt::steps(0..run.len) {
-            let Some((a, b, space)) = subset.local(run, i) else {
+            let Some((a, b, space)) = subset.local_link(run, i) else {
                 continue;
             };
             if links.binary_search(&((run.first + i) as u32)).is_err() {
@@ -169,14 +173,14 @@ impl Network {
             }
             subset.links.push((run.first + i) as u32);
             match &mut open_range {
-                Some(before) if before.is_followed_by(a, b, space.as_ref()) => before.len += 1,
-                before => {
+                Some(range) if range.is_followed_by(a, b, space.as_ref()) => range.len += 1,
+                range => {
                     let next_range = LinkRange { a, b, len: 1, space };
-                    subset.push(run, before.replace(next_range));
+                    subset.push_run_range(run, range.replace(next_range));
                 }
             }
         }
-        subset.push(run, open_range);
+        subset.push_run_range(run, open_range);
     }
 }
 
@@ -204,7 +208,7 @@ impl Subset {
     }
 
     /// Local ends of the i-th link of a run of the whole, and its form in space; `None` if an end is not in the subset.
-    fn local(&self, run: &Run, i: usize) -> Option<(usize, usize, Option<SpaceLink>)> {
+    fn local_link(&self, run: &Run, i: usize) -> Option<(usize, usize, Option<SpaceLink>)> {
         let link_ends = (run.a + i, run.b + i);
         if let LinkKind::Space(space_link) = &run.kind {
             return self.local_in_space(space_link, link_ends);
@@ -255,12 +259,12 @@ impl Subset {
         self.mat(last_mat).is_some() && subset_rank(last_mat) - subset_rank(first_mat) == last_mat - first_mat
     }
 
-    fn push(&mut self, run: &Run, range: Option<LinkRange>) {
+    fn push_run_range(&mut self, run: &Run, range: Option<LinkRange>) {
         let Some(LinkRange { a, b, len, space }) = range else {
             return;
         };
-        let followed = run.followed();
-        let followed = followed.and_then(|following| following.moved_to(|mat| self.mat(mat)));
+        let followed = run.followed_law();
+        let followed = followed.and_then(|following| following.renumbered(|mat| self.mat(mat)));
         let kind = match (space, followed) {
             (Some(space), _) => LinkKind::Space(space),
             (None, Some(followed)) => LinkKind::Followed(followed),
@@ -275,9 +279,13 @@ impl Subset {
         });
     }
 
-    fn listen(&mut self, outputs: &[Output], guests: &[u32]) {
+    fn add_outputs(&mut self, outputs: &[Output], guests: &[u32]) {
         for (index, output) in outputs.iter().enumerate() {
-            let terms: Vec<Term> = output.terms.iter().flat_map(|term| self.term(term, guests)).collect();
+            let terms: Vec<Term> = output
+                .terms
+                .iter()
+                .flat_map(|term| self.local_terms(term, guests))
+                .collect();
             self.outputs.push(index as u32);
             self.network.outputs.push(Output {
                 name: output.name.clone(),
@@ -288,7 +296,7 @@ impl Subset {
     }
 
     /// The part of a term that lies in the subset, as terms over local ranges.
-    fn term(&self, term: &Term, guests: &[u32]) -> Vec<Term> {
+    fn local_terms(&self, term: &Term, guests: &[u32]) -> Vec<Term> {
         let (subset_indices, guests, first, len) = match *term {
             Term::Position { first, len, .. } | Term::Ground { first, len, .. } => (&self.mats, guests, first, len),
             Term::Force { first, len, .. } | Term::Length { first, len, .. } => (&self.links, &[][..], first, len),
@@ -300,7 +308,7 @@ impl Subset {
             .filter(|&local| guests.binary_search(&subset_indices[local]).is_err())
             .collect();
         local_indices
-            .chunk_by(|before, after| before + 1 == *after)
+            .chunk_by(|index, next| index + 1 == *next)
             .map(|range| term.over(range[0], range.len()))
             .collect()
     }

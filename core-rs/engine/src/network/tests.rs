@@ -53,7 +53,7 @@ fn module_without_a_part_has_an_unnamed_part() {
     assert!(network.parts().is_empty());
     network.mas("m", 1.0, 0.0, 0.0).unwrap();
     assert_eq!((network.parts().len(), network.mat_name(0).as_str()), (1, "m"));
-    assert_eq!(network.part_alone(0, &[]).network.n_mat(), 1);
+    assert_eq!(network.subset_of_part(0, &[]).network.n_mat(), 1);
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn part_alone_keeps_its_inner_links() {
     network
         .spring("by", first_mat + 1, first_mat + 3, 5.0, 0.0, 0.0)
         .unwrap();
-    let key_subset = network.part_alone(1, &[]);
+    let key_subset = network.subset_of_part(1, &[]);
     assert_eq!(key_subset.mats, (1..=6).collect::<Vec<_>>());
     let key_network = key_subset.network;
     assert_eq!(key_network.mat_name(3), "key.s.3");
@@ -101,7 +101,10 @@ fn network_with_bad_numbers_or_ends_is_refused() {
     }
     for bad in [f64::NAN, f64::NEG_INFINITY] {
         assert!(network.mas("x", 1.0, bad, 0.0).is_err());
-        assert!(network.start(mas_index, bad, 0.0).is_err() && network.start(mas_index, 0.0, bad).is_err());
+        assert!(
+            network.set_initial_motion(mas_index, bad, 0.0).is_err()
+                && network.set_initial_motion(mas_index, 0.0, bad).is_err()
+        );
         assert!(network.spring("x", mas_index, sol_index, bad, 0.0, 0.0).is_err());
         assert!(network.spring("x", mas_index, sol_index, 1.0, 0.0, bad).is_err());
     }

@@ -493,7 +493,7 @@ fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<
             message: format!(
                 "the method {} cannot compute this link: an output hears its force, it ends on a key or a driven \
                      mass, or the method lacks its law; write `method: ca`, or an `error` such as -60dB instead",
-                mesh_method.facts().name
+                mesh_method.properties().name
             ),
         }),
         _ => Ok(()),

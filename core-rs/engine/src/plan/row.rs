@@ -223,7 +223,7 @@ impl Row {
                     left_out_db: ported.left_out_db,
                 },
             },
-            BodyPlan::Mesh(mesh) => Computation::Mesh(mesh.method.facts().name, mesh.substeps),
+            BodyPlan::Mesh(mesh) => Computation::Mesh(mesh.method.properties().name, mesh.substeps),
             BodyPlan::Slow(slow) => Computation::Slow {
                 macrostep: slow.macrostep,
                 is_exact: slow.is_linear(),

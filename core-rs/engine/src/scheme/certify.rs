@@ -73,11 +73,11 @@ fn weight(run: &Run, c: f64) -> f64 {
         Kind::Pairwise { by, .. } => space_weight(&by.link.law, run, c),
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
-        Kind::Bristle { by, rate } => run.k + c * by.with(run.k, run.z).steepest_damping() * rate,
+        Kind::Bristle { by, rate } => run.k + c * by.with_stiffness_and_level(run.k, run.z).steepest_damping() * rate,
         Kind::Lnl { law, rate, .. } => law_weight(law, *rate, c),
         // The stiffest law that it can become: each constant at one end of its range.
         Kind::Followed { by, rate, .. } => {
-            let weights = by.corners().map(|law| law_weight(&law, *rate, c));
+            let weights = by.end_value_laws().map(|law| law_weight(&law, *rate, c));
             weights.fold(0.0, |greatest, corner_weight| {
                 if corner_weight > greatest || corner_weight.is_nan() {
                     corner_weight
@@ -281,7 +281,7 @@ fn exact_largest_eigenvalue(
             y[i] = (scheme.kappa[i] + c * scheme.zeta[i]) * v[i];
         }
         for proxy in &scheme.proxies {
-            scaled_vector[proxy.mat] = proxy.sum(start_position, |mat| scaled_vector[mat]);
+            scaled_vector[proxy.mat] = proxy.weighted_sum(start_position, |mat| scaled_vector[mat]);
         }
         for (run, weight) in scheme.runs.iter().zip(weights) {
             // The matrix of links between points that may touch is bounded by twice the sum at each point.

@@ -24,7 +24,7 @@ pub(super) struct BodyPlace {
 #[derive(Clone, Debug)]
 pub(super) struct TransferredBody {
     pub(super) place: BodyPlace,
-    /// Index in [`Workspace::mats`] of the first of its masses.
+    /// Index in [`Workspace::mass_motions`] of the first of its masses.
     first_slot: usize,
     source: MassAccess,
 }
@@ -39,7 +39,7 @@ enum MassAccess {
     Masses(Vec<(usize, (f64, f64))>),
 }
 
-/// A body whose masses may be asked for: the names of the masses, and the initial position and step of each [m].
+/// A body that may be transferred: the names of the masses, and the initial position and step of each [m].
 struct BodyCandidate<'a> {
     place: BodyPlace,
     mass_names: Vec<String>,
@@ -161,7 +161,7 @@ impl<'a> BodyCandidate<'a> {
 
     /// The body, with a place in the workspace; `None` if its modes cannot be found.
     fn into_body(self, transform: ModalTransform, workspace: &mut Workspace) -> Option<TransferredBody> {
-        let first = workspace.mass_motions.len();
+        let first_slot = workspace.mass_motions.len();
         let source = match self.source {
             MassSource::Modes(network, mode_selection, rate) => {
                 let mode_shapes = ModeShapes::new(network, mode_selection, rate, transform)?;
@@ -186,7 +186,7 @@ impl<'a> BodyCandidate<'a> {
         workspace.mass_motions.extend(self.initial_motions);
         Some(TransferredBody {
             place: self.place,
-            first_slot: first,
+            first_slot,
             source,
         })
     }
@@ -229,7 +229,7 @@ pub(super) fn wanted_bodies(
     (locations, bodies)
 }
 
-/// Names of the masses of all bodies that `bodies` considers on one side.
+/// Names of the masses of all bodies that `wanted_bodies` considers on one side.
 pub(super) fn all_mass_names(
     side: &TakeoverSide<'_>,
     same: [&[bool]; 2],

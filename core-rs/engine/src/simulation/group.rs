@@ -136,8 +136,8 @@ impl Group {
         self.units.iter().any(RunningUnit::can_share_work)
     }
 
-    /// Advances every unit by `n_frames` frames, after `frames_done` frames of the simulation, and leaves the sum of their
-    /// sounds in `output_sums`.
+    /// Advances every unit by `n_frames` frames, after `frames_done` frames of the simulation, and leaves the sum of
+    /// their sounds in `output_sums`.
     pub(super) fn run(&mut self, plan: &Plan, (frames_done, n_frames): (u64, usize)) -> Option<Fault> {
         let outputs = &self.outputs[..];
         let n_out = outputs.len();
@@ -189,8 +189,8 @@ impl Group {
 }
 
 impl RunningUnit {
-    /// Advances by at most UNIT_BLOCK_FRAMES frames, after `frames_done` frames of the simulation, and adds the sound to `out`
-    /// (n_frames · n_out); `sound` is a buffer for the unit's own outputs.
+    /// Advances by at most UNIT_BLOCK_FRAMES frames, after `frames_done` frames of the simulation, and adds the sound
+    /// to `out` (n_frames · n_out); `sound` is a buffer for the unit's own outputs.
     fn process(
         &mut self,
         (unit, source): (&ComputationUnit, &mut SoundSource),

@@ -1,8 +1,8 @@
 //! What can be seen of a simulation: the position of every mass, whatever method computes it.
 //!
-//! A [`Look`] is made outside real time and lists where each number comes from; [`Simulation::write_tracks`] then only copies.
-//! A free oscillator is described by its oscillation, which two frames determine; a body by the oscillations of its
-//! modes; all other masses by their positions.
+//! A [`Look`] is made outside real time and lists where each number comes from; [`Simulation::write_tracks`] then only
+//! copies. A free oscillator is described by its oscillation, which two frames determine; a body by the oscillations of
+//! its modes; all other masses by their positions.
 
 use std::sync::Arc;
 
@@ -155,7 +155,7 @@ impl Look {
 
 impl Simulation {
     /// The ergons that a timeline holds, by rising instant. The speed of a strike, and the impulse of an ergon, are
-    /// computed for a mass that stands still. Gestures are not included: [`Self::take_sparks`] reports their ergons.
+    /// computed for a mass at rest. Gestures are not included: [`Self::take_sparks`] reports their ergons.
     /// Nor are real hands, which give forces.
     pub fn written_ergons(&self, timeline: &Timeline) -> Vec<Record> {
         let network = &*self.plan.network;
@@ -236,8 +236,8 @@ impl Simulation {
         }
     }
 
-    /// Calls `tell` for each contact of [`Look::contacts`] that pushed since the last call: its index, the frame of its
-    /// strongest push, and the force in that frame [N], above 0 if the contact pushes its first end up.
+    /// Calls `report` for each contact of [`Look::contacts`] that pushed since the last call: its index, the frame of
+    /// its strongest push, and the force in that frame [N], above 0 if the contact pushes its first end up.
     pub fn take_contacts(&mut self, look: &Look, mut report: impl FnMut(usize, u64, f64)) {
         for (unit, contacts) in &look.contacts_by_unit {
             if let RunningUnit::Island(island) = self.running_unit_mut(*unit) {
@@ -276,7 +276,7 @@ impl Simulation {
         spark_counts.sum()
     }
 
-    /// Calls `tell` for the ergons of written gestures since the last call, as they are drawn. A throw or a grain is
+    /// Calls `report` for the ergons of written gestures since the last call, as they are drawn. A throw or a grain is
     /// reported by itself; ergons that lead along a path are gathered by sign, and one is reported with the impulse of
     /// all. If too many strike to be reported one by one, the others are gathered as well.
     pub fn take_sparks(&mut self, look: &Look, mut report: impl FnMut(Record)) {
@@ -290,7 +290,7 @@ impl Simulation {
         }
     }
 
-    /// Calls `tell` for each computed link of [`Look::breakable`]: its index, and whether it is broken.
+    /// Calls `report` for each computed link of [`Look::breakable`]: its index, and whether it is broken.
     fn for_each_breakable(&self, look: &Look, mut report: impl FnMut(usize, bool)) {
         for (unit, links) in &look.breakable_by_unit {
             if let RunningUnit::Island(island) = self.running_unit(*unit) {

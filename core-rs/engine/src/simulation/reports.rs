@@ -4,18 +4,18 @@ use super::Simulation;
 use super::group::RunningUnit;
 use crate::assembly::cost;
 use crate::assembly::unit::{ComputationUnit, to_network_index};
-use crate::gesture::report::Report;
+use crate::gesture::report::GestureReport;
 use crate::island::{Energy, FramedErgon, Island, Record};
 
 impl Simulation {
     /// Reports of all gestures, in the timeline's order.
-    pub fn reports(&self) -> Vec<Report> {
-        let mut all_reports = vec![Report::default(); self.plan.n_gestures];
+    pub fn reports(&self) -> Vec<GestureReport> {
+        let mut all_reports = vec![GestureReport::default(); self.plan.n_gestures];
         for (island, island_plan) in self.islands() {
             for (local, report) in island.reports().iter().enumerate() {
                 let mut report = *report;
-                report.pushed_by = report
-                    .pushed_by
+                report.pushed_by_mat = report
+                    .pushed_by_mat
                     .map(|mat| to_network_index(&island_plan.network_indices.mats, mat));
                 all_reports[to_network_index(&island_plan.network_indices.gestures, local)] = report;
             }

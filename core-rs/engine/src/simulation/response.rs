@@ -6,7 +6,7 @@ use super::{OnFault, Options, Simulation};
 use crate::network::{Error, Network, ReachableNetwork, Term};
 use crate::plan::{Budget, Method, Plan};
 use crate::scheme::Scheme;
-use crate::timeline::{HandWay, Timeline};
+use crate::timeline::{HandInterpolation, Timeline};
 use crate::units::Rate;
 
 /// Displacement of the hand [m]. A network with closed contacts is linear: any value far above rounding will do.
@@ -20,8 +20,8 @@ const OVERSAMPLING_MAX: u32 = 64;
 
 impl ReachableNetwork {
     /// Force against the hand [N/m] in each tick of `frames_per_tick` frames, after a displacement of 1 m that lasts
-    /// one tick. `ticks`: the smallest and the largest number of ticks; between the two, the response is followed as
-    /// long as it rings.
+    /// one tick. `tick_limits`: the smallest and the largest number of ticks; between the two, the response is followed
+    /// as long as it rings.
     ///
     /// `None` if the network with all contacts closed diverges, even in steps as fine as are allowed.
     ///
@@ -114,7 +114,7 @@ impl ReachableNetwork {
         // The path begins at 0: the hand is at rest before its displacement.
         let hand_path = [0.0, DISPLACEMENT_METRES, 0.0];
         timeline
-            .hand(network, self.mat, tick_frames, HandWay::Line, &hand_path)
+            .hand(network, self.mat, tick_frames, HandInterpolation::Line, &hand_path)
             .map_err(|error| self.refusal(error))?;
         Ok(timeline)
     }
@@ -190,26 +190,26 @@ mod tests {
         let (network, [first_key, far_cell, second_key, ..]) = scene();
         let reached = network.reachable_network(first_key, &NetworkMoment::default(), 1e-3, RATE);
         assert_eq!(
-            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
+            (reached.network.n_mat(), reached.network.n_lia(), reached.n_other_hands),
             (4, 3, 0)
         );
         let moment_held = NetworkMoment {
-            held: vec![far_cell, second_key],
+            held_mats: vec![far_cell, second_key],
             ..NetworkMoment::default()
         };
         // A held key is the end of what can be reached, and the hand on it is counted.
         let reached = network.reachable_network(first_key, &moment_held, 1e-3, RATE);
         assert_eq!(
-            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
+            (reached.network.n_mat(), reached.network.n_lia(), reached.n_other_hands),
             (3, 2, 1)
         );
         let moment_parted = NetworkMoment {
-            without: vec![1],
+            disabled_links: vec![1],
             ..moment_held
         };
         let reached = network.reachable_network(first_key, &moment_parted, 1e-3, RATE);
         assert_eq!(
-            (reached.network.n_mat(), reached.network.n_lia(), reached.others),
+            (reached.network.n_mat(), reached.network.n_lia(), reached.n_other_hands),
             (2, 1, 0)
         );
     }
@@ -220,7 +220,7 @@ mod tests {
         let (network, [first_key, _, _, first_mass, _]) = scene();
         let glide_moment = NetworkMoment {
             ties: vec![(first_mass, [10.0, 0.3, 0.02])],
-            factors: vec![(1, 3.0)],
+            link_factors: vec![(1, 3.0)],
             ..NetworkMoment::default()
         };
         let mut other_network = Network::new();
@@ -258,15 +258,15 @@ mod tests {
             network
                 .reachable_network(first_key, moment, 1e-3, RATE)
                 .network
-                .numbers()
+                .parameter_bytes()
         };
         assert_eq!(numbers_of(&plain_moment), numbers_of(&plain_moment));
         let softer_moment = NetworkMoment {
-            factors: vec![(2, 0.5)],
+            link_factors: vec![(2, 0.5)],
             ..NetworkMoment::default()
         };
         let held_moment = NetworkMoment {
-            held: vec![second_key],
+            held_mats: vec![second_key],
             ..NetworkMoment::default()
         };
         assert_ne!(numbers_of(&plain_moment), numbers_of(&softer_moment));

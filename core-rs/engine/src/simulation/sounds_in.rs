@@ -86,20 +86,20 @@ impl Simulation {
         let first_frame = self.frame;
         let SoundsIn {
             conditioners,
-            input_values: values,
+            input_values,
         } = &mut self.sounds_in;
         for (index, conditioner) in conditioners.iter_mut().enumerate() {
             let Some(channel) = conditioner.channel() else {
                 continue;
             };
-            let last_input = conditioner.last();
-            for (value, frame) in values.iter_mut().zip(frames.chunks_exact(n_channels)) {
+            let last_input = conditioner.last_value();
+            for (value, frame) in input_values.iter_mut().zip(frames.chunks_exact(n_channels)) {
                 let input_sample = frame.get(channel).copied().unwrap_or(0.0);
                 *value = conditioner.next(f64::from(input_sample));
             }
             for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
                 if let RunningUnit::Island(island) = running {
-                    island.hear(index, first_frame, last_input, &values[..frame_count]);
+                    island.hear(index, first_frame, last_input, &input_values[..frame_count]);
                 }
             }
         }

@@ -44,8 +44,8 @@ impl Simulation {
         islands.collect()
     }
 
-    /// A hash of everything that determines an island up to the last of `frames` (64 hex digits); `before` is the hash
-    /// up to the first of `frames`, or empty if that is 0.
+    /// A hash of everything that determines an island up to the last of `frames` (64 hex digits); `previous_key` is the
+    /// hash up to the first of `frames`, or empty if that is 0.
     pub fn island_key(&self, island: &StorableIsland, frames: (u64, u64), previous_key: &str) -> String {
         self.unit_key(island.unit, frames, previous_key)
     }

@@ -190,7 +190,7 @@ impl Takeover {
             let links = other_islands.flat_map(|(&(unit, _, island_plan), _)| {
                 let network = &island_plan.network;
                 let link_runs = network.runs().iter();
-                let remembering_runs = link_runs.filter(|run| run.kind.remembers());
+                let remembering_runs = link_runs.filter(|run| run.kind.has_memory());
                 let links = remembering_runs.flat_map(|run| run.first..run.first + run.len);
                 links.map(move |link| (network.link_name(link), (unit, link)))
             });

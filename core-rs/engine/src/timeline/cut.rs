@@ -1,19 +1,19 @@
 //! A timeline whose events end at a frame: for a piece that is hushed or stopped while it plays.
 
 use super::pulse::PARTS_PER_SECOND;
-use super::{GRID, Gate, Glide, Lead, Strike, Timeline};
+use super::{GRID_FRAMES, Gate, Glide, Lead, Strike, Timeline};
 
 /// Instants that differ by less are one [s]: rounding, not music.
-const SAME_INSTANT: f64 = 1e-9;
-/// The instant at which what never begins would begin [s]: 30 years on, where frames are still counted exactly.
-const NEVER: f64 = 1e9;
+const SAME_INSTANT_SECONDS: f64 = 1e-9;
+/// The instant of events that never begin [s]: after 30 years, where frames are still counted exactly.
+const NEVER_SECONDS: f64 = 1e9;
 
 impl Timeline {
     /// The timeline without what begins at `frame` or later; of its gestures it keeps those of these indices, which
     /// rise. If it `stops`, couplings stay as they are at the frame.
     ///
     /// Strikes and ergons at the instant of the frame are left out, and so are strikes and glides that are over by
-    /// then. Glides of typed values go on to their end. Keys, drives, inputs and automation stay: see
+    /// then. Glides of typed values continue to their end. Keys, drives, inputs and automation stay: see
     /// [`Timeline::release`].
     ///
     /// ```
@@ -31,18 +31,19 @@ impl Timeline {
     pub fn cut(&self, frame: u64, gestures: &[usize], stops: bool) -> Self {
         let frame_rate = self.rate.hertz();
         let instant = frame as f64 / frame_rate;
-        let is_before = |t: f64| t < instant - SAME_INSTANT;
+        let is_before = |t: f64| t < instant - SAME_INSTANT_SECONDS;
         // A strike acts as long as it lasts, and a frame or a step of a part that is stepped less often.
         let acts_since = |strike: &Strike| {
             let duration = f64::from(strike.n_parts) / PARTS_PER_SECOND;
-            frame.saturating_sub(GRID) as f64 / frame_rate - duration
+            frame.saturating_sub(GRID_FRAMES) as f64 / frame_rate - duration
         };
         let gestures = gestures.iter().filter_map(|&index| self.gestures.get(index));
         let former_gates = self.gates.iter();
         let running_glides = self.glides.iter().filter(|glide| !glide.is_over(frame));
         let running_leads = self.leads.iter().filter(|lead| !lead.is_over(frame));
         let strikes = self.strikes.iter();
-        // All ergons before the frame stay: without any, a body would go by its modes, which must be solved first.
+        // All ergons before the frame stay: without any, a body would be computed by its modes, which must be solved
+        // first.
         let past_ergons = self.ergons.iter().filter(|ergon| is_before(ergon.instant));
         Self {
             rate: self.rate,
@@ -66,29 +67,33 @@ impl Timeline {
         }
     }
 
-    /// Let nothing move the parameters of these MATs and links any more; rows of (first, number).
+    /// Remove the glides of the parameters of these MATs and links; rows of (first, number).
     pub fn release(&mut self, mats: &[(usize, usize)], links: &[(usize, usize)]) {
         let is_released = |row_ranges: &[(usize, usize)], index: usize| {
             let mut row_ranges = row_ranges.iter();
             row_ranges.any(|&(first, n)| (first..first.saturating_add(n)).contains(&index))
         };
         self.glides.retain(|glide| !is_released(mats, glide.mat));
-        self.leads.retain(|lead| !is_released(links, lead.link));
+        self.leads.retain(|lead| !is_released(links, lead.first_link));
     }
 
-    /// A gate from `frame` on; `None` if it was a glide that is over. The gate of a coupling stays, for the plan goes
-    /// by it.
+    /// A gate from `frame` on; `None` if it was a glide that is over. The gate of a coupling stays, because the plan
+    /// depends on it.
     fn gate_after(&self, gate: &Gate, frame: u64, stops: bool) -> Option<Gate> {
-        let is_coupling = !gate.is_ramp() || !gate.glides();
+        let is_coupling = !gate.is_ramp() || !gate.has_ramp();
         let mut gate = *gate;
         if stops {
-            gate.start = gate
-                .start
-                .map(|start| if start > frame { self.on_grid(NEVER) } else { start });
+            gate.start = gate.start.map(|start| {
+                if start > frame {
+                    self.on_grid(NEVER_SECONDS)
+                } else {
+                    start
+                }
+            });
             gate.stop = gate.stop.filter(|&stop| stop <= frame);
         }
-        gate.ramp = gate.ramp.filter(|ramp| ramp.to != 1.0 || ramp.stop > frame);
-        (is_coupling || gate.glides()).then_some(gate)
+        gate.ramp = gate.ramp.filter(|ramp| ramp.end_factor != 1.0 || ramp.stop > frame);
+        (is_coupling || gate.has_ramp()).then_some(gate)
     }
 }
 

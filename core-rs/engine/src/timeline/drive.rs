@@ -1,9 +1,9 @@
 //! Imposed positions and forces: ENX and ENF.
 
 use super::delayed_port::DelayedPort;
-use super::hand::{Hand, HandWay};
+use super::hand::{Hand, HandInterpolation};
 use super::sound_in::SoundIn;
-use crate::gesture::placed::Placed;
+use crate::gesture::placed::PlacedPath;
 use crate::state::{Body, Target};
 
 /// Quantity that a drive imposes.
@@ -20,18 +20,18 @@ pub enum DriveKind {
 pub struct Drive {
     pub(crate) mat: usize,
     pub(crate) kind: DriveKind,
-    pub(crate) source: Source,
+    pub(crate) source: DriveSource,
     /// Whether the drive belongs to the MAT's own part. If so, it also acts on the free copy of a key (e.g. a weight).
     pub(crate) acts_on_free_key: bool,
 }
 
 /// Source of the values of a drive.
 #[derive(Clone, Debug)]
-pub enum Source {
+pub enum DriveSource {
     /// A constant [m or N].
     Constant(f64),
     /// A placed take [m or N]; it holds its first value before its start and its last value after its end.
-    Take(Placed),
+    Take(PlacedPath),
     /// A real hand.
     Hand(Hand),
     /// A key, whose port it is.
@@ -57,20 +57,20 @@ pub enum Source {
 
 impl Drive {
     /// Whether it is a force that may act at any time, that of a port on its key too; strikes are events.
-    pub(crate) fn pushes(&self) -> bool {
-        self.port().is_some() || self.kind == DriveKind::Force && !matches!(self.source, Source::Strikes { .. })
+    pub(crate) fn is_force(&self) -> bool {
+        self.port().is_some() || self.kind == DriveKind::Force && !matches!(self.source, DriveSource::Strikes { .. })
     }
 
     /// Value at frame `n` [m or N].
     pub(crate) fn value(&self, n: u64, rate: f64) -> f64 {
         match &self.source {
-            Source::Constant(value) => *value,
-            Source::Take(path) => path.evaluate(n as f64 / rate).0,
-            Source::Hand(hand) => hand.position(n),
-            Source::Key(_) | Source::Strikes { .. } => 0.0,
-            Source::SoundIn { sound, scale, steps } => {
-                // A position in a frame is the input value of the frame before. A force is asked for only at the start,
-                // when nobody knows yet what will be played.
+            DriveSource::Constant(value) => *value,
+            DriveSource::Take(path) => path.evaluate(n as f64 / rate).0,
+            DriveSource::Hand(hand) => hand.position(n),
+            DriveSource::Key(_) | DriveSource::Strikes { .. } => 0.0,
+            DriveSource::SoundIn { sound, scale, steps } => {
+                // A position in a frame is the input value of the frame before. A force is evaluated only at the start,
+                // when the live input is not yet known.
                 let sound_frame = (n / u64::from(*steps)).checked_sub(1);
                 let sound_frame = sound_frame.filter(|_| self.kind == DriveKind::Position);
                 sound_frame.map_or(0.0, |sound_frame| scale * sound.value(sound_frame))
@@ -79,14 +79,14 @@ impl Drive {
     }
 
     /// Whether an input drives it.
-    pub(crate) fn is_heard(&self) -> bool {
-        matches!(self.source, Source::SoundIn { .. })
+    pub(crate) fn is_sound_in(&self) -> bool {
+        matches!(self.source, DriveSource::SoundIn { .. })
     }
 
     /// The hand, if the source is one.
     pub(crate) fn hand(&self) -> Option<&Hand> {
         match &self.source {
-            Source::Hand(hand) => Some(hand),
+            DriveSource::Hand(hand) => Some(hand),
             _ => None,
         }
     }
@@ -94,22 +94,22 @@ impl Drive {
     /// The key that it follows, if it is a delayed port.
     pub(crate) fn port(&self) -> Option<&DelayedPort> {
         match &self.source {
-            Source::Key(port) => Some(port),
+            DriveSource::Key(port) => Some(port),
             _ => None,
         }
     }
 
-    /// Whether it imposes a position that is known beforehand: neither a hand's nor a key's.
+    /// Whether it imposes a position that is known in advance: neither a hand's nor a key's.
     pub(crate) fn is_path(&self) -> bool {
         let is_known = self.hand().is_none() && self.port().is_none();
         self.kind == DriveKind::Position && is_known
     }
 
     /// The same event at `oversampling` times the rate.
-    pub(super) fn faster(&self, oversampling: u32) -> Self {
+    pub(super) fn with_higher_rate(&self, oversampling: u32) -> Self {
         let source = match &self.source {
-            Source::Hand(hand) => Source::Hand(hand.faster(oversampling)),
-            Source::SoundIn { sound, scale, steps } => Source::SoundIn {
+            DriveSource::Hand(hand) => DriveSource::Hand(hand.with_higher_rate(oversampling)),
+            DriveSource::SoundIn { sound, scale, steps } => DriveSource::SoundIn {
                 sound: sound.clone(),
                 scale: *scale,
                 steps: steps * oversampling,
@@ -121,22 +121,22 @@ impl Drive {
 
     /// Add the force at frame `n`, or impose the position at frame n + 1.
     pub(crate) fn apply(&self, n: u64, rate: f64, body: &mut Body, targets: &mut Vec<Target>) {
-        if self.is_heard() {
-            return; // only its island knows what is played into it
+        if self.is_sound_in() {
+            return; // its island applies the live values
         }
         match self.kind {
             DriveKind::Force => body.push(self.mat, self.value(n, rate)),
             DriveKind::Position => {
                 let x = match &self.source {
                     // The best known value: a device's position arrives at the beginning of a frame.
-                    Source::Hand(Hand {
+                    DriveSource::Hand(Hand {
                         interpolation: mode, ..
                     }) => match mode {
-                        HandWay::Hold => body.x[self.mat],
-                        HandWay::Line => body.x[self.mat] + body.d[self.mat],
+                        HandInterpolation::Hold => body.x[self.mat],
+                        HandInterpolation::Line => body.x[self.mat] + body.d[self.mat],
                     },
-                    // It goes on as the key does, until the key has moved.
-                    Source::Key(_) => body.x[self.mat] + body.d[self.mat],
+                    // It continues with the last step of the key until the key has moved.
+                    DriveSource::Key(_) => body.x[self.mat] + body.d[self.mat],
                     _ => self.value(n + 1, rate),
                 };
                 targets.push(Target {

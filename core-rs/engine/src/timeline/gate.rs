@@ -5,20 +5,20 @@ use crate::network::{Error, Network};
 use crate::units::{frame, nearest_frame};
 
 /// Couplings fade in and out over this time [s], rounded up to the grid.
-pub const FADE: f64 = 0.02;
+pub const FADE_SECONDS: f64 = 0.02;
 /// Fades and glides begin at multiples of this number of frames.
-pub const GRID: u64 = 64;
+pub const GRID_FRAMES: u64 = 64;
 
 /// A factor of the force of some links, as a function of the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Gate {
     /// Index of the first link and number of links: complete runs.
-    pub(crate) link: usize,
-    pub(crate) len: usize,
+    pub(crate) first_link: usize,
+    pub(crate) n_links: usize,
     /// Start and end of the coupling; `start` is `None` if it acts from the beginning.
     pub(super) start: Option<u64>,
     pub(super) stop: Option<u64>,
-    pub(super) fade: u64,
+    pub(super) fade_frames: u64,
     /// A further factor of the force, which glides.
     pub(super) ramp: Option<Ramp>,
 }
@@ -26,8 +26,8 @@ pub(crate) struct Gate {
 /// A factor that changes linearly between two frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ramp {
-    pub(crate) from: f64,
-    pub(crate) to: f64,
+    pub(crate) start_factor: f64,
+    pub(crate) end_factor: f64,
     pub(crate) start: u64,
     pub(crate) stop: u64,
 }
@@ -36,14 +36,14 @@ impl Ramp {
     /// The factor at frame `n`.
     pub(crate) fn factor(&self, n: u64) -> f64 {
         if n >= self.stop {
-            return self.to;
+            return self.end_factor;
         }
         let frames_passed = n.saturating_sub(self.start) as f64;
-        self.from + (self.to - self.from) * (frames_passed / (self.stop - self.start) as f64)
+        self.start_factor + (self.end_factor - self.start_factor) * (frames_passed / (self.stop - self.start) as f64)
     }
 
     /// The same event at `oversampling` times the rate.
-    pub(crate) fn faster(self, oversampling: u64) -> Self {
+    pub(crate) fn with_higher_rate(self, oversampling: u64) -> Self {
         Self {
             start: self.start * oversampling,
             stop: self.stop * oversampling,
@@ -51,12 +51,12 @@ impl Ramp {
         }
     }
 
-    /// The same event at the rate divided by `every`.
-    fn slower(self, every: u64) -> Self {
-        let start = nearest_frame(self.start, every);
+    /// The same event at the rate divided by `rate_divisor`.
+    fn with_lower_rate(self, rate_divisor: u64) -> Self {
+        let start = nearest_frame(self.start, rate_divisor);
         Self {
             start,
-            stop: nearest_frame(self.stop, every).max(start + 1),
+            stop: nearest_frame(self.stop, rate_divisor).max(start + 1),
             ..self
         }
     }
@@ -64,35 +64,39 @@ impl Ramp {
 
 impl Gate {
     /// The same event at `oversampling` times the rate.
-    pub(crate) fn faster(self, oversampling: u64) -> Self {
+    pub(crate) fn with_higher_rate(self, oversampling: u64) -> Self {
         Self {
             start: self.start.map(|start| start * oversampling),
             stop: self.stop.map(|stop| stop * oversampling),
-            fade: self.fade * oversampling,
-            ramp: self.ramp.map(|ramp| ramp.faster(oversampling)),
+            fade_frames: self.fade_frames * oversampling,
+            ramp: self.ramp.map(|ramp| ramp.with_higher_rate(oversampling)),
             ..self
         }
     }
 
-    /// The same event at the rate divided by `every`.
-    pub(super) fn slower(self, every: u64) -> Self {
+    /// The same event at the rate divided by `rate_divisor`.
+    pub(super) fn with_lower_rate(self, rate_divisor: u64) -> Self {
         Self {
-            start: self.start.map(|start| nearest_frame(start, every)),
-            stop: self.stop.map(|stop| nearest_frame(stop, every)),
-            fade: nearest_frame(self.fade, every).max(1),
-            ramp: self.ramp.map(|ramp| ramp.slower(every)),
+            start: self.start.map(|start| nearest_frame(start, rate_divisor)),
+            stop: self.stop.map(|stop| nearest_frame(stop, rate_divisor)),
+            fade_frames: nearest_frame(self.fade_frames, rate_divisor).max(1),
+            ramp: self.ramp.map(|ramp| ramp.with_lower_rate(rate_divisor)),
             ..self
         }
     }
 
     /// The gate on other links.
-    pub(crate) fn on(self, link: usize, len: usize) -> Self {
-        Self { link, len, ..self }
+    pub(crate) fn on_links(self, first_link: usize, n_links: usize) -> Self {
+        Self {
+            first_link,
+            n_links,
+            ..self
+        }
     }
 
     /// Indices of the links.
     pub(crate) fn links(&self) -> std::ops::Range<usize> {
-        self.link..self.link + self.len
+        self.first_link..self.first_link + self.n_links
     }
 
     /// Whether the gate only glides: its links act all the time.
@@ -101,17 +105,17 @@ impl Gate {
     }
 
     /// Whether the force of the links glides.
-    pub(crate) fn glides(&self) -> bool {
+    pub(crate) fn has_ramp(&self) -> bool {
         self.ramp.is_some()
     }
 
     /// Whether the glide ends at 0, so that the links do not act after it.
-    pub(crate) fn closes(&self) -> bool {
-        self.ramp.is_some_and(|ramp| ramp.to == 0.0)
+    pub(crate) fn ends_closed(&self) -> bool {
+        self.ramp.is_some_and(|ramp| ramp.end_factor == 0.0)
     }
 
     /// Factor of the force at frame `n`: a fade by 3u² − 2u³, so that the force never jumps, times the glide.
-    pub(crate) fn open(&self, n: u64) -> f64 {
+    pub(crate) fn opening(&self, n: u64) -> f64 {
         let rise_factor = self.start.map_or(1.0, |start| self.smooth_fade(n, start));
         let fall_factor = self.stop.map_or(0.0, |stop| self.smooth_fade(n, stop));
         let openness = rise_factor - fall_factor;
@@ -120,17 +124,17 @@ impl Gate {
 
     /// The first frame, `n` or later, at which the factor may change, including the continuation from a replaced
     /// version.
-    pub(crate) fn due(&self, continuation: Option<&GateContinuation>, n: u64) -> u64 {
-        let fade_since = continuation.map(|continuation| continuation.since);
+    pub(crate) fn next_change_frame(&self, continuation: Option<&GateContinuation>, n: u64) -> u64 {
+        let fade_since = continuation.map(|continuation| continuation.start_frame);
         let fade_spans = [self.start, self.stop, fade_since].into_iter().flatten();
-        let fade_spans = fade_spans.map(|start| (start, start + self.fade));
+        let fade_spans = fade_spans.map(|start| (start, start + self.fade_frames));
         let change_spans = fade_spans.chain(self.ramp.map(|ramp| (ramp.start, ramp.stop)));
         let due_frames = change_spans.filter(|span| span.1 > n).map(|span| span.0.max(n));
         due_frames.min().unwrap_or(u64::MAX)
     }
 
     fn smooth_fade(&self, n: u64, start: u64) -> f64 {
-        let fade_share = (n.saturating_sub(start) as f64 / self.fade as f64).min(1.0);
+        let fade_share = (n.saturating_sub(start) as f64 / self.fade_frames as f64).min(1.0);
         fade_share * fade_share * (3.0 - 2.0 * fade_share)
     }
 }
@@ -138,23 +142,26 @@ impl Gate {
 /// Continuation of a gate across a change of score: the factor moves from its value in the replaced version to its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct GateContinuation {
-    from: f64,
-    since: u64,
+    old_opening: f64,
+    start_frame: u64,
 }
 
 impl GateContinuation {
     /// Continuation to `gate` from another gate's factor at frame `n`; `None` if both factors are equal.
-    pub(crate) fn new(gate: &Gate, from: f64, n: u64) -> Option<Self> {
-        (from != gate.open(n)).then_some(Self { from, since: n })
+    pub(crate) fn new(gate: &Gate, old_opening: f64, n: u64) -> Option<Self> {
+        (old_opening != gate.opening(n)).then_some(Self {
+            old_opening,
+            start_frame: n,
+        })
     }
 
     /// Factor of a gate at frame `n`, with its continuation, if it has one.
-    pub(crate) fn open(continuation: Option<&Self>, gate: &Gate, n: u64) -> f64 {
-        let opening = gate.open(n);
+    pub(crate) fn opening(continuation: Option<&Self>, gate: &Gate, n: u64) -> f64 {
+        let opening = gate.opening(n);
         match continuation {
-            Some(continuation) if n < continuation.since + gate.fade => {
-                let fade_share = gate.smooth_fade(n, continuation.since);
-                continuation.from + (opening - continuation.from) * fade_share
+            Some(continuation) if n < continuation.start_frame + gate.fade_frames => {
+                let fade_share = gate.smooth_fade(n, continuation.start_frame);
+                continuation.old_opening + (opening - continuation.old_opening) * fade_share
             }
             _ => opening,
         }
@@ -178,7 +185,7 @@ impl Timeline {
     /// # Errors
     /// If the LIA is not a single link, has times already, or `stop` does not come after `start`.
     pub fn couple(&mut self, network: &Network, link: usize, start: f64, stop: Option<f64>) -> Result<(), Error> {
-        self.couple_over(network, link, start, stop, FADE)
+        self.couple_over(network, link, start, stop, FADE_SECONDS)
     }
 
     /// As [`Timeline::couple`], with fades of another length [s], rounded up to the grid.
@@ -206,8 +213,8 @@ impl Timeline {
             }
             Some(_) => {}
         }
-        let gate_index = self.gates.iter().position(|gate| gate.link == link);
-        if gate_index.is_some_and(|at| !self.gates[at].is_ramp()) {
+        let gate_index = self.gates.iter().position(|gate| gate.first_link == link);
+        if gate_index.is_some_and(|index| !self.gates[index].is_ramp()) {
             return refusal("the link already has a schedule");
         }
         if !(fade > 0.0 && fade.is_finite()) {
@@ -223,15 +230,15 @@ impl Timeline {
         // A coupling without a start does not fade in.
         let start = if start <= 0.0 { None } else { Some(on_grid(start)) };
         let gate = Gate {
-            link,
-            len: 1,
+            first_link: link,
+            n_links: 1,
             start,
             stop: stop.map(on_grid),
-            fade: ((fade * self.rate.hertz()) as u64).div_ceil(GRID).max(1) * GRID,
-            ramp: gate_index.and_then(|at| self.gates[at].ramp),
+            fade_frames: ((fade * self.rate.hertz()) as u64).div_ceil(GRID_FRAMES).max(1) * GRID_FRAMES,
+            ramp: gate_index.and_then(|index| self.gates[index].ramp),
         };
         match gate_index {
-            Some(at) => self.gates[at] = gate,
+            Some(index) => self.gates[index] = gate,
             None => self.gates.push(gate),
         }
         Ok(())
@@ -247,7 +254,7 @@ impl Timeline {
         &mut self,
         network: &Network,
         (link, n): (usize, usize),
-        (from, to): (f64, f64),
+        (start_factor, end_factor): (f64, f64),
         (start, stop): (f64, f64),
     ) -> Result<(), Error> {
         let refusal = |message: &str| {
@@ -262,7 +269,10 @@ impl Timeline {
         if n == 0 || !begins_row(link) || !ends_row {
             return refusal("this link is one of a row of links, which can glide only together; name the row");
         }
-        if ![from, to].iter().all(|factor| factor.is_finite() && *factor >= 0.0) {
+        if ![start_factor, end_factor]
+            .iter()
+            .all(|factor| factor.is_finite() && *factor >= 0.0)
+        {
             return refusal("both factors of a glide must be 0 or more");
         }
         if !(start.is_finite() && stop.is_finite() && start >= 0.0) {
@@ -277,16 +287,21 @@ impl Timeline {
             .gates
             .iter_mut()
             .find(|gate| gate.links().any(|gate_link| faded_links.contains(&gate_link)));
-        let ramp = Some(Ramp { from, to, start, stop });
+        let ramp = Some(Ramp {
+            start_factor,
+            end_factor,
+            start,
+            stop,
+        });
         match known_gate {
             Some(gate) if gate.ramp.is_none() && gate.links() == faded_links => gate.ramp = ramp,
             Some(_) => return refusal("the link already glides at that time"),
             None => self.gates.push(Gate {
-                link,
-                len: n,
+                first_link: link,
+                n_links: n,
                 start: None,
                 stop: None,
-                fade: GRID,
+                fade_frames: GRID_FRAMES,
                 ramp,
             }),
         }
@@ -295,6 +310,6 @@ impl Timeline {
 
     /// The first frame of the grid at or after an instant [s].
     pub(super) fn on_grid(&self, t: f64) -> u64 {
-        frame(t, self.rate.hertz()).div_ceil(GRID) * GRID
+        frame(t, self.rate.hertz()).div_ceil(GRID_FRAMES) * GRID_FRAMES
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Timeline;
-use super::lead::slower_points;
+use super::lead::points_at_lower_rate;
 use crate::network::{Error, MatKind, Network};
 
 /// K [N/m], Z [N·s/m] and M [kg], or algorithmic values.
@@ -13,14 +13,14 @@ pub type MatParameters = [f64; 3];
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Glide {
     pub(crate) mat: usize,
-    /// Frames on the grid, rising, and the parameters there; `None` stands for those of the network. Parameters are
+    /// Frames on the grid, rising, and the parameters there; `None` means those of the network. Parameters are
     /// constant before the first point and after the last.
     pub(crate) points: Arc<[(u64, Option<MatParameters>)]>,
 }
 
 impl Glide {
     /// The same event at `oversampling` times the rate.
-    pub(super) fn faster(&self, oversampling: u64) -> Self {
+    pub(super) fn with_higher_rate(&self, oversampling: u64) -> Self {
         let slow_points = self.points.iter();
         Self {
             points: slow_points.map(|&(frame, ties)| (frame * oversampling, ties)).collect(),
@@ -28,10 +28,10 @@ impl Glide {
         }
     }
 
-    /// The same event at the rate divided by `every`.
-    pub(super) fn slower(&self, every: u64) -> Self {
+    /// The same event at the rate divided by `rate_divisor`.
+    pub(super) fn with_lower_rate(&self, rate_divisor: u64) -> Self {
         Self {
-            points: slower_points(&self.points, every),
+            points: points_at_lower_rate(&self.points, rate_divisor),
             ..*self
         }
     }
@@ -64,7 +64,7 @@ impl Timeline {
         (start, stop): (f64, f64),
     ) -> Result<(), Error> {
         let end_points = [(start, Some(ties)), (stop, None)];
-        self.glide_along(network, mat, &end_points)?;
+        self.add_glide(network, mat, &end_points)?;
         Ok(())
     }
 
@@ -73,9 +73,14 @@ impl Timeline {
     ///
     /// # Errors
     /// If the MAT does not move or glides already, there are no points, or their instants or numbers are out of range.
-    pub fn path(&mut self, network: &Network, mat: usize, points: &[(f64, MatParameters)]) -> Result<(), Error> {
-        let points: Vec<_> = points.iter().map(|&(at, ties)| (at, Some(ties))).collect();
-        let glide_count = self.glide_along(network, mat, &points)?;
+    pub fn glide_through(
+        &mut self,
+        network: &Network,
+        mat: usize,
+        points: &[(f64, MatParameters)],
+    ) -> Result<(), Error> {
+        let points: Vec<_> = points.iter().map(|&(instant, ties)| (instant, Some(ties))).collect();
+        let glide_count = self.add_glide(network, mat, &points)?;
         debug_assert!(glide_count > 0);
         Ok(())
     }
@@ -84,7 +89,7 @@ impl Timeline {
     /// of their decay rates), linearly between them, on the grid.
     ///
     /// # Errors
-    /// As [`Timeline::path`], and if a MAT is not a CEL with K and Z in SI units.
+    /// As [`Timeline::glide_through`], and if a MAT is not a CEL with K and Z in SI units.
     pub fn retune(
         &mut self,
         network: &Network,
@@ -109,12 +114,12 @@ impl Timeline {
                 let k = m * (square_ratio * omega_square + sigma * sigma);
                 (instant, [k, 2.0 * m * sigma, m])
             });
-            self.path(network, mat, &numbers.collect::<Vec<_>>())?;
+            self.glide_through(network, mat, &numbers.collect::<Vec<_>>())?;
         }
         Ok(())
     }
 
-    fn glide_along(
+    fn add_glide(
         &mut self,
         network: &Network,
         mat: usize,

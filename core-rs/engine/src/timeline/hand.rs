@@ -5,15 +5,15 @@
 
 use std::sync::Arc;
 
-use super::{Drive, DriveKind, Source, StrikeError, Timeline};
+use super::{Drive, DriveKind, DriveSource, StrikeError, Timeline};
 use crate::network::Network;
 
 /// Largest number of frames of a tick: 21 ms at 192 kHz.
-pub(super) const TICK_MAX: u32 = 4_096;
+pub(super) const TICK_FRAMES_MAX: u32 = 4_096;
 
 /// Interpolation of a hand between two ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum HandWay {
+pub enum HandInterpolation {
     /// The position changes at the tick and holds: least delay.
     Hold,
     /// Linear over the tick, so that nothing rings at the rate of the ticks.
@@ -29,7 +29,7 @@ pub struct Hand {
     /// Frames from tick to tick.
     pub(crate) tick_frames: u32,
     /// Interpolation between ticks.
-    pub(crate) interpolation: HandWay,
+    pub(crate) interpolation: HandInterpolation,
     /// Position at each tick if no device sends another [m], (n_ticks); the last one holds.
     pub(crate) positions: Arc<[f64]>,
 }
@@ -43,7 +43,7 @@ impl Hand {
     }
 
     /// The hand at `oversampling` times the rate.
-    pub(super) fn faster(&self, oversampling: u32) -> Self {
+    pub(super) fn with_higher_rate(&self, oversampling: u32) -> Self {
         Self {
             tick_frames: self.tick_frames * oversampling,
             ..self.clone()
@@ -58,13 +58,13 @@ impl Timeline {
     /// position of the MAT.
     ///
     /// ```
-    /// use ergon_engine::timeline::HandWay;
+    /// use ergon_engine::timeline::HandInterpolation;
     /// use ergon_engine::{Network, Rate, Timeline};
     ///
     /// let mut network = Network::new();
     /// let key = network.mas("key", 0.4, 0.0, 0.0)?;
     /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// let hand = timeline.hand(&network, key, 44, HandWay::Line, &[0.0, 1e-3, 2e-3])?;
+    /// let hand = timeline.hand(&network, key, 44, HandInterpolation::Line, &[0.0, 1e-3, 2e-3])?;
     /// assert_eq!(hand, 0);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
@@ -77,11 +77,11 @@ impl Timeline {
         network: &Network,
         mat: usize,
         tick_frames: u32,
-        mode: HandWay,
+        mode: HandInterpolation,
         positions: &[f64],
     ) -> Result<usize, StrikeError> {
-        super::movable(network, mat)?;
-        if !(1..=TICK_MAX).contains(&tick_frames) {
+        super::check_movable(network, mat)?;
+        if !(1..=TICK_FRAMES_MAX).contains(&tick_frames) {
             return Err(StrikeError::Tick(tick_frames));
         }
         if let Some(&wrong_position) = positions.iter().find(|x| !x.is_finite()) {
@@ -102,7 +102,7 @@ impl Timeline {
             interpolation: mode,
             positions,
         };
-        self.drive(mat, DriveKind::Position, Source::Hand(hand), false)?;
+        self.drive(mat, DriveKind::Position, DriveSource::Hand(hand), false)?;
         Ok(index)
     }
 

@@ -14,8 +14,8 @@ pub type Factors = [f64; 2];
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Lead {
     /// Index of the first link and number of links: complete runs.
-    pub(crate) link: usize,
-    pub(crate) len: usize,
+    pub(crate) first_link: usize,
+    pub(crate) n_links: usize,
     /// Frames on the grid, rising, and the factors there; factors are constant before the first point and after the
     /// last.
     points: Arc<[(u64, Factors)]>,
@@ -47,12 +47,12 @@ impl Lead {
     }
 
     /// The first frame, `n` or later, at which the factors may change.
-    pub(crate) fn due(&self, n: u64) -> u64 {
+    pub(crate) fn next_change_frame(&self, n: u64) -> u64 {
         next_change(&self.points, n)
     }
 
     /// The greatest factor of K and the greatest of Z.
-    fn greatest(&self) -> Factors {
+    fn factors_max(&self) -> Factors {
         let point_factors = self.points.iter().map(|&(_, factors)| factors);
         point_factors.fold([0.0; 2], |largest_yet, factors| {
             std::array::from_fn(|i| f64::max(largest_yet[i], factors[i]))
@@ -60,7 +60,7 @@ impl Lead {
     }
 
     /// The same event at `oversampling` times the rate.
-    pub(super) fn faster(&self, oversampling: u64) -> Self {
+    pub(super) fn with_higher_rate(&self, oversampling: u64) -> Self {
         let slow_points = self.points.iter();
         Self {
             points: slow_points
@@ -70,26 +70,26 @@ impl Lead {
         }
     }
 
-    /// The same event at the rate divided by `every`.
-    pub(super) fn slower(&self, every: u64) -> Self {
+    /// The same event at the rate divided by `rate_divisor`.
+    pub(super) fn with_lower_rate(&self, rate_divisor: u64) -> Self {
         Self {
-            points: slower_points(&self.points, every),
+            points: points_at_lower_rate(&self.points, rate_divisor),
             ..*self
         }
     }
 
     /// The same event on other links.
-    pub(crate) fn on(&self, link: usize, len: usize) -> Self {
+    pub(crate) fn on_links(&self, first_link: usize, n_links: usize) -> Self {
         Self {
-            link,
-            len,
+            first_link,
+            n_links,
             points: self.points.clone(),
         }
     }
 
     /// Indices of the links.
     pub(crate) fn links(&self) -> Range<usize> {
-        self.link..self.link + self.len
+        self.first_link..self.first_link + self.n_links
     }
 }
 
@@ -98,10 +98,10 @@ impl Lead {
 ///
 /// # Errors
 /// If a law is not finite with them.
-pub(crate) fn greatest(network: &Network, leads: &[Lead]) -> Result<Network, Error> {
+pub(crate) fn with_greatest_factors(network: &Network, leads: &[Lead]) -> Result<Network, Error> {
     let mut stiffest = network.clone();
     for lead in leads {
-        stiffest.scale(lead.links(), lead.greatest())?;
+        stiffest.scale_links(lead.links(), lead.factors_max())?;
     }
     Ok(stiffest)
 }
@@ -109,11 +109,11 @@ pub(crate) fn greatest(network: &Network, leads: &[Lead]) -> Result<Network, Err
 /// The network with each led link as it is at frame 0.
 ///
 /// # Errors
-/// As [`greatest`].
-pub(crate) fn first(network: &Network, leads: &[Lead]) -> Result<Network, Error> {
+/// As [`with_greatest_factors`].
+pub(crate) fn with_first_factors(network: &Network, leads: &[Lead]) -> Result<Network, Error> {
     let mut start_network = network.clone();
     for lead in leads {
-        start_network.scale(lead.links(), lead.factors(0, 0.0))?;
+        start_network.scale_links(lead.links(), lead.factors(0, 0.0))?;
     }
     Ok(start_network)
 }
@@ -125,11 +125,11 @@ pub(crate) fn next_change<T: PartialEq>(points: &[(u64, T)], n: u64) -> u64 {
     later_changes.next().map_or(u64::MAX, |way| way[0].0.max(n))
 }
 
-/// Points (frames, rising) at the rate divided by `every`; of points that fall on one frame the last is kept.
-pub(super) fn slower_points<T: Copy>(points: &[(u64, T)], every: u64) -> Arc<[(u64, T)]> {
+/// Points (frames, rising) at the rate divided by `rate_divisor`; of points that fall on one frame the last is kept.
+pub(super) fn points_at_lower_rate<T: Copy>(points: &[(u64, T)], rate_divisor: u64) -> Arc<[(u64, T)]> {
     let mut grid_points: Vec<(u64, T)> = Vec::with_capacity(points.len());
     for &(point_frame, value) in points {
-        let point_frame = nearest_frame(point_frame, every);
+        let point_frame = nearest_frame(point_frame, rate_divisor);
         if grid_points.last().is_some_and(|&(last, _)| last == point_frame) {
             grid_points.pop();
         }
@@ -207,8 +207,8 @@ impl Timeline {
             grid_points.push((grid_frame, factors));
         }
         self.leads.push(Lead {
-            link,
-            len: n,
+            first_link: link,
+            n_links: n,
             points: grid_points.into(),
         });
         Ok(())

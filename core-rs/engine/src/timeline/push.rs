@@ -1,12 +1,12 @@
 //! Forces at frames, from strikes at instants.
 
-use super::{Instants, Timeline};
+use super::{StrikeTiming, Timeline};
 use crate::cell::Cell;
 use crate::network::{MatKind, Network};
 
 /// A force on a MAT at one frame: part of a strike.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Push {
+pub(crate) struct StrikeForce {
     pub(crate) frame: u64,
     /// Instant of the strike [s], which may lie between frames.
     pub(crate) instant: f64,
@@ -23,10 +23,14 @@ pub(crate) struct Push {
 /// On a key and under `ca` the parts of a strike act on whole frames. A CEL that `is_alone` receives them between
 /// samples, so that every later sample is exact. Any other MAT receives them by the linear split, which keeps impulse
 /// and first moment.
-pub(crate) fn pushes(network: &Network, timeline: &Timeline, is_alone: impl Fn(usize) -> bool) -> Vec<Push> {
+pub(crate) fn strike_forces(
+    network: &Network,
+    timeline: &Timeline,
+    is_alone: impl Fn(usize) -> bool,
+) -> Vec<StrikeForce> {
     let (frame_rate, network_mats) = (timeline.rate, network.mats());
-    let acts_on_frames = timeline.acts_on_frames(network);
-    let mut pushes: Vec<Push> = Vec::with_capacity(timeline.strikes.len());
+    let acts_on_frames = timeline.parts_on_frames(network);
+    let mut pushes: Vec<StrikeForce> = Vec::with_capacity(timeline.strikes.len());
     for strike in &timeline.strikes {
         let struck_mat = strike.mat as usize;
         let acts_on_frames = acts_on_frames[network_mats.part[struck_mat] as usize];
@@ -43,7 +47,7 @@ pub(crate) fn pushes(network: &Network, timeline: &Timeline, is_alone: impl Fn(u
             Some(last_push) if last_push.frame == frame => last_push.force += force,
             last_push => {
                 let impulse = if last_push.is_none() { strike.impulse } else { 0.0 };
-                pushes.push(Push {
+                pushes.push(StrikeForce {
                     frame,
                     instant: strike.instant,
                     mat: strike.mat,
@@ -54,14 +58,15 @@ pub(crate) fn pushes(network: &Network, timeline: &Timeline, is_alone: impl Fn(u
             }
         };
         let instants = if acts_on_frames {
-            Instants::OfScore
+            StrikeTiming::OfScore
         } else {
-            Instants::Exact
+            StrikeTiming::Exact
         };
-        for part in timeline.parts(strike, instants) {
+        for part in timeline.strike_parts(strike, instants) {
             let [force_now, force_next] = match lone_cell {
-                Some(lone_cell) if !acts_on_frames => lone_cell.split(part.impulse, part.alpha, frame_rate),
-                _ => [1.0 - part.alpha, part.alpha].map(|share| share * part.impulse * frame_rate.hertz()),
+                Some(lone_cell) if !acts_on_frames => lone_cell.split(part.impulse, part.frame_fraction, frame_rate),
+                _ => [1.0 - part.frame_fraction, part.frame_fraction]
+                    .map(|share| share * part.impulse * frame_rate.hertz()),
             };
             push(part.frame, force_now);
             push(part.frame + 1, force_next);

@@ -1,4 +1,4 @@
-//! Inputs that move or push MATs, from a sound card or as values that are told while it plays: how their samples are
+//! Inputs that move or push MATs, from a sound card or as values that are set while it plays: how their samples are
 //! conditioned, and the values from a file that replace them.
 
 use std::fmt;
@@ -6,13 +6,13 @@ use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
-use super::{DriveKind, Source, StrikeError, Timeline};
+use super::{DriveKind, DriveSource, StrikeError, Timeline};
 use crate::section::{BUTTERWORTH_2, Section};
 
-/// Most inputs of a piece.
+/// Largest number of inputs of a piece.
 const INPUTS_MAX: usize = 64;
-/// Longest glide from one told value to the next [s].
-const GLIDE_MAX: f64 = 60.0;
+/// Longest glide from one set value to the next [s].
+const GLIDE_SECONDS_MAX: f64 = 60.0;
 
 /// Where the samples of an input come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +22,7 @@ pub enum InputSource {
     /// Values of [`Simulation::set_input`](crate::simulation::Simulation::set_input): each is reached after `glide`
     /// [s], and held.
     Value {
-        /// The number by which the input is told.
+        /// The number by which the input is set.
         number: u64,
         /// Time from one value to the next [s].
         glide: f64,
@@ -44,7 +44,7 @@ pub struct SoundInSettings {
 
 impl SoundInSettings {
     /// The value after gain and clamp [m or N] of an input value at full scale 1.
-    pub(crate) fn scaled(&self, value: f64) -> f64 {
+    pub(crate) fn gained_and_clamped(&self, value: f64) -> f64 {
         (value * self.gain).clamp(-self.clamp, self.clamp)
     }
 
@@ -60,7 +60,7 @@ pub struct Conditioner {
     settings: SoundInSettings,
     section: Option<Section>,
     /// The last output value [m or N].
-    last: f64,
+    last_value: f64,
 }
 
 impl Conditioner {
@@ -70,7 +70,7 @@ impl Conditioner {
         Self {
             section: settings.highpass.map(section),
             settings,
-            last: 0.0,
+            last_value: 0.0,
         }
     }
 
@@ -81,11 +81,11 @@ impl Conditioner {
             Some(section) => section.next(finite_sample).high,
             None => finite_sample,
         };
-        self.last = self.settings.scaled(filtered);
-        self.last
+        self.last_value = self.settings.gained_and_clamped(filtered);
+        self.last_value
     }
 
-    /// The channel of the sound card that it reads; `None` if values are told.
+    /// The channel of the sound card that it reads; `None` if its values are set.
     pub(crate) fn channel(&self) -> Option<usize> {
         match self.settings.source {
             InputSource::Channel(channel) => Some(channel),
@@ -94,8 +94,8 @@ impl Conditioner {
     }
 
     /// The last output value [m or N].
-    pub(crate) fn last(&self) -> f64 {
-        self.last
+    pub(crate) fn last_value(&self) -> f64 {
+        self.last_value
     }
 
     /// Continue from the state of another conditioner, if it has the same source.
@@ -106,18 +106,18 @@ impl Conditioner {
         if let (Some(section), Some(other)) = (&mut self.section, &other.section) {
             section.take_over(other);
         }
-        self.last = other.last;
+        self.last_value = other.last_value;
     }
 }
 
-/// An input, and its values when nobody plays into it.
+/// An input, and its values without live input.
 #[derive(Clone)]
 pub struct SoundIn {
     /// Index among the inputs of the timeline.
     pub(crate) index: usize,
     pub(crate) settings: SoundInSettings,
-    /// Frames from one told value to the next.
-    pub(crate) glide: u64,
+    /// Frames from one set value to the next.
+    pub(crate) glide_frames: u64,
     /// Values at the frames of the score from frame 0 on [m or N], (n_frames,); 0 after them.
     values: Arc<[f64]>,
     /// SHA-256 of the values.
@@ -146,7 +146,7 @@ impl fmt::Debug for SoundIn {
 impl Timeline {
     /// Declare an input; returns its index.
     ///
-    /// `samples` are the values from frame 0 on that are used when nobody plays into it, at the rate of the timeline,
+    /// `samples` are the values from frame 0 on that are used without live input, at the rate of the timeline,
     /// full scale 1, (n_frames,). They pass the same stages as live samples.
     ///
     /// # Errors
@@ -154,7 +154,7 @@ impl Timeline {
     pub fn sound_in(&mut self, settings: SoundInSettings, samples: &[f64]) -> Result<usize, StrikeError> {
         let frame_rate = self.rate.hertz();
         let index = self.sounds_in.len();
-        let refusal = |what, requirement, value| Err(StrikeError::Value(what, requirement, value));
+        let refusal = |quantity, requirement, value| Err(StrikeError::Value(quantity, requirement, value));
         if index == INPUTS_MAX {
             return refusal("the number of inputs", " of 64 at most", index as f64 + 1.0);
         }
@@ -166,7 +166,7 @@ impl Timeline {
         }
         let mut glide_frames = 1;
         if let InputSource::Value { glide, .. } = settings.source {
-            if !(0.0..=GLIDE_MAX).contains(&glide) {
+            if !(0.0..=GLIDE_SECONDS_MAX).contains(&glide) {
                 return refusal("the glide of an input", " of seconds from 0 to 60", glide);
             }
             if !settings.clamp_start().is_finite() {
@@ -189,7 +189,7 @@ impl Timeline {
         self.sounds_in.push(SoundIn {
             index,
             settings,
-            glide: glide_frames,
+            glide_frames,
             values,
             digest: sound_hash.finalize().into(),
         });
@@ -206,12 +206,12 @@ impl Timeline {
         let Some(sound) = self.sounds_in.get(index).cloned() else {
             return Err(StrikeError::NoInput(index, self.sounds_in.len()));
         };
-        let sound_source = Source::SoundIn {
+        let sound_source = DriveSource::SoundIn {
             sound,
-            scale: super::finite("scale", scale).map(|()| scale)?,
+            scale: super::check_finite("scale", scale).map(|()| scale)?,
             steps: 1,
         };
-        // The drive does not belong to the MAT's own part, because no written gesture knows what will be played.
+        // The drive does not belong to the MAT's own part, because written gestures cannot depend on live input.
         self.drive(mat, kind, sound_source, false)
     }
 

@@ -1,8 +1,8 @@
-use super::gate::FADE;
+use super::gate::FADE_SECONDS;
 use super::*;
 use crate::gesture::profile::Curve;
 use crate::gesture::script::Manner;
-use crate::gesture::written::{Approach, Written};
+use crate::gesture::written::{Approach, WrittenPoints};
 use crate::network::{But, Contact, Tie};
 use crate::units::frame;
 
@@ -41,21 +41,21 @@ fn fades_lie_on_the_grid_without_jumps() {
             let mut timeline = timeline(hertz);
             timeline.couple(&network(), 0, start, stop).unwrap();
             let gate = timeline.gates[0];
-            assert_eq!(gate.fade % GRID, 0);
-            let fade_frames = gate.fade as f64;
-            assert!((FADE * hertz..FADE * hertz + GRID as f64).contains(&fade_frames));
+            assert_eq!(gate.fade_frames % GRID_FRAMES, 0);
+            let fade_frames = gate.fade_frames as f64;
+            assert!((FADE_SECONDS * hertz..FADE_SECONDS * hertz + GRID_FRAMES as f64).contains(&fade_frames));
             for (edge_frame, edge_time) in [(gate.start, Some(start)), (gate.stop, stop)] {
                 let (Some(edge_frame), Some(edge_time)) = (edge_frame, edge_time) else {
                     continue;
                 };
-                assert_eq!(edge_frame % GRID, 0);
+                assert_eq!(edge_frame % GRID_FRAMES, 0);
                 let frame_delay = edge_frame as f64 - edge_time.max(0.0) * hertz;
                 assert!(
-                    (-0.5..GRID as f64).contains(&frame_delay),
+                    (-0.5..GRID_FRAMES as f64).contains(&frame_delay),
                     "{hertz} {edge_time}: {frame_delay}"
                 );
             }
-            let openness: Vec<f64> = (0..(0.4 * hertz) as u64).map(|n| gate.open(n)).collect();
+            let openness: Vec<f64> = (0..(0.4 * hertz) as u64).map(|n| gate.opening(n)).collect();
             assert!(openness.iter().all(|openness| (0.0..=1.0).contains(openness)));
             assert_eq!(openness[0], if start <= 0.0 { 1.0 } else { 0.0 });
             assert_eq!(openness[openness.len() - 1], if stop.is_none() { 1.0 } else { 0.0 });
@@ -88,21 +88,21 @@ fn fades_with_length_and_factor() {
         (stop_frame, 2.0),
         (1 << 40, 2.0),
     ] {
-        assert!((faded_gate.open(n) - factor).abs() < 1e-12, "{n}");
+        assert!((faded_gate.opening(n) - factor).abs() < 1e-12, "{n}");
     }
     let couple_link = |timeline: &mut Timeline| timeline.couple_over(&network, 0, 0.1, Some(3.0), 1.0);
     couple_link(&mut timeline).unwrap();
     assert_eq!(timeline.gates.len(), 1);
     let coupled_gate = timeline.gates[0];
     // 3u² − 2u³ is a half half-way.
-    let half_frame = coupled_gate.start.unwrap() + coupled_gate.fade / 2;
-    assert!((hertz..hertz + 64.0).contains(&(coupled_gate.fade as f64)));
-    assert!((coupled_gate.open(half_frame) - 0.5 * faded_gate.open(half_frame)).abs() < 1e-12);
+    let half_frame = coupled_gate.start.unwrap() + coupled_gate.fade_frames / 2;
+    assert!((hertz..hertz + 64.0).contains(&(coupled_gate.fade_frames as f64)));
+    assert!((coupled_gate.opening(half_frame) - 0.5 * faded_gate.opening(half_frame)).abs() < 1e-12);
     assert!(couple_link(&mut timeline).is_err(), "twice");
     assert!(timeline.fade(&network, (0, 1), (1.0, 0.0), fade_span).is_err(), "twice");
     // At four times the rate everything happens at the same time.
-    let fast_timeline = timeline.faster(4).unwrap();
-    assert!((fast_timeline.gates[0].open(4 * half_frame) - coupled_gate.open(half_frame)).abs() < 1e-12);
+    let fast_timeline = timeline.with_higher_rate(4).unwrap();
+    assert!((fast_timeline.gates[0].opening(4 * half_frame) - coupled_gate.opening(half_frame)).abs() < 1e-12);
 }
 
 #[test]
@@ -137,10 +137,10 @@ fn couple_of_wrong_links_is_refused() {
 fn events_after_the_last_frame_never_begin() {
     let mut timeline = timeline(192_000.0);
     timeline.couple(&network(), 0, 1e300, None).unwrap();
-    assert_eq!(timeline.gates[0].open(1 << 40), 0.0);
+    assert_eq!(timeline.gates[0].opening(1 << 40), 0.0);
     timeline.strike(&network(), 0, 1e300, 1.0, Some(0.0), 0).unwrap();
     timeline.ergon(&network(), 0, 1e300, 1e-3, 1.0, 0).unwrap();
-    let pushes = pushes(&network(), &timeline, |_| true);
+    let pushes = strike_forces(&network(), &timeline, |_| true);
     assert!(pushes.iter().all(|push| push.frame > 1 << 40));
     assert_eq!(frame(f64::INFINITY, 8_000.0), 1 << 53);
     assert_eq!((frame(-3.0, 8_000.0), frame(f64::NAN, 8_000.0)), (0, 0));
@@ -169,8 +169,8 @@ fn strike_keeps_its_impulse_and_instant() {
         timeline
             .strike(&network, 0, position * 1e-3, 2e-3, Some(0.0), 9)
             .unwrap();
-        let pushes = pushes(&network, &timeline, |_| true);
-        let push_sum = |of: &dyn Fn(&Push) -> f64| pushes.iter().map(of).sum::<f64>();
+        let pushes = strike_forces(&network, &timeline, |_| true);
+        let push_sum = |of: &dyn Fn(&StrikeForce) -> f64| pushes.iter().map(of).sum::<f64>();
         assert!((push_sum(&|push| push.force) * 1e-3 - 2e-3).abs() < 1e-15);
         let first_moment = push_sum(&|push| push.force * push.frame as f64) * 1e-3;
         assert!((first_moment - 2e-3 * position).abs() < 1e-14, "{position}");
@@ -187,17 +187,20 @@ fn parts_of_a_strike_at_other_rates() {
         timeline.strikes.clear();
         timeline.strike(&network(), 0, begin, 2e-3, None, 0).unwrap();
         let instants = |timeline: &Timeline| -> Vec<(f64, f64)> {
-            let strike_parts = timeline.parts(&timeline.strikes[0], Instants::Exact);
+            let strike_parts = timeline.strike_parts(&timeline.strikes[0], StrikeTiming::Exact);
             let instant = |frame: u64, alpha: f64| (frame as f64 + alpha) / timeline.rate.hertz();
             strike_parts
-                .map(|part| (instant(part.frame, part.alpha), part.impulse))
+                .map(|part| (instant(part.frame, part.frame_fraction), part.impulse))
                 .collect()
         };
         let expected = instants(&timeline);
         assert_eq!(expected.len(), 7); // 0.19 ms are 8 frames
         assert!((expected.iter().map(|part| part.1).sum::<f64>() - 2e-3).abs() < 1e-17);
         assert!(expected[0].0 > begin && expected[6].0 < begin + 0.19e-3);
-        for other in [timeline.faster(4), timeline.slower(2)].into_iter().flatten() {
+        for other in [timeline.with_higher_rate(4), timeline.with_lower_rate(2)]
+            .into_iter()
+            .flatten()
+        {
             for (part, theirs) in expected.iter().zip(instants(&other)) {
                 assert!((part.0 - theirs.0).abs() < 1e-12 && part.1 == theirs.1);
             }
@@ -214,7 +217,7 @@ fn strike_on_keys_and_ca_parts_is_undivided() {
     timeline.strike(&network, discrete, 0.4e-3, 1.0, Some(0.0), 0).unwrap();
     timeline.key("k", 2);
     timeline.strike(&network, 2, 0.6e-3, 1.0, Some(0.0), 0).unwrap();
-    let frame_forces: Vec<_> = pushes(&network, &timeline, |_| true)
+    let frame_forces: Vec<_> = strike_forces(&network, &timeline, |_| true)
         .iter()
         .map(|push| (push.frame, push.force))
         .collect();
@@ -244,7 +247,7 @@ fn strike_with_wrong_values_is_refused() {
     assert_eq!(timeline.ergon(&network, 3, 0.0, 1.0, 1.0, 0), Err(fixed_error));
     assert!(
         timeline
-            .drive(3, DriveKind::Position, Source::Constant(f64::NAN), true)
+            .drive(3, DriveKind::Position, DriveSource::Constant(f64::NAN), true)
             .is_err()
     );
     assert!(timeline.strikes.is_empty() && timeline.ergons.is_empty() && timeline.drives.is_empty());
@@ -257,11 +260,11 @@ fn rain_without_end_is_refused_at_once() {
     let mut timeline = timeline(44_100.0);
     let finite_rain = Rain {
         rate: 1.0,
-        lasts: Some(0.0),
+        duration: Some(0.0),
         start: 0.0,
         stop: 1.0,
         impulse: (0.0, 0.0),
-        within: (0.0, f64::INFINITY),
+        window: (0.0, f64::INFINITY),
         source: 0,
     };
     let member_chance = |member| Chance::new(1, "strikes", "r", member, 0);
@@ -337,7 +340,7 @@ fn couple_of_contacts_of_any_kind() {
 #[test]
 fn drive_by_position_twice_is_refused() {
     let mut timeline = timeline(44_100.0);
-    let mut add_drive = |kind, value| timeline.drive(0, kind, Source::Constant(value), true);
+    let mut add_drive = |kind, value| timeline.drive(0, kind, DriveSource::Constant(value), true);
     assert_eq!(add_drive(DriveKind::Position, 0.0), Ok(()));
     assert_eq!(add_drive(DriveKind::Position, 0.0), Err(StrikeError::Driven(0)));
     // Forces add.
@@ -368,10 +371,10 @@ fn next_change_of_paths_and_gates() {
         let coupled_gate = timeline.gates[0];
         let continuations = [None, GateContinuation::new(&coupled_gate, 0.3, 6_000)];
         for continuation in continuations.iter().map(Option::as_ref) {
-            let openness = |n| GateContinuation::open(continuation, &coupled_gate, n);
+            let openness = |n| GateContinuation::opening(continuation, &coupled_gate, n);
             let start_frame = if continuation.is_some() { 6_000 } else { 0 };
             for n in (start_frame..last_frame).step_by(7) {
-                let due_frame = coupled_gate.due(continuation, n);
+                let due_frame = coupled_gate.next_change_frame(continuation, n);
                 let change_frame = (n + 1..=last_frame)
                     .find(|&m| openness(m) != openness(n))
                     .unwrap_or(last_frame + 1);
@@ -391,13 +394,13 @@ fn next_change_of_paths_and_gates() {
 
 /// A gesture of two points.
 fn gesture(start: f64, stop: f64) -> Gesture {
-    let written = Written {
+    let written = WrittenPoints {
         t: &[start, stop],
         x: &[0.0, 1e-3],
         approaches: &[Approach::Path(Curve::Smooth); 2],
         sources: &[],
     };
-    Gesture::written(0, &written, Manner::OPEN).unwrap()
+    Gesture::from_points(0, &written, Manner::OPEN).unwrap()
 }
 
 #[test]
@@ -421,7 +424,7 @@ fn cut_drops_events_from_its_frame() {
         let gesture_starts: Vec<f64> = cut_timeline.gestures.iter().map(|gesture| gesture.start).collect();
         assert_eq!(gesture_starts, [0.8, 0.5]);
         assert!(cut_timeline.is_open);
-        assert_eq!(cut_timeline.keys[key_index].struck, 2);
+        assert_eq!(cut_timeline.keys[key_index].struck_mat, 2);
         assert!(timeline.cut(8_000, &[], stops).gestures.is_empty());
     }
 }
@@ -442,11 +445,11 @@ fn cut_with_stop_keeps_couplings() {
         let mut timeline = timeline(8_000.0);
         timeline.couple(&network, 0, start, stop).unwrap();
         let cut_timeline = timeline.cut(8_000, &[], true);
-        let openness = |n| cut_timeline.gates.first().map_or(1.0, |gate| gate.open(n));
+        let openness = |n| cut_timeline.gates.first().map_or(1.0, |gate| gate.opening(n));
         if let Some(start_opening) = start_opening {
             assert_eq!(openness(8_000), start_opening, "{start} {stop:?}");
         }
-        assert_eq!(openness(8_000), timeline.gates[0].open(8_000), "{start} {stop:?}");
+        assert_eq!(openness(8_000), timeline.gates[0].opening(8_000), "{start} {stop:?}");
         assert_eq!(openness(80_000), closes, "{start} {stop:?}");
         let cut_timeline = timeline.cut(8_000, &[], false);
         assert_eq!(cut_timeline.gates, timeline.gates);
@@ -462,7 +465,7 @@ fn cut_keeps_running_glides() {
         timeline.glide(&network, 0, [1.0, 0.0, 1.0], (0.1, stop)).unwrap();
         let path_tie = [1.0, 1.0, 1.0];
         timeline
-            .path(&network, 2, &[(0.1, path_tie), (stop, path_tie)])
+            .glide_through(&network, 2, &[(0.1, path_tie), (stop, path_tie)])
             .unwrap();
         for stops in [false, true] {
             let mut cut_timeline = timeline.cut(8_000, &[], stops);

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
-use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::gesture::script::{ErgonKind, Gesture, Manner, Touch};
+use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{But, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Choice, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
@@ -155,12 +155,12 @@ fn keyed(gap: f64, contacts: Contacts) -> Arc<Plan> {
     network.listen("harp", terms.to_vec()).unwrap();
     let single = timeline.key("k", key);
     for (position, touch, ergons) in [
-        (0.05, Touch::Open, Ergons::Event),
-        (0.2, Touch::Tracked, Ergons::Event),
-        (0.35, Touch::Open, Ergons::Particle),
-        (0.431, Touch::Open, Ergons::Event),
+        (0.05, Touch::Open, ErgonKind::Event),
+        (0.2, Touch::Tracked, ErgonKind::Event),
+        (0.35, Touch::Open, ErgonKind::Particle),
+        (0.431, Touch::Open, ErgonKind::Event),
     ] {
-        let written = Written {
+        let written = WrittenPoints {
             t: &[position, position + 0.04, position + 0.08],
             x: &[0.0, 6e-3, 0.0],
             approaches: &[Approach::Path(Curve::Smooth); 3],
@@ -168,10 +168,10 @@ fn keyed(gap: f64, contacts: Contacts) -> Arc<Plan> {
         };
         let manner = Manner {
             touch,
-            ergons,
+            ergon_kind: ergons,
             ..Manner::OPEN
         };
-        let gesture = Gesture::written(single, &written, manner).unwrap();
+        let gesture = Gesture::from_points(single, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
     }
     for (mat, position, impulse) in [(reeds[1], 0.3, 2e-3), (hammer, 0.6, 4e-3)] {

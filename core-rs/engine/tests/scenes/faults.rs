@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner, Touch};
-use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
-use ergon_engine::timeline::{DriveKind, Source, Timeline};
+use ergon_engine::timeline::{DriveKind, DriveSource, Timeline};
 use ergon_engine::units::Rate;
 
 use super::scene::hand;
@@ -50,7 +50,7 @@ fn play(simulation: &mut Simulation, n_frames: usize) -> Vec<[f64; 2]> {
 }
 
 fn gesture(touch: Touch, t: [f64; 2]) -> Gesture {
-    let written = Written {
+    let written = WrittenPoints {
         t: &t,
         x: &[0.0, 1e-3],
         approaches: &[Approach::Path(Curve::Smooth); 2],
@@ -58,10 +58,10 @@ fn gesture(touch: Touch, t: [f64; 2]) -> Gesture {
     };
     let manner = Manner {
         touch,
-        limit: Some(1e3),
+        force_max: Some(1e3),
         ..Manner::OPEN
     };
-    Gesture::written(0, &written, manner).unwrap()
+    Gesture::from_points(0, &written, manner).unwrap()
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn mute_of_a_key_drops_its_gestures() {
             assert_eq!(simulation.muted_parts().len(), 1);
             assert!(simulation.gesture_positions()[0].is_nan());
             let report = simulation.reports()[0];
-            assert_eq!(report.missed, 0);
+            assert_eq!(report.n_missed_steps, 0);
             assert!(t[0] < 0.1 || report.n_ergons == 0, "{t:?}: {report:?}");
         }
     }
@@ -122,13 +122,13 @@ fn mute_of_a_part_ignores_strikes_and_drives() {
     let (mut network, mut timeline, mass) = scene();
     network.part("sick", None);
     let point = network.sol("point", 0.0).unwrap();
-    network.impose(point);
+    network.set_imposed(point);
     let path = hand().placed(0.09, 1.0, 3.0, false).unwrap();
     timeline
-        .drive(point, DriveKind::Position, Source::Take(path), true)
+        .drive(point, DriveKind::Position, DriveSource::Take(path), true)
         .unwrap();
     timeline
-        .drive(mass, DriveKind::Force, Source::Constant(1.0), true)
+        .drive(mass, DriveKind::Force, DriveSource::Constant(1.0), true)
         .unwrap();
     for position in [0.05, 0.15, 0.25] {
         timeline.strike(&network, mass, position, 1.0, Some(0.0), 0).unwrap();
@@ -209,11 +209,11 @@ fn mute_by_an_absurd_drive_spares_its_neighbours() {
     let (mut network, mut timeline, _) = scene();
     network.part("rail", None);
     let point = network.sol("point", 0.0).unwrap();
-    network.impose(point);
+    network.set_imposed(point);
     network.spring("l", 0, point, 1.0, 0.0, 0.0).unwrap();
     let path = hand().placed(0.0, 1e7, 1.0, false).unwrap();
     timeline
-        .drive(point, DriveKind::Position, Source::Take(path), true)
+        .drive(point, DriveKind::Position, DriveSource::Take(path), true)
         .unwrap();
     let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
     play(&mut simulation, 4_000);

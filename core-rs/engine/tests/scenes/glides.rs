@@ -335,7 +335,7 @@ fn path_continues_after_its_glide() {
         .unwrap();
     let mut short = begin();
     let points = [(position(640), ties[0]), (position(6_400), ties[1])];
-    short.path(&network, 0, &points).unwrap();
+    short.glide_through(&network, 0, &points).unwrap();
     let mut long = begin();
     let points = [
         points[0],
@@ -343,13 +343,13 @@ fn path_continues_after_its_glide() {
         (position(9_600), ties[1]),
         (position(9_664), ties[2]),
     ];
-    long.path(&network, 0, &points).unwrap();
+    long.glide_through(&network, 0, &points).unwrap();
     let (glide, short, longer) = (listened(&glide), listened(&short), listened(&long));
     assert!(glide == short);
     assert!(glide[..9_600] == longer[..9_600]);
     assert!(glide[9_600..] != longer[9_600..]);
-    assert!(long.path(&network, 0, &points).is_err(), "it glides already");
-    let refused = |points: &[(f64, [f64; 3])]| begin().path(&network, 0, points).is_err();
+    assert!(long.glide_through(&network, 0, &points).is_err(), "it glides already");
+    let refused = |points: &[(f64, [f64; 3])]| begin().glide_through(&network, 0, points).is_err();
     assert!(refused(&[(1.0, ties[0]), (0.5, ties[1])]));
     assert!(refused(&[]));
     assert!(refused(&[(0.0, [1.0, 0.0, 0.0])]));
@@ -416,7 +416,7 @@ fn lead_of_a_string_equals_a_retuned_string() {
     timeline.lead(&single, all, &[(0.0, [4.0, 4.0])]).unwrap();
     for end in [0, n - 1] {
         let ties = [4.0 * 2e4, 4.0 * 4e-3, 2e-3];
-        timeline.path(&single, end, &[(0.0, ties)]).unwrap();
+        timeline.glide_through(&single, end, &[(0.0, ties)]).unwrap();
     }
     let ca = Budget::Method(Method::Ca);
     let (led, expected) = (

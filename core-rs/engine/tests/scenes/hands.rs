@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use ergon_engine::gesture::error::GestureError;
 use ergon_engine::gesture::profile::Curve::{Hold, Line, Smooth};
-use ergon_engine::gesture::report::Report;
-use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
-use ergon_engine::gesture::written::{Approach, Approach::Path, Written};
+use ergon_engine::gesture::report::GestureReport;
+use ergon_engine::gesture::script::{ErgonKind, Gesture, Manner, Touch};
+use ergon_engine::gesture::written::{Approach, Approach::Path, WrittenPoints};
 use ergon_engine::network::{But, Error, Network, Term, Tie};
 use ergon_engine::simulation::{OnFault, Simulation};
 use ergon_engine::timeline::Timeline;
@@ -43,13 +43,13 @@ impl Keyboard {
         let t: Vec<f64> = points.iter().map(|point| point.0).collect();
         let x: Vec<f64> = points.iter().map(|point| point.1).collect();
         let method: Vec<Approach> = points.iter().map(|point| point.2).collect();
-        let written = Written {
+        let written = WrittenPoints {
             t: &t,
             x: &x,
             approaches: &method,
             sources: &[],
         };
-        let gesture = Gesture::written(0, &written, manner)?;
+        let gesture = Gesture::from_points(0, &written, manner)?;
         self.timeline.gesture(gesture)
     }
 
@@ -57,7 +57,7 @@ impl Keyboard {
         self.try_play(points, manner).unwrap();
     }
 
-    fn try_hear(&self, seconds: f64) -> Result<(Vec<f64>, Vec<Report>), Error> {
+    fn try_hear(&self, seconds: f64) -> Result<(Vec<f64>, Vec<GestureReport>), Error> {
         let network = Arc::new(self.network.clone());
         let mut simulation = Simulation::new(network, &self.timeline, options(OnFault::Stop))?;
         let mut out = vec![0.0; (seconds * self.timeline.rate.hertz()) as usize];
@@ -65,7 +65,7 @@ impl Keyboard {
         Ok((out, simulation.reports().to_vec()))
     }
 
-    fn hear(&self, seconds: f64) -> (Vec<f64>, Vec<Report>) {
+    fn hear(&self, seconds: f64) -> (Vec<f64>, Vec<GestureReport>) {
         self.try_hear(seconds).unwrap()
     }
 }
@@ -89,7 +89,7 @@ fn gesture_meets_its_points_at_any_rate() {
                 let n = (t * hertz + 0.5) as usize;
                 assert!((x[n] - wanted).abs() < 1e-11, "{hertz} {t}: {}", x[n]);
             }
-            assert!(reports[0].worst < 1e-11 && !reports[0].first_point_missed);
+            assert!(reports[0].deviation_max < 1e-11 && !reports[0].is_first_point_missed);
         }
     }
 }
@@ -102,7 +102,7 @@ fn gesture_from_before_the_piece_is_joined() {
     let (x, reports) = keys.hear(0.15);
     assert_eq!(x[0], 0.0);
     assert!((x[4410] - 5e-3).abs() < 1e-12);
-    assert!(reports[0].first_point_missed);
+    assert!(reports[0].is_first_point_missed);
     // A gesture that ended before the piece is silent.
     let mut keys = Keyboard::new(44_100.0);
     keys.play(&smooth(&[(-0.2, 2e-3), (-0.1, 5e-3)]), Manner::OPEN);
@@ -206,28 +206,28 @@ fn gesture_with_non_finite_points_is_refused() {
             ..Manner::OPEN
         },
         Manner {
-            join: -1.0,
+            join_seconds: -1.0,
             ..Manner::OPEN
         },
         Manner {
-            limit: Some(0.0),
+            force_max: Some(0.0),
             ..Manner::OPEN
         },
         Manner {
             touch: Touch::Tracked,
-            ergons: Ergons::Particle,
+            ergon_kind: ErgonKind::Particle,
             ..Manner::OPEN
         },
     ] {
         assert!(keys.try_play(&points, bad).is_err(), "{bad:?}");
     }
-    let written = Written {
+    let written = WrittenPoints {
         t: &[0.0],
         x: &[0.0],
         approaches: &[Approach::Throw],
         sources: &[],
     };
-    let elsewhere = Gesture::written(1, &written, Manner::OPEN).unwrap();
+    let elsewhere = Gesture::from_points(1, &written, Manner::OPEN).unwrap();
     assert_eq!(keys.timeline.gesture(elsewhere), Err(GestureError::NoKey(1)));
 }
 

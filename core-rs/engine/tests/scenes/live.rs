@@ -6,7 +6,7 @@ use ergon_engine::cell::Cell;
 use ergon_engine::network::{But, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
-use ergon_engine::timeline::{DriveKind, HandWay, Source, Timeline};
+use ergon_engine::timeline::{DriveKind, DriveSource, HandInterpolation, Timeline};
 use ergon_engine::units::Rate;
 
 use super::scene::options;
@@ -75,7 +75,7 @@ fn recording_renders_to_the_played_samples() {
         Budget::Method(ergon_engine::plan::Method::Ca),
     ] {
         let mut open = Timeline::new(rate());
-        open.hand(&network, KEY, every, HandWay::Line, &[]).unwrap();
+        open.hand(&network, KEY, every, HandInterpolation::Line, &[]).unwrap();
         let mut live = planned(&network, &open, &budget);
         let (mut played, mut forces) = (Vec::new(), Vec::new());
         for &x in &ticks {
@@ -88,7 +88,9 @@ fn recording_renders_to_the_played_samples() {
         assert!(forces.iter().any(|f| *f < -0.1), "the hand feels the string");
         assert!(played.iter().any(|x| x.abs() > 1e-5), "the string is heard");
         let mut known = Timeline::new(rate());
-        known.hand(&network, KEY, every, HandWay::Line, &ticks).unwrap();
+        known
+            .hand(&network, KEY, every, HandInterpolation::Line, &ticks)
+            .unwrap();
         for block in [1, 44, 997] {
             let mut again = planned(&network, &known, &budget);
             let mut out = vec![0.0; played.len()];
@@ -108,12 +110,12 @@ fn key_in_another_simulation_equals_key_in_scene() {
     let n_frames = 4_000;
     let mut first = Timeline::new(rate());
     first
-        .drive(KEY, DriveKind::Force, Source::Constant(push), true)
+        .drive(KEY, DriveKind::Force, DriveSource::Constant(push), true)
         .unwrap();
     let mut complete = Simulation::new(network.clone(), &first, plain()).unwrap();
     // The scene without the key, and the key alone.
     let mut open = Timeline::new(rate());
-    open.hand(&network, KEY, 1, HandWay::Line, &[]).unwrap();
+    open.hand(&network, KEY, 1, HandInterpolation::Line, &[]).unwrap();
     let mut apart = Simulation::new(network.clone(), &open, plain()).unwrap();
     let ratios = Cell::new(0.4, 60.0, 1.2).ratios(rate());
     let w = rate().step() * rate().step() / 0.4;
@@ -142,7 +144,7 @@ fn key_in_another_simulation_equals_key_in_scene() {
 fn structural_latency_is_one_sample() {
     let network = Arc::new(scene(Side::Below));
     let mut open = Timeline::new(rate());
-    open.hand(&network, KEY, 1, HandWay::Line, &[]).unwrap();
+    open.hand(&network, KEY, 1, HandInterpolation::Line, &[]).unwrap();
     let mut scene = Simulation::new(network, &open, plain()).unwrap();
     let mut x = vec![0.0; 1];
     scene.process(&mut x).unwrap();
@@ -166,7 +168,7 @@ fn hands_feel_each_other_through_a_spring() {
     let network = Arc::new(network);
     let mut timeline = Timeline::new(rate());
     for mat in [0, 1] {
-        timeline.hand(&network, mat, 44, HandWay::Hold, &[]).unwrap();
+        timeline.hand(&network, mat, 44, HandInterpolation::Hold, &[]).unwrap();
     }
     let mut duet = planned(&network, &timeline, &Budget::default());
     duet.set_hand_position(0, 10e-3, None);

@@ -1,19 +1,19 @@
 //! Islands at rest are not computed, and no bit changes: of outputs, of everything that can be read at any frame, and
 //! of stored states.
 //!
-//! By ear islands also sleep, see `sleeping`. The reference is the same simulation with [`Simulation::start_watching`] called
-//! every few frames: that wakes every island.
+//! By ear islands also sleep, see `sleeping`. The reference is the same simulation with [`Simulation::start_watching`]
+//! called every few frames: that wakes every island.
 
 use std::sync::Arc;
 
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner};
-use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{But, Dry, Network, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
 use ergon_engine::simulation::{Glance, OnFault, Options, Simulation, Takeover};
-use ergon_engine::timeline::{DriveKind, Source, Timeline};
+use ergon_engine::timeline::{DriveKind, DriveSource, Timeline};
 use ergon_engine::units::Rate;
 
 use super::blocks::play;
@@ -82,7 +82,7 @@ fn network() -> Arc<Network> {
     network.listen("aside", term(aside, 2)).unwrap();
     network.part("rail", None);
     let rail = network.mas("r", 1.0, 0.0, 0.0).unwrap();
-    network.impose(rail);
+    network.set_imposed(rail);
     let stop = network.sol("s", 0.0).unwrap();
     network.but("press", rail, stop, But { gap: 0.0, ..but }).unwrap();
     Arc::new(network)
@@ -102,7 +102,7 @@ fn timeline(network: &Network) -> Timeline {
     let begins = BEGINS as f64;
     for (start, layer) in [(begins, false), (begins + 900.5, true)] {
         let start = seconds(start);
-        let written = Written {
+        let written = WrittenPoints {
             t: &[start, start + 0.06, start + 0.2],
             x: &[0.0, 4e-3, 0.0],
             approaches: &[Approach::Path(Curve::Smooth); 3],
@@ -112,7 +112,7 @@ fn timeline(network: &Network) -> Timeline {
             is_layer: layer,
             ..Manner::OPEN
         };
-        let gesture = Gesture::written(0, &written, manner).unwrap();
+        let gesture = Gesture::from_points(0, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
     }
     let gong = mat(network, "gong.") + 12;
@@ -136,11 +136,11 @@ fn timeline(network: &Network) -> Timeline {
     let (from, to) = (seconds(9_000.0), seconds(begins + 6_000.0));
     timeline.couple(network, couple.unwrap(), from, Some(to)).unwrap();
     let rail = position("rail.r");
-    let press = Source::Constant(1e-3);
+    let press = DriveSource::Constant(1e-3);
     timeline.drive(rail, DriveKind::Position, press, true).unwrap();
     let aside = position("aside.a");
     timeline
-        .path(network, aside, &[(0.4, [4e3, 0.05, 0.01]), (0.6, [5e3, 0.05, 0.01])])
+        .glide_through(network, aside, &[(0.4, [4e3, 0.05, 0.01]), (0.6, [5e3, 0.05, 0.01])])
         .unwrap();
     timeline
 }
@@ -332,7 +332,7 @@ fn take_over_from_a_resting_version() {
             single = timeline(&network);
         } else {
             single.key("key", mat(&network, "key.m"));
-            let press = Source::Constant(1e-3);
+            let press = DriveSource::Constant(1e-3);
             let rail = mat(&network, "rail.r");
             single.drive(rail, DriveKind::Position, press, true).unwrap();
         }

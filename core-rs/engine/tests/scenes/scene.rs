@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use ergon_engine::chance::Chance;
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::script::{ErgonKind, Gesture, Manner, Touch};
 use ergon_engine::gesture::take::{Preparation, Take};
-use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::maths;
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
-use ergon_engine::timeline::{DriveKind, Rain, Source, Timeline};
+use ergon_engine::timeline::{DriveKind, DriveSource, Rain, Timeline};
 use ergon_engine::units::Rate;
 
 /// Length of a scene [s].
@@ -183,15 +183,15 @@ impl Scene {
     /// A point on the path of a take, tied to a MAT by a soft spring; also a constant force on that MAT.
     pub(crate) fn moved_point(&mut self, mat: usize) {
         let point = self.network.mas("point", 1.0, 0.0, 0.0).unwrap();
-        self.network.impose(point);
+        self.network.set_imposed(point);
         self.network.spring("hold", point, mat, 500.0, 0.02, 0.0).unwrap();
         let path = hand().placed(0.03, 0.5, 1.0, false).unwrap();
         let timeline = &mut self.timeline;
         timeline
-            .drive(point, DriveKind::Position, Source::Take(path), true)
+            .drive(point, DriveKind::Position, DriveSource::Take(path), true)
             .unwrap();
         timeline
-            .drive(mat, DriveKind::Force, Source::Constant(-0.05), true)
+            .drive(mat, DriveKind::Force, DriveSource::Constant(-0.05), true)
             .unwrap();
     }
 
@@ -208,15 +208,15 @@ impl Scene {
             let inner = self.network.mas("inner", 0.02, 0.0, 0.0).unwrap();
             self.network.spring("felt", struck, inner, 4e3, 2.0, 0.0).unwrap();
             let rail = self.network.mas("rail", 1.0, 0.02, 0.0).unwrap();
-            self.network.impose(rail);
+            self.network.set_imposed(rail);
             let stop = self.link(1, inner, rail);
             assert!(stop > 0);
             let timeline = &mut self.timeline;
             timeline
-                .drive(inner, DriveKind::Force, Source::Constant(-0.2), true)
+                .drive(inner, DriveKind::Force, DriveSource::Constant(-0.2), true)
                 .unwrap();
             timeline
-                .drive(rail, DriveKind::Position, Source::Constant(0.02), true)
+                .drive(rail, DriveKind::Position, DriveSource::Constant(0.02), true)
                 .unwrap();
         }
         let kind = self.pick(LINKS);
@@ -239,11 +239,11 @@ impl Scene {
         }
         let rain = Rain {
             rate: 40.0,
-            lasts: Some(0.0),
+            duration: Some(0.0),
             start: 0.0,
             stop: 0.15,
             impulse: (-1e-5, 1e-5),
-            within: (0.0, f64::INFINITY),
+            window: (0.0, f64::INFINITY),
             source: 7,
         };
         let chance = |member| Chance::new(3, "strikes", "rain", member, 0);
@@ -267,26 +267,26 @@ impl Scene {
             method.push(kind);
             x.push(position);
         }
-        let written = Written {
+        let written = WrittenPoints {
             t: &t,
             x: &x,
             approaches: &method,
             sources: &[],
         };
         let (touch, ergons) = [
-            (Touch::Open, Ergons::Event),
-            (Touch::Open, Ergons::Particle),
-            (Touch::Tracked, Ergons::Event),
+            (Touch::Open, ErgonKind::Event),
+            (Touch::Open, ErgonKind::Particle),
+            (Touch::Tracked, ErgonKind::Event),
         ][self.pick(3)];
         let manner = Manner {
             touch,
-            ergons,
+            ergon_kind: ergons,
             grain: (self.pick(3) == 0).then(|| self.draw(1e-4, 5e-3)),
-            join: [0.0, 2e-3, 0.02][self.pick(3)],
-            limit: (self.pick(4) == 0).then_some(20.0),
+            join_seconds: [0.0, 2e-3, 0.02][self.pick(3)],
+            force_max: (self.pick(4) == 0).then_some(20.0),
             is_layer: touch == Touch::Open && self.pick(3) == 0,
         };
-        let gesture = Gesture::written(key, &written, manner).unwrap();
+        let gesture = Gesture::from_points(key, &written, manner).unwrap();
         self.timeline.gesture(gesture).unwrap();
     }
 }

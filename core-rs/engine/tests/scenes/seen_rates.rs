@@ -34,7 +34,7 @@ fn network(is_heard: bool) -> Arc<Network> {
     network.part("swing", None);
     let nail = point(&mut network, "nail", 0.0, [0.0; 3], [0.0; 3]);
     let bob = point(&mut network, "bob", MASSES[0], [0.3, 0.0, -0.1], [0.0; 3]);
-    network.weigh(bob.first + 2..bob.first + 3, -9.81).unwrap();
+    network.set_gravity(bob.first + 2..bob.first + 3, -9.81).unwrap();
     let ball = point(&mut network, "ball", MASSES[1], [0.24, 0.0, -0.22], [0.0; 3]);
     let push = SpaceLaw::Contact {
         exponent: 1.0,

@@ -36,7 +36,7 @@ fn block(angle: f64, friction: f64, v0: [f64; 3]) -> Simulation {
         .pairwise("lies", [slope, block], 3, single, [K, z, GAP])
         .unwrap();
     let last = block.first.first + 2;
-    network.weigh(last..last + 1, -G).unwrap();
+    network.set_gravity(last..last + 1, -G).unwrap();
     start(network)
 }
 

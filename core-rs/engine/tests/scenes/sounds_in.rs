@@ -42,7 +42,7 @@ fn network() -> Network {
     let free = network.mas("m", 5e-3, 0.0, 0.0).unwrap();
     network.part("chain", None);
     let hand = network.mas("hand", 1.0, 0.0, 0.0).unwrap();
-    network.impose(hand);
+    network.set_imposed(hand);
     let tie = Tie::Physical { k: 4e3, z: 2e-3 };
     let first = network.cel("a", 2e-3, tie, 0.0, 0.0, 0.0).unwrap();
     let second = network.cel("b", 2e-3, tie, 0.0, 0.0, 0.0).unwrap();

@@ -77,7 +77,7 @@ fn thrown_point_flies_a_parabola() {
     let mut network = Network::new();
     network.part("ball", None);
     let ball = point(&mut network, "m", 0.2, [0.1, 0.0, 2.0], [1.0, -2.0, 3.0]);
-    network.weigh(ball.first + 2..ball.first + 3, -9.81).unwrap();
+    network.set_gravity(ball.first + 2..ball.first + 3, -9.81).unwrap();
     // Gravity does not act on a point that is added later.
     let later = point(&mut network, "later", 0.1, [0.0; 3], [0.0; 3]);
     let simulation = run(network, RATE, 22_050);
@@ -276,8 +276,8 @@ fn row_at_rest_creates_no_energy() {
 fn space_springs_in_runs_equal_single_springs() {
     const N: usize = 131;
     let endless = SpaceLaw::Yielding {
-        yields: f64::INFINITY,
-        breaks: f64::INFINITY,
+        yield_force: f64::INFINITY,
+        break_elongation: f64::INFINITY,
     };
     for n_axes in [2, 3] {
         // Ends that overlap, ends that do not, and ends in reverse order; at most two springs pull on a point.

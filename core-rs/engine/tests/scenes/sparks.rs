@@ -4,8 +4,8 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
-use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::gesture::script::{ErgonKind, Gesture, Manner, Touch};
+use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{Glance, Look, OnFault, Options, Record, Simulation};
@@ -47,13 +47,13 @@ fn played(method: Approach, manner: Manner) -> Simulation {
     network.listen("both", vec![term]).unwrap();
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     let key = timeline.key("key", struck);
-    let written = Written {
+    let written = WrittenPoints {
         t: &[0.01, 0.05, 0.13],
         x: &[0.0, 4e-3, 0.0],
         approaches: &[method; 3],
         sources: &[3, 4, 5],
     };
-    let gesture = Gesture::written(key, &written, manner).unwrap();
+    let gesture = Gesture::from_points(key, &written, manner).unwrap();
     timeline.gesture(gesture).unwrap();
     simulation(network, &timeline)
 }
@@ -130,7 +130,7 @@ fn sparks_of_smooth_paths_are_gathered_by_sign() {
 #[test]
 fn sparks_of_particles_have_their_speed() {
     let manner = Manner {
-        ergons: Ergons::Particle,
+        ergon_kind: ErgonKind::Particle,
         ..Manner::OPEN
     };
     let mut simulation = played(Approach::Path(Curve::Smooth), manner);

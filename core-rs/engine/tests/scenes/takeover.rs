@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner, Touch};
-use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{But, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan, PlanContext};
 use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
-use ergon_engine::timeline::{HandWay, Timeline};
+use ergon_engine::timeline::{HandInterpolation, Timeline};
 use ergon_engine::units::Rate;
 
 use super::scene::{Scene, options};
@@ -117,7 +117,7 @@ fn link(network: &Network, name: &str) -> usize {
 }
 
 fn gesture_to(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
-    let written = Written {
+    let written = WrittenPoints {
         t: &[start, start + 0.04, start + 0.05, start + 0.09],
         x: &[0.0, x, x, 0.2 * x],
         approaches: &[
@@ -133,7 +133,7 @@ fn gesture_to(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
         is_layer: layer,
         ..Manner::OPEN
     };
-    Gesture::written(0, &written, manner).unwrap()
+    Gesture::from_points(0, &written, manner).unwrap()
 }
 
 /// The events that all versions have.
@@ -142,7 +142,7 @@ fn begin(network: &Network) -> Timeline {
     timeline.open();
     timeline.key("lever", mat(network, "lever.m"));
     timeline
-        .hand(network, mat(network, "key.m"), TICK, HandWay::Line, &[])
+        .hand(network, mat(network, "key.m"), TICK, HandInterpolation::Line, &[])
         .unwrap();
     timeline
 }

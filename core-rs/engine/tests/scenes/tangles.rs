@@ -71,7 +71,7 @@ fn tangle(seed: u64) -> (Network, Timeline, Vec<f64>) {
     hear(&mut network, "z", points[n - 1].first + 2);
     let weighed = points[0].first..points[n - 1].first + 3;
     for at in weighed.skip(2).step_by(3) {
-        network.weigh(at..at + 1, -9.81).unwrap();
+        network.set_gravity(at..at + 1, -9.81).unwrap();
     }
     timeline
         .strike(&network, points[2].first, 0.01, 2e-3, Some(0.0), 0)

@@ -42,7 +42,13 @@ fn yielding_link_yields_and_breaks() {
     let (_, force) = pulled(SpaceLaw::Spring, 0.02);
     assert!((force[44_099] - 20.0).abs() < 1e-2);
     let (yields, breaks) = (5.0, endless);
-    let (simulation, force) = pulled(SpaceLaw::Yielding { yields, breaks }, 0.02);
+    let (simulation, force) = pulled(
+        SpaceLaw::Yielding {
+            yield_force: yields,
+            break_elongation: breaks,
+        },
+        0.02,
+    );
     let limit = force.iter().copied().fold(0.0, f64::max);
     assert!((limit - 5.0).abs() < 1e-9 && (force[44_099] - 5.0).abs() < 1e-9);
     let energy = simulation.energy().unwrap();
@@ -50,7 +56,13 @@ fn yielding_link_yields_and_breaks() {
     assert!((energy.lost - 0.075).abs() < 1e-4, "{energy:?}");
     assert!(energy.residual.abs() < 1e-11 * energy.flow, "{energy:?}");
     let (yields, breaks) = (endless, 8e-3);
-    let (simulation, force) = pulled(SpaceLaw::Yielding { yields, breaks }, 0.02);
+    let (simulation, force) = pulled(
+        SpaceLaw::Yielding {
+            yield_force: yields,
+            break_elongation: breaks,
+        },
+        0.02,
+    );
     let broken = 1 + force.iter().rposition(|&force| force != 0.0).unwrap();
     assert!((broken as f64 / RATE - 0.4).abs() < 1e-3, "{broken}");
     assert!((force[broken - 1] - 8.0).abs() < 1e-3);
@@ -63,8 +75,8 @@ fn yielding_link_yields_and_breaks() {
 /// A row that is thrown apart, so that some of its links break; each mass is heard. `is_more`: a weight hangs on it.
 fn torn_row(is_more: bool) -> Network {
     let law = SpaceLaw::Yielding {
-        yields: 0.8,
-        breaks: 4e-3,
+        yield_force: 0.8,
+        break_elongation: 4e-3,
     };
     let mut network = Network::new();
     network.part("net", None);

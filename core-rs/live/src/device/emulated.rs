@@ -131,14 +131,14 @@ impl Device for Emulated {
         let mut forces = [0.0; MAX_AXES];
         forces[..force.newtons().len()].copy_from_slice(force.newtons());
         self.keys.step(&forces);
-        self.stats.sent += 1;
+        self.stats.packets_sent += 1;
         self.answered = false;
         Ok(())
     }
 
     fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
         into.fresh = !self.answered;
-        self.stats.received += u64::from(into.fresh);
+        self.stats.replies_received += u64::from(into.fresh);
         self.answered = true;
         into.position = *self.keys.positions();
         for axis in 0..self.keys.n() {

@@ -107,7 +107,7 @@ impl FireFader {
         self.port.write(&wire::request(force))?;
         self.n_outstanding = self.n_outstanding.saturating_add(1);
         self.sent_at = Instant::now();
-        self.stats.sent += 1;
+        self.stats.packets_sent += 1;
         Ok(())
     }
 
@@ -125,8 +125,8 @@ impl FireFader {
                 (*last_reply, reply_count) = (Some(reply), reply_count + 1);
             });
             self.seq = self.seq.wrapping_add(reply_count);
-            self.stats.garbage = self.inbox.garbage;
-            self.stats.received += u64::from(reply_count);
+            self.stats.garbage_bytes = self.inbox.garbage;
+            self.stats.replies_received += u64::from(reply_count);
             self.n_outstanding = self.n_outstanding.saturating_sub(reply_count);
             is_fresh |= reply_count > 0;
             if reply_count > 0 && self.n_outstanding == 0 {
@@ -146,7 +146,7 @@ impl Device for FireFader {
         let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
         if self.n_outstanding > 1 {
             // The firmware answers only the newest of the requests that it finds.
-            self.stats.lost += u64::from(self.n_outstanding - 1);
+            self.stats.requests_lost += u64::from(self.n_outstanding - 1);
             self.n_outstanding = 1;
         }
         self.write_request([axis_force(0), axis_force(1)])

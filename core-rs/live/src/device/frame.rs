@@ -9,7 +9,7 @@ use super::{
     Stats, Unit, Url, WaitCanceller,
 };
 use crate::safety::SafeForce;
-use crate::safety::contract::{Drift, Sent};
+use crate::safety::contract::{Drift, SentRequests};
 use crate::wire::Inbox;
 use crate::wire::frame::{self as wire, flag, status, trait_flag};
 
@@ -27,7 +27,7 @@ pub(super) struct Frame {
     canceller: WaitCanceller,
     wide: bool,
     inbox: Inbox<512>,
-    sent: Sent,
+    sent: SentRequests,
     last: Option<wire::Reply>,
     /// Number of the latest request.
     latest: u16,
@@ -147,7 +147,7 @@ impl Frame {
             canceller: canceller.clone(),
             wide: url.wide,
             inbox: Inbox::new_bytes(),
-            sent: Sent::default(),
+            sent: SentRequests::default(),
             last: None,
             latest: 0,
             drift: Drift::default(),
@@ -171,7 +171,7 @@ impl Frame {
 
     fn put(&mut self, force: [f64; MAX_AXES], flags: u8) -> Result<(), Gone> {
         let send_instant = Instant::now();
-        self.latest = self.sent.number(send_instant, &mut self.stats);
+        self.latest = self.sent.number_request(send_instant, &mut self.stats);
         let (packet_bytes, packet_length) = self.packet(self.latest, force, flags);
         self.port.write(&packet_bytes[..packet_length])
     }
@@ -219,7 +219,7 @@ impl Frame {
             inbox.feed(&read_bytes[..byte_count], wire::Reply::parse, |reply| {
                 let is_newer = |last: &wire::Reply| reply.seq.wrapping_sub(last.seq) < 0x8000;
                 if reply.axis_count == spec.dof
-                    && sent.answered(reply.seq, read_instant, stats)
+                    && sent.note_reply(reply.seq, read_instant, stats)
                     && last.as_ref().is_none_or(is_newer)
                 {
                     stats.drift_ppm = drift.add(read_instant, reply.t_us).or(stats.drift_ppm);
@@ -227,7 +227,7 @@ impl Frame {
                     (*last, is_fresh) = (Some(reply), true);
                 }
             });
-            stats.garbage = inbox.garbage;
+            stats.garbage_bytes = inbox.garbage;
             if self.sent.is_shared() {
                 return Err(Gone::Shared);
             }

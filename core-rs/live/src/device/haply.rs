@@ -18,7 +18,7 @@ use super::{
     WaitCanceller,
 };
 use crate::safety::SafeForce;
-use crate::safety::contract::Sent;
+use crate::safety::contract::SentRequests;
 use guardian::{HostRequest, Reply};
 pub(crate) use line::ForceCommand;
 use line::{GuardianReply, Line, put_text, take_text};
@@ -34,7 +34,7 @@ pub(super) struct Haply {
     // Declared before the guardian, so that it is closed before the wait for the guardian's end.
     line: Line,
     _guardian: start::Started,
-    sent: Sent,
+    sent: SentRequests,
     /// Numbers of the latest order and of the latest order that was answered.
     last_order: u16,
     last_answered: u16,
@@ -98,7 +98,7 @@ impl Haply {
             canceller: canceller.clone(),
             line: Line::new(guardian_stream).map_err(closed_error)?,
             _guardian: guardian,
-            sent: Sent::default(),
+            sent: SentRequests::default(),
             last_order: u16::MAX,
             last_answered: u16::MAX,
             position,
@@ -110,7 +110,7 @@ impl Haply {
     }
 
     fn send_order(&mut self, force: [f64; 3]) -> Result<(), Gone> {
-        self.last_order = self.sent.number(Instant::now(), &mut self.stats);
+        self.last_order = self.sent.number_request(Instant::now(), &mut self.stats);
         let force_order = ForceCommand {
             number: self.last_order,
             force,
@@ -141,7 +141,7 @@ impl Haply {
                     position,
                     let_go,
                 } => {
-                    sent.answered(number, read_instant, stats);
+                    sent.note_reply(number, read_instant, stats);
                     (*last_answered, *last_position, *is_let_go, is_fresh) = (number, position, let_go, true);
                 }
                 GuardianReply::Gone(why) => *gone = Some(why),

@@ -90,14 +90,16 @@ impl Led {
         let to = self.path.read(self.time - path_delay, &mut || key_lead.next());
         let pull = to.map(|(to, firmness)| Pull {
             // A finger that has just landed has no earlier position.
-            from: self.pointer.map_or(to, |pointer| pointer.0),
-            to,
+            start_position: self.pointer.map_or(to, |pointer| pointer.0),
+            end_position: to,
             firmness,
         });
         self.pointer = to;
         self.motion.advance(force, pull);
         let motion = &self.motion;
-        let [from, to, firmness] = pull.map_or([f64::NAN; 3], |pull| [pull.from, pull.to, pull.firmness]);
+        let [from, to, firmness] = pull.map_or([f64::NAN; 3], |pull| {
+            [pull.start_position, pull.end_position, pull.firmness]
+        });
         let tick_row = [from, to, firmness, force, motion.finger(), motion.key()];
         self.lead.trace_tick(tick_row);
         let if_held = |x: f64| if motion.is_held() { x } else { f64::NAN };
@@ -107,7 +109,7 @@ impl Led {
             motion.key(),
             motion.force(),
         ];
-        self.lead.publish(led_points, self.path.late());
+        self.lead.publish(led_points, self.path.n_late());
     }
 }
 
@@ -121,7 +123,7 @@ impl Device for Led {
             return Err(Gone::Closed);
         }
         self.advance(force.newtons().first().copied().unwrap_or(0.0));
-        self.stats.sent += 1;
+        self.stats.packets_sent += 1;
         self.answered = false;
         Ok(())
     }
@@ -131,7 +133,7 @@ impl Device for Led {
             return Err(Gone::Closed);
         }
         into.fresh = !self.answered;
-        self.stats.received += u64::from(into.fresh);
+        self.stats.replies_received += u64::from(into.fresh);
         self.answered = true;
         into.position = [0.0; MAX_AXES];
         into.position[0] = self.motion.key();

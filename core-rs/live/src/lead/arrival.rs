@@ -1,8 +1,8 @@
 //! How positions arrive: the gaps between them, how long each was under way, and the delay that each would have needed.
 
 /// Width of a bin [s], and number of bins; longer times are in the last.
-const BIN: f64 = 0.25e-3;
-const BINS: usize = 1_024;
+const BIN_SECONDS: f64 = 0.25e-3;
+const N_BINS: usize = 1_024;
 
 /// Counts of times in bins.
 #[derive(Debug)]
@@ -10,14 +10,14 @@ struct TimeHistogram(Box<[u32]>);
 
 impl Default for TimeHistogram {
     fn default() -> Self {
-        Self(vec![0; BINS].into())
+        Self(vec![0; N_BINS].into())
     }
 }
 
 impl TimeHistogram {
     fn count(&mut self, seconds: f64) {
-        let bin_index = (seconds.max(0.0) / BIN) as usize;
-        self.0[bin_index.min(BINS - 1)] += 1;
+        let bin_index = (seconds.max(0.0) / BIN_SECONDS) as usize;
+        self.0[bin_index.min(N_BINS - 1)] += 1;
     }
 
     /// The upper edge of the bin that holds the quantile `part` [s]; 0 if nothing was counted.
@@ -29,7 +29,7 @@ impl TimeHistogram {
             count_sum += u64::from(n);
             count_sum >= wanted_rank
         });
-        bin_index.map_or(0.0, |bin_index| BIN * (bin_index + 1) as f64)
+        bin_index.map_or(0.0, |bin_index| BIN_SECONDS * (bin_index + 1) as f64)
     }
 }
 
@@ -53,11 +53,11 @@ pub(super) struct Arrivals {
 }
 
 impl Arrivals {
-    /// A position of the instant `time` [s] arrived at `now` [s], the one before was of `last` [s].
-    pub(super) fn count(&mut self, last: f64, time: f64, now: f64) {
-        self.gap_times.count(time - last);
-        self.wait_times.count(now - time);
-        self.need_times.count(now - last);
+    /// A position of the instant `time` [s] arrived at `arrival_time` [s], the one before was of `previous_time` [s].
+    pub(super) fn count(&mut self, previous_time: f64, time: f64, arrival_time: f64) {
+        self.gap_times.count(time - previous_time);
+        self.wait_times.count(arrival_time - time);
+        self.need_times.count(arrival_time - previous_time);
     }
 
     /// The quantile `part` of each time, to 0.25 ms upwards.

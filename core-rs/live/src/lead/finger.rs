@@ -111,9 +111,9 @@ impl HeldKey {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pull {
     /// At the beginning of the tick.
-    pub from: f64,
+    pub start_position: f64,
     /// At its end.
-    pub to: f64,
+    pub end_position: f64,
     /// 1 for an ordinary pressure.
     pub firmness: f64,
 }
@@ -167,10 +167,10 @@ impl FingerMotion {
             self.pointer = self.x[1];
             return;
         };
-        let (landing_offset, landed_for) = *self.landing.get_or_insert((self.x[1] - pull.from, 0.0));
+        let (landing_offset, landed_for) = *self.landing.get_or_insert((self.x[1] - pull.start_position, 0.0));
         let (pointer_now, pointer_next) = (
-            pull.from + landing_offset * left(landed_for),
-            pull.to + landing_offset * left(landed_for + self.period),
+            pull.start_position + landing_offset * remaining_share(landed_for),
+            pull.end_position + landing_offset * remaining_share(landed_for + self.period),
         );
         self.landing = Some((landing_offset, landed_for + self.period));
         let pointer_speed = (pointer_next - pointer_now) / self.period;
@@ -256,9 +256,10 @@ impl FingerMotion {
     }
 }
 
-/// The share of the distance from key to pointer that is left `since` [s] after the finger landed: 1 to 0, smoothly.
-fn left(since: f64) -> f64 {
-    let landed_share = (since / LANDING_SECONDS).min(1.0);
+/// The share of the distance from key to pointer that is left `seconds_since_landing` [s] after the finger landed: 1 to
+/// 0, smoothly.
+fn remaining_share(seconds_since_landing: f64) -> f64 {
+    let landed_share = (seconds_since_landing / LANDING_SECONDS).min(1.0);
     1.0 - landed_share * landed_share * (3.0 - 2.0 * landed_share)
 }
 
@@ -278,8 +279,8 @@ mod tests {
 
     fn pull(x: f64) -> Option<Pull> {
         Some(Pull {
-            from: x,
-            to: x,
+            start_position: x,
+            end_position: x,
             firmness: 1.0,
         })
     }
@@ -331,8 +332,8 @@ mod tests {
             for tick in 0..40_u32 {
                 let pointer_place = speed * 1e-3 * f64::from(tick);
                 let pull = Pull {
-                    from: pointer_place,
-                    to: pointer_place + speed * 1e-3,
+                    start_position: pointer_place,
+                    end_position: pointer_place + speed * 1e-3,
                     firmness: 1.0,
                 };
                 motion.advance(0.0, Some(pull));
@@ -369,8 +370,8 @@ mod tests {
             for tick in 0..60_u32 {
                 let parabola = |tick: u32| 1e-3 * f64::from(tick) * f64::from(tick) / 60.0;
                 let pull = Pull {
-                    from: parabola(tick),
-                    to: parabola(tick + 1),
+                    start_position: parabola(tick),
+                    end_position: parabola(tick + 1),
                     firmness: 1.0,
                 };
                 motion.advance(0.0, Some(pull));

@@ -6,7 +6,7 @@
 
 /// A position of a pointer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placed {
+pub struct PointerPosition {
     /// When it was there [s].
     pub time: f64,
     /// Where it was [m].
@@ -19,12 +19,12 @@ pub struct Placed {
 #[derive(Clone, Debug)]
 pub struct PathReader {
     delay: f64,
-    before: Option<Placed>,
+    previous_position: Option<PointerPosition>,
     /// The next position, and when the line to it begins [s].
-    after: Option<(f64, Placed)>,
+    next_line: Option<(f64, PointerPosition)>,
     /// The instant that was read last [s].
-    last: f64,
-    late: u64,
+    last_read_time: f64,
+    n_late: u64,
 }
 
 impl PathReader {
@@ -32,36 +32,36 @@ impl PathReader {
     pub fn new(delay: f64) -> Self {
         Self {
             delay,
-            before: None,
-            after: None,
-            last: f64::NEG_INFINITY,
-            late: 0,
+            previous_position: None,
+            next_line: None,
+            last_read_time: f64::NEG_INFINITY,
+            n_late: 0,
         }
     }
 
     /// The pointer already is somewhere: it led nothing so far.
-    pub fn begin_at(&mut self, placed: Placed) {
-        self.before = Some(placed);
+    pub fn begin_at(&mut self, placed: PointerPosition) {
+        self.previous_position = Some(placed);
     }
 
     /// Position and firmness at `time` [s]; `None` while no finger is on the key. `next` gives the following positions
     /// in the order of their time stamps.
-    pub fn read(&mut self, time: f64, next: &mut impl FnMut() -> Option<Placed>) -> Option<(f64, f64)> {
+    pub fn read(&mut self, time: f64, next: &mut impl FnMut() -> Option<PointerPosition>) -> Option<(f64, f64)> {
         loop {
-            if self.after.is_none() {
-                self.after = next().map(|placed| self.line_to(placed));
+            if self.next_line.is_none() {
+                self.next_line = next().map(|placed| self.line_to(placed));
             }
-            match self.after {
+            match self.next_line {
                 Some((_, place_after)) if place_after.time <= time => {
-                    (self.before, self.after) = (Some(place_after), None);
+                    (self.previous_position, self.next_line) = (Some(place_after), None);
                 }
                 _ => break,
             }
         }
-        self.last = time;
-        let place_before = self.before?;
+        self.last_read_time = time;
+        let place_before = self.previous_position?;
         let firmness = place_before.firmness?;
-        let Some((line_start, place_after)) = self.after else {
+        let Some((line_start, place_after)) = self.next_line else {
             return Some((place_before.x, firmness));
         };
         let line_share = ((time - line_start) / (place_after.time - line_start)).max(0.0);
@@ -74,8 +74,8 @@ impl PathReader {
 
     /// The line to a position: when it begins, and where it ends. It begins where the path stands now, so that a
     /// position that comes late makes no jump unless its own instant has passed.
-    fn line_to(&mut self, mut after: Placed) -> (f64, Placed) {
-        let Some(place_before) = self.before else {
+    fn line_to(&mut self, mut after: PointerPosition) -> (f64, PointerPosition) {
+        let Some(place_before) = self.previous_position else {
             return (after.time, after);
         };
         if after.firmness.is_none() {
@@ -83,14 +83,14 @@ impl PathReader {
         }
         let was_pause = after.time - place_before.time > self.delay;
         let line_start = place_before.time.max(after.time - self.delay);
-        let was_awaited = self.last > line_start && !was_pause && place_before.firmness.is_some();
-        self.late += u64::from(was_awaited || self.last >= after.time);
-        (line_start.max(self.last), after)
+        let was_awaited = self.last_read_time > line_start && !was_pause && place_before.firmness.is_some();
+        self.n_late += u64::from(was_awaited || self.last_read_time >= after.time);
+        (line_start.max(self.last_read_time), after)
     }
 
     /// Number of positions that came later than the path needed them.
-    pub fn late(&self) -> u64 {
-        self.late
+    pub fn n_late(&self) -> u64 {
+        self.n_late
     }
 }
 
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     fn read(path: &[(f64, f64)], delay: f64, times: &[f64]) -> Vec<f64> {
-        let mut placed_rows = path.iter().map(|&(time, x)| Placed {
+        let mut placed_rows = path.iter().map(|&(time, x)| PointerPosition {
             time,
             x,
             firmness: Some(1.0),
@@ -135,7 +135,7 @@ mod tests {
     #[test]
     fn finger_lifts_and_lands() {
         let pointer_rows = [(0.0, Some(1.0)), (0.1, None), (0.2, Some(2.0))];
-        let mut pointer_rows = pointer_rows.into_iter().map(|(time, firmness)| Placed {
+        let mut pointer_rows = pointer_rows.into_iter().map(|(time, firmness)| PointerPosition {
             time,
             x: time,
             firmness,
@@ -162,13 +162,13 @@ mod tests {
                 let &(time, x) = pointer_path[..came_count].get(next_index)?;
                 next_index += 1;
                 let firmness = Some(1.0);
-                Some(Placed { time, x, firmness })
+                Some(PointerPosition { time, x, firmness })
             };
             let (x, _) = reader.read(time, &mut next_place).expect("a finger");
             assert!((x - last_position).abs() < 0.003, "{tick}: {last_position} to {x}");
             last_position = x;
         }
-        assert_eq!((last_position, reader.late()), (0.01, 1));
+        assert_eq!((last_position, reader.n_late()), (0.01, 1));
     }
 
     #[test]
@@ -176,7 +176,7 @@ mod tests {
         let mut waiting = vec![(0.0, 0.0)];
         let mut reader = PathReader::new(0.02);
         let next_place = |waiting: &mut Vec<(f64, f64)>| {
-            waiting.pop().map(|(time, x)| Placed {
+            waiting.pop().map(|(time, x)| PointerPosition {
                 time,
                 x,
                 firmness: Some(1.0),
@@ -184,9 +184,9 @@ mod tests {
         };
         reader.read(0.0, &mut || next_place(&mut waiting));
         reader.read(0.5, &mut || next_place(&mut waiting));
-        assert_eq!(reader.late(), 0);
+        assert_eq!(reader.n_late(), 0);
         waiting.push((0.4, 1.0));
         assert_eq!(reader.read(0.5, &mut || next_place(&mut waiting)), Some((1.0, 1.0)));
-        assert_eq!(reader.late(), 1);
+        assert_eq!(reader.n_late(), 1);
     }
 }

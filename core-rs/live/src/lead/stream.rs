@@ -9,7 +9,7 @@ use ergon_view::serve::{PageKey, PagePoints};
 
 use super::arrival::{ArrivalTimes, Arrivals};
 use super::finger::{FIRMNESS_MAX, Finger, HeldKey};
-use super::path::Placed;
+use super::path::PointerPosition;
 use super::trace::{TRACE_COLUMNS, Trace};
 
 /// Positions that wait for the real-time thread: at 1,000 a second, those of four seconds.
@@ -100,7 +100,7 @@ struct Slot {
 }
 
 impl Slot {
-    fn store(&self, placed: Placed) {
+    fn store(&self, placed: PointerPosition) {
         let firmness = placed.firmness.unwrap_or_default();
         for (cell, number) in [
             (&self.time, placed.time),
@@ -112,11 +112,11 @@ impl Slot {
         self.is_lifted.store(placed.firmness.is_none(), Ordering::Relaxed);
     }
 
-    fn load(&self) -> Placed {
+    fn load(&self) -> PointerPosition {
         let [time, x, firmness] =
             [&self.time, &self.x, &self.firmness].map(|cell| f64::from_bits(cell.load(Ordering::Relaxed)));
         let is_lifted = self.is_lifted.load(Ordering::Relaxed);
-        Placed {
+        PointerPosition {
             time,
             x,
             firmness: (!is_lifted).then_some(firmness),
@@ -126,7 +126,7 @@ impl Slot {
 
 #[derive(Debug, Default)]
 struct Feeder {
-    last: f64,
+    last_time: f64,
     tokens: f64,
     refill_time: f64,
     tally: LeadTally,
@@ -161,7 +161,7 @@ impl Lead {
             options,
             epoch: Instant::now(),
             feeder: Mutex::new(Feeder {
-                last: f64::NEG_INFINITY,
+                last_time: f64::NEG_INFINITY,
                 tokens: BURST_MAX,
                 ..Feeder::default()
             }),
@@ -203,7 +203,7 @@ impl Lead {
     ///
     /// # Errors
     /// [`Refusal`] if it is not taken.
-    pub fn feed(&self, placed: Placed) -> Result<(), Refusal> {
+    pub fn feed(&self, placed: PointerPosition) -> Result<(), Refusal> {
         let mut feeder = self.feeder();
         if !(placed.time.is_finite() && placed.x.is_finite() && placed.firmness.is_none_or(f64::is_finite)) {
             feeder.tally.refused += 1;
@@ -227,20 +227,20 @@ impl Lead {
             return Err(Refusal::TooMany);
         }
         feeder.tokens -= 1.0;
-        let stamp_gap = stamp_time - feeder.last;
+        let stamp_gap = stamp_time - feeder.last_time;
         if (STAMP_GAP_MIN..PAUSE_MIN).contains(&stamp_gap) {
             for (sum, power) in feeder.gaps.iter_mut().zip([1.0, stamp_gap, stamp_gap * stamp_gap]) {
                 *sum += power;
             }
-            let last_stamp = feeder.last;
+            let last_stamp = feeder.last_time;
             feeder.arrivals.count(last_stamp, stamp_time, arrival_time);
         }
-        stamp_time = stamp_time.max(feeder.last + STAMP_GAP_MIN);
-        feeder.last = stamp_time;
+        stamp_time = stamp_time.max(feeder.last_time + STAMP_GAP_MIN);
+        feeder.last_time = stamp_time;
         feeder.tally.taken += 1;
         let [lower_limit, upper_limit] = self.options.key.range;
         let slot = &self.slots[(written_count % WAITING_MAX as u64) as usize];
-        slot.store(Placed {
+        slot.store(PointerPosition {
             time: stamp_time,
             x: placed.x.clamp(lower_limit, upper_limit),
             firmness: placed
@@ -252,7 +252,7 @@ impl Lead {
     }
 
     /// The next position, for the one reader.
-    pub(crate) fn next(&self) -> Option<Placed> {
+    pub(crate) fn next(&self) -> Option<PointerPosition> {
         let read_count = self.read.load(Ordering::Relaxed);
         if read_count == self.written.load(Ordering::Acquire) {
             return None;
@@ -265,7 +265,7 @@ impl Lead {
 
     /// Forget the positions that wait; the key's driver is the one reader, so only where it does not run.
     /// Returns the last of them: the pointer is still there.
-    pub fn forget(&self) -> Option<Placed> {
+    pub fn forget(&self) -> Option<PointerPosition> {
         let mut last_placed = None;
         while let Some(placed) = self.next() {
             last_placed = Some(placed);
@@ -353,7 +353,7 @@ impl PageKey for Lead {
     }
 
     fn place(&self, age: f64, x: f64, pressure: Option<f64>) -> bool {
-        let pointer_place = Placed {
+        let pointer_place = PointerPosition {
             time: self.now() - age,
             x,
             // A mouse reports 0.5, the pressure of an ordinary finger.
@@ -394,8 +394,8 @@ mod tests {
         Lead::new(options, true).expect("a new name")
     }
 
-    fn placed(time: f64, x: f64) -> Placed {
-        Placed {
+    fn placed(time: f64, x: f64) -> PointerPosition {
+        PointerPosition {
             time,
             x,
             firmness: Some(1.0),

@@ -4,7 +4,7 @@
 use crate::safety::unit;
 
 /// Time of a fade of the guidance, and of its crossfade to another path [s].
-const FADE: f64 = 0.2;
+const FADE_SECONDS: f64 = 0.2;
 
 /// A spring and a damper between a hand and the position of the key in its part.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,7 +14,7 @@ pub struct Guidance {
     /// Viscosity [N·s/m].
     pub z: f64,
     /// Whether it starts at zero and follows [`GuidanceStep`]s; otherwise it acts fully all the time.
-    pub loose: bool,
+    pub follows_steps: bool,
 }
 
 /// Factors of the two constants of a [`Guidance`], 0 to 1.
@@ -56,7 +56,9 @@ impl Guidance {
         const ALL: GuidanceShare = GuidanceShare { k: 1.0, z: 1.0 };
         match guidance {
             None => &[NONE],
-            Some(Self { loose: false, .. }) => &[ALL],
+            Some(Self {
+                follows_steps: false, ..
+            }) => &[ALL],
             Some(_) => &[NONE, STIFF, VISCOUS, ALL],
         }
     }
@@ -103,14 +105,14 @@ pub(super) struct GuidanceState {
     guidance: Option<Guidance>,
     /// The factors now, and at both ends of the fade.
     share: GuidanceShare,
-    from: GuidanceShare,
-    to: GuidanceShare,
+    fade_start: GuidanceShare,
+    fade_target: GuidanceShare,
     /// Distance from the path of the part [m]: at the beginning of the crossfade, and now.
     offset: f64,
-    left: f64,
+    remaining_offset: f64,
     /// Progress of the fade, 0 to 1, and its increment in a tick.
-    done: f64,
-    by: f64,
+    fade_progress: f64,
+    fade_step: f64,
     /// All steps; index of the next one.
     pub(super) steps: Vec<GuidanceStep>,
     next: usize,
@@ -120,18 +122,20 @@ impl GuidanceState {
     /// A state in ticks of `period` [s].
     pub(super) fn new(guidance: Option<Guidance>, period: f64) -> Self {
         let share = match guidance {
-            Some(Guidance { loose: false, .. }) => GuidanceShare::ALL,
+            Some(Guidance {
+                follows_steps: false, ..
+            }) => GuidanceShare::ALL,
             _ => GuidanceShare::default(),
         };
         Self {
             guidance,
             share,
-            from: share,
-            to: share,
+            fade_start: share,
+            fade_target: share,
             offset: 0.0,
-            left: 0.0,
-            done: 1.0,
-            by: period / FADE,
+            remaining_offset: 0.0,
+            fade_progress: 1.0,
+            fade_step: period / FADE_SECONDS,
             steps: Vec::new(),
             next: 0,
         }
@@ -139,28 +143,32 @@ impl GuidanceState {
 
     /// Whether the guidance follows steps.
     pub(super) fn is_loose(&self) -> bool {
-        self.guidance.is_some_and(|guidance| guidance.loose)
+        self.guidance.is_some_and(|guidance| guidance.follows_steps)
     }
 
     /// Start the new `steps`, whose ticks count from `tick`.
-    pub(super) fn begin(&mut self, tick: u64) {
+    pub(super) fn begin_steps(&mut self, tick: u64) {
         for step in &mut self.steps {
             step.frame = step.frame.saturating_add(tick);
         }
         self.next = 0;
     }
 
-    /// Crossfade from a path that was at `before` to a path that is at `now` [m].
-    pub(super) fn change(&mut self, before: f64, now: f64) {
+    /// Crossfade from a path that was at `old_position` to a path that is at `new_position` [m].
+    pub(super) fn crossfade(&mut self, old_position: f64, new_position: f64) {
         let is_unguided = self.share == GuidanceShare::default();
-        let offset_left = if is_unguided { 0.0 } else { self.left + before - now };
-        self.glide(self.to, offset_left);
+        let offset_left = if is_unguided {
+            0.0
+        } else {
+            self.remaining_offset + old_position - new_position
+        };
+        self.start_fade(self.fade_target, offset_left);
     }
 
-    fn glide(&mut self, to: GuidanceShare, left: f64) {
-        (self.from, self.to) = (self.share, to);
-        (self.offset, self.left) = (left, left);
-        self.done = 0.0;
+    fn start_fade(&mut self, to: GuidanceShare, left: f64) {
+        (self.fade_start, self.fade_target) = (self.share, to);
+        (self.offset, self.remaining_offset) = (left, left);
+        self.fade_progress = 0.0;
     }
 
     /// Advance by a tick.
@@ -172,18 +180,18 @@ impl GuidanceState {
         {
             let goal_share = guidance_step.share.clamped();
             self.next += 1;
-            if goal_share != self.to {
-                self.glide(goal_share, self.left);
+            if goal_share != self.fade_target {
+                self.start_fade(goal_share, self.remaining_offset);
             }
         }
-        if self.done < 1.0 {
-            self.done = (self.done + self.by).min(1.0);
-            let fade_progress = smooth(self.done);
-            self.left = self.offset * (1.0 - fade_progress);
-            self.share = if self.done < 1.0 {
-                self.from.interpolated(self.to, fade_progress)
+        if self.fade_progress < 1.0 {
+            self.fade_progress = (self.fade_progress + self.fade_step).min(1.0);
+            let fade_progress = smooth(self.fade_progress);
+            self.remaining_offset = self.offset * (1.0 - fade_progress);
+            self.share = if self.fade_progress < 1.0 {
+                self.fade_start.interpolated(self.fade_target, fade_progress)
             } else {
-                self.to
+                self.fade_target
             };
         }
     }
@@ -195,7 +203,7 @@ impl GuidanceState {
             return 0.0;
         };
         let guidance_force =
-            self.share.k * guidance.k * (part.x + self.left - x) - self.share.z * guidance.z * (v - part.v);
+            self.share.k * guidance.k * (part.x + self.remaining_offset - x) - self.share.z * guidance.z * (v - part.v);
         if part.force == 0.0 || scale <= 0.0 {
             return guidance_force;
         }
@@ -219,12 +227,12 @@ mod tests {
 
     fn hand(loose: bool) -> Hand {
         Hand {
-            standin: vec![0.0, 5e-3],
-            reach: 1.0,
+            standin_positions: vec![0.0, 5e-3],
+            travel_ratio: 1.0,
             guidance: Some(Guidance {
                 k: 100.0,
                 z: 2.0,
-                loose,
+                follows_steps: loose,
             }),
             ..Hand::default()
         }
@@ -251,7 +259,7 @@ mod tests {
             frame: 0,
             share: GuidanceShare { k: 1.0, z: 1.0 },
         }];
-        guidance.begin(0);
+        guidance.begin_steps(0);
         (0..500).for_each(|tick| guidance.tick(tick));
         assert!((part_force(&guidance) - 0.4).abs() < 1e-12);
         assert_eq!(guidance.force(part(&driven_hand, 50), 0.0, 0.0, 0.0), 100.0 * 5e-3);
@@ -274,7 +282,7 @@ mod tests {
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         let guidance_step = |at, share| GuidanceStep { frame: at, share };
         guidance.steps = vec![guidance_step(100, HALF), guidance_step(1_000, GuidanceShare::default())];
-        guidance.begin(50);
+        guidance.begin_steps(50);
         let (mut last_force, mut full_ticks) = (0.0, 0);
         for tick in 50..2_000 {
             guidance.tick(tick);
@@ -303,13 +311,13 @@ mod tests {
         let mut hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         guidance.steps = vec![GuidanceStep { frame: 0, share: HALF }];
-        guidance.begin(0);
+        guidance.begin_steps(0);
         let mut last_force = 0.0;
         for tick in 0..1_000 {
             if tick == 500 {
                 let position_before = hand.standin_position(tick);
-                hand.standin = vec![-10e-3];
-                guidance.change(position_before, hand.standin_position(tick));
+                hand.standin_positions = vec![-10e-3];
+                guidance.crossfade(position_before, hand.standin_position(tick));
             }
             guidance.tick(tick);
             let guidance_force = guidance.force(part(&hand, tick), 0.0, 0.0, 1.0);
@@ -328,12 +336,12 @@ mod tests {
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         let share = GuidanceShare { k: f64::NAN, z: -3.0 };
         guidance.steps = vec![GuidanceStep { frame: 0, share }];
-        guidance.begin(0);
+        guidance.begin_steps(0);
         (0..500).for_each(|tick| guidance.tick(tick));
         assert_eq!(guidance.force(part(&hand, 500), 0.0, 1.0, 1.0), 0.0);
         let share = GuidanceShare { k: 7.0, z: 9.0 };
         guidance.steps = vec![GuidanceStep { frame: 0, share }];
-        guidance.begin(500);
+        guidance.begin_steps(500);
         (500..1_000).for_each(|tick| guidance.tick(tick));
         assert_eq!(guidance.force(part(&hand, 1_000), 0.0, 0.0, 1.0), 100.0 * 5e-3);
     }

@@ -4,24 +4,24 @@ use super::guidance::{Guidance, WrittenMotion, smooth};
 use super::hand_limit::MeasuredKey;
 
 /// Largest motion of the key in one tick of a transition [m].
-const MAX_STEP: f64 = 5e-5;
+const STEP_METRES_MAX: f64 = 5e-5;
 /// Least and greatest number of ticks of a transition.
 const TICKS_RANGE: (f64, f64) = (20.0, 4_000.0);
 /// Greatest slope of `smooth`, the transition from 0 to 1 over a length of 1.
-const MAX_SLOPE: f64 = 1.875;
+const SMOOTH_SLOPE_MAX: f64 = 1.875;
 
 /// A hand of the piece.
 #[derive(Clone, Debug, Default)]
 pub struct Hand {
     /// Position at each tick while no person plays [m of the key]; the last one holds.
-    pub standin: Vec<f64>,
+    pub standin_positions: Vec<f64>,
     /// Force that moves the measured key along these positions, in each tick that begins at one of them [N]; the last
     /// one holds. Empty: nothing drives the key.
     pub forces: Vec<f64>,
     /// Tick of the first of these positions.
-    pub since: u64,
+    pub start_tick: u64,
     /// Factor from the travel of the key to that in the piece, and from the force of the piece to that on the key.
-    pub reach: f64,
+    pub travel_ratio: f64,
     /// The guidance of the hand.
     pub guidance: Option<Guidance>,
     /// Force of the piece against the key [N/m] in each tick after the key was displaced by 1 m for one tick,
@@ -35,20 +35,20 @@ pub struct Hand {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct HandSource {
     /// Whether a person moves the key; otherwise its stand-in does.
-    pub(super) real: bool,
+    pub(super) is_real: bool,
     /// Position of the key [m].
     pub(super) x: f64,
     /// Distance between both sources at the beginning of a transition [m]; the ticks that the transition takes, and
     /// those done.
     offset: f64,
-    ticks: f64,
-    done: f64,
+    transition_ticks: f64,
+    transition_progress: f64,
 }
 
 impl Hand {
     /// Position of the stand-in at a tick [m].
     pub(super) fn standin_position(&self, tick: u64) -> f64 {
-        self.latest(&self.standin, tick)
+        self.value_at(&self.standin_positions, tick)
     }
 
     /// The written motion for a force that is sent in `tick`, in ticks of `period` [s]: the newest position is of the
@@ -66,13 +66,13 @@ impl Hand {
         WrittenMotion {
             x,
             v: (x - self.standin_position(newest_tick.saturating_sub(1))) / period,
-            force: self.latest(&self.forces, if lockstep { newest_tick } else { tick }),
+            force: self.value_at(&self.forces, if lockstep { newest_tick } else { tick }),
         }
     }
 
     /// The value of a tick; the last one holds.
-    fn latest(&self, values: &[f64], tick: u64) -> f64 {
-        let value_index = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
+    fn value_at(&self, values: &[f64], tick: u64) -> f64 {
+        let value_index = usize::try_from(tick.saturating_sub(self.start_tick)).unwrap_or(usize::MAX);
         let last_index = values.len().saturating_sub(1);
         values.get(value_index.min(last_index)).copied().unwrap_or(0.0)
     }
@@ -80,17 +80,18 @@ impl Hand {
 
 impl HandSource {
     /// Begin a transition to another source of the key, who is at `x`.
-    pub(super) fn change(&mut self, real: bool, x: f64) {
-        self.real = real;
+    pub(super) fn change_source(&mut self, real: bool, x: f64) {
+        self.is_real = real;
         self.offset = self.x - x;
-        self.ticks = (MAX_SLOPE * self.offset.abs() / MAX_STEP).clamp(TICKS_RANGE.0, TICKS_RANGE.1);
-        self.done = 0.0;
+        self.transition_ticks =
+            (SMOOTH_SLOPE_MAX * self.offset.abs() / STEP_METRES_MAX).clamp(TICKS_RANGE.0, TICKS_RANGE.1);
+        self.transition_progress = 0.0;
     }
 
     /// Position of the key in this tick, if its source is at `x`.
     pub(super) fn follow(&mut self, x: f64) -> f64 {
-        self.x = if self.done < self.ticks {
-            self.done += 1.0;
+        self.x = if self.transition_progress < self.transition_ticks {
+            self.transition_progress += 1.0;
             x + self.offset * (1.0 - self.progress())
         } else {
             x
@@ -100,8 +101,8 @@ impl HandSource {
 
     /// Progress of the transition, 0 to 1; a person feels this share of the force.
     pub(super) fn progress(&self) -> f64 {
-        if self.done < self.ticks {
-            smooth(self.done / self.ticks)
+        if self.transition_progress < self.transition_ticks {
+            smooth(self.transition_progress / self.transition_ticks)
         } else {
             1.0
         }
@@ -117,9 +118,9 @@ mod tests {
     #[test]
     fn written_motion_by_tick_and_lockstep() {
         let driven_hand = Hand {
-            standin: vec![0.0, 1e-3, 3e-3],
+            standin_positions: vec![0.0, 1e-3, 3e-3],
             forces: vec![0.1, 0.2, 0.3],
-            since: 10,
+            start_tick: 10,
             ..Hand::default()
         };
         let motion = |tick, lockstep| driven_hand.written_motion(tick, 1e-3, lockstep);
@@ -142,7 +143,7 @@ mod tests {
         for apart in [1e-5, 3e-3, -12e-3, 60e-3] {
             let mut hand_source = HandSource::default();
             hand_source.follow(0.0);
-            hand_source.change(true, apart);
+            hand_source.change_source(true, apart);
             let mut last_position = 0.0;
             let mut tick_count = 0;
             while hand_source.progress() < 1.0 {

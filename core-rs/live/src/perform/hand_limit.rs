@@ -63,7 +63,7 @@ impl HandKey {
                 .map_or((0.0, 0.0), |guidance| (share.k * guidance.k, share.z * guidance.z));
             scale = scale.min(stiffness::safe_scale(frequency_response.gain_margin(self.key, k, z)));
             let summed_response = Guidance::total_response(self.guidance, response, self.key.period, share);
-            stiffest = stiffest.max(stiffness::stiffest(&summed_response));
+            stiffest = stiffest.max(stiffness::stiffness_max(&summed_response));
         }
         HandLimit {
             hand: self.hand,

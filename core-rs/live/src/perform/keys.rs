@@ -14,11 +14,11 @@ use crate::device::{self, Device, Kind, MAX_AXES, Sample, Unit, Url, WaitCancell
 use crate::safety::{Guarded, Limits, Trip, stiffness};
 
 /// Time between two attempts to open a lost device.
-const RETRY: Duration = Duration::from_millis(500);
-const POLL: Duration = Duration::from_millis(50);
+const RETRY_INTERVAL: Duration = Duration::from_millis(500);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Time without a position after which a device counts as lost [s]. Its port may still be open: a datagram socket never
 /// closes.
-const LOST_AFTER: f64 = 0.25;
+const LOST_SECONDS: f64 = 0.25;
 /// Tolerance of positions beyond the range, as a part of the range: sensors and end stops are not exact.
 const RANGE_TOLERANCE: f64 = 0.5;
 /// Longest wait for the newest position, as a part of a tick.
@@ -65,10 +65,10 @@ pub struct Slot {
     pub(super) axes: Vec<(usize, usize)>,
     pub(super) sample: Sample,
     forces: [f64; MAX_AXES],
-    pub(super) sent: [f64; MAX_AXES],
-    gone: Arc<AtomicBool>,
+    pub(super) sent_forces: [f64; MAX_AXES],
+    is_gone: Arc<AtomicBool>,
     to_drop: Producer<Box<Guarded>>,
-    wait: Duration,
+    sample_wait: Duration,
     /// Range of plausible positions [m].
     range: [f64; 2],
     /// Number of ticks without a new position, and the number above which the device counts as lost.
@@ -144,12 +144,12 @@ impl Keyboard {
             axes: self.axes.clone(),
             sample: Sample::default(),
             forces: [0.0; MAX_AXES],
-            sent: [0.0; MAX_AXES],
-            gone: Arc::clone(&gone),
+            sent_forces: [0.0; MAX_AXES],
+            is_gone: Arc::clone(&gone),
             to_drop,
-            wait: Duration::from_secs_f64(WAIT_SHARE * self.config.period),
+            sample_wait: Duration::from_secs_f64(WAIT_SHARE * self.config.period),
             silent_ticks: 0,
-            silent_ticks_max: (LOST_AFTER / self.config.period) as u32 + 1,
+            silent_ticks_max: (LOST_SECONDS / self.config.period) as u32 + 1,
             earlier_counts: [0; 2],
         };
         let reconnect = ReconnectLoop {
@@ -259,7 +259,7 @@ impl Slot {
         };
         match guarded.send(&self.forces) {
             Ok(sent) => {
-                self.sent = guarded.device().on_wire(&sent);
+                self.sent_forces = guarded.device().on_wire(&sent);
                 true
             }
             Err(_) => self.detach(),
@@ -268,7 +268,7 @@ impl Slot {
 
     /// The deadline for positions that are asked for now.
     pub(super) fn deadline(&self) -> Instant {
-        Instant::now() + self.wait
+        Instant::now() + self.sample_wait
     }
 
     /// Receive positions; false if the device has just been lost.
@@ -300,8 +300,8 @@ impl Slot {
                 std::mem::forget(lost_device);
             }
         }
-        self.sent = [0.0; MAX_AXES];
-        self.gone.store(true, Ordering::Release);
+        self.sent_forces = [0.0; MAX_AXES];
+        self.is_gone.store(true, Ordering::Release);
         false
     }
 
@@ -330,7 +330,7 @@ impl ReconnectLoop {
         let mut next_attempt = Instant::now();
         let mut device_memory = None;
         while !self.config.canceller.is_cancelled() {
-            std::thread::park_timeout(POLL);
+            std::thread::park_timeout(POLL_INTERVAL);
             let is_detached = self.gone.load(Ordering::Acquire);
             // The lost device is dropped here, before its port is opened again: it sends its last zeros and closes the
             // port.
@@ -340,7 +340,7 @@ impl ReconnectLoop {
             if !is_detached || Instant::now() < next_attempt {
                 continue;
             }
-            next_attempt = Instant::now() + RETRY;
+            next_attempt = Instant::now() + RETRY_INTERVAL;
             // Another board at the same port may have another motor, whose direction is unknown.
             if self.identity.is_some() && self.config.identity() != self.identity {
                 continue;

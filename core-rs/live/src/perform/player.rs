@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use ergon_engine::mix::glide::Glide;
+use ergon_engine::mix::glide::GainGlide;
 use rtrb::{Consumer, Producer};
 
 use super::clock::Clock;
@@ -54,7 +54,7 @@ pub(super) struct Connections {
 /// The whole state of the physics thread.
 pub(super) struct Player {
     pub(super) stage: Stage,
-    pub(super) gain: Glide,
+    pub(super) gain: GainGlide,
     pub(super) slots: Vec<Slot>,
     pub(super) connections: Connections,
     /// Changes that are not due yet, by rising frame.
@@ -136,7 +136,7 @@ impl Player {
             ..Status::default()
         };
         Self {
-            gain: Glide::new(stage.simulation.rate(), stage.gain),
+            gain: GainGlide::new(stage.simulation.rate(), stage.gain),
             sources: vec![HandSource::default(); hand_count],
             guidance,
             scales,

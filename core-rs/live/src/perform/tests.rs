@@ -8,7 +8,7 @@ use std::time::Duration;
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{OnFault, Options};
-use ergon_engine::timeline::{HandWay, Timeline};
+use ergon_engine::timeline::{HandInterpolation, Timeline};
 use ergon_engine::units::Rate;
 
 use super::*;
@@ -97,7 +97,7 @@ fn simulation(struck: &[f64], from: u64) -> Simulation {
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     timeline.open();
     for mat in [0, 1] {
-        let hand_way = HandWay::Line;
+        let hand_way = HandInterpolation::Line;
         timeline.hand(&network, mat, EVERY as u32, hand_way, &[]).unwrap();
     }
     for &instant in struck {
@@ -109,20 +109,20 @@ fn simulation(struck: &[f64], from: u64) -> Simulation {
 
 fn stage_mixer() -> Mixer {
     let mut mixer = Mixer::new(RATE, 1, 2);
-    mixer.route(0, 0, 1.0, None).unwrap();
-    mixer.route(0, 1, 0.5, Some(8.0)).unwrap();
+    mixer.add_route(0, 0, 1.0, None).unwrap();
+    mixer.add_route(0, 1, 0.5, Some(8.0)).unwrap();
     mixer
 }
 
 fn stage() -> Stage {
     let mixer = stage_mixer();
     let stage_hand = Hand {
-        standin: (0..TICKS).map(|n| 1e-6 * (n % 1_000) as f64).collect(),
-        reach: 1.0,
+        standin_positions: (0..TICKS).map(|n| 1e-6 * (n % 1_000) as f64).collect(),
+        travel_ratio: 1.0,
         guidance: Some(Guidance {
             k: 50.0,
             z: 0.5,
-            loose: false,
+            follows_steps: false,
         }),
         ..Hand::default()
     };

@@ -6,7 +6,7 @@
 
 mod stats;
 
-pub(crate) use stats::{Drift, Sent};
+pub(crate) use stats::{Drift, SentRequests};
 pub use stats::{Histogram, Stats};
 
 use std::time::Instant;

@@ -32,7 +32,7 @@ impl Trip {
     }
 
     /// Whether only the player can let the axis push again, after the first trip already.
-    pub(super) fn latches(self) -> bool {
+    pub(super) fn is_permanent(self) -> bool {
         matches!(
             self,
             Self::WrongWay | Self::Unanswered | Self::Late | Self::OutsideTravel | Self::Jump
@@ -40,39 +40,39 @@ impl Trip {
     }
 }
 
-/// An axis that trips this often within `WITHIN` stays off.
-const TRIPS: usize = 3;
-const WITHIN: Duration = Duration::from_secs(60);
+/// An axis that trips this often within `TRIP_WINDOW` stays off.
+const TRIPS_MAX: usize = 3;
+const TRIP_WINDOW: Duration = Duration::from_secs(60);
 
 /// The latest trips of an axis, and why it stays off, if it does.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Latch {
     /// Times of the trips before, the newest first.
-    earlier: [Option<Duration>; TRIPS - 1],
-    why: Option<Trip>,
+    earlier_trip_times: [Option<Duration>; TRIPS_MAX - 1],
+    permanent_trip: Option<Trip>,
 }
 
 impl Latch {
     /// Note a trip: a fault of motor, sensor or travel stays at once, any other with the third trip within a minute.
-    pub(super) fn note(&mut self, why: Trip, now: Duration) {
-        let oldest_trip = self.earlier[TRIPS - 2];
-        let is_frequent = oldest_trip.is_some_and(|trip_time| now.saturating_sub(trip_time) <= WITHIN);
-        if why.latches() || is_frequent {
-            self.why = self.why.or(Some(why));
+    pub(super) fn record_trip(&mut self, trip: Trip, now: Duration) {
+        let oldest_trip = self.earlier_trip_times[TRIPS_MAX - 2];
+        let is_frequent = oldest_trip.is_some_and(|trip_time| now.saturating_sub(trip_time) <= TRIP_WINDOW);
+        if trip.is_permanent() || is_frequent {
+            self.permanent_trip = self.permanent_trip.or(Some(trip));
         }
-        self.earlier.rotate_right(1);
-        self.earlier[0] = Some(now);
+        self.earlier_trip_times.rotate_right(1);
+        self.earlier_trip_times[0] = Some(now);
     }
 
     /// Why the axis stays off, if it does.
-    pub(super) fn why(&self) -> Option<Trip> {
-        self.why
+    pub(super) fn permanent_trip(&self) -> Option<Trip> {
+        self.permanent_trip
     }
 
     /// The same latch, with the times of earlier trips forgotten: for another clock.
     pub(super) fn without_times(&self) -> Self {
         Self {
-            why: self.why,
+            permanent_trip: self.permanent_trip,
             ..Self::default()
         }
     }

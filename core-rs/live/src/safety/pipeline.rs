@@ -24,25 +24,25 @@ use crate::safety::contract::{Sample, Spec};
 use crate::wire::MAX_AXES;
 
 /// The interval of a force that has to end now.
-const NONE: [f64; 2] = [0.0, 0.0];
+const NO_FORCE_INTERVAL: [f64; 2] = [0.0, 0.0];
 
 pub(super) struct Pipeline {
     limits: Limits,
     /// Continuous and greatest force [N].
-    continuous: f64,
+    continuous_force: f64,
     max_force: f64,
     /// Period of the ticks [s].
     period: f64,
-    n: usize,
+    n_axes: usize,
     axes: [Axis; MAX_AXES],
     counts: Counts,
     ages: Ages,
     passivity: Passivity,
     /// Forces sent since the newest position.
-    unanswered: u32,
+    n_unanswered_forces: u32,
     /// Whether the board reports that it is too hot.
     is_hot: bool,
-    stopped: bool,
+    is_stopped: bool,
 }
 
 #[derive(Clone, Copy)]
@@ -82,45 +82,45 @@ impl Pipeline {
         };
         Self {
             limits,
-            continuous: spec.force_max_continuous,
+            continuous_force: spec.force_max_continuous,
             max_force: limits.force_max.min(spec.force_max_peak),
             period,
-            n: spec.dof.min(MAX_AXES),
+            n_axes: spec.dof.min(MAX_AXES),
             axes: std::array::from_fn(new_axis),
             counts: Counts::default(),
             ages: Ages::new(limits.position_age_max),
             passivity: Passivity::new(spec, &limits, period, in_lockstep),
-            unanswered: 0,
+            n_unanswered_forces: 0,
             is_hot: false,
-            stopped: false,
+            is_stopped: false,
         }
     }
 
-    /// The forces to be sent `now` for the forces `asked`.
-    pub(super) fn pass(&mut self, asked: &[f64], now: Duration) -> SafeForce {
+    /// The forces to be sent `now` for the forces `requested_forces`.
+    pub(super) fn limit_forces(&mut self, requested_forces: &[f64], now: Duration) -> SafeForce {
         self.counts.ticks += 1;
-        self.unanswered = self.unanswered.saturating_add(1);
+        self.n_unanswered_forces = self.n_unanswered_forces.saturating_add(1);
         let period_and_fade = [self.period, self.limits.fade_time];
         let is_stale = self.ages.before_send(now, period_and_fade, &mut self.counts);
         let mut force_output = [0.0; MAX_AXES];
-        for (axis, force_output) in force_output[..self.n].iter_mut().enumerate() {
-            let asked = asked.get(axis).copied().unwrap_or(0.0);
-            *force_output = self.stages(axis, asked, is_stale);
+        for (axis, force_output) in force_output[..self.n_axes].iter_mut().enumerate() {
+            let asked = requested_forces.get(axis).copied().unwrap_or(0.0);
+            *force_output = self.apply_stages(axis, asked, is_stale);
         }
-        self.passivity.send(&force_output[..self.n]);
-        SafeForce::new(force_output, self.n)
+        self.passivity.send(&force_output[..self.n_axes]);
+        SafeForce::new(force_output, self.n_axes)
     }
 
-    fn stages(&mut self, axis_index: usize, asked: f64, is_stale: bool) -> f64 {
+    fn apply_stages(&mut self, axis_index: usize, requested_force: f64, is_stale: bool) -> f64 {
         let Self {
             limits,
             counts,
             period,
-            continuous,
+            continuous_force: continuous,
             ..
         } = self;
         let (axis_state, period, continuous) = (&mut self.axes[axis_index], *period, *continuous);
-        let mut force = asked;
+        let mut force = requested_force;
         if !force.is_finite() {
             counts.not_finite += 1;
             let trip_count = &mut counts.trips_not_finite;
@@ -142,13 +142,13 @@ impl Pipeline {
         force = axis_state.trip.pass(force, &mut counts.tripped);
         force = self.ages.apply_fade(force, &mut counts.stale);
         force = scaled(force, axis_state.gain, &mut counts.stiff);
-        let allowed_range = if trip_holds || is_stale || self.stopped {
-            counts.stopped += u64::from(self.stopped);
-            NONE
+        let allowed_range = if trip_holds || is_stale || self.is_stopped {
+            counts.stopped += u64::from(self.is_stopped);
+            NO_FORCE_INTERVAL
         } else {
             self.passivity.allowed_forces(axis_index)
         };
-        if allowed_range != NONE && (force < allowed_range[0] || force > allowed_range[1]) {
+        if allowed_range != NO_FORCE_INTERVAL && (force < allowed_range[0] || force > allowed_range[1]) {
             counts.energy += 1;
         }
         let force_step = limits.slew * 1e3 * period;
@@ -163,11 +163,11 @@ impl Pipeline {
     pub(super) fn observe(&mut self, sample: &Sample, now: Duration) {
         let elapsed = self.ages.note_position(now, sample.let_go, &mut self.counts);
         // Replies may come late and then together; a stopped host sends nothing for a while.
-        let reply_interval = (self.period * f64::from(self.unanswered.max(1))).max(elapsed.unwrap_or(0.0));
-        (self.unanswered, self.is_hot) = (0, sample.hot);
+        let reply_interval = (self.period * f64::from(self.n_unanswered_forces.max(1))).max(elapsed.unwrap_or(0.0));
+        (self.n_unanswered_forces, self.is_hot) = (0, sample.hot);
         let mean_weight = (reply_interval / self.limits.velocity_window).min(1.0);
         let mut positions = sample.position;
-        for (axis, x) in self.axes[..self.n].iter_mut().zip(&mut positions) {
+        for (axis, x) in self.axes[..self.n_axes].iter_mut().zip(&mut positions) {
             let position_before = axis.position.unwrap_or(*x);
             if !x.is_finite() {
                 let trip_count = &mut self.counts.trips_not_finite;
@@ -188,7 +188,7 @@ impl Pipeline {
             axis.last_velocity = (*x - position_before) / reply_interval;
             axis.velocity += ((*x - position_before) / reply_interval - axis.velocity) * mean_weight;
         }
-        self.passivity.receive(&positions[..self.n], reply_interval);
+        self.passivity.receive(&positions[..self.n_axes], reply_interval);
     }
 
     /// Whether the host was stopped since its last call.
@@ -205,28 +205,28 @@ impl Pipeline {
     pub(super) fn withdraw(&mut self) -> SafeForce {
         self.ages.restart();
         self.passivity.withdraw();
-        self.forget();
-        SafeForce::zero(self.n)
+        self.reset_previous_force();
+        SafeForce::zero(self.n_axes)
     }
 
     /// Note that the previous force was zero.
-    pub(super) fn forget(&mut self) {
+    pub(super) fn reset_previous_force(&mut self) {
         for axis in &mut self.axes {
             axis.slew.forget();
         }
     }
 
     pub(super) fn stop(&mut self, stopped: bool) {
-        if self.stopped && !stopped {
+        if self.is_stopped && !stopped {
             for axis in &mut self.axes {
                 axis.ramp = Fade::ZERO;
             }
         }
-        self.stopped = stopped;
-        self.forget();
+        self.is_stopped = stopped;
+        self.reset_previous_force();
     }
 
-    pub(super) fn scale(&mut self, axis: usize, gain: f64) {
+    pub(super) fn set_gain(&mut self, axis: usize, gain: f64) {
         if let Some(axis) = self.axes.get_mut(axis) {
             axis.gain = super::unit(gain);
         }
@@ -273,7 +273,7 @@ impl Pipeline {
     /// Heat and work, for the time when the device is opened again.
     pub(super) fn memory(&self, now: Duration) -> Memory {
         let mut memory = Memory::new(now);
-        for (axis_index, axis) in self.axes[..self.n].iter().enumerate() {
+        for (axis_index, axis) in self.axes[..self.n_axes].iter().enumerate() {
             memory.heat[axis_index] = axis.heat.level;
             memory.work[axis_index] = self.passivity.work(axis_index).max(0.0);
         }
@@ -281,9 +281,9 @@ impl Pipeline {
     }
 
     /// Continue with the heat and work of `memory`, after `elapsed` [s] without force.
-    pub(super) fn recall(&mut self, memory: &Memory, elapsed: f64) {
+    pub(super) fn restore(&mut self, memory: &Memory, elapsed: f64) {
         let refilled_work = self.limits.power * elapsed;
-        for (axis_index, axis) in self.axes[..self.n].iter_mut().enumerate() {
+        for (axis_index, axis) in self.axes[..self.n_axes].iter_mut().enumerate() {
             let saved_heat = Heat {
                 level: memory.heat[axis_index],
             };

@@ -26,16 +26,16 @@ use probe::{Probe, ProbeAnswer};
 use signs::{AxisParameters, Signs, Suspicion};
 
 /// Length of a step, if a tick is shorter [s].
-const STEP: f64 = 1e-3;
+const STEP_SECONDS: f64 = 1e-3;
 /// An axis that tripped may push again after this time without the fault [s].
-const RETRY_AFTER: f64 = 3.0;
+const RETRY_SECONDS: f64 = 3.0;
 /// Its force then fades in over this time [s].
-const FADE: f64 = 0.5;
+const FADE_SECONDS: f64 = 0.5;
 /// A sensor counts as alive for this time after it has moved [s].
-const ALIVE: f64 = 0.5;
+const ALIVE_SECONDS: f64 = 0.5;
 /// For each kind of suspicion: the pause after a probe without a finding, at first and at most [s]. The pause doubles
 /// each time.
-const PAUSES: [[f64; 2]; 2] = [[1.0, 4.0], [0.02, 1.0]];
+const PROBE_PAUSES_SECONDS: [[f64; 2]; 2] = [[1.0, 4.0], [0.02, 1.0]];
 /// After this time without a suspicion the pause starts again at its first value [s].
 const PAUSE_RESET: f64 = 5.0;
 /// Number of wrong answers to probes, without a right one between them, that end the force.
@@ -53,12 +53,12 @@ pub(super) struct AxisSpec {
     /// Moving mass [kg], if it is known.
     pub(super) inertia: Option<f64>,
     /// Greatest force [N].
-    pub(super) force: f64,
+    pub(super) force_max: f64,
     /// Delay that the device tells [s].
-    pub(super) delay: f64,
+    pub(super) delay_seconds: f64,
     /// Work that its motor may do on a hand at once [J], and for long [W].
-    pub(super) energy: f64,
-    pub(super) power: f64,
+    pub(super) energy_max: f64,
+    pub(super) power_max: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -68,7 +68,7 @@ enum Mode {
     /// No force but that of questions, whose answers decide; steps since then.
     Doubting(u32),
     Off {
-        why: Trip,
+        trip: Trip,
         calm_steps: u32,
         since_moved: u32,
     },
@@ -77,20 +77,20 @@ enum Mode {
 /// The check of one axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plausibility {
-    built: AxisParameters,
+    parameters: AxisParameters,
     /// Ticks per step, and ticks since the last step.
-    every: u32,
-    ticks: u32,
+    ticks_per_step: u32,
+    ticks_since_step: u32,
     /// Greatest force [N].
-    force: f64,
+    force_max: f64,
     /// Whether a suspicion is probed; otherwise only evident faults count.
     may_probe: bool,
     signs: Signs,
     mode: Mode,
     /// Progress of the fade to full force after a trip, 0 to 1.
-    fade: f64,
+    fade_progress: f64,
     /// Whether a probe was ever answered the right way.
-    confirmed: bool,
+    is_confirmed: bool,
     /// Wrong answers since the last right one.
     wrong_answers: u32,
     /// For each kind of suspicion: steps until it may be probed again, and how often a probe had no finding.
@@ -103,18 +103,18 @@ pub(super) struct Plausibility {
 impl Plausibility {
     /// An axis that is sent a force every `period` [s].
     pub(super) fn new(axis_spec: AxisSpec, period: f64) -> Self {
-        let step_ticks = (STEP / period).round().max(1.0);
+        let step_ticks = (STEP_SECONDS / period).round().max(1.0);
         let parameters = AxisParameters::new(axis_spec, step_ticks * period);
         Self {
-            built: parameters,
-            every: step_ticks as u32,
-            ticks: 0,
-            force: axis_spec.force.max(0.0),
+            parameters,
+            ticks_per_step: step_ticks as u32,
+            ticks_since_step: 0,
+            force_max: axis_spec.force_max.max(0.0),
             may_probe: true,
             signs: Signs::default(),
             mode: Mode::Watching,
-            fade: 1.0,
-            confirmed: false,
+            fade_progress: 1.0,
+            is_confirmed: false,
             wrong_answers: 0,
             pauses: [(0, 0); 2],
             probes: 0,
@@ -122,33 +122,39 @@ impl Plausibility {
         }
     }
 
-    /// Advance by a tick: `asked` is the force asked for now, `sent` the force of the previous tick, `position` the
-    /// key's position if there is a new one. Returns the force to ask for instead.
-    pub(super) fn tick(&mut self, asked: f64, sent: f64, position: Option<f64>) -> f64 {
-        self.ticks = (self.ticks + 1).min(self.every);
-        let pass_share = self.confirmation.update_pass_share(sent);
+    /// Advance by a tick: `requested_force` is the force that is requested now, `previous_force` the force of the
+    /// previous tick, `position` the key's position if there is a new one. Returns the force to ask for instead.
+    pub(super) fn tick(&mut self, requested_force: f64, previous_force: f64, position: Option<f64>) -> f64 {
+        self.ticks_since_step = (self.ticks_since_step + 1).min(self.ticks_per_step);
+        let pass_share = self.confirmation.update_pass_share(previous_force);
         if let Some(new_position) = position
-            && self.ticks == self.every
+            && self.ticks_since_step == self.ticks_per_step
         {
-            self.ticks = 0;
-            self.step(new_position, sent, asked);
+            self.ticks_since_step = 0;
+            self.step(new_position, previous_force, requested_force);
         }
         let force = match self.mode {
             // A later stage trips.
-            _ if !asked.is_finite() => asked,
+            _ if !requested_force.is_finite() => requested_force,
             Mode::Off { .. } => 0.0,
             Mode::Doubting(_) => self.confirmation.with_pulses(0.0),
             Mode::Probing(Probe {
                 offset,
                 replaces_piece: true,
                 ..
-            }) => offset * self.fade,
+            }) => offset * self.fade_progress,
             // The force that was sent is changed, because one that is asked for may be clamped and hide the probe.
             Mode::Probing(probe) if probe.kind == Suspicion::Stop => (probe.initial_force + probe.offset) / pass_share,
-            Mode::Probing(Probe { offset, .. }) => (asked.clamp(-self.force, self.force) + offset) * self.fade,
+            Mode::Probing(Probe { offset, .. }) => {
+                (requested_force.clamp(-self.force_max, self.force_max) + offset) * self.fade_progress
+            }
             Mode::Watching => {
-                let force = self.confirmation.with_pulses(asked);
-                if self.fade < 1.0 { force * self.fade } else { force }
+                let force = self.confirmation.with_pulses(requested_force);
+                if self.fade_progress < 1.0 {
+                    force * self.fade_progress
+                } else {
+                    force
+                }
             }
         };
         self.confirmation.note_force(force);
@@ -158,7 +164,7 @@ impl Plausibility {
     /// Why forces are off, if they are.
     pub(super) fn trip(&self) -> Option<Trip> {
         match self.mode {
-            Mode::Off { why, .. } => Some(why),
+            Mode::Off { trip: why, .. } => Some(why),
             _ => None,
         }
     }
@@ -187,17 +193,17 @@ impl Plausibility {
 
     fn push_again(&mut self) {
         self.mode = Mode::Watching;
-        (self.fade, self.wrong_answers, self.confirmed) = (0.0, 0, false);
+        (self.fade_progress, self.wrong_answers, self.is_confirmed) = (0.0, 0, false);
         self.pauses = [(0, 0); 2];
         self.confirmation.reset();
         self.signs = Signs::default();
     }
 
-    fn step(&mut self, x: f64, sent: f64, asked: f64) {
-        let step_time = self.built.step;
+    fn step(&mut self, x: f64, previous_force: f64, requested_force: f64) {
+        let step_time = self.parameters.step;
         let steps_in = move |seconds: f64| (seconds / step_time) as u32;
-        let (calm_for, alive_for) = (steps_in(RETRY_AFTER), steps_in(ALIVE));
-        self.fade = (self.fade + self.built.step / FADE).min(1.0);
+        let (calm_for, alive_for) = (steps_in(RETRY_SECONDS), steps_in(ALIVE_SECONDS));
+        self.fade_progress = (self.fade_progress + self.parameters.step / FADE_SECONDS).min(1.0);
         let quiet_limit = -(steps_in(PAUSE_RESET) as i32);
         for (steps_left, fruitless_probes) in &mut self.pauses {
             *steps_left = (*steps_left - 1).max(quiet_limit);
@@ -206,11 +212,11 @@ impl Plausibility {
             }
         }
         let moved = self.signs.moved_to(x);
-        self.signs.add(x, sent, &self.built);
+        self.signs.add(x, previous_force, &self.parameters);
         let verdict = self.confirmation.advance(Step {
             x,
             displacement: moved,
-            sent,
+            sent: previous_force,
             phase: match self.mode {
                 Mode::Watching => Phase::Playing,
                 Mode::Probing(_) => Phase::Probing,
@@ -218,11 +224,11 @@ impl Plausibility {
                 Mode::Off { .. } => Phase::Off,
             },
             is_at_stop: self.signs.is_at_stop(),
-            may_be_frozen: self.signs.may_be_frozen(sent, &self.built),
+            may_be_frozen: self.signs.may_be_frozen(previous_force, &self.parameters),
         });
         match verdict {
             Verdict::Continue => {}
-            Verdict::Doubt => self.doubt(),
+            Verdict::Doubt => self.enter_doubt(),
             Verdict::Right => {
                 self.push_again();
                 self.confirmation.confirm();
@@ -230,7 +236,7 @@ impl Plausibility {
             Verdict::Fault(why) => return self.trip_with(why),
         }
         match &mut self.mode {
-            Mode::Watching => self.watch(sent),
+            Mode::Watching => self.watch(previous_force),
             Mode::Doubting(steps) => {
                 *steps += 1;
                 if *steps >= steps_in(DOUBT_SECONDS) {
@@ -238,12 +244,12 @@ impl Plausibility {
                 }
             }
             Mode::Probing(probe) => {
-                let probe_answer = probe.step(&self.signs, sent, &self.built);
+                let probe_answer = probe.step(&self.signs, previous_force, &self.parameters);
                 let probe = *probe;
                 self.apply_answer(probe, probe_answer);
             }
             Mode::Off {
-                why,
+                trip: why,
                 calm_steps: calm,
                 since_moved,
             } => {
@@ -254,7 +260,7 @@ impl Plausibility {
                 };
                 let fault_is_gone = match why {
                     Trip::Frozen => *since_moved < alive_for,
-                    Trip::AtStop => self.signs.pushed_into_stop(asked, &self.built).is_none(),
+                    Trip::AtStop => self.signs.pushed_into_stop(requested_force, &self.parameters).is_none(),
                     _ => false,
                 };
                 *calm = if fault_is_gone { *calm + 1 } else { 0 };
@@ -266,24 +272,34 @@ impl Plausibility {
     }
 
     /// End the piece's force until an answer is right.
-    fn doubt(&mut self) {
+    fn enter_doubt(&mut self) {
         self.confirmation.begin_doubt();
         self.mode = Mode::Doubting(0);
     }
 
-    fn watch(&mut self, sent: f64) {
+    fn watch(&mut self, previous_force: f64) {
         let asks_questions = self.confirmation.is_asking;
-        if let Some(evident_trip) = self.signs.evident_fault(sent, asks_questions, &self.built) {
+        if let Some(evident_trip) = self
+            .signs
+            .evident_fault(previous_force, asks_questions, &self.parameters)
+        {
             self.trip_with(evident_trip);
         } else if self.may_probe
             && !self.confirmation.comes_first(self.signs.is_at_stop())
             && let Some((suspicion_kind, direction)) =
-                self.signs.suspicion(sent, self.confirmed, asks_questions, &self.built)
+                self.signs
+                    .suspicion(previous_force, self.is_confirmed, asks_questions, &self.parameters)
             && self.pauses[suspicion_kind as usize].0 <= 0
         {
             self.probes += 1;
             self.confirmation.interrupt();
-            self.mode = Mode::Probing(Probe::new(suspicion_kind, direction, &self.signs, sent, &self.built));
+            self.mode = Mode::Probing(Probe::new(
+                suspicion_kind,
+                direction,
+                &self.signs,
+                previous_force,
+                &self.parameters,
+            ));
         }
     }
 
@@ -291,13 +307,13 @@ impl Plausibility {
         self.mode = match answer {
             ProbeAnswer::Waiting => Mode::Probing(probe),
             ProbeAnswer::Wrong if self.wrong_answers + 1 >= WRONG_ANSWERS => {
-                return self.doubt();
+                return self.enter_doubt();
             }
             // A hand may leave the stop by chance: questions decide, where they are asked.
             ProbeAnswer::Wrong
                 if probe.kind == Suspicion::Stop && self.wrong_answers > 0 && self.confirmation.is_asking =>
             {
-                return self.doubt();
+                return self.enter_doubt();
             }
             ProbeAnswer::Wrong => {
                 self.wrong_answers += 1;
@@ -307,23 +323,23 @@ impl Plausibility {
         };
         if matches!(self.mode, Mode::Watching) {
             if answer == ProbeAnswer::Right {
-                self.confirmed = true;
+                self.is_confirmed = true;
                 self.wrong_answers = 0;
             }
             let (pause_left, fruitless_probes) = &mut self.pauses[probe.kind as usize];
-            let [first_pause, longest] = PAUSES[probe.kind as usize];
+            let [first_pause, longest] = PROBE_PAUSES_SECONDS[probe.kind as usize];
             let pause_time = (first_pause * f64::from(1 << (*fruitless_probes).min(8))).min(longest);
             // After a wrong answer there is no pause: the next suspicion is probed at once.
             if self.wrong_answers == 0 {
-                (*pause_left, *fruitless_probes) = ((pause_time / self.built.step) as i32, *fruitless_probes + 1);
+                (*pause_left, *fruitless_probes) = ((pause_time / self.parameters.step) as i32, *fruitless_probes + 1);
             }
             self.signs.forget();
         }
     }
 
-    fn trip_with(&mut self, why: Trip) {
+    fn trip_with(&mut self, trip: Trip) {
         self.mode = Mode::Off {
-            why,
+            trip,
             calm_steps: 0,
             since_moved: 0,
         };
@@ -333,9 +349,9 @@ impl Plausibility {
 /// The checks of all axes of a device.
 pub(super) struct PlausibilityChecks {
     axes: [Plausibility; MAX_AXES],
-    n: usize,
+    n_axes: usize,
     /// The forces sent last [N], and the positions if they are new.
-    sent: [f64; MAX_AXES],
+    sent_forces: [f64; MAX_AXES],
     positions: Option<[f64; MAX_AXES]>,
 }
 
@@ -346,16 +362,16 @@ impl PlausibilityChecks {
             range: [0.0, 0.0],
             resolution: 0.0,
             inertia: None,
-            force: 0.0,
-            delay: 0.0,
-            energy: 0.0,
-            power: 0.0,
+            force_max: 0.0,
+            delay_seconds: 0.0,
+            energy_max: 0.0,
+            power_max: 0.0,
         };
         let checks_of = |axis| Plausibility::new(axis_specs.get(axis).copied().unwrap_or(blank_spec), period);
         Self {
             axes: std::array::from_fn(checks_of),
-            n: axis_specs.len().min(MAX_AXES),
-            sent: [0.0; MAX_AXES],
+            n_axes: axis_specs.len().min(MAX_AXES),
+            sent_forces: [0.0; MAX_AXES],
             positions: None,
         }
     }
@@ -373,14 +389,14 @@ impl PlausibilityChecks {
         self.positions = Some(*positions);
     }
 
-    /// The forces to ask for instead of `asked` [N].
-    pub(super) fn pass(&mut self, asked: &[f64]) -> [f64; MAX_AXES] {
+    /// The forces to send instead of `requested_forces` [N].
+    pub(super) fn check_forces(&mut self, requested_forces: &[f64]) -> [f64; MAX_AXES] {
         let positions = self.positions.take();
         let mut checked_forces = [0.0; MAX_AXES];
-        for (axis, checks) in self.axes[..self.n].iter_mut().enumerate() {
-            let asked = asked.get(axis).copied().unwrap_or(0.0);
+        for (axis, checks) in self.axes[..self.n_axes].iter_mut().enumerate() {
+            let asked = requested_forces.get(axis).copied().unwrap_or(0.0);
             let position = positions.map(|positions| positions[axis]);
-            checked_forces[axis] = checks.tick(asked, self.sent[axis], position);
+            checked_forces[axis] = checks.tick(asked, self.sent_forces[axis], position);
         }
         checked_forces
     }
@@ -391,8 +407,8 @@ impl PlausibilityChecks {
     }
 
     /// Note the forces that were sent to the motors [N].
-    pub(super) fn sent(&mut self, newtons: &[f64]) {
-        self.sent[..newtons.len()].copy_from_slice(newtons);
+    pub(super) fn note_sent_forces(&mut self, newtons: &[f64]) {
+        self.sent_forces[..newtons.len()].copy_from_slice(newtons);
     }
 
     /// Why the forces of an axis are off, if they are.

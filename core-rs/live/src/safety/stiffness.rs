@@ -5,17 +5,17 @@
 
 /// Greatest stable stiffness [N/m] of a key with `damping` [N·s/m], for ticks of `period` [s] and forces that are
 /// `delay` ticks late: 2b/(T(1+2d)), independent of the mass if the key is light.
-pub fn limit(damping: f64, period: f64, delay: u32) -> f64 {
+pub fn stable_stiffness_max(damping: f64, period: f64, delay: u32) -> f64 {
     2.0 * damping / (period * (1.0 + 2.0 * f64::from(delay)))
 }
 
 /// The factor that keeps a coupling's force below the limit: 1 if it is below, else less.
-pub fn scale(k: f64, limit: f64) -> f64 {
+pub fn coupling_scale(k: f64, limit: f64) -> f64 {
     if k > limit { limit / k } else { 1.0 }
 }
 
 /// Part of the greatest stable gain that a loop gets, because at the border of stability an oscillation never decays.
-const RESERVE: f64 = 0.8;
+const GAIN_RESERVE: f64 = 0.8;
 
 /// A key by itself, and the delay of its forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,12 +32,12 @@ pub struct Key {
 
 /// The factor of a force, 0 to 1, that keeps a loop of this gain margin stable with a reserve.
 pub fn safe_scale(gain_margin: f64) -> f64 {
-    super::unit(RESERVE * gain_margin)
+    super::unit(GAIN_RESERVE * gain_margin)
 }
 
 /// The greatest stiffness that a hand meets if it moves once and stays there: the greatest partial sum of a response
 /// [N/m].
-pub fn stiffest(response: &[f64]) -> f64 {
+pub fn stiffness_max(response: &[f64]) -> f64 {
     let partial_sums = response.iter().scan(0.0, |sum, force| {
         *sum += force;
         Some(*sum)
@@ -99,7 +99,10 @@ mod tests {
             (0.3, 1e4, 1, 2074.0),
             (1.0, 44_100.0, 1, 30_078.0),
         ] {
-            let (formula, simulated) = (limit(b, 1.0 / rate, delay), numerically(b, 1.0 / rate, delay as usize));
+            let (formula, simulated) = (
+                stable_stiffness_max(b, 1.0 / rate, delay),
+                numerically(b, 1.0 / rate, delay as usize),
+            );
             let case_text = format!("b {b}, {rate} Hz, delay {delay}: said {formula}, found {simulated}");
             assert!(formula <= simulated && formula > 0.88 * simulated, "{case_text}");
             assert!(
@@ -114,8 +117,8 @@ mod tests {
 
     #[test]
     fn scale_only_beyond_the_limit() {
-        assert_eq!(scale(100.0, 200.0), 1.0);
-        assert_eq!(scale(400.0, 200.0), 0.5);
+        assert_eq!(coupling_scale(100.0, 200.0), 1.0);
+        assert_eq!(coupling_scale(400.0, 200.0), 0.5);
     }
 
     /// A spring alone: the border equals that of the eigenvalues of the loop.
@@ -141,7 +144,7 @@ mod tests {
                 assert!((scaled_border / stable_border - 1.0).abs() < 0.05, "{case_text}");
                 assert_eq!(
                     safe_scale(scaled_border / k),
-                    (RESERVE * (scaled_border / k)).min(1.0),
+                    (GAIN_RESERVE * (scaled_border / k)).min(1.0),
                     "{case_text}"
                 );
             }

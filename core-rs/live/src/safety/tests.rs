@@ -374,7 +374,10 @@ fn created_energy_of_a_loop_is_limited() {
 fn scale_of_a_stiff_coupling_halves_its_force() {
     let mut bench = Bench::new();
     let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
-    guarded.scale(0, stiffness::scale(400.0, stiffness::limit(0.3, PERIOD, 1)));
+    guarded.scale(
+        0,
+        stiffness::coupling_scale(400.0, stiffness::stable_stiffness_max(0.3, PERIOD, 1)),
+    );
     assert_eq!(play(&mut guarded, still(1.0, 2)), [0.5, 0.5]);
     assert_eq!(guarded.counts().stiff, 2);
 }

@@ -8,8 +8,8 @@ use nalgebra::DMatrix;
 use super::{Solution, moving_mats, resolves_turn};
 use crate::assembly::constants::{FLOW_MASSES_MAX, LOOSE_STIFFNESS_RATIO};
 use crate::assembly::wiring::Body;
-use crate::integrate::flow::{Flow, frame};
-use crate::integrate::square::Square;
+use crate::integrate::flow::{Flow, frame_map};
+use crate::integrate::square::SquareMatrix;
 use crate::island::slow::{BlockFlow, Interface, Slow, Springs, Weights, best_block};
 use crate::maths;
 use crate::network::Subset;
@@ -55,7 +55,7 @@ pub(super) fn slow_body_of_springs(
     if !resolves_turn(angle_max) {
         return Err(too_fast());
     }
-    let frame = frame(&matrices.stiffness, &matrices.viscosity, is_discrete);
+    let frame = frame_map(&matrices.stiffness, &matrices.viscosity, is_discrete);
     let frame_flow = Flow::new(&frame).ok_or_else(too_fast)?;
     let solution = Solution {
         turn_radians: angle_max,
@@ -66,7 +66,7 @@ pub(super) fn slow_body_of_springs(
         is_discrete,
     };
     let springs = |ports: &[(usize, usize)], outputs: &[Weights]| {
-        let missing = |local: usize| frame_flow.missing(local, &state_after_strike(&frame, local, is_discrete));
+        let missing = |local: usize| frame_flow.push_deficit(local, &state_after_strike(&frame, local, is_discrete));
         let ports = ports.iter();
         let ports = ports.map(|&(local, mat)| (local, is_struck(mat).then(|| missing(local))));
         let interface = Interface {
@@ -83,7 +83,7 @@ pub(super) fn slow_body_of_springs(
 
 /// Positions and velocities one frame after a push by a metre a frame: in a CA network only the pushed mass has moved;
 /// continuous motion follows the flow of a frame.
-fn state_after_strike(frame: &Square, port: usize, is_discrete: bool) -> Vec<f64> {
+fn state_after_strike(frame: &SquareMatrix, port: usize, is_discrete: bool) -> Vec<f64> {
     let mass_count = frame.n / 2;
     let mut moved_state = vec![0.0; 2 * mass_count];
     moved_state[mass_count + port] = 1.0;
@@ -91,7 +91,7 @@ fn state_after_strike(frame: &Square, port: usize, is_discrete: bool) -> Vec<f64
         moved_state[port] = 1.0;
         return moved_state;
     }
-    frame.apply(&moved_state)
+    frame.times_vector(&moved_state)
 }
 
 /// Springs and dampers of the body as matrices, in units of a frame.
@@ -100,8 +100,8 @@ struct Matrices {
     moving_mats: Vec<usize>,
     inverse_masses: Vec<f64>,
     /// M⁻¹K and M⁻¹Z   (n, n)
-    stiffness: Square,
-    viscosity: Square,
+    stiffness: SquareMatrix,
+    viscosity: SquareMatrix,
     /// Force where all are at 0 [N]   (n)
     force_at_origin: Vec<f64>,
 }
@@ -114,13 +114,13 @@ impl Matrices {
         let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
         let w: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();
         let (mut k, mut z, mut force) = (
-            Square::zero(free_count),
-            Square::zero(free_count),
+            SquareMatrix::zero(free_count),
+            SquareMatrix::zero(free_count),
             vec![0.0; free_count],
         );
         for (local, &i) in free.iter().enumerate() {
-            *k.entry(local, local) += scheme.kappa[i];
-            *z.entry(local, local) += scheme.zeta[i];
+            *k.entry_mut(local, local) += scheme.kappa[i];
+            *z.entry_mut(local, local) += scheme.zeta[i];
             force[local] += scheme.kappa[i] / w[local] * scheme.rest[i];
         }
         for run in &scheme.runs {
@@ -130,13 +130,13 @@ impl Matrices {
                     let Some(row) = slot_of_mat(mat) else {
                         continue;
                     };
-                    *k.entry(row, row) += w[row] * run.k;
-                    *z.entry(row, row) += w[row] * run.z;
+                    *k.entry_mut(row, row) += w[row] * run.k;
+                    *z.entry_mut(row, row) += w[row] * run.z;
                     force[row] -= sign * run.k * run.rest;
                     match slot_of_mat(other) {
                         Some(column) => {
-                            *k.entry(row, column) -= w[row] * run.k;
-                            *z.entry(row, column) -= w[row] * run.z;
+                            *k.entry_mut(row, column) -= w[row] * run.k;
+                            *z.entry_mut(row, column) -= w[row] * run.z;
                         }
                         None => force[row] += run.k * mats.x0[other],
                     }
@@ -157,7 +157,7 @@ impl Matrices {
         let mass_count = self.inverse_masses.len();
         let inverse_roots: Vec<f64> = self.inverse_masses.iter().map(|w| w.sqrt()).collect();
         let scaled_entry =
-            |row: usize, column: usize| self.stiffness.get(row, column) * inverse_roots[column] / inverse_roots[row];
+            |row: usize, column: usize| self.stiffness.value(row, column) * inverse_roots[column] / inverse_roots[row];
         // Rounding makes the matrix slightly unsymmetric.
         let mean_entry = |row, column| 0.5 * (scaled_entry(row, column) + scaled_entry(column, row));
         DMatrix::from_fn(mass_count, mass_count, mean_entry).symmetric_eigen()

@@ -108,7 +108,7 @@ fn range_of_profile_is_its_true_excursion() {
 #[test]
 fn trimmed_profile_follows_the_same_path() {
     let mixed_path = mixed();
-    let trimmed_path = mixed_path.trimmed(1.25, 4.5).earlier(1.25);
+    let trimmed_path = mixed_path.trimmed(1.25, 4.5).shifted_earlier(1.25);
     assert_eq!((trimmed_path.start(), trimmed_path.stop()), (0.0, 3.25));
     for i in 0..=100 {
         let t = 3.25 * f64::from(i) / 100.0;
@@ -129,7 +129,7 @@ fn profile_error_names_the_point() {
         Err(PathError::NotRising {
             index: 1,
             t: 1.0,
-            before: 1.0
+            previous_t: 1.0
         })
     );
     let hold_error = Profile::through(&points(&[(1.0, 0.0, Line), (2.0, 1.0, Hold)]));
@@ -138,7 +138,7 @@ fn profile_error_names_the_point() {
         Err(PathError::HoldMoves {
             index: 1,
             x: 1.0,
-            before: 0.0
+            previous_x: 0.0
         })
     );
     let nan_error = Profile::through(&points(&[(1.0, 0.0, Line), (2.0, f64::NAN, Line)]));

@@ -165,7 +165,7 @@ fn slopes_of_few_knots() {
     close(&a, &[2.0; 3], 1e-15);
     // Two points at rest: 10s³ - 15s⁴ + 6s⁵.
     let (v, a) = slopes(&[0.0, 2.0], &[0.0, 1.0], Ends::CLAMPED_AT_REST);
-    let rest_piece = Quintic::joining(
+    let rest_piece = Quintic::between_knots(
         Knot {
             t: 0.0,
             x: 0.0,
@@ -193,7 +193,7 @@ fn slopes_of_a_clamped_quintic_are_its_derivatives() {
             .iter()
             .map(|t| t * unit)
             .collect();
-        let exact_piece = Quintic::joining(
+        let exact_piece = Quintic::between_knots(
             Knot {
                 t: 0.0,
                 x: 1.0,

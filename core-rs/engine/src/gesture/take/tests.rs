@@ -154,7 +154,7 @@ fn take_error_names_the_sample() {
         TakeError::NotRising {
             index: 2,
             t: 1.0,
-            before: 1.0
+            previous_t: 1.0
         }
     );
     assert!(matches!(

@@ -2,7 +2,7 @@
 
 use super::super::mesh::Mesh;
 use super::super::passes;
-use super::loops::{add_at_ends, advance_psi_run, springs};
+use super::loops::{add_at_ends, advance_psi_run, set_spring_terms};
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
 use crate::scheme::{ForceEnds, Spring};
@@ -10,7 +10,7 @@ use crate::scheme::{Kind, Run, largest_eigenvalue};
 
 /// The links, springs first, others after them.
 #[derive(Clone, Debug)]
-pub(super) struct Links {
+pub(super) struct IeqLinks {
     pub(super) runs: Vec<Spring>,
     /// β, how much of the linear springs is implicit: 0 to ¼.
     pub(super) beta: f64,
@@ -18,16 +18,20 @@ pub(super) struct Links {
 
 /// The state of the links.
 #[derive(Clone, Debug)]
-pub(super) struct State {
+pub(super) struct LinkStates {
     /// ψ = √(2V) half a step ago [√J]          (n_links)
     psi: Vec<f64>,
     /// dψ/de at the current frame              (n_links)
-    g: Vec<f64>,
+    psi_slopes: Vec<f64>,
     /// What the link adds to the system matrix: ½z + βk + ¼g²   (n_links)
-    pub(super) c: Vec<f64>,
+    pub(super) matrix_terms: Vec<f64>,
 }
 
-crate::archive::state!(State { psi, g, c });
+crate::archive::state!(LinkStates {
+    psi,
+    psi_slopes,
+    matrix_terms
+});
 
 /// Refuses a link whose energy has no closed form, or falls below its value at rest.
 pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Result<(), Error> {
@@ -84,7 +88,7 @@ pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Resul
 }
 
 /// λmax(M⁻¹K) of springs and ties, or an upper bound.
-pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> {
+pub(super) fn linear_lambda_max(mesh: &Mesh, network: &Network) -> Result<f64, Error> {
     let mut linear_scheme = mesh.scheme.clone();
     linear_scheme.runs.retain(|run| match &run.kind {
         Kind::Ref | Kind::Hardening(_) => true,
@@ -99,7 +103,7 @@ pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> 
     Ok(largest_eigenvalue(&linear_scheme, network, 0.0, super::EXPLICIT_LAMBDA_MAX)?.lambda)
 }
 
-impl Links {
+impl IeqLinks {
     pub(super) fn new(mesh: &Mesh, beta: f64) -> Self {
         let other_springs = mesh.other_runs.iter().map(|run| Spring {
             a: run.a,
@@ -117,24 +121,24 @@ impl Links {
         }
     }
 
-    pub(super) fn longest(&self) -> usize {
+    pub(super) fn longest_run(&self) -> usize {
         self.runs.iter().map(|run| run.len).max().unwrap_or(0)
     }
 
     /// State before frame 0: ψ half a step earlier, at the mean elongation of that step.
-    pub(super) fn start(&self, mesh: &Mesh, x: &[f64], d: &[f64]) -> State {
+    pub(super) fn initial_states(&self, mesh: &Mesh, x: &[f64], d: &[f64]) -> LinkStates {
         let n_links = self.runs.iter().map(|run| run.len).sum();
-        let mut ieq_state = State {
+        let mut ieq_state = LinkStates {
             psi: vec![0.0; n_links],
-            g: vec![0.0; n_links],
-            c: vec![0.0; n_links],
+            psi_slopes: vec![0.0; n_links],
+            matrix_terms: vec![0.0; n_links],
         };
-        self.begin(mesh, x, d, &mut ieq_state);
+        self.set_initial_states(mesh, x, d, &mut ieq_state);
         ieq_state
     }
 
     /// Set ψ and the constant part of c from the positions and last steps of the MATs.
-    pub(super) fn begin(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &mut State) {
+    pub(super) fn set_initial_states(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &mut LinkStates) {
         let mut run_start = 0;
         for (run_index, run) in self.runs.iter().enumerate() {
             for i in 0..run.len {
@@ -144,7 +148,7 @@ impl Links {
                     None => sqrt(0.5 * run.q) * (e * e),
                     Some(other) => psi(&mesh.other_runs[other], e),
                 };
-                state.c[run_start + i] = 0.5 * run.z + self.beta * run.k;
+                state.matrix_terms[run_start + i] = 0.5 * run.z + self.beta * run.k;
             }
             run_start += run.len;
         }
@@ -153,30 +157,30 @@ impl Links {
     /// Returns what the links' elastic parts add to the system matrix at the start (n_links), and adds it to
     /// `diagonal`.
     pub(super) fn elastic_matrix(&self, mesh: &Mesh, motion: [&[f64]; 2], diagonal: &mut [f64]) -> Vec<f64> {
-        let mut start_state = self.start(mesh, motion[0], motion[1]);
-        let (mut link_forces, mut right_side) = (vec![0.0; self.longest()], vec![0.0; diagonal.len()]);
+        let mut start_state = self.initial_states(mesh, motion[0], motion[1]);
+        let (mut link_forces, mut right_side) = (vec![0.0; self.longest_run()], vec![0.0; diagonal.len()]);
         let mut unused_side = right_side.clone();
         let both_sides = [&mut right_side[..], &mut unused_side[..]];
-        self.gather(mesh, motion, &mut start_state, &mut link_forces, both_sides);
+        self.add_explicit_forces(mesh, motion, &mut start_state, &mut link_forces, both_sides);
         let mut run_start = 0;
         for run in &self.runs {
-            let c = &mut start_state.c[run_start..run_start + run.len];
-            for (c, g) in c.iter_mut().zip(&start_state.g[run_start..]) {
+            let c = &mut start_state.matrix_terms[run_start..run_start + run.len];
+            for (c, g) in c.iter_mut().zip(&start_state.psi_slopes[run_start..]) {
                 *c = self.beta * run.k + 0.25 * g * g;
             }
             add_at_ends(c, run.a, run.b, diagonal);
             run_start += run.len;
         }
-        start_state.c
+        start_state.matrix_terms
     }
 
     /// Sets g and c of every link for the current frame; adds its explicit force to `right`, and c to the diagonal at
     /// both ends.
-    pub(super) fn gather(
+    pub(super) fn add_explicit_forces(
         &self,
         mesh: &Mesh,
         [x, d]: [&[f64]; 2],
-        state: &mut State,
+        state: &mut LinkStates,
         forces: &mut [f64],
         [right, diagonal]: [&mut [f64]; 2],
     ) {
@@ -184,10 +188,10 @@ impl Links {
         for (run_index, run) in self.runs.iter().enumerate() {
             let run_span = run_start..run_start + run.len;
             let run_forces = &mut forces[..run.len];
-            let (psi, g) = (&state.psi[run_span.clone()], &mut state.g[run_span.clone()]);
-            let c = &mut state.c[run_span];
+            let (psi, g) = (&state.psi[run_span.clone()], &mut state.psi_slopes[run_span.clone()]);
+            let c = &mut state.matrix_terms[run_span];
             match run_index.checked_sub(mesh.springs.len()) {
-                None => springs(run, self.beta, [x, d], psi, [g, c, run_forces]),
+                None => set_spring_terms(run, self.beta, [x, d], psi, [g, c, run_forces]),
                 Some(other) => {
                     let other = &mesh.other_runs[other];
                     for i in 0..run.len {
@@ -199,25 +203,29 @@ impl Links {
                     }
                 }
             }
-            passes::pull(run_forces, run.a, run.b, right);
+            passes::add_to_ends(run_forces, run.a, run.b, right);
             add_at_ends(c, run.a, run.b, diagonal);
             run_start += run.len;
         }
     }
 
     /// Advances ψ by one step, given the solution `s`.
-    pub(super) fn advance_psi(&self, s: &[f64], state: &mut State) {
+    pub(super) fn advance_psi(&self, s: &[f64], state: &mut LinkStates) {
         let mut run_start = 0;
         for run in &self.runs {
             let run_span = run_start..run_start + run.len;
             let end_slices = [&s[run.a..][..run.len], &s[run.b..][..run.len]];
-            advance_psi_run(&state.g[run_span.clone()], end_slices, &mut state.psi[run_span]);
+            advance_psi_run(
+                &state.psi_slopes[run_span.clone()],
+                end_slices,
+                &mut state.psi[run_span],
+            );
             run_start += run.len;
         }
     }
 
     /// Energy of all links half a step ago [J].
-    pub(super) fn energy(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &State) -> f64 {
+    pub(super) fn energy(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &LinkStates) -> f64 {
         let linear_energies = mesh.springs.iter().flat_map(|run| {
             (0..run.len).map(move |i| {
                 let (e, de) = elongation(run, x, d, i);
@@ -229,7 +237,7 @@ impl Links {
 
     /// Energy of the non-linear parts of all links [J]: once from ψ, once from their laws as the mean of this frame and
     /// the last.
-    pub(super) fn nonlinear_energies(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &State) -> (f64, f64) {
+    pub(super) fn nonlinear_energies(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &LinkStates) -> (f64, f64) {
         let quadratic = state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum();
         let numbered_runs = self.runs.iter().enumerate();
         let law_energies = numbered_runs.flat_map(|(run_index, run)| {

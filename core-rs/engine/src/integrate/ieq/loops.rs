@@ -6,7 +6,7 @@ use crate::scheme::Spring;
 
 wide! {
     /// g, c and the explicit force of a run of springs.
-    pub(super) fn springs(
+    pub(super) fn set_spring_terms(
         run: &Spring,
         beta: f64,
         motion: [&[f64]; 2],

@@ -27,7 +27,7 @@ fn everything() -> Network {
         ..soft_contact
     };
     network.but("stop", hammer_mat, 200, exact_contact).expect("a contact");
-    network.start(100, 1e-4, 0.7).expect("a start");
+    network.set_initial_motion(100, 1e-4, 0.7).expect("a start");
     network
 }
 
@@ -100,7 +100,7 @@ fn thread_team_steps_the_same_bits() {
     ] {
         let last_state = |threads: usize| {
             let mut integrator = by(&network, method, 1);
-            integrator.share(threads);
+            integrator.partition_for(threads);
             assert_eq!(integrator.is_shared(), threads > 1);
             crate::kernel::thread_team::with_denormals_flushed(|| {
                 ThreadTeam::with(threads, |team| {

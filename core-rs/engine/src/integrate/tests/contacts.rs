@@ -10,7 +10,7 @@ const HAMMER: f64 = 8e-3;
 fn struck(k: f64, exponent: f64, z: f64) -> Network {
     let mut network = row(20, 5e4, 0.0, 0.0);
     for i in 0..20 {
-        network.start(i, 0.0, 0.0).expect("a start");
+        network.set_initial_motion(i, 0.0, 0.0).expect("a start");
     }
     let hammer_mat = network.mas("hammer", HAMMER, -3e-4, 3.0).expect("a mass");
     let hammer_contact = But {

@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use super::super::conjugate::Conjugate;
+use super::super::conjugate::ConjugateGradients;
 use super::super::passes;
 use crate::chance::Chance;
 use crate::kernel::springs::{ForcePart, SpringPass};
@@ -116,7 +116,7 @@ fn conjugate_gradients_solve_banded_systems() {
         };
         let inverse: Vec<f64> = (0..n).map(|j| 1.0 / columns[j * (band + 1)]).collect();
         let mut solution = numbers(n, 6);
-        Conjugate::new(n).solve(&mut apply_matrix, &inverse, &y, &mut solution);
+        ConjugateGradients::new(n).solve(&mut apply_matrix, &inverse, &y, &mut solution);
         assert!(largest_error(&solution) < 1e-14);
     }
 }

@@ -31,7 +31,7 @@ fn undamped_row_converges_by_order_of_method() {
     for (method, error_limit) in MeshMethod::ALL.into_iter().zip(error_limit) {
         let errors = errors(&network, method, &exact_path);
         assert!(errors[0] < error_limit, "{method:?} {errors:?}");
-        let (slopes, method_order) = (slopes(&errors), f64::from(method.facts().order));
+        let (slopes, method_order) = (slopes(&errors), f64::from(method.properties().order));
         assert!(close(&slopes, method_order, 0.15), "{method:?} {slopes:?}");
     }
 }
@@ -71,7 +71,7 @@ fn cubic_links_converge_by_order_of_method() {
     let exact_path = finely(&network, FRAMES, &STRIKES);
     for method in [MeshMethod::Ca, MeshMethod::Ca2p, MeshMethod::Bm4, MeshMethod::Ieq] {
         let errors = errors(&network, method, &exact_path);
-        let method_order = f64::from(method.facts().order_nonlinear);
+        let method_order = f64::from(method.properties().order_nonlinear);
         let slopes = slopes(&errors);
         assert!(close(&slopes, method_order, 0.1), "{method:?} {errors:?} {slopes:?}");
     }

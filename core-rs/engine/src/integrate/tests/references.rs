@@ -134,7 +134,7 @@ pub(super) fn exactly_hung(network: &Network, frames: usize, strikes: &[(usize, 
     let mut shifted = network.clone();
     for i in 0..mat_count {
         shifted
-            .start(i, network_mats.x0[i] - equilibrium[i], network_mats.v0[i])
+            .set_initial_motion(i, network_mats.x0[i] - equilibrium[i], network_mats.v0[i])
             .expect("a start");
     }
     let mut hung_path = exactly(&shifted, frames, strikes);

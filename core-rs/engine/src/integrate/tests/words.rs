@@ -39,7 +39,10 @@ fn certificate_limits_by_method() {
         (MeshMethod::Bm4, maximum, StabilityGuarantee::Tried),
     ] {
         assert_eq!(
-            method.facts().limit.map(|limit| (limit * limit * 1e9).round()),
+            method
+                .properties()
+                .omega_step_max
+                .map(|limit| (limit * limit * 1e9).round()),
             Some((border * 1e9_f64).round())
         );
         let (stable_mass, unstable_mass) = (

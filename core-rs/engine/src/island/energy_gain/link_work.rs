@@ -52,7 +52,7 @@ impl SpaceWork {
 
     /// The work that the link took since the step before [J], if it pulls with `force` [N] now.
     fn step(&mut self, ends: (usize, usize), force: f64, body: &Body) -> f64 {
-        let (_, direction) = self.link.line(ends, |mat| body.x[mat]);
+        let (_, direction) = self.link.length_and_direction(ends, |mat| body.x[mat]);
         let mut step_work = 0.0;
         for (axis, direction) in direction.into_iter().enumerate().take(self.link.n_axes) {
             let (first_mat, second_mat) = self.link.pair(ends, axis);

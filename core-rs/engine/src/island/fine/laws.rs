@@ -182,7 +182,7 @@ impl Fine {
                 round_change = round_change.max((force - old_force).abs() - FORCE_TOLERANCE * force.abs());
                 if let Some(by) = law_now.bristle() {
                     let (_, v) = halfway(force);
-                    let bristle = by.halfway(law_now.bristle, v, part_length / law_now.rate());
+                    let bristle = by.midpoint_deflection(law_now.bristle, v, part_length / law_now.rate());
                     self.laws[law].bristle_at_end = 2.0 * bristle - law_now.bristle;
                 }
                 self.laws[law].force = [force; STAGES];

@@ -213,7 +213,14 @@ impl Block {
     /// Set the velocity of one mass at the first frame, to which it came in a step of that length [m].
     pub(super) fn set_velocity(&mut self, index: usize, step: f64) {
         let mat_count = self.state.len() / 2;
-        let pull_row = self.flow.flow.pull.entries.iter().skip(index).step_by(mat_count);
+        let pull_row = self
+            .flow
+            .flow
+            .position_pull
+            .entries
+            .iter()
+            .skip(index)
+            .step_by(mat_count);
         let spring_pull: f64 = pull_row.zip(&self.state[..mat_count]).map(|(a, u)| a * u).sum();
         self.state[mat_count + index] = step - spring_pull;
     }
@@ -222,9 +229,9 @@ impl Block {
     pub(super) fn set_velocities(&mut self, steps: &[f64]) {
         let (u, v) = self.state.split_at_mut(steps.len());
         v.fill(0.0);
-        dense::add_matrix_vector(&self.flow.flow.pull.entries, u, v);
+        dense::add_matrix_vector(&self.flow.flow.position_pull.entries, u, v);
         v.iter_mut().for_each(|v| *v = -*v);
-        dense::add_matrix_vector(&self.flow.flow.keep.entries, steps, v);
+        dense::add_matrix_vector(&self.flow.flow.velocity_factor.entries, steps, v);
     }
 
     /// End the block at this frame. [`Self::begin`] has to follow.
@@ -259,7 +266,7 @@ impl Block {
     /// Its energy at the first frame of the block [in units of a frame].
     pub(super) fn energy(&self, w: &[f64]) -> f64 {
         let (u, v) = self.state.split_at(w.len());
-        let columns = self.flow.flow.pull.entries.chunks_exact(w.len());
+        let columns = self.flow.flow.position_pull.entries.chunks_exact(w.len());
         let potential = columns.zip(u).map(|(column, x)| {
             let pull_terms = column.iter().zip(u).zip(w);
             x * pull_terms.map(|((pull, u), w)| u * pull / w).sum::<f64>()
@@ -273,16 +280,16 @@ impl Block {
 mod tests {
     use super::super::blocks::Interface;
     use super::*;
-    use crate::integrate::flow::{Flow, frame, row_of_three};
+    use crate::integrate::flow::{Flow, frame_map, row_of_three};
 
     /// A row of three masses; the last one may be struck.
     fn row_of_masses(n_frames: usize) -> Block {
         let (k, z) = row_of_three();
-        let frame_map = frame(&k, &z, false);
+        let frame_map = frame_map(&k, &z, false);
         let flow = Flow::new(&frame_map).unwrap();
         let mut moved_state = vec![0.0; 6];
         moved_state[5] = 1.0;
-        let missing = flow.missing(2, &frame_map.apply(&moved_state));
+        let missing = flow.push_deficit(2, &frame_map.times_vector(&moved_state));
         let interface = Interface {
             w: &[0.5, 0.25, 2.0],
             ports: vec![(0, None), (2, Some(missing))],

@@ -6,7 +6,7 @@
 //! Pᴮ·s + Σ Pᴮ⁻ʲ·b·input. The result is that of every frame, to rounding, for any number B of frames in a block.
 
 use crate::integrate::flow::Flow;
-use crate::integrate::square::Square;
+use crate::integrate::square::SquareMatrix;
 use crate::interrupt;
 
 /// Most masses that hang together.
@@ -22,8 +22,8 @@ pub(crate) type Weights = Vec<(usize, f64)>;
 pub(crate) struct BlockFlow {
     pub(crate) flow: Flow,
     /// P   (2n, 2n), and its power for a block
-    pub(super) frame: Square,
-    pub(super) block: Square,
+    pub(super) frame: SquareMatrix,
+    pub(super) block: SquareMatrix,
     /// The step that led to each displacement, from displacements and velocities   (n, 2n)
     pub(super) steps: Vec<f64>,
     /// B
@@ -70,8 +70,8 @@ pub(crate) fn best_block(n: usize, n_ports: usize) -> usize {
 
 impl BlockFlow {
     pub(crate) fn new(flow: Flow, interface: Interface<'_>, n_frames: usize) -> Self {
-        let mat_count = flow.keep.n;
-        let frame = flow.joined();
+        let mat_count = flow.velocity_factor.n;
+        let frame = flow.frame_map();
         let Interface { w, ports, outputs } = interface;
         let mut seen: Vec<Weights> = ports.iter().map(|port| vec![(port.0, 1.0)]).collect();
         seen.extend(outputs);
@@ -90,7 +90,7 @@ impl BlockFlow {
         for &(port, _) in &ports {
             let mut pushed_state = vec![0.0; 2 * mat_count];
             pushed_state[mat_count + port] = w[port];
-            let block_input = block_flow.input(block_flow.frame.apply(&pushed_state));
+            let block_input = block_flow.input(block_flow.frame.times_vector(&pushed_state));
             block_flow.inputs.push(block_input);
         }
         for (index, (port, missing)) in ports.into_iter().enumerate() {
@@ -142,7 +142,7 @@ impl BlockFlow {
             }
             let block_column = n_frames - 1 - k;
             end[block_column * n_state..][..n_state].copy_from_slice(&moved_state);
-            moved_state = self.frame.apply(&moved_state);
+            moved_state = self.frame.times_vector(&moved_state);
         }
         Input { state, seen, end }
     }
@@ -173,10 +173,10 @@ fn weighted(weights: &[(usize, f64)], x: &[f64]) -> f64 {
 /// The map from displacements and velocities to the steps that led there: B⁻¹·(v + A·u); the velocities themselves if B
 /// has no inverse, as when a damper stops a mass within a frame.
 fn steps(flow: &Flow) -> Vec<f64> {
-    let mat_count = flow.keep.n;
-    let identity = Square::identity(mat_count);
-    match identity.over(&flow.keep) {
-        Some(inverse) => [inverse.times(&flow.pull).entries, inverse.entries].concat(),
+    let mat_count = flow.velocity_factor.n;
+    let identity = SquareMatrix::identity(mat_count);
+    match identity.times_inverse(&flow.velocity_factor) {
+        Some(inverse) => [inverse.times(&flow.position_pull).entries, inverse.entries].concat(),
         None => [vec![0.0; mat_count * mat_count], identity.entries].concat(),
     }
 }

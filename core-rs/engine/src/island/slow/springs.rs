@@ -67,7 +67,7 @@ impl RunningSprings {
             Self::Exact(block) => {
                 let pairs = slow.x0.iter().zip(&slow.rest);
                 let displacements: Vec<f64> = pairs.map(|(x, rest)| x - rest).collect();
-                block.flow().flow.start(&displacements, &slow.v0)
+                block.flow().flow.start_velocities(&displacements, &slow.v0)
             }
             Self::Stepped(stepped) => {
                 let mut velocity_after = slow.v0.clone();

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::gesture::placed::Placed;
-use crate::gesture::script::{Gesture, Stretch};
+use crate::gesture::placed::PlacedPath;
+use crate::gesture::script::{Gesture, GestureSegment};
 use crate::units::{floor_frame, score_frame};
 
 /// An instant this close before a frame [frames] falls on it: dividing beats by a tempo leaves such a rounding error.
@@ -17,7 +17,7 @@ const KNOT_SLACK: f64 = 1e-6;
 #[derive(Clone, Debug)]
 pub(crate) enum Leg {
     /// Follow a path; the targets end with `last`. After a throw one strike leads onto it, by frame `entered`.
-    Path { path: Placed, entered: u64, last: u64 },
+    Path { path: PlacedPath, entered: u64, last: u64 },
     /// One strike at frame `from`, then free until the key passes `x` at frame `to`.
     Throw { from: u64, to: u64, x: f64 },
 }
@@ -51,17 +51,17 @@ impl FramedGesture {
     ///
     /// Throws and grains strike and land where frames of the score begin: at the same instants at every oversampling.
     pub(crate) fn new(gesture: &Arc<Gesture>, rate: f64, oversampling: u32) -> Self {
-        let (start_time, join_time) = (gesture.start, gesture.manner.join);
+        let (start_time, join_time) = (gesture.start, gesture.manner.join_seconds);
         let frame_at = |t: f64| score_frame(t, rate, oversampling);
         let last = |t: f64| match gesture.manner.grain {
             None => last_frame(t, rate),
             Some(_) => last_score_frame(t, rate, oversampling),
         };
         let mut first = last(start_time);
-        let mut legs: Vec<Leg> = Vec::with_capacity(gesture.stretches.len());
-        for stretch in &gesture.stretches {
+        let mut legs: Vec<Leg> = Vec::with_capacity(gesture.segments.len());
+        for stretch in &gesture.segments {
             let framed_leg = match *stretch {
-                Stretch::Path { ref path, stop } => Leg::Path {
+                GestureSegment::Path { ref path, stop } => Leg::Path {
                     path: path.clone(),
                     entered: match legs.last() {
                         Some(Leg::Throw { to, .. }) if oversampling > 1 => to + u64::from(oversampling),
@@ -69,7 +69,12 @@ impl FramedGesture {
                     },
                     last: last(stop),
                 },
-                Stretch::Throw { from, to, x, .. } => {
+                GestureSegment::Throw {
+                    strike_instant: from,
+                    arrival_instant: to,
+                    arrival_position: x,
+                    ..
+                } => {
                     let (from, to) = (frame_at(from), frame_at(to));
                     // Rounded to a frame of the score, the strike may come before the end of the path: the path then
                     // ends at the strike.

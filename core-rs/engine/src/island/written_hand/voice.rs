@@ -13,7 +13,7 @@ use super::free::{Buffers, FreeKey, FreeMotion};
 use super::particle::Flight;
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::gesture::quintic::Knot;
-use crate::gesture::report::Report;
+use crate::gesture::report::GestureReport;
 use crate::gesture::script::Touch;
 use crate::island::inside;
 use crate::island::record::Stream;
@@ -119,7 +119,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) body: &'a mut Body,
     pub(crate) targets: &'a mut Vec<Target>,
     pub(crate) gestures: &'a [FramedGesture],
-    pub(crate) reports: &'a mut [Report],
+    pub(crate) reports: &'a mut [GestureReport],
     pub(crate) stream: &'a mut Stream,
     pub(crate) bodies: &'a mut [inside::RunningBody],
     /// Sum of the deviations that layers add to each key [m]   (n_keys)
@@ -176,7 +176,7 @@ impl Voice {
     }
 
     /// Compute a frame in which it does nothing to the key, with the same result as [`Self::step`].
-    pub(crate) fn step_idle(&mut self, script: &VoiceScript, reports: &mut [Report], n: u64) {
+    pub(crate) fn step_idle(&mut self, script: &VoiceScript, reports: &mut [GestureReport], n: u64) {
         self.report_range(script, reports);
         if self.buffers.has_only_flow {
             return FreeKey::flow(&mut self.free);
@@ -275,19 +275,23 @@ impl Voice {
         if !self.asked.is_nan() && !script.is_layer {
             let wanted_position = self.asked + scene.layers[script.key];
             let deviation = (scene.body.x[script.struck] - wanted_position).abs();
-            report.square += deviation * deviation;
-            report.compared += 1;
+            report.squared_deviation_sum += deviation * deviation;
+            report.n_compared_frames += 1;
             report.stop = n as f64 / scene.scheme.rate;
-            if deviation > report.worst {
-                (report.worst, report.worst_at) = (deviation, report.stop);
-                report.pushed_by = script.pushed_by(scene.body);
+            if deviation > report.deviation_max {
+                (report.deviation_max, report.deviation_max_instant) = (deviation, report.stop);
+                report.pushed_by_mat = script.pushed_by(scene.body);
             }
         }
     }
 
     /// Add the free key's position to the report of the gesture that runs or ran last; returns that report, if there is
     /// one.
-    fn report_range<'a>(&self, script: &VoiceScript, reports: &'a mut [Report]) -> Option<&'a mut Report> {
+    fn report_range<'a>(
+        &self,
+        script: &VoiceScript,
+        reports: &'a mut [GestureReport],
+    ) -> Option<&'a mut GestureReport> {
         let running_gesture = self.running.as_ref().map(|running| running.gesture);
         let last_gesture = || {
             self.begun
@@ -296,8 +300,8 @@ impl Voice {
         };
         let report = &mut reports[running_gesture.or_else(last_gesture)?];
         let free_position = self.free.body.x[script.free.struck];
-        report.low = report.low.min(free_position);
-        report.high = report.high.max(free_position);
+        report.position_min = report.position_min.min(free_position);
+        report.position_max = report.position_max.max(free_position);
         Some(report)
     }
 

@@ -4,7 +4,7 @@
 use super::contact::TouchingPair;
 use super::{Pair, Quad};
 use crate::maths::wide::wide;
-use crate::network::{AXES_MAX, PairRun, SpaceLaw, difference, line};
+use crate::network::{AXES_MAX, PairRun, SpaceLaw, difference, length_and_unit_vector};
 use crate::state::ContactHistory;
 
 /// Number of pairs in a batch: its arrays fit into the first-level cache.
@@ -51,7 +51,7 @@ impl Batch {
         }
     }
 
-    /// Add the forces of those pairs that touch, of at most `BATCH` pairs: by the law of a run with K and Z in
+    /// Add the forces of those pairs that touch, of at most `BATCH_PAIRS` pairs: by the law of a run with K and Z in
     /// `k_and_z`, and by its friction.
     pub(super) fn add_forces(
         &mut self,
@@ -170,13 +170,13 @@ impl Batch {
 
 wide! {
     /// Turns vectors between ends into unit vectors, and computes distances − rest.
-    fn set_directions_and_elongations(rest: f64, apart: [&mut [f64]; AXES_MAX], e: &mut [f64]) {
+    fn set_directions_and_elongations(rest: f64, offsets: [&mut [f64]; AXES_MAX], e: &mut [f64]) {
         let n = e.len();
-        let [x, y, z] = apart;
+        let [x, y, z] = offsets;
         let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
         for i in 0..n {
             let length;
-            (length, [x[i], y[i], z[i]]) = line([x[i], y[i], z[i]]);
+            (length, [x[i], y[i], z[i]]) = length_and_unit_vector([x[i], y[i], z[i]]);
             e[i] = length - rest;
         }
     }

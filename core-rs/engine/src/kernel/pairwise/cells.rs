@@ -69,8 +69,8 @@ impl Cells {
         true
     }
 
-    /// Append the pairs of point `i` with those points of a range of cells, from point `least` on, that are within
-    /// `reach`.
+    /// Append the pairs of point `i` with those points of a range of cells, from point `first_candidate` on, that are
+    /// within `reach`.
     #[inline(always)]
     fn append_near(
         &self,

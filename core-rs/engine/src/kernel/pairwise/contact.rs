@@ -23,15 +23,18 @@ impl TouchingPair {
     /// The friction of the pair, given K and Z of its contact; without a force if the contact only pulls.
     #[inline(always)]
     pub(crate) fn sliding(&self, pairs: &Pairwise, [k, z]: [f64; 2]) -> Sliding {
-        let pressed = pairs.link.law.pressed(k, self.elongation, self.elastic_force);
+        let pressed = pairs
+            .link
+            .law
+            .stiffness_and_pull(k, self.elongation, self.elastic_force);
         let (normal_force, contact_stiffness) =
             pressed.map_or((0.0, 1.0), |[k, pull]| ((pull - self.force).max(0.0), k));
         Sliding {
             limit: pairs.friction * normal_force,
-            by: [contact_stiffness, z],
-            apart: self.offset,
-            along: self.direction,
-            moved: self.relative_step,
+            k_and_z: [contact_stiffness, z],
+            offset: self.offset,
+            direction: self.direction,
+            relative_step: self.relative_step,
         }
     }
 
@@ -43,8 +46,8 @@ impl TouchingPair {
         points: [u32; 2],
         history: &mut ContactHistory,
     ) -> Vector {
-        let (friction_force, anchor) = self.sliding(pairs, k_and_z).force(history.anchor(points));
-        history.keep(points, anchor);
+        let (friction_force, anchor) = self.sliding(pairs, k_and_z).force(history.next_anchor(points));
+        history.store(points, anchor);
         friction_force
     }
 }

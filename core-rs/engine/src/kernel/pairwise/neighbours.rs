@@ -41,7 +41,8 @@ pub(crate) struct Neighbours {
     /// Ranges that contain every point of the short list: only these are followed and pushed in each frame. Of a skin
     /// on which a few beads lie, they are a small part.
     active_ranges: Vec<Range<usize>>,
-    /// Whether a point is in the short list, and the square of the distance that it moved since the list was selected [m²]   (n each)
+    /// Whether a point is in the short list, and the square of the distance that it moved since the list was selected
+    /// [m²]   (n each)
     is_active: Vec<bool>,
     squared_distances: Vec<f64>,
     batch: Batch,
@@ -58,11 +59,11 @@ impl Neighbours {
         let pairs = &run.pairs;
         if !pairs.is_searched() {
             return Self {
-                may_touch_wall: vec![true; run.n],
+                may_touch_wall: vec![true; run.n_second],
                 ..Self::default()
             };
         }
-        let point_count = pairs.n_points(run.n);
+        let point_count = pairs.n_points(run.n_second);
         let zeroed_quads = || vec![Quad::default(); point_count];
         Self {
             positions: zeroed_quads(),
@@ -99,11 +100,11 @@ impl Neighbours {
         let pairs = &run.pairs;
         if !pairs.is_searched() {
             for first in 0..pairs.n_first {
-                for second in pairs.others(first, run.n) {
+                for second in pairs.partners(first, run.n_second) {
                     let pair_ends = (run.a + first, run.b + second);
-                    let (pair_distance, direction) = pairs.link.line(pair_ends, &x);
+                    let (pair_distance, direction) = pairs.link.length_and_direction(pair_ends, &x);
                     let elongation = pair_distance - run.rest;
-                    if pairs.link.law.acts(elongation) {
+                    if pairs.link.law.acts_at(elongation) {
                         visit(pair_ends, elongation, direction);
                     }
                 }
@@ -227,13 +228,10 @@ impl Neighbours {
     /// Add the forces to `force` (n_mat), and set `pushes` to the sum of the pair forces on each point of the second
     /// group [N]   (run.n).
     pub(super) fn add_forces(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
-        let PointForces {
-            on_first: first,
-            on_second: second,
-        } = &self.forces;
+        let PointForces { on_first, on_second } = &self.forces;
         for (group, first_mats) in point_groups(run) {
             for range in clipped_to(&self.active_ranges, &group) {
-                let zipped_forces = || first[range.clone()].iter().zip(&second[range.clone()]);
+                let zipped_forces = || on_first[range.clone()].iter().zip(&on_second[range.clone()]);
                 for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
                     let point_forces = force[first_mat + range.start - group.start..].iter_mut();
                     for (force, (first, second)) in point_forces.zip(zipped_forces()) {
@@ -242,10 +240,10 @@ impl Neighbours {
                 }
             }
         }
-        let reported_points = first.len() - pushes.len()..first.len();
+        let reported_points = on_first.len() - pushes.len()..on_first.len();
         pushes.fill(0.0);
         for range in clipped_to(&self.active_ranges, &reported_points) {
-            let zipped_forces = first[range.clone()].iter().zip(&second[range.clone()]);
+            let zipped_forces = on_first[range.clone()].iter().zip(&on_second[range.clone()]);
             for (push, (first, second)) in pushes[range.start - reported_points.start..]
                 .iter_mut()
                 .zip(zipped_forces)
@@ -285,7 +283,7 @@ fn point_groups(run: &PairRun) -> [(Range<usize>, [usize; AXES_MAX]); 2] {
         let axis_pairs: [(usize, usize); AXES_MAX] = std::array::from_fn(coordinates);
         (axis_pairs.map(|ends| ends.0), axis_pairs.map(|ends| ends.1))
     };
-    let second_group = *n_first..run.pairs.n_points(run.n);
+    let second_group = *n_first..run.pairs.n_points(run.n_second);
     [(0..*n_first, a_point_mats), (second_group, b_point_mats)]
 }
 

@@ -26,23 +26,25 @@ pub(super) fn add_wall_forces(
     pushes.fill(0.0);
     let mut add_pair = |first: usize, second: usize| {
         let pair_ends = (run.a + first, run.b + second);
-        let (pair_distance, along) = link.line(pair_ends, |mat| x[mat]);
-        let e = pair_distance - run.rest;
-        if !link.law.acts(e) {
+        let (pair_distance, direction) = link.length_and_direction(pair_ends, |mat| x[mat]);
+        let elongation = pair_distance - run.rest;
+        if !link.law.acts_at(elongation) {
             return;
         }
-        let stretch_step = link.stretch(pair_ends, along, |mat| d[mat]);
-        let elastic = link.law.elastic(k_and_z[0], e);
-        let f = link.law.damped([k_and_z[0], e], elastic, k_and_z[1] * stretch_step);
-        let mut pair_force_vector = along.map(|along| f * along);
+        let stretch_step = link.length_step(pair_ends, direction, |mat| d[mat]);
+        let elastic_force = link.law.elastic(k_and_z[0], elongation);
+        let force = link
+            .law
+            .damped([k_and_z[0], elongation], elastic_force, k_and_z[1] * stretch_step);
+        let mut pair_force_vector = direction.map(|along| force * along);
         if pairs.friction > 0.0 {
             let contact = TouchingPair {
-                elongation: e,
-                force: f,
-                elastic_force: elastic,
-                direction: along,
-                offset: link.between(pair_ends, |mat| x[mat]),
-                relative_step: link.between(pair_ends, |mat| d[mat]),
+                elongation,
+                force,
+                elastic_force,
+                direction,
+                offset: link.offset_between(pair_ends, |mat| x[mat]),
+                relative_step: link.offset_between(pair_ends, |mat| d[mat]),
             };
             let friction_force = contact.friction_force(pairs, k_and_z, run.points(pair_ends), history);
             pair_force_vector = std::array::from_fn(|axis| pair_force_vector[axis] + friction_force[axis]);
@@ -54,15 +56,17 @@ pub(super) fn add_wall_forces(
         }
         // Within one group, half the force of each pair counts for each of its points.
         if pairs.is_within {
-            pushes[first] += 0.5 * f;
-            pushes[second] += 0.5 * f;
+            pushes[first] += 0.5 * force;
+            pushes[second] += 0.5 * force;
         } else {
-            pushes[second] += f;
+            pushes[second] += force;
         }
     };
     for first in 0..pairs.n_first {
         if !link.law.is_contact() {
-            pairs.others(first, run.n).for_each(|second| add_pair(first, second));
+            pairs
+                .partners(first, run.n_second)
+                .for_each(|second| add_pair(first, second));
             continue;
         }
         select_touchable(run, first, x, may_touch);
@@ -83,7 +87,7 @@ fn select_touchable(run: &PairRun, first: usize, x: &[f64], may_touch: &mut [boo
     let coordinates = |axis: usize| link.pair((run.a + first, run.b), axis.min(link.n_axes - 1));
     let axis_ends: [(usize, usize); AXES_MAX] = std::array::from_fn(coordinates);
     let wall_position = axis_ends.map(|(a, _)| x[a]);
-    let point_positions = axis_ends.map(|(_, b)| &x[b..b + run.n]);
+    let point_positions = axis_ends.map(|(_, b)| &x[b..b + run.n_second]);
     let depth_factor = if link.n_axes == AXES_MAX { 1.0 } else { 0.0 };
     let squared_rest = run.rest * run.rest;
     match &link.measure {

@@ -1,6 +1,7 @@
 //! Forces of springs one link after the other, for meshes in which runs are single links.
 //!
-//! Every force has the operations of [`super::total`], and every MAT the order of its sums: the bits are the same.
+//! Every force has the operations of [`super::add_total_forces`], and every MAT the order of its sums: the bits are the
+//! same.
 
 use super::ForcePart;
 use crate::maths::wide::wide;

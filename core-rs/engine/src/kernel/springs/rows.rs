@@ -1,8 +1,8 @@
 //! Where each spring of a mesh writes its force, and which forces are summed at each MAT: made once for a mesh.
 //!
 //! One array holds the forces of all links, run after run, with zeros between the runs. A block is up to eight MATs;
-//! where a run that pulls on some of them does not reach the others, the sum reads zeros. A row is a series of adjacent blocks
-//! on which the same runs pull. It is summed in registers: a load for each run, and one store.
+//! where a run that pulls on some of them does not reach the others, the sum reads zeros. A row is a series of adjacent
+//! blocks on which the same runs pull. It is summed in registers: a load for each run, and one store.
 
 use std::ops::Range;
 
@@ -15,8 +15,8 @@ pub(super) const PADDING: usize = 8;
 const TILE_LINKS: usize = 1_024;
 /// What a block of MATs costs beside its terms [terms].
 const BLOCK_COST: usize = 3;
-/// Largest number of links of a mesh. Beyond it the array of forces fills the second cache: springs in one pass are as fast or, at
-/// 290,000 links, faster by 1.2.
+/// Largest number of links of a mesh. Beyond it the array of forces fills the second cache: springs in one pass are as
+/// fast or, at 290,000 links, faster by 1.2.
 const LINKS_MAX: usize = 65_536;
 
 /// Forces of [`PADDING`] links, as one cache line.
@@ -90,9 +90,9 @@ impl Rows {
 
     /// [`Self::new`] for any springs.
     pub(super) fn for_any_springs(springs: &[Spring], mat_count: usize) -> Self {
-        let (mut places, mut force_count) = (Vec::with_capacity(springs.len()), PADDING);
+        let (mut run_places, mut force_count) = (Vec::with_capacity(springs.len()), PADDING);
         for &Spring { a, b, len, .. } in springs {
-            places.push(RunPlace {
+            run_places.push(RunPlace {
                 a,
                 b,
                 len,
@@ -108,7 +108,7 @@ impl Rows {
             terms: Vec::new(),
             rows: Vec::new(),
             tiles: Vec::new(),
-            run_places: places,
+            run_places,
         };
         let pulling_ends = PullingEnds::new(springs, mat_count);
         let mut row: Option<(Range<usize>, Vec<usize>)> = None;

@@ -237,9 +237,9 @@ impl<const PART: u8, const HARDENS: bool> ForceFormula<PART, HARDENS> {
     }
 }
 
-/// Sum the terms of N vectors of MATs; `last` numbers of the last one are written.
+/// Sum the terms of N vectors of MATs; `n_last` numbers of the last one are written.
 #[inline(always)]
-unsafe fn sum_vectors<V: Vector, const N: usize>(terms: &[RunTerm], forces: *const f64, sums: *mut f64, last: usize) {
+unsafe fn sum_vectors<V: Vector, const N: usize>(terms: &[RunTerm], forces: *const f64, sums: *mut f64, n_last: usize) {
     // SAFETY: see `set_forces`.
     unsafe {
         let mut mat_sums = [V::splat(0.0); N];
@@ -252,7 +252,7 @@ unsafe fn sum_vectors<V: Vector, const N: usize>(terms: &[RunTerm], forces: *con
         for (i, mat_sum) in mat_sums[..N - 1].iter().enumerate() {
             mat_sum.store(sums.add(i * V::WIDTH));
         }
-        mat_sums[N - 1].store_first(sums.add((N - 1) * V::WIDTH), last);
+        mat_sums[N - 1].store_first(sums.add((N - 1) * V::WIDTH), n_last);
     }
 }
 
@@ -295,12 +295,12 @@ unsafe fn set_forces<V: Vector, const PART: u8>(
                 }
                 let (forces, sums) = (forces.wrapping_add(mat), sums.add(mat));
                 let vectors = n_left.div_ceil(V::WIDTH);
-                let last = n_left - (vectors - 1) * V::WIDTH;
+                let n_last = n_left - (vectors - 1) * V::WIDTH;
                 match vectors {
-                    1 => sum_vectors::<V, 1>(terms, forces, sums, last),
-                    2 => sum_vectors::<V, 2>(terms, forces, sums, last),
-                    3 => sum_vectors::<V, 3>(terms, forces, sums, last),
-                    _ => sum_vectors::<V, 4>(terms, forces, sums, last),
+                    1 => sum_vectors::<V, 1>(terms, forces, sums, n_last),
+                    2 => sum_vectors::<V, 2>(terms, forces, sums, n_last),
+                    3 => sum_vectors::<V, 3>(terms, forces, sums, n_last),
+                    _ => sum_vectors::<V, 4>(terms, forces, sums, n_last),
                 }
             }
         }

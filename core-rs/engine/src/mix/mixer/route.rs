@@ -4,9 +4,9 @@ use thiserror::Error;
 
 use crate::archive::{Archive, Damaged, State};
 use crate::mix::curve::Curve;
-use crate::mix::delay::{Delay, Echo};
+use crate::mix::delay::{DelayLine, Echo};
 use crate::mix::filter::{Filter, FilterKind};
-use crate::mix::glide::Glide;
+use crate::mix::glide::GainGlide;
 use crate::mix::room::RoomError;
 use crate::section::Section;
 
@@ -72,7 +72,7 @@ pub enum RouteError {
     /// An echo that does not fall, or that comes later than the delay.
     #[error(
         "an echo must come after 1 frame at least and the route's delay at most, with a ratio between -1 and 1; \
-         here {} frames and {}", .0.frames, .0.ratio
+         here {} frames and {}", .0.delay_frames, .0.feedback_ratio
     )]
     Echo(Echo),
     /// The number of frozen outputs differs from the number of outputs that they replace.
@@ -90,7 +90,7 @@ pub enum RouteError {
 
 /// Where a route leads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum To {
+pub enum RouteTarget {
     /// A channel.
     Channel(usize),
     /// A room, by the index that [`Mixer::room`](super::Mixer::room) returns.
@@ -99,14 +99,14 @@ pub enum To {
 
 /// What a route does to its signal besides the gain.
 #[derive(Clone, Debug, Default)]
-pub struct Treatment {
+pub struct RouteTreatment {
     /// Whether the square of the signal is heard; everything else acts on the square.
     pub is_squared: bool,
     /// Filters, one after the other.
-    pub tones: Vec<FilterKind>,
+    pub filters: Vec<FilterKind>,
     /// Delay [frames].
     pub delay: usize,
-    /// What of the delay goes into it again.
+    /// The feedback of the delay.
     pub echo: Option<Echo>,
     /// A gain over the frames of the piece.
     pub curve: Option<Curve>,
@@ -114,28 +114,29 @@ pub struct Treatment {
 
 #[derive(Clone, Debug)]
 pub(super) struct Route {
-    pub(super) out: usize,
-    pub(super) to: To,
+    pub(super) output: usize,
+    pub(super) target: RouteTarget,
     pub(super) group: usize,
     pub(super) gain: f64,
     pub(super) is_squared: bool,
     pub(super) filters: Box<[Filter]>,
-    pub(super) delay: Option<Delay>,
+    pub(super) delay: Option<DelayLine>,
     pub(super) curve: Option<Curve>,
     /// Index of the curve among those that the mixer computes for all routes.
     pub(super) shared_curve: Option<usize>,
     /// A factor that glides since a takeover.
-    pub(super) fade: Option<Glide>,
+    pub(super) fade: Option<GainGlide>,
     /// A factor of what goes into the delay, which glides from 0 since a takeover: else the echoes of the beginning
     /// would be heard as steps.
-    pub(super) entry: Option<Glide>,
+    pub(super) entry_glide: Option<GainGlide>,
     /// A gain added to its own, which glides to 0 since a takeover; used where a factor cannot lead to the new gain.
-    pub(super) residual_gain: Option<Glide>,
-    /// Whether its filters give what those of the route before it give, for they hear the same in the same state.
-    pub(super) repeats: bool,
+    pub(super) residual_gain: Option<GainGlide>,
+    /// Whether its filters have the same input and the same state as those of the route before it, so that their output
+    /// is the same.
+    pub(super) repeats_previous: bool,
 }
 
-/// What it hears and remembers, without fades.
+/// The state of its filters and its delay, without fades.
 impl State for Route {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         self.filters[..].archive(archive)?;
@@ -148,13 +149,13 @@ impl Route {
     pub(super) fn new(
         rate: f64,
         [out, group]: [usize; 2],
-        to: To,
+        target: RouteTarget,
         gain: f64,
-        treatment: Treatment,
+        treatment: RouteTreatment,
     ) -> Result<Self, RouteError> {
-        let Treatment {
+        let RouteTreatment {
             is_squared,
-            tones,
+            filters: tones,
             delay,
             echo,
             curve,
@@ -162,49 +163,51 @@ impl Route {
         if !gain.is_finite() {
             return Err(RouteError::Gain(gain));
         }
-        tones.iter().try_for_each(|tone| check_tone(tone, rate))?;
+        tones.iter().try_for_each(|tone| check_filter(tone, rate))?;
         if delay > DELAY_MAX {
             return Err(RouteError::Delay(delay));
         }
-        let echo_falls = |echo: &Echo| (1..=delay).contains(&echo.frames) && -1.0 < echo.ratio && echo.ratio < 1.0;
+        let echo_falls = |echo: &Echo| {
+            (1..=delay).contains(&echo.delay_frames) && -1.0 < echo.feedback_ratio && echo.feedback_ratio < 1.0
+        };
         if let Some(echo) = echo.filter(|echo| !echo_falls(echo)) {
             return Err(RouteError::Echo(echo));
         }
         Ok(Self {
-            out,
-            to,
+            output: out,
+            target,
             group,
             gain,
             is_squared,
             filters: tones.into_iter().map(|tone| Filter::new(tone, rate)).collect(),
-            delay: (delay > 0).then(|| Delay::echoing(delay, echo)),
+            delay: (delay > 0).then(|| DelayLine::with_echo(delay, echo)),
             curve,
             shared_curve: None,
             fade: None,
-            entry: None,
+            entry_glide: None,
             residual_gain: None,
-            repeats: false,
+            repeats_previous: false,
         })
     }
 
     /// Whether the route has the same structure as `old_route` of an old mixer, whose output is now `out`; values may
     /// differ.
-    pub(super) fn is_like(&self, old_route: &Self, out: Option<usize>) -> bool {
-        (out, old_route.to, old_route.group) == (Some(self.out), self.to, self.group)
+    pub(super) fn has_structure_of(&self, old_route: &Self, out: Option<usize>) -> bool {
+        (out, old_route.target, old_route.group) == (Some(self.output), self.target, self.group)
             && self.is_squared == old_route.is_squared
             && self.delay.is_some() == old_route.delay.is_some()
-            && self.filters_match(old_route, Filter::is_of_kind)
+            && self.filters_match(old_route, Filter::is_same_kind)
     }
 
     /// Whether it continues `old_route` without a step: only gains differ.
-    pub(super) fn continues(&self, old_route: &Self, out: Option<usize>) -> bool {
+    pub(super) fn is_continuation_of(&self, old_route: &Self, out: Option<usize>) -> bool {
         let delay_and_echo = |route: &Self| {
             let delay = route.delay.as_ref();
             delay.map(|delay| (delay.length(), delay.echo()))
         };
-        self.is_like(old_route, out)
+        self.has_structure_of(old_route, out)
             && delay_and_echo(self) == delay_and_echo(old_route)
-            && self.filters_match(old_route, Filter::has_same_values)
+            && self.filters_match(old_route, Filter::is_equal)
     }
 
     /// Whether the filters of both are as many, and `agree` one by one.
@@ -214,8 +217,8 @@ impl Route {
     }
 
     /// Frames by which it delays.
-    pub(super) fn lag(&self) -> usize {
-        self.delay.as_ref().map_or(0, Delay::length)
+    pub(super) fn delay_frames(&self) -> usize {
+        self.delay.as_ref().map_or(0, DelayLine::length)
     }
 
     /// Continue with the state of filters and delay of a route that is like it. Allocates nothing.
@@ -229,36 +232,36 @@ impl Route {
 
     /// Whether it has faded out.
     pub(super) fn has_faded_out(&self, frame: u64) -> bool {
-        self.fade.is_some_and(|fade| fade.steady(frame) == Some(0.0))
+        self.fade.is_some_and(|fade| fade.constant_gain(frame) == Some(0.0))
     }
 
     /// Its gain at a frame of the piece, without fades.
     pub(super) fn gain_at(&self, frame: u64) -> f64 {
-        self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.value(frame))
+        self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.gain_at(frame))
     }
 
     /// Its gain at a frame of the piece, with fades.
     pub(super) fn faded_gain_at(&self, frame: u64) -> f64 {
-        let fade = self.fade.map_or(1.0, |fade| fade.value(frame));
-        self.gain_at(frame) * fade + self.residual_gain.map_or(0.0, |glide| glide.value(frame))
+        let fade = self.fade.map_or(1.0, |fade| fade.gain_at(frame));
+        self.gain_at(frame) * fade + self.residual_gain.map_or(0.0, |glide| glide.gain_at(frame))
     }
 
     /// Glide from one factor of its gain to another.
-    pub(super) fn fade(&mut self, rate: f64, from: f64, to: f64) {
-        self.fade = Some(Glide::between(rate, from, to));
+    pub(super) fn set_fade(&mut self, rate: f64, from: f64, to: f64) {
+        self.fade = Some(GainGlide::between(rate, from, to));
     }
 
-    /// Whether its filters hear the same as those of another route, and are in the same state.
+    /// Whether its filters have the same input as those of another route, and the same state.
     pub(super) fn has_same_input_as(&self, other: &Self) -> bool {
-        (self.out, self.is_squared) == (other.out, other.is_squared)
+        (self.output, self.is_squared) == (other.output, other.is_squared)
             && self.filters_match(other, |filter, other| {
-                filter.has_same_values(other) && filter.has_same_state(other)
+                filter.is_equal(other) && filter.has_same_state(other)
             })
     }
 
     /// Make samples of its output ready for its filters. A sample that is not finite counts as 0 for a filter: it would
     /// keep the channel silent long after its cause was muted.
-    pub(super) fn prepare(&self, signal: &mut [f64]) {
+    pub(super) fn prepare_input(&self, signal: &mut [f64]) {
         if self.is_squared {
             signal.iter_mut().for_each(|x| *x *= *x);
         }
@@ -271,7 +274,7 @@ impl Route {
 
     /// The section of its first filter, if that is a high-pass.
     pub(super) fn first_highpass(&mut self) -> Option<&mut Section> {
-        self.filters.first_mut()?.highpass()
+        self.filters.first_mut()?.highpass_section()
     }
 
     /// Filter samples in place; `is_highpassed` says that a first filter that is a high-pass has been applied.
@@ -282,18 +285,24 @@ impl Route {
         }
     }
 
-    /// Put its filters into the state of those of a route that has heard the same.
-    pub(super) fn repeat(&mut self, leader: &Self) {
+    /// Copy the state of the filters of a route with the same input.
+    pub(super) fn copy_filter_states(&mut self, leader: &Self) {
         let filter_pairs = self.filters.iter_mut().zip(&leader.filters);
         filter_pairs.for_each(|(filter, leader_filter)| filter.take_over(leader_filter));
     }
 
     /// Add a filtered signal to the route's target; `first` is the first frame in the piece, `gains` are those of its
     /// curve from there on, if they are known.
-    pub(super) fn add(&mut self, (group, gains): (&Glide, Option<&[f64]>), first: u64, signal: &[f64], to: &mut [f64]) {
+    pub(super) fn add_signal(
+        &mut self,
+        (group, gains): (&GainGlide, Option<&[f64]>),
+        first: u64,
+        signal: &[f64],
+        to: &mut [f64],
+    ) {
         let is_gliding = self.fade.is_some() || self.residual_gain.is_some();
-        let is_plain = self.delay.is_none() && self.entry.is_none() && !is_gliding;
-        let steady_gain = group.steady(first).filter(|_| is_plain);
+        let is_plain = self.delay.is_none() && self.entry_glide.is_none() && !is_gliding;
+        let steady_gain = group.constant_gain(first).filter(|_| is_plain);
         let route_gain = steady_gain.map(|group| self.gain * group);
         match (route_gain, &self.curve, gains) {
             (Some(route_gain), None, _) => {
@@ -308,26 +317,32 @@ impl Route {
         }
     }
 
-    fn add_gliding(&mut self, (group, gains): (&Glide, Option<&[f64]>), first: u64, signal: &[f64], to: &mut [f64]) {
+    fn add_gliding(
+        &mut self,
+        (group, gains): (&GainGlide, Option<&[f64]>),
+        first: u64,
+        signal: &[f64],
+        to: &mut [f64],
+    ) {
         for (index, ((y, &x), frame)) in to.iter_mut().zip(signal).zip(first..).enumerate() {
-            let x = self.entry.map_or(x, |entry| entry.value(frame) * x);
+            let x = self.entry_glide.map_or(x, |entry| entry.gain_at(frame) * x);
             let x = self.delay.as_mut().map_or(x, |delay| delay.next(x));
             let curve = match (gains, &self.curve) {
                 (Some(gains), _) => gains[index],
-                (None, Some(curve)) => curve.value(frame),
+                (None, Some(curve)) => curve.gain_at(frame),
                 (None, None) => 1.0,
             };
-            let fade = self.fade.map_or(1.0, |fade| fade.value(frame));
-            *y += self.gain * group.value(frame) * fade * curve * x;
+            let fade = self.fade.map_or(1.0, |fade| fade.gain_at(frame));
+            *y += self.gain * group.gain_at(frame) * fade * curve * x;
             if let Some(residual) = self.residual_gain {
-                *y += residual.value(frame) * group.value(frame) * x;
+                *y += residual.gain_at(frame) * group.gain_at(frame) * x;
             }
         }
     }
 }
 
-fn check_tone(tone: &FilterKind, rate: f64) -> Result<(), RouteError> {
-    let (word, cutoff) = (tone.word(), tone.frequency());
+fn check_filter(tone: &FilterKind, rate: f64) -> Result<(), RouteError> {
+    let (word, cutoff) = (tone.score_word(), tone.frequency());
     if !(cutoff > 0.0 && cutoff < 0.5 * rate) {
         return Err(RouteError::Cutoff { word, cutoff, rate });
     }

@@ -1,4 +1,4 @@
-//! The state of a mixer as bytes, so that another run goes on from a frame without the frames before.
+//! The state of a mixer as bytes, so that another run continues from a frame without the frames before it.
 
 use super::Mixer;
 use crate::archive::{Archive, Damaged, State, state_of};
@@ -17,7 +17,7 @@ impl Mixer {
     ///
     /// let with_highpass = || {
     ///     let mut mixer = Mixer::new(44_100.0, 1, 1);
-    ///     mixer.route(0, 0, 1.0, Some(20.0)).map(|()| mixer)
+    ///     mixer.add_route(0, 0, 1.0, Some(20.0)).map(|()| mixer)
     /// };
     /// let (mut first, mut second) = (with_highpass()?, with_highpass()?);
     /// let (mut wanted, mut mixed) = ([0.0; 2], [0.0]);
@@ -37,7 +37,7 @@ impl Mixer {
         Some(state_bytes)
     }
 
-    /// Go on after the frames that a mixer with the same routes and rooms has mixed.
+    /// Continue after the frames that a mixer with the same routes and rooms has mixed.
     ///
     /// # Errors
     /// [`Damaged`] if the bytes are not a state of such a mixer; this one is then as it was.
@@ -56,9 +56,12 @@ impl Mixer {
     /// Whether no gain glides and nothing of another mixer fades out.
     fn is_plain(&self) -> bool {
         !self.is_fading
-            && self.frozen.is_empty()
+            && self.frozen_outputs.is_empty()
             && self.residual_gain.is_none()
             && self.fading_out.iter().all(Option::is_none)
-            && self.groups.iter().all(|glide| glide.steady(self.frame).is_some())
+            && self
+                .group_gains
+                .iter()
+                .all(|glide| glide.constant_gain(self.frame).is_some())
     }
 }

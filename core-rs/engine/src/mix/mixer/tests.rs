@@ -3,7 +3,7 @@ mod repeated_routes;
 use super::route::DELAY_MAX;
 use super::*;
 use crate::maths;
-use crate::mix::curve::{Pan, Point, Segment, Side};
+use crate::mix::curve::{Pan, PanChannel, Point, Segment};
 use crate::mix::delay::Echo;
 
 /// Three outputs: noise, a small offset with noise (a hand that leans), and a constant with one broken sample.
@@ -17,10 +17,10 @@ fn frames(n: usize) -> Vec<f64> {
 
 fn mixer() -> Mixer {
     let mut mixer = Mixer::new(44_100.0, 3, 2);
-    mixer.route(0, 0, 0.5, None).unwrap();
-    mixer.route(1, 1, 1.0, Some(8.0)).unwrap();
-    mixer.route(0, 1, -0.25, None).unwrap();
-    mixer.route(2, 1, 0.1, Some(8.0)).unwrap();
+    mixer.add_route(0, 0, 0.5, None).unwrap();
+    mixer.add_route(1, 1, 1.0, Some(8.0)).unwrap();
+    mixer.add_route(0, 1, -0.25, None).unwrap();
+    mixer.add_route(2, 1, 0.1, Some(8.0)).unwrap();
     mixer
 }
 
@@ -29,8 +29,8 @@ fn mixer_sums_its_routes() {
     let frames = frames(1000);
     let mut mixed = vec![f64::NAN; 2000];
     let mut mixer = Mixer::new(48_000.0, 3, 2);
-    mixer.route(0, 0, 0.5, None).unwrap();
-    mixer.route(1, 0, 2.0, None).unwrap();
+    mixer.add_route(0, 0, 0.5, None).unwrap();
+    mixer.add_route(1, 0, 2.0, None).unwrap();
     mixer.process(&frames, &mut mixed);
     for (i, out) in mixed.chunks(2).enumerate() {
         assert_eq!(out, [0.5 * frames[3 * i] + 2.0 * frames[3 * i + 1], 0.0]);
@@ -67,9 +67,9 @@ fn group_gain_glides_alike_in_blocks() {
     let frames = frames(frame_count);
     let mixed = |block: usize| {
         let mut mixer = Mixer::new(44_100.0, 3, 2);
-        mixer.route_of(0, 0, 0, 0.5, None).unwrap();
-        mixer.route_of(2, 0, 1, 0.5, None).unwrap();
-        mixer.route_of(2, 1, 1, 1.0, Some(8.0)).unwrap();
+        mixer.add_route_in_group(0, 0, 0, 0.5, None).unwrap();
+        mixer.add_route_in_group(2, 0, 1, 0.5, None).unwrap();
+        mixer.add_route_in_group(2, 1, 1, 1.0, Some(8.0)).unwrap();
         assert_eq!(mixer.n_groups(), 3);
         mixer.seek(500);
         let mut mixed = vec![0.0; 2 * frame_count];
@@ -94,9 +94,9 @@ fn group_gain_glides_alike_in_blocks() {
     }
     let mut plain_output = vec![0.0; 2 * frame_count];
     let mut mixer = Mixer::new(44_100.0, 3, 2);
-    mixer.route(0, 0, 0.5, None).unwrap();
-    mixer.route(0, 1, 0.5, None).unwrap();
-    mixer.route(1, 1, 1.0, Some(8.0)).unwrap();
+    mixer.add_route(0, 0, 0.5, None).unwrap();
+    mixer.add_route(0, 1, 0.5, None).unwrap();
+    mixer.add_route(1, 1, 1.0, Some(8.0)).unwrap();
     mixer.process(&frames, &mut plain_output);
     for (i, (now, was)) in complete.chunks(2).zip(plain_output.chunks(2)).enumerate() {
         assert_eq!(now[0], was[0]);
@@ -112,7 +112,7 @@ fn group_gain_glides_alike_in_blocks() {
 fn highpass_removes_a_constant_offset() {
     let frame_count = 88_200;
     let mut mixer = Mixer::new(44_100.0, 1, 1);
-    mixer.route(0, 0, 1.0, Some(8.0)).unwrap();
+    mixer.add_route(0, 0, 1.0, Some(8.0)).unwrap();
     let mut mixed = vec![0.0; frame_count];
     mixer.process(&vec![0.02; frame_count], &mut mixed);
     assert!(mixed[0] > 0.019 && mixed[frame_count - 1].abs() < 1e-15);
@@ -121,15 +121,18 @@ fn highpass_removes_a_constant_offset() {
 #[test]
 fn route_with_wrong_values_is_refused() {
     let mut mixer = Mixer::new(44_100.0, 3, 2);
-    assert_eq!(mixer.route(3, 0, 1.0, None), Err(RouteError::Out { out: 3, n_out: 3 }));
+    assert_eq!(
+        mixer.add_route(3, 0, 1.0, None),
+        Err(RouteError::Out { out: 3, n_out: 3 })
+    );
     let channel = RouteError::Channel {
         channel: 2,
         n_channels: 2,
     };
-    assert_eq!(mixer.route(0, 2, 1.0, None), Err(channel));
-    assert!(mixer.route(0, 0, f64::NAN, None).is_err());
+    assert_eq!(mixer.add_route(0, 2, 1.0, None), Err(channel));
+    assert!(mixer.add_route(0, 0, f64::NAN, None).is_err());
     for cutoff in [0.0, -1.0, 22_050.0, f64::NAN] {
-        assert!(mixer.route(0, 0, 1.0, Some(cutoff)).is_err());
+        assert!(mixer.add_route(0, 0, 1.0, Some(cutoff)).is_err());
     }
 }
 
@@ -144,7 +147,7 @@ fn hall() -> Mixer {
             channels: vec![1, 0],
             gain: 0.5,
         };
-        mixer.room(room_spec).unwrap();
+        mixer.add_room(room_spec).unwrap();
     }
     let smooth_point = |frame: i64, value: f64| Point {
         frame,
@@ -152,8 +155,8 @@ fn hall() -> Mixer {
         segment: Segment::Smooth,
     };
     let level_curve = Curve::new(vec![smooth_point(100, 0.1), smooth_point(3000, 1.0)]);
-    let treatment = Treatment {
-        tones: vec![
+    let treatment = RouteTreatment {
+        filters: vec![
             FilterKind::Highpass { f: 8.0 },
             FilterKind::Lowpass { f: 9_000.0 },
             FilterKind::Highshelf {
@@ -162,19 +165,30 @@ fn hall() -> Mixer {
             },
         ],
         delay: 37,
-        echo: Some(Echo { frames: 30, ratio: 0.5 }),
-        curve: Some(level_curve.panned(Pan::new(
+        echo: Some(Echo {
+            delay_frames: 30,
+            feedback_ratio: 0.5,
+        }),
+        curve: Some(level_curve.with_pan(Pan::new(
             vec![smooth_point(0, -0.5), smooth_point(4000, 0.9)],
-            Side::Second,
+            PanChannel::Second,
         ))),
-        ..Treatment::default()
+        ..RouteTreatment::default()
     };
-    mixer.treated(0, 1, To::Channel(0), 0.5, treatment.clone()).unwrap();
-    mixer.treated(1, 1, To::Room(0), 0.3, treatment).unwrap();
-    let plain_treatment = Treatment::default();
-    mixer.treated(0, 0, To::Room(1), 0.7, plain_treatment.clone()).unwrap();
-    mixer.treated(0, 0, To::Channel(1), 1.0, plain_treatment).unwrap();
-    mixer.fade(Curve::new(vec![smooth_point(4000, 1.0), smooth_point(4900, 0.0)]));
+    mixer
+        .add_treated_route(0, 1, RouteTarget::Channel(0), 0.5, treatment.clone())
+        .unwrap();
+    mixer
+        .add_treated_route(1, 1, RouteTarget::Room(0), 0.3, treatment)
+        .unwrap();
+    let plain_treatment = RouteTreatment::default();
+    mixer
+        .add_treated_route(0, 0, RouteTarget::Room(1), 0.7, plain_treatment.clone())
+        .unwrap();
+    mixer
+        .add_treated_route(0, 0, RouteTarget::Channel(1), 1.0, plain_treatment)
+        .unwrap();
+    mixer.set_master_curve(Curve::new(vec![smooth_point(4000, 1.0), smooth_point(4900, 0.0)]));
     mixer
 }
 
@@ -209,14 +223,21 @@ fn treatments_in_blocks_and_after_take_over() {
 #[test]
 fn treated_with_wrong_room_or_delay_is_refused() {
     let mut mixer = hall();
-    let late_treatment = Treatment {
+    let late_treatment = RouteTreatment {
         delay: DELAY_MAX + 1,
-        ..Treatment::default()
+        ..RouteTreatment::default()
     };
-    assert!(mixer.treated(0, 0, To::Channel(0), 1.0, late_treatment).is_err());
-    let plain_treatment = Treatment::default();
+    assert!(
+        mixer
+            .add_treated_route(0, 0, RouteTarget::Channel(0), 1.0, late_treatment)
+            .is_err()
+    );
+    let plain_treatment = RouteTreatment::default();
     let room_error = RouteError::Room { room: 2, n_rooms: 2 };
-    assert_eq!(mixer.treated(0, 0, To::Room(2), 1.0, plain_treatment), Err(room_error));
+    assert_eq!(
+        mixer.add_treated_route(0, 0, RouteTarget::Room(2), 1.0, plain_treatment),
+        Err(room_error)
+    );
 }
 
 /// Output for a constant input of 1 from frame 1000 on, where a mixer has taken over from another.
@@ -224,7 +245,7 @@ fn taken_over(before: &[(usize, f64)], after: &[(usize, f64)], block: usize) -> 
     let mixer = |routes: &[(usize, f64)]| {
         let mut mixer = Mixer::new(44_100.0, 1, 2);
         for &(channel, gain) in routes {
-            mixer.route(0, channel, gain, None).unwrap();
+            mixer.add_route(0, channel, gain, None).unwrap();
         }
         mixer
     };
@@ -277,15 +298,17 @@ fn turned(before: &[Point], after: &[Point], is_route: bool, block: usize) -> Ve
     let mixer = |points: &[Point]| {
         let mut mixer = Mixer::new(44_100.0, 1, 1);
         let curve = (!points.is_empty()).then(|| Curve::new(points.to_vec()));
-        let treatment = Treatment {
+        let treatment = RouteTreatment {
             curve: curve.clone().filter(|_| is_route),
-            ..Treatment::default()
+            ..RouteTreatment::default()
         };
-        mixer.treated(0, 0, To::Channel(0), 1.0, treatment).unwrap();
+        mixer
+            .add_treated_route(0, 0, RouteTarget::Channel(0), 1.0, treatment)
+            .unwrap();
         curve
             .filter(|_| !is_route)
             .into_iter()
-            .for_each(|curve| mixer.fade(curve));
+            .for_each(|curve| mixer.set_master_curve(curve));
         mixer
     };
     let (mut old_mixer, mut new_mixer) = (mixer(before), mixer(after));
@@ -314,7 +337,7 @@ fn take_over_of_a_reversed_fade_without_jump() {
             }
             let last_gain = *turned_gains.last().unwrap();
             let new_curve = Curve::new(after.to_vec());
-            assert!((last_gain - new_curve.value(2999)).abs() < 1e-12, "{last_gain}");
+            assert!((last_gain - new_curve.gain_at(2999)).abs() < 1e-12, "{last_gain}");
             assert!(
                 turned_gains[999..].iter().all(|x| (0.0..1.001).contains(x)),
                 "no overshoot"
@@ -334,9 +357,9 @@ fn mixer_without_inputs_or_outputs() {
 /// A mixer of one output; a frozen ramp begins at `begins`, if that is given.
 fn ramp(source: &Arc<FrozenOutputs>, begins: Option<i64>) -> Mixer {
     let mut mixer = Mixer::new(44_100.0, 1, 1);
-    mixer.route(0, 0, 1.0, None).unwrap();
+    mixer.add_route(0, 0, 1.0, None).unwrap();
     if let Some(begins) = begins {
-        mixer.freeze(source, &[0], begins).unwrap();
+        mixer.add_frozen_outputs(source, &[0], begins).unwrap();
     }
     mixer
 }
@@ -380,8 +403,8 @@ fn frozen_outputs_follow_a_renumbered_output() {
     let source = Arc::new(FrozenOutputs::new(vec![1.0; 4_000], 1));
     let mut old_mixer = ramp(&source, Some(0));
     let mut new_mixer = Mixer::new(44_100.0, 2, 1);
-    new_mixer.route(1, 0, 1.0, None).unwrap();
-    new_mixer.freeze(&source, &[1], 0).unwrap();
+    new_mixer.add_route(1, 0, 1.0, None).unwrap();
+    new_mixer.add_frozen_outputs(&source, &[1], 0).unwrap();
     let mut mixed = vec![0.0; 64];
     old_mixer.process(&[0.0; 64], &mut mixed);
     new_mixer.take_over(&mut old_mixer, Some(&[Some(1)]));
@@ -393,9 +416,9 @@ fn frozen_outputs_follow_a_renumbered_output() {
 fn frozen_outputs_without_matching_outputs_are_refused() {
     let source = Arc::new(FrozenOutputs::new(vec![0.0; 4], 2));
     let mut mixer = Mixer::new(44_100.0, 2, 1);
-    let freeze_error = mixer.freeze(&source, &[0, 2], 0).unwrap_err();
+    let freeze_error = mixer.add_frozen_outputs(&source, &[0, 2], 0).unwrap_err();
     assert_eq!(freeze_error, RouteError::Out { out: 2, n_out: 2 });
-    let freeze_error = mixer.freeze(&source, &[0], 0).unwrap_err();
+    let freeze_error = mixer.add_frozen_outputs(&source, &[0], 0).unwrap_err();
     assert_eq!(
         freeze_error.to_string(),
         "2 frozen outputs cannot replace 1 outputs; the numbers must be equal"
@@ -405,22 +428,24 @@ fn frozen_outputs_without_matching_outputs_are_refused() {
 #[test]
 fn take_over_fades_routes_with_delay_or_curve() {
     let rising_curve = Curve::new(vec![level(0, 0.5), level(4000, 1.0)]);
-    let late_treatment = Treatment {
+    let late_treatment = RouteTreatment {
         delay: 300,
-        ..Treatment::default()
+        ..RouteTreatment::default()
     };
-    let curve_treatment = Treatment {
+    let curve_treatment = RouteTreatment {
         curve: Some(rising_curve),
-        ..Treatment::default()
+        ..RouteTreatment::default()
     };
     for treatment in [late_treatment, curve_treatment] {
         let played_channels = |block: usize| {
             let mut old = Mixer::new(44_100.0, 1, 2);
-            old.treated(0, 0, To::Channel(0), 1.0, treatment.clone()).unwrap();
+            old.add_treated_route(0, 0, RouteTarget::Channel(0), 1.0, treatment.clone())
+                .unwrap();
             old.process(&[1.0; 1000], &mut [0.0; 2000]);
             let mut channels = vec![0.0; 8000];
             let mut new = Mixer::new(44_100.0, 1, 2);
-            new.treated(0, 0, To::Channel(1), 1.0, treatment.clone()).unwrap();
+            new.add_treated_route(0, 0, RouteTarget::Channel(1), 1.0, treatment.clone())
+                .unwrap();
             new.take_over(&mut old, None);
             for part in channels.chunks_mut(2 * block) {
                 new.process(&vec![1.0; part.len() / 2], part);
@@ -443,10 +468,12 @@ fn take_over_fades_routes_with_delay_or_curve() {
 }
 
 /// The output for a tone of 100 Hz over 6000 frames; at frame 3000 a mixer with another treatment takes over.
-fn retreated(before: &Treatment, after: &Treatment, block: usize) -> Vec<f64> {
-    let mixer = |treatment: &Treatment| {
+fn retreated(before: &RouteTreatment, after: &RouteTreatment, block: usize) -> Vec<f64> {
+    let mixer = |treatment: &RouteTreatment| {
         let mut mixer = Mixer::new(44_100.0, 1, 1);
-        mixer.treated(0, 0, To::Channel(0), 1.0, treatment.clone()).unwrap();
+        mixer
+            .add_treated_route(0, 0, RouteTarget::Channel(0), 1.0, treatment.clone())
+            .unwrap();
         mixer
     };
     let listened: Vec<f64> = (0..6000).map(|n| crate::maths::sin(f64::from(n) * 0.0142)).collect();
@@ -462,18 +489,21 @@ fn retreated(before: &Treatment, after: &Treatment, block: usize) -> Vec<f64> {
 
 #[test]
 fn take_over_of_filter_or_delay_without_jump() {
-    let shelf_treatment = |level: f64| Treatment {
-        tones: vec![FilterKind::Lowshelf { f: 900.0, level }],
-        ..Treatment::default()
+    let shelf_treatment = |level: f64| RouteTreatment {
+        filters: vec![FilterKind::Lowshelf { f: 900.0, level }],
+        ..RouteTreatment::default()
     };
-    let delay = |delay: usize, ratio: f64| Treatment {
+    let delay = |delay: usize, ratio: f64| RouteTreatment {
         delay,
-        echo: Some(Echo { frames: delay, ratio }),
-        ..Treatment::default()
+        echo: Some(Echo {
+            delay_frames: delay,
+            feedback_ratio: ratio,
+        }),
+        ..RouteTreatment::default()
     };
-    let lowpass = |f: f64| Treatment {
-        tones: vec![FilterKind::Lowpass { f }],
-        ..Treatment::default()
+    let lowpass = |f: f64| RouteTreatment {
+        filters: vec![FilterKind::Lowpass { f }],
+        ..RouteTreatment::default()
     };
     for (before, after) in [
         (shelf_treatment(-20.0), shelf_treatment(0.0)),
@@ -481,7 +511,7 @@ fn take_over_of_filter_or_delay_without_jump() {
         (delay(500, 0.0), delay(200, 0.0)),
         (delay(300, 0.0), delay(300, 0.1)),
         (lowpass(80.0), lowpass(9_000.0)),
-        (lowpass(80.0), Treatment::default()),
+        (lowpass(80.0), RouteTreatment::default()),
     ] {
         let listened = retreated(&before, &after, 3000);
         assert_eq!(retreated(&before, &after, 7), listened);
@@ -503,20 +533,23 @@ fn treated_with_impossible_filters_or_echoes_is_refused() {
         },
     ];
     for tone in bad_tones {
-        let treatment = Treatment {
-            tones: vec![tone],
-            ..Treatment::default()
+        let treatment = RouteTreatment {
+            filters: vec![tone],
+            ..RouteTreatment::default()
         };
-        let route_error = mixer.treated(0, 0, To::Channel(0), 1.0, treatment);
-        assert!(route_error.unwrap_err().to_string().contains(tone.word()));
+        let route_error = mixer.add_treated_route(0, 0, RouteTarget::Channel(0), 1.0, treatment);
+        assert!(route_error.unwrap_err().to_string().contains(tone.score_word()));
     }
     for (frames, ratio) in [(3, 1.0), (4, 0.5), (0, 0.5), (3, f64::NAN)] {
-        let endless = Treatment {
+        let endless = RouteTreatment {
             delay: 3,
-            echo: Some(Echo { frames, ratio }),
-            ..Treatment::default()
+            echo: Some(Echo {
+                delay_frames: frames,
+                feedback_ratio: ratio,
+            }),
+            ..RouteTreatment::default()
         };
-        let route_error = mixer.treated(0, 0, To::Channel(0), 1.0, endless);
+        let route_error = mixer.add_treated_route(0, 0, RouteTarget::Channel(0), 1.0, endless);
         assert!(matches!(route_error, Err(RouteError::Echo(_))));
     }
 }

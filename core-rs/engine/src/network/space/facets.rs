@@ -3,13 +3,13 @@
 //! The distance from the nearest point is continuous across triangles: a point that rolls over an edge is pushed by one
 //! contact all the way, and its energy is a function of its position.
 
-use super::{AXES_MAX, line};
+use super::{AXES_MAX, length_and_unit_vector};
 
 type Vector = [f64; AXES_MAX];
 
-/// Most cells of the grid.
+/// Largest number of cells of the grid.
 const CELLS_MAX: usize = 1 << 18;
-/// Most triangles in all cells together.
+/// Largest number of triangles in all cells together.
 const MEMBERS_MAX: usize = 1 << 22;
 /// Factor by which cells are widened if there are too many.
 const WIDENING: f64 = 1.3;
@@ -32,7 +32,7 @@ pub struct Facets {
 }
 
 impl Facets {
-    /// Most triangles of a surface.
+    /// Largest number of triangles of a surface.
     pub const TRIANGLES_MAX: usize = 200_000;
 
     /// The surface of triangles, each given by the numbers of its corners [m]; points are detected up to the distance
@@ -73,7 +73,7 @@ impl Facets {
             cell_starts: Vec::new(),
             members: Vec::new(),
         };
-        surface.divide();
+        surface.sort_into_cells();
         Ok(surface)
     }
 
@@ -99,7 +99,7 @@ impl Facets {
         let mut least_square = f64::INFINITY;
         let mut least_offset = [0.0; AXES_MAX];
         for &member in self.facets_near(place) {
-            let offset = difference(place, nearest(&self.triangles[member as usize], place));
+            let offset = difference(place, nearest_point(&self.triangles[member as usize], place));
             let offset_square = dot(offset, offset);
             if offset_square < least_square {
                 (least_square, least_offset) = (offset_square, offset);
@@ -111,7 +111,7 @@ impl Facets {
             let far_distance = if is_number { least_square } else { f64::NAN };
             return (far_distance, [0.0; AXES_MAX]);
         }
-        line(least_offset)
+        length_and_unit_vector(least_offset)
     }
 
     /// The triangles that a place may touch, by rising number.
@@ -129,7 +129,7 @@ impl Facets {
     }
 
     /// Sort the triangles into cells, as narrow as the limits on their numbers allow.
-    fn divide(&mut self) {
+    fn sort_into_cells(&mut self) {
         let [mut lower_bound, mut upper_bound] = [[f64::INFINITY; AXES_MAX], [f64::NEG_INFINITY; AXES_MAX]];
         for corner in self.triangles.iter().flatten() {
             for axis in 0..AXES_MAX {
@@ -145,7 +145,7 @@ impl Facets {
             if axis_counts.iter().product::<f64>() <= CELLS_MAX as f64 {
                 self.counts = axis_counts.map(|count| count as usize);
                 let cell_spans = self.triangles.iter().map(|facet| self.span(facet));
-                let n_members = cell_spans.map(|span| volume(&span)).sum::<usize>();
+                let n_members = cell_spans.map(|span| n_cells_in(&span)).sum::<usize>();
                 if n_members <= MEMBERS_MAX.max(self.triangles.len()) {
                     break;
                 }
@@ -154,13 +154,13 @@ impl Facets {
         }
         let cell_total = self.counts.iter().product::<usize>();
         let mut cell_starts = vec![0_u32; cell_total + 1];
-        self.each_member(|cell, _| cell_starts[cell + 1] += 1);
+        self.for_each_member(|cell, _| cell_starts[cell + 1] += 1);
         for cell in 0..cell_total {
             cell_starts[cell + 1] += cell_starts[cell];
         }
         let mut members = vec![0; cell_starts[cell_total] as usize];
         let mut next_member = cell_starts.clone();
-        self.each_member(|cell, triangle| {
+        self.for_each_member(|cell, triangle| {
             members[next_member[cell] as usize] = triangle;
             next_member[cell] += 1;
         });
@@ -168,7 +168,7 @@ impl Facets {
     }
 
     /// Call `visit` with the number of each cell and of each triangle that may be touched from it.
-    fn each_member(&self, mut visit: impl FnMut(usize, u32)) {
+    fn for_each_member(&self, mut visit: impl FnMut(usize, u32)) {
         let half_width = 0.5 * self.cell_width;
         // From the middle of a cell to its corner, plus the reach, with a small margin.
         let cell_reach = (self.reach + half_width * 3.0_f64.sqrt()) * (1.0 + 1e-9);
@@ -181,7 +181,7 @@ impl Facets {
                         let cell_middle: Vector = std::array::from_fn(|axis| {
                             self.bounds[0][axis] + self.cell_width * cell_indices[axis] as f64 + half_width
                         });
-                        let middle_offset = difference(cell_middle, nearest(triangle, cell_middle));
+                        let middle_offset = difference(cell_middle, nearest_point(triangle, cell_middle));
                         // A triangle so thin that the distance is NaN is kept.
                         if dot(middle_offset, middle_offset) > cell_reach * cell_reach {
                             continue;
@@ -209,12 +209,12 @@ impl Facets {
     }
 }
 
-fn volume(span: &[std::ops::Range<usize>; AXES_MAX]) -> usize {
+fn n_cells_in(span: &[std::ops::Range<usize>; AXES_MAX]) -> usize {
     span.iter().map(std::ops::Range::len).product()
 }
 
 /// The point of a triangle that is nearest to a place (Ericson, Real-Time Collision Detection, 2005, 5.1.5).
-fn nearest([a, b, c]: &[Vector; 3], place: Vector) -> Vector {
+fn nearest_point([a, b, c]: &[Vector; 3], place: Vector) -> Vector {
     let (ab, ac) = (difference(*b, *a), difference(*c, *a));
     let from_a = difference(place, *a);
     let (d1, d2) = (dot(ab, from_a), dot(ac, from_a));
@@ -300,7 +300,7 @@ mod tests {
         for _ in 0..200 {
             let triangle = [random_vector(1.0), random_vector(1.0), random_vector(1.0)];
             let test_place = random_vector(2.0);
-            let point_offset = difference(test_place, nearest(&triangle, test_place));
+            let point_offset = difference(test_place, nearest_point(&triangle, test_place));
             let (exact_length, tried_length) =
                 (dot(point_offset, point_offset).sqrt(), by_trying(&triangle, test_place));
             assert!(
@@ -323,7 +323,7 @@ mod tests {
         for _ in 0..3_000 {
             let test_place: Vector = std::array::from_fn(|_| chance.uniform(-1.3, 1.3));
             let distances = surface.triangles.iter().map(|triangle| {
-                let point_offset = difference(test_place, nearest(triangle, test_place));
+                let point_offset = difference(test_place, nearest_point(triangle, test_place));
                 distance(point_offset[0], point_offset[1], point_offset[2])
             });
             let least_distance = distances.fold(f64::INFINITY, f64::min);

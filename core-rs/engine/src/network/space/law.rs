@@ -14,9 +14,9 @@ pub enum SpaceLaw {
     /// long. A limit that is never reached is infinite.
     Yielding {
         /// Greatest force of the spring, either way [N]: perfect plasticity (Prandtl 1928).
-        yields: f64,
+        yield_force: f64,
         /// Elongation beyond the original `rest` at which it breaks [m], however far it has yielded.
-        breaks: f64,
+        break_elongation: f64,
     },
     /// A mass that attracts by K·ℓ/(1 + (ℓ/core)²)^1.5 at distance − rest ℓ: as a spring nearby, and as 1/ℓ² far away
     /// (Plummer 1911).
@@ -32,7 +32,7 @@ pub enum SpaceLaw {
         is_clamped: bool,
     },
     /// A contact that sticks: beside its push it pulls by K·sink. Beyond touching, the pull falls to 0 over the
-    /// distance `reach`. `rest` is the distance at which it lets go.
+    /// distance `reach`. `rest` is the distance at which it separates.
     Cohesive {
         /// Exponent of the depth, 1 or more.
         exponent: f64,
@@ -51,14 +51,14 @@ pub enum SpaceLaw {
         /// The law.
         law: Arc<Law>,
         /// Initial distance − rest, at which its energy is 0 [m].
-        from: f64,
+        initial_elongation: f64,
         /// Factor from a step to the law's v: 1/T; 1 if steps are given in [m/s].
         rate: f64,
     },
 }
 
 /// Why a contact that sticks is refused.
-pub(in crate::network) const SINKS: &str = "its attraction is stronger than K times the gap, so its two points would collapse \
+pub(in crate::network) const COLLAPSE_MESSAGE: &str = "its attraction is stronger than K times the gap, so its two points would collapse \
      onto each other; reduce the attraction, or use a larger K or gap";
 
 /// Value of distance − rest that marks a broken link.
@@ -73,15 +73,19 @@ impl SpaceLaw {
     /// Distance − rest after the rest length has yielded. `e` [m] is relative to the original rest length, which had
     /// grown by `yielded` [m] before; the new growth is `e` minus the result.
     pub(crate) fn after_yielding(&self, k: f64, e: f64, yielded: f64) -> f64 {
-        let Self::Yielding { yields, breaks } = self else {
+        let Self::Yielding {
+            yield_force,
+            break_elongation,
+        } = self
+        else {
             return e;
         };
-        if e > *breaks || yielded.is_infinite() {
+        if e > *break_elongation || yielded.is_infinite() {
             return BROKEN;
         }
         let e = e - yielded;
-        if (k * e).abs() > *yields {
-            (yields / k).copysign(e)
+        if (k * e).abs() > *yield_force {
+            (yield_force / k).copysign(e)
         } else {
             e
         }
@@ -109,14 +113,14 @@ impl SpaceLaw {
 
     /// Whether it acts at distance − rest `e` [m].
     #[inline(always)]
-    pub(crate) fn acts(&self, e: f64) -> bool {
+    pub(crate) fn acts_at(&self, e: f64) -> bool {
         !self.is_contact() || e < 0.0
     }
 
     /// For a contact at distance − rest `e` [m] with the elastic force `elastic` [N]: its push over its depth [N/m],
     /// and its constant pull [N]. `None` if it does not touch.
     #[inline(always)]
-    pub(crate) fn pressed(&self, k: f64, e: f64, elastic: f64) -> Option<[f64; 2]> {
+    pub(crate) fn stiffness_and_pull(&self, k: f64, e: f64, elastic: f64) -> Option<[f64; 2]> {
         match self {
             Self::Cohesive { sink, reach, .. } => {
                 let (signed_depth, constant_pull) = (e + reach, k * sink);
@@ -189,7 +193,7 @@ impl SpaceLaw {
             }
             Self::Contact { .. } if e >= 0.0 => 0.0,
             Self::Contact { exponent, .. } => contact(k, *exponent).energy(-e),
-            // 0 after it has let go, and negative while it holds.
+            // 0 after it has separated, and negative while it sticks.
             Self::Cohesive { .. } if e >= 0.0 => 0.0,
             Self::Cohesive { sink, reach, .. } if e + reach >= 0.0 => -0.5 * k * sink * (e * e) / reach,
             Self::Cohesive {
@@ -199,7 +203,11 @@ impl SpaceLaw {
                 k * (contact(1.0, *exponent).energy(penetration) - sink * (0.5 * reach + penetration))
             }
             Self::Gauge => 0.0,
-            Self::Lnl { law, from, .. } => law.work(*from, e),
+            Self::Lnl {
+                law,
+                initial_elongation,
+                ..
+            } => law.work(*initial_elongation, e),
         }
     }
 }

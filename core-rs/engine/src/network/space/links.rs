@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::super::checks::Rule;
 use super::super::error::Error;
-use super::law::SINKS;
+use super::law::COLLAPSE_MESSAGE;
 use super::{AXES_MAX, LinkKind, Measure, Network, SpaceLaw, SpacePoint, inverse};
 use crate::law::Law;
 
@@ -55,31 +55,35 @@ impl SpaceLink {
 
     /// The length that it measures at positions `x`, and the unit vector along which this length grows. Components are
     /// 0 if both ends are at one place, and along axes that do not exist.
-    pub(crate) fn line(&self, ends: (usize, usize), x: impl Fn(usize) -> f64) -> (f64, [f64; AXES_MAX]) {
-        self.measure.length_and_direction(self.between(ends, x))
+    pub(crate) fn length_and_direction(
+        &self,
+        ends: (usize, usize),
+        x: impl Fn(usize) -> f64,
+    ) -> (f64, [f64; AXES_MAX]) {
+        self.measure.length_and_direction(self.offset_between(ends, x))
     }
 
     /// Position of the second end minus that of the first, axis by axis.
-    pub(crate) fn between(&self, ends: (usize, usize), x: impl Fn(usize) -> f64) -> [f64; AXES_MAX] {
-        let mut between = [0.0; AXES_MAX];
-        for (axis, between) in between.iter_mut().enumerate().take(self.n_axes) {
+    pub(crate) fn offset_between(&self, ends: (usize, usize), x: impl Fn(usize) -> f64) -> [f64; AXES_MAX] {
+        let mut offset = [0.0; AXES_MAX];
+        for (axis, component) in offset.iter_mut().enumerate().take(self.n_axes) {
             let (first_mat, second_mat) = self.pair(ends, axis);
-            *between = x(second_mat) - x(first_mat);
+            *component = x(second_mat) - x(first_mat);
         }
-        between
+        offset
     }
 
-    /// Growth of the distance of the ends along `direction`, if each MAT moves by `moved`.
-    pub(crate) fn stretch(
+    /// Growth of the distance of the ends along `direction`, if each MAT moves by `mat_step`.
+    pub(crate) fn length_step(
         &self,
         ends: (usize, usize),
         direction: [f64; AXES_MAX],
-        moved: impl Fn(usize) -> f64,
+        mat_step: impl Fn(usize) -> f64,
     ) -> f64 {
         let axis_terms = direction.into_iter().enumerate().take(self.n_axes);
         let axis_terms = axis_terms.map(|(axis, direction)| {
             let (first_mat, second_mat) = self.pair(ends, axis);
-            direction * (moved(second_mat) - moved(first_mat))
+            direction * (mat_step(second_mat) - mat_step(first_mat))
         });
         axis_terms.sum()
     }
@@ -101,7 +105,7 @@ impl Network {
     ) -> Result<usize, Error> {
         self.check_space(name, n_axes, &law, [k, z, rest])?;
         if law.rests_beyond_gap(rest - law.reach()) {
-            return Err(self.refused(name, SINKS));
+            return Err(self.refused(name, COLLAPSE_MESSAGE));
         }
         if n == 0 || !self.has_points(a, n, n_axes) || !self.has_points(b, n, n_axes) {
             return Err(self.refused(name, "joins a module that does not exist"));
@@ -131,7 +135,7 @@ impl Network {
         rest: f64,
     ) -> Result<usize, Error> {
         let distance = self.distance(ends, n_axes);
-        let from = distance - rest;
+        let initial_elongation = distance - rest;
         // Largest stiffness at the initial length and at rest: along its line the slope of the law, across it f/ℓ.
         let stiffest_slope = |e: f64| {
             let slope_across = inverse(rest + e) * law.spring(e);
@@ -140,17 +144,24 @@ impl Network {
         let [k, z] = if rest > 0.0 {
             let viscosity = |e| law.damping_slope(e);
             [
-                stiffest_slope(from).max(stiffest_slope(0.0)),
-                viscosity(from).max(viscosity(0.0)),
+                stiffest_slope(initial_elongation).max(stiffest_slope(0.0)),
+                viscosity(initial_elongation).max(viscosity(0.0)),
             ]
         } else {
-            [stiffest_slope(from), law.damping_slope(from)]
+            [
+                stiffest_slope(initial_elongation),
+                law.damping_slope(initial_elongation),
+            ]
         };
-        if !law.spring(from).is_finite() {
+        if !law.spring(initial_elongation).is_finite() {
             return Err(self.refused(name, "the force of its law is not a finite number where it begins"));
         }
         let rate = 1.0;
-        let law = SpaceLaw::Lnl { law, from, rate };
+        let law = SpaceLaw::Lnl {
+            law,
+            initial_elongation,
+            rate,
+        };
         self.space_links(name, ends, 1, n_axes, law, [k, z.max(0.0), rest])
     }
 
@@ -170,8 +181,11 @@ impl Network {
                 ("rest", rest, Rule::NotNegative),
             ],
         )?;
-        if let SpaceLaw::Yielding { yields, breaks } = law
-            && !(*yields > 0.0 && *breaks > 0.0)
+        if let SpaceLaw::Yielding {
+            yield_force,
+            break_elongation,
+        } = law
+            && !(*yield_force > 0.0 && *break_elongation > 0.0)
         {
             return Err(self.refused(
                 name,

@@ -28,7 +28,7 @@ impl Measure {
             Self::Surface(facets) => return facets.nearest([x, y, z]),
             Self::Distance | Self::Within => {}
         }
-        let (line_length, direction) = line([x, y, z]);
+        let (line_length, direction) = length_and_unit_vector([x, y, z]);
         if *self == Self::Distance {
             (line_length, direction)
         } else {
@@ -45,7 +45,7 @@ pub(crate) fn distance(x: f64, y: f64, z: f64) -> f64 {
 
 /// Length and unit vector of a vector; both are 0 if its ends are at one place.
 #[inline(always)]
-pub(crate) fn line([x, y, z]: [f64; AXES_MAX]) -> (f64, [f64; AXES_MAX]) {
+pub(crate) fn length_and_unit_vector([x, y, z]: [f64; AXES_MAX]) -> (f64, [f64; AXES_MAX]) {
     let vector_length = distance(x, y, z);
     let inverse = inverse(vector_length);
     (vector_length, [x * inverse, y * inverse, z * inverse])

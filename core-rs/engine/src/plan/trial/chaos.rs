@@ -276,6 +276,6 @@ pub(in crate::plan) fn is_linear(island_plan: &IslandPlan) -> bool {
         BodyPlan::Modal(_) => None,
     });
     let gestures = &island_plan.timeline.gestures;
-    gestures.iter().all(|gesture| gesture.manner.limit.is_none())
+    gestures.iter().all(|gesture| gesture.manner.force_max.is_none())
         && body_networks.chain([&*island_plan.network]).all(is_linear)
 }

@@ -135,7 +135,7 @@ impl Offered {
 
     fn parts(self, network: &Network, timeline: &Timeline) -> BTreeSet<usize> {
         let part_of_mat = |mat: usize| network.mats().part[mat] as usize;
-        let key_parts: BTreeSet<usize> = timeline.keys.iter().map(|key| part_of_mat(key.struck)).collect();
+        let key_parts: BTreeSet<usize> = timeline.keys.iter().map(|key| part_of_mat(key.struck_mat)).collect();
         match self {
             Self::Keys => key_parts,
             Self::OnlySeen => {

@@ -160,7 +160,7 @@ fn stiffest_link(island_plan: &IslandPlan, mat: usize) -> f64 {
         .map(|run| match &run.kind {
             LinkKind::Lnl(law) => law.slope(0.0).abs(),
             LinkKind::Followed(followed) => {
-                let law_slopes = followed.corners().map(|law| law.slope(0.0).abs());
+                let law_slopes = followed.end_value_laws().map(|law| law.slope(0.0).abs());
                 law_slopes.fold(0.0, f64::max)
             }
             _ => run.k,

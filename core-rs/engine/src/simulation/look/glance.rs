@@ -20,7 +20,7 @@ pub struct Glance {
     pub frame: u64,
     /// Displacements, as [`Simulation::write_tracks`] writes them [m]   (2 · n_tracks)
     pub tracks: Vec<f64>,
-    /// Position that the gesture of each key asks for [m]; NaN for keys without a running gesture   (n_keys)
+    /// Position that the gesture of each key requires [m]; NaN for keys without a running gesture   (n_keys)
     pub gesture_positions: Vec<f64>,
     /// Strongest push of each contact since the last glance   (n_contacts)
     pub pushes: Vec<Push>,
@@ -52,7 +52,7 @@ impl Glance {
 }
 
 impl Simulation {
-    /// Fills `snapshot` with the state at this frame and the contacts and strikes since the last glance. Only copies.
+    /// Fills `glance` with the state at this frame and the contacts and strikes since the last glance. Only copies.
     pub fn fill_glance(&mut self, look: &Look, glance: &mut Glance) {
         glance.frame = self.frame;
         self.write_tracks(look, &mut glance.tracks);

@@ -15,7 +15,7 @@ use crate::units::Rate;
 /// Largest number of modes of a body that are looked at: the lowest, whose displacements are large enough to be seen.
 const MODES_MAX: usize = 256;
 
-/// What is known of one MAT: how it moves, its rest position, its unit, and which numbers of the unit are its own.
+/// One MAT: how it moves, its rest position, its unit, and what in the unit computes it.
 struct MatSource {
     motion: PointMotion,
     rest: f64,
@@ -238,7 +238,7 @@ impl<'a> LookMaker<'a> {
         }
     }
 
-    /// Adds a body by its modes, or more modes of a body that is known already.
+    /// Adds a body by its modes, or more modes of a body that was added before.
     fn add_body(
         &mut self,
         unit_and_body: (usize, Option<usize>),

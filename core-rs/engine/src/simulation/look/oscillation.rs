@@ -33,8 +33,8 @@ impl Oscillation {
         Self { omega, sigma }
     }
 
-    /// The coefficients a and b of its motion from now on; `now` is its displacement [m], `before` that of `step` [s]
-    /// earlier.
+    /// The coefficients a and b of its motion from now on; `displacement` [m] is that at present, `displacement_before`
+    /// that of `step_seconds` [s] earlier.
     pub fn coefficients(&self, displacement: f64, displacement_before: f64, step_seconds: f64) -> (f64, f64) {
         let step_angle = self.omega * step_seconds;
         let undamped_displacement_before = displacement_before * maths::exp(-self.sigma * step_seconds);

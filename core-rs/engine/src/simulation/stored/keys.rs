@@ -9,7 +9,7 @@ use crate::plan::Plan;
 use crate::simulation::Simulation;
 use crate::simulation::group::{GROUPS_MAX, RunningUnit};
 
-/// What the units of a plan depend on, each computed when its first key is asked for.
+/// What the units of a plan depend on, each computed when its first key is needed.
 #[derive(Clone, Debug)]
 pub(in crate::simulation) struct UnitContents(Arc<[OnceLock<UnitContent>]>);
 
@@ -26,8 +26,8 @@ impl UnitContents {
 }
 
 impl Simulation {
-    /// A hash of everything that determines a unit up to the last of `frames` (64 hex digits); `before` is the hash up
-    /// to the first of `frames`, or empty if that is 0.
+    /// A hash of everything that determines a unit up to the last of `frames` (64 hex digits); `previous_key` is the
+    /// hash up to the first of `frames`, or empty if that is 0.
     pub(super) fn unit_key(&self, unit: usize, frames: (u64, u64), previous_key: &str) -> String {
         let unit_plan = &self.plan.units[unit];
         match (unit_plan, self.unit_content(unit)) {
@@ -46,7 +46,7 @@ impl Simulation {
         })
     }
 
-    /// Hashes of everything that determines each output up to each of the rising frames `stops` (n_stops; n_out).
+    /// Hashes of everything that determines each output up to each of the rising frames `stop_frames` (n_stops; n_out).
     ///
     /// Outputs of two simulations with the same hash have the same samples up to there. Units that are silent up to
     /// there do not count, so notes that are not played change no hash; where nothing else is heard, the hash is empty.
@@ -54,17 +54,17 @@ impl Simulation {
         let plan = &*self.plan;
         let output_and_offset = plan.network.outputs().iter().zip(&plan.output_offsets);
         let start_keys: Vec<String> = output_and_offset
-            .map(|(output, still)| {
+            .map(|(output, offset)| {
                 format!(
                     "{:?} {} {:x}",
                     plan.timeline_rate.hertz(),
                     output.order,
-                    still.to_bits()
+                    offset.to_bits()
                 )
             })
             .collect();
         let mut keys_by_stop = vec![start_keys; stop_frames.len()];
-        let silent_at_start = plan.output_offsets.iter().map(|still| *still == 0.0).collect();
+        let silent_at_start = plan.output_offsets.iter().map(|offset| *offset == 0.0).collect();
         let mut silent_outputs: Vec<Vec<bool>> = vec![silent_at_start; stop_frames.len()];
         // Sums are rounded group by group.
         let mut last_group = vec![vec![None; plan.output_offsets.len()]; stop_frames.len()];

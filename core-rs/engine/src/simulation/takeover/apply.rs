@@ -37,17 +37,19 @@ impl Simulation {
             }
         }
         let Takeover {
-            mat_pairs: mats,
-            old_bodies: from,
-            new_bodies: to,
+            mat_pairs,
+            old_bodies,
+            new_bodies,
             workspace,
             ..
         } = takeover;
-        from.iter().for_each(|body| body.read_masses(old, workspace));
-        for &(old_location, new_location) in &*mats {
+        old_bodies.iter().for_each(|body| body.read_masses(old, workspace));
+        for &(old_location, new_location) in &*mat_pairs {
             self.transfer_mat_motion(old, workspace, old_location, new_location);
         }
-        to.iter_mut().for_each(|body| body.write_masses(self, workspace));
+        new_bodies
+            .iter_mut()
+            .for_each(|body| body.write_masses(self, workspace));
         for (old_unit, new_unit, item) in &takeover.items {
             if let (RunningUnit::Island(running), RunningUnit::Island(old)) =
                 (self.unit_mut(*new_unit), old.unit_mut(*old_unit))

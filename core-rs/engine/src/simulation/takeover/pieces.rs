@@ -67,13 +67,8 @@ impl Takeover {
                 {
                     None
                 } else {
-                    let old_members: HashMap<String, usize> = old_voice
-                        .free
-                        .members
-                        .iter()
-                        .map(|&mat| old_name_of(mat))
-                        .zip(0..)
-                        .collect();
+                    let old_names = old_voice.free.members.iter().map(|&mat| old_name_of(mat));
+                    let old_members: HashMap<String, usize> = old_names.zip(0..).collect();
                     let members = voice_script.free.members.iter().enumerate();
                     let index_pair =
                         |(new_member, &mat): (usize, &usize)| Some((new_member, *old_members.get(&new_name_of(mat))?));
@@ -124,7 +119,7 @@ impl Takeover {
         let mut old_hands: HashMap<String, Vec<(UnitIndex, usize)>> = HashMap::new();
         for &(old_unit, island, island_plan) in &old_side.islands {
             for (gate, gate_script) in island.script().gates.iter().enumerate() {
-                old_gates.insert(island_plan.network.link_name(gate_script.link), (old_unit, gate));
+                old_gates.insert(island_plan.network.link_name(gate_script.first_link), (old_unit, gate));
             }
             // A hand that several islands touch has a binding in each of them.
             for (hand, binding) in island.script().hand_bindings.iter().enumerate() {
@@ -152,7 +147,7 @@ impl Takeover {
         for &(new_unit, island, island_plan) in &new_side.islands {
             let island_script = island.script();
             for (gate, gate_script) in island_script.gates.iter().enumerate() {
-                let match_name = island_plan.network.link_name(gate_script.link);
+                let match_name = island_plan.network.link_name(gate_script.first_link);
                 if let Some(&(old_unit, old_index)) = old_gates.get(&match_name) {
                     let passed_item = ItemTakeover::Gate(Some(old_index), gate);
                     self.items.push((old_unit, new_unit, passed_item));

@@ -147,15 +147,15 @@ impl Player {
                     continue;
                 }
                 let position_before = hand.standin_position(self.tick);
-                std::mem::swap(&mut hand.standin, standin);
+                std::mem::swap(&mut hand.standin_positions, standin);
                 if let Some(written_forces) = change.forces.get_mut(index) {
                     std::mem::swap(&mut hand.forces, written_forces);
                 }
-                hand.since = self.tick;
+                hand.start_tick = self.tick;
                 let position_now = hand.standin_position(self.tick);
-                guidance.change(position_before, position_now);
-                if !source.real {
-                    source.change(false, position_now);
+                guidance.crossfade(position_before, position_now);
+                if !source.is_real {
+                    source.change_source(false, position_now);
                 }
             }
         }
@@ -163,7 +163,7 @@ impl Player {
             for (guidance, steps) in self.guidance.iter_mut().zip(step_lists) {
                 if guidance.is_loose() {
                     std::mem::swap(&mut guidance.steps, steps);
-                    guidance.begin(self.tick);
+                    guidance.begin_steps(self.tick);
                 }
             }
         }

@@ -16,11 +16,11 @@ impl Player {
                 let key_position = slot.sample.position[axis];
                 let hand_source = &mut self.sources[hand];
                 if self.tick == 0 {
-                    (hand_source.real, hand_source.x) = (true, key_position);
+                    (hand_source.is_real, hand_source.x) = (true, key_position);
                 } else {
                     // In the middle of a piece the key starts at the position of its stand-in.
                     hand_source.x = self.stage.hands[hand].standin_position(self.tick);
-                    hand_source.change(true, key_position);
+                    hand_source.change_source(true, key_position);
                 }
                 self.previous_positions[hand] = hand_source.x;
             }
@@ -39,7 +39,7 @@ impl Player {
                 continue;
             };
             let (stage_hand, hand_source) = (&self.stage.hands[hand], &self.sources[hand]);
-            let key_force = if hand_source.real {
+            let key_force = if hand_source.is_real {
                 let hand_velocity = (hand_source.x - self.previous_positions[hand]) * tick_rate;
                 let lockstep = !self.slots[slot_index].has_clock();
                 let part_motion = stage_hand.written_motion(self.tick, tick_period, lockstep);
@@ -83,7 +83,7 @@ impl Player {
         for index in 0..self.slots[slot].axes.len() {
             let (_, hand_index) = self.slots[slot].axes[index];
             let standin_position = self.stage.hands[hand_index].standin_position(self.tick);
-            self.sources[hand_index].change(false, standin_position);
+            self.sources[hand_index].change_source(false, standin_position);
         }
     }
 
@@ -97,7 +97,7 @@ impl Player {
             for index in 0..self.slots[slot].axes.len() {
                 let (axis_index, hand_index) = self.slots[slot].axes[index];
                 let hand_position = self.slots[slot].sample.position[axis_index];
-                self.sources[hand_index].change(true, hand_position);
+                self.sources[hand_index].change_source(true, hand_position);
                 self.send_event(EventKind::TookOver(hand_index));
             }
         }
@@ -105,13 +105,13 @@ impl Player {
             let hand_source = &mut self.sources[hand_index];
             self.previous_positions[hand_index] = hand_source.x;
             let hand_position = match self.axis_of[hand_index] {
-                Some((slot, axis_index)) if hand_source.real => self.slots[slot].sample.position[axis_index],
+                Some((slot, axis_index)) if hand_source.is_real => self.slots[slot].sample.position[axis_index],
                 _ => stage_hand.standin_position(self.tick),
             };
             let hand_position = hand_source.follow(hand_position);
             self.stage
                 .simulation
-                .set_hand_position(hand_index, hand_position * stage_hand.reach, None);
+                .set_hand_position(hand_index, hand_position * stage_hand.travel_ratio, None);
         }
     }
 

@@ -84,16 +84,16 @@ impl Player {
         for (hand, source) in self.sources.iter().enumerate().take(HANDS_MAX) {
             let hand_status = &mut self.status.hands[hand];
             (hand_status.position, hand_status.force, hand_status.real) =
-                (source.x, self.piece_forces[hand], source.real);
+                (source.x, self.piece_forces[hand], source.is_real);
             let Some((slot, axis_index)) = self.axis_of[hand] else {
                 continue;
             };
             let slot = &self.slots[slot];
-            hand_status.sent = slot.sent[axis_index];
+            hand_status.sent = slot.sent_forces[axis_index];
             hand_status.scale = self.scales[hand].now();
-            hand_status.touch = source.real && slot.sample.touch[axis_index];
-            hand_status.enabled = source.real && slot.sample.force_enabled[axis_index];
-            hand_status.hot = source.real && slot.sample.hot;
+            hand_status.touch = source.is_real && slot.sample.touch[axis_index];
+            hand_status.enabled = source.is_real && slot.sample.force_enabled[axis_index];
+            hand_status.hot = source.is_real && slot.sample.hot;
             [hand_status.let_go, hand_status.stalls] = slot.interruptions();
             let axis_trip = slot.tripped(axis_index);
             if let Some(trip_cause) = axis_trip.filter(|_| !hand_status.tripped) {

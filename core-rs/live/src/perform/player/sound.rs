@@ -45,7 +45,7 @@ impl Player {
             }
             stage.mixer.process(outputs, mixed_sound);
             if let Some(fades) = &mut stage.fades
-                && fades.take(mixed_sound).is_some()
+                && fades.process(mixed_sound).is_some()
             {
                 stage.n_frames = Some(self.frame + frame_count as u64);
                 stage.fades = None;
@@ -62,7 +62,7 @@ impl Player {
             limit(stage, mixed_sound, &mut self.folded);
         }
         for (hand, hand_input) in stage.hands.iter().enumerate() {
-            self.piece_forces[hand] = stage.simulation.hand_force(hand) * hand_input.reach;
+            self.piece_forces[hand] = stage.simulation.hand_force(hand) * hand_input.travel_ratio;
         }
         self.tick += 1;
         self.frame += frame_count as u64;

@@ -27,8 +27,8 @@ fn changes_act_at_their_frames() {
     };
     let mixer = |gain: f64| {
         let mut mixer = Mixer::new(RATE, 1, 2);
-        mixer.route(0, 0, gain, None).unwrap();
-        mixer.route(0, 1, 0.5, Some(8.0)).unwrap();
+        mixer.add_route(0, 0, gain, None).unwrap();
+        mixer.add_route(0, 1, 0.5, Some(8.0)).unwrap();
         mixer
     };
     let change_frames = [100, 250, 90, 300].map(|tick| tick * tick_frames);
@@ -91,7 +91,7 @@ fn changes_act_at_their_frames() {
 
     let mut expected_sound = Vec::new();
     let mut limiter = Limiter::new(RATE, 2, 1.0).unwrap();
-    let (mut offline_mixer, mut gain) = (mixer(1.0), ergon_engine::mix::glide::Glide::new(RATE, 1.0));
+    let (mut offline_mixer, mut gain) = (mixer(1.0), ergon_engine::mix::glide::GainGlide::new(RATE, 1.0));
     for tick in 0..tick_count {
         for (position, part) in [(0, 0.9), (1, 0.4)] {
             if tick * tick_frames == change_frames[position] {

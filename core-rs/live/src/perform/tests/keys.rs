@@ -10,7 +10,11 @@ use crate::recording::{Axis, flag, read};
 fn limit_with_loose_guidance_scales_the_key() {
     let key_scale = |guidance: Option<(f64, bool)>| {
         let guided_hand = Hand {
-            guidance: guidance.map(|(k, loose)| Guidance { k, z: 0.0, loose }),
+            guidance: guidance.map(|(k, loose)| Guidance {
+                k,
+                z: 0.0,
+                follows_steps: loose,
+            }),
             response: vec![0.0; 400],
             ..Hand::default()
         };
@@ -55,12 +59,12 @@ fn loose_guidance_leads_a_key_and_releases_it() {
     let config = config("null:fast");
     let mut stage = stage();
     for hand in &mut stage.hands {
-        hand.standin = vec![0.0];
-        hand.reach = 0.0; // the scene has no effect
+        hand.standin_positions = vec![0.0];
+        hand.travel_ratio = 0.0; // the scene has no effect
         hand.guidance = Some(Guidance {
             k: 500.0,
             z: 1.0,
-            loose: true,
+            follows_steps: true,
         });
     }
     let (mut performance, mut player) = Performance::prepare(stage, vec![keyboard(0, u32::MAX)], config).unwrap();

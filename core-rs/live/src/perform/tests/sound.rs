@@ -32,7 +32,7 @@ fn fold_sounds_to_its_end() {
     performance.close(PATIENCE).unwrap();
 
     let mut limiter = Limiter::new(RATE, 3, 1.0).unwrap();
-    let frames_heard = n_frames + channel_fold.tail();
+    let frames_heard = n_frames + channel_fold.tail_frames();
     let (mut listened, mut mixed_sound) = (vec![0.0; n_frames], vec![0.0; 2 * n_frames]);
     for (tick, listened) in listened.chunks_mut(EVERY).enumerate() {
         for hand in 0..2 {

@@ -12,11 +12,11 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    fn add(&mut self, took: Duration) {
-        let microseconds = u64::try_from(took.as_micros()).unwrap_or(u64::MAX).max(1);
+    fn add(&mut self, duration: Duration) {
+        let microseconds = u64::try_from(duration.as_micros()).unwrap_or(u64::MAX).max(1);
         let bin_index = (microseconds.ilog2() as usize).min(self.counts.len() - 1);
         self.counts[bin_index] += 1;
-        self.longest = self.longest.max(took);
+        self.longest = self.longest.max(duration);
     }
 
     /// Number of durations.
@@ -42,13 +42,13 @@ impl Histogram {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stats {
     /// Packets sent.
-    pub sent: u64,
+    pub packets_sent: u64,
     /// Complete replies.
-    pub received: u64,
+    pub replies_received: u64,
     /// Requests without a reply.
-    pub lost: u64,
+    pub requests_lost: u64,
     /// Bytes that do not belong to a packet.
-    pub garbage: u64,
+    pub garbage_bytes: u64,
     /// Time from a force sent to its reply. For protocols that echo no number: from the latest force sent.
     pub round_trip: Histogram,
     /// How much faster the device's clock runs than the host's [1e-6]; known after a second.
@@ -57,8 +57,8 @@ pub struct Stats {
 
 impl Stats {
     /// Add the time that a reply took.
-    pub(crate) fn add_round_trip(&mut self, took: Duration) {
-        self.round_trip.add(took);
+    pub(crate) fn add_round_trip(&mut self, duration: Duration) {
+        self.round_trip.add(duration);
     }
 }
 
@@ -86,46 +86,47 @@ impl Drift {
 }
 
 /// A reply to one of this many latest requests is late; otherwise it belongs to another program.
-const LATE: u16 = 8192;
-/// Value of `Sent::foreign_balance` above which the device is shared; fewer may be leftovers of an earlier session.
-const SHARED: u32 = 32;
+const LATE_REQUESTS_MAX: u16 = 8192;
+/// Value of `SentRequests::foreign_balance` above which the device is shared; fewer may be leftovers of an earlier
+/// session.
+const SHARED_BALANCE_MIN: u32 = 32;
 
 /// When the latest requests were sent, by their numbers.
 #[derive(Clone, Debug)]
-pub(crate) struct Sent {
+pub(crate) struct SentRequests {
     instants: [Option<Instant>; 256],
-    next: u16,
+    next_number: u16,
     /// Twice the number of replies to requests of others, less the number of replies to our own, at least 0; `None`
     /// before our first reply.
     foreign_balance: Option<u32>,
 }
 
-impl Default for Sent {
+impl Default for SentRequests {
     fn default() -> Self {
         Self {
             instants: [None; 256],
-            next: 0,
+            next_number: 0,
             foreign_balance: None,
         }
     }
 }
 
-impl Sent {
+impl SentRequests {
     /// Number a request that is sent now.
-    pub(crate) fn number(&mut self, now: Instant, stats: &mut Stats) -> u16 {
-        let request_number = self.next;
+    pub(crate) fn number_request(&mut self, now: Instant, stats: &mut Stats) -> u16 {
+        let request_number = self.next_number;
         let instant_slot = &mut self.instants[usize::from(request_number % 256)];
-        stats.lost += u64::from(instant_slot.is_some());
+        stats.requests_lost += u64::from(instant_slot.is_some());
         *instant_slot = Some(now);
-        stats.sent += 1;
-        self.next = request_number.wrapping_add(1);
+        stats.packets_sent += 1;
+        self.next_number = request_number.wrapping_add(1);
         request_number
     }
 
     /// Note a reply; returns whether it answers one of the latest requests, for the first time.
-    pub(crate) fn answered(&mut self, number: u16, now: Instant, stats: &mut Stats) -> bool {
-        let request_age = self.next.wrapping_sub(number);
-        if request_age > 256 && request_age <= LATE && u64::from(request_age) <= stats.sent {
+    pub(crate) fn note_reply(&mut self, number: u16, now: Instant, stats: &mut Stats) -> bool {
+        let request_age = self.next_number.wrapping_sub(number);
+        if request_age > 256 && request_age <= LATE_REQUESTS_MAX && u64::from(request_age) <= stats.packets_sent {
             // A board that was held up answers old requests, for which nobody waits any more.
             return false;
         }
@@ -138,7 +139,7 @@ impl Sent {
         let Some(send_instant) = self.instants[usize::from(number % 256)].take() else {
             return false;
         };
-        stats.received += 1;
+        stats.replies_received += 1;
         stats.add_round_trip(now.duration_since(send_instant));
         self.foreign_balance = Some(self.foreign_balance.unwrap_or(0).saturating_sub(1));
         true
@@ -147,7 +148,7 @@ impl Sent {
     /// Whether the device answers other programs more than half as often as this one, for some time.
     pub(crate) fn is_shared(&self) -> bool {
         self.foreign_balance
-            .is_some_and(|foreign_balance| foreign_balance > SHARED)
+            .is_some_and(|foreign_balance| foreign_balance > SHARED_BALANCE_MIN)
     }
 }
 
@@ -157,59 +158,59 @@ mod tests {
 
     #[test]
     fn stats_count_replies_and_losses() {
-        let (mut sent_requests, mut stats) = (Sent::default(), Stats::default());
+        let (mut sent_requests, mut stats) = (SentRequests::default(), Stats::default());
         let first_instant = Instant::now();
         for i in 0..1000_u64 {
             let send_instant = first_instant + Duration::from_millis(i);
-            let request_number = sent_requests.number(send_instant, &mut stats);
+            let request_number = sent_requests.number_request(send_instant, &mut stats);
             let reply_instant = send_instant + Duration::from_micros(100);
             if i % 10 != 0 {
-                assert!(sent_requests.answered(request_number, reply_instant, &mut stats));
+                assert!(sent_requests.note_reply(request_number, reply_instant, &mut stats));
                 assert!(
-                    !sent_requests.answered(request_number, reply_instant, &mut stats),
+                    !sent_requests.note_reply(request_number, reply_instant, &mut stats),
                     "one again"
                 );
             }
         }
-        assert_eq!((stats.sent, stats.received), (1000, 900));
+        assert_eq!((stats.packets_sent, stats.replies_received), (1000, 900));
         // A lost request is counted when its slot is used again.
-        assert_eq!(stats.lost, (0..744).filter(|i| i % 10 == 0).count() as u64);
+        assert_eq!(stats.requests_lost, (0..744).filter(|i| i % 10 == 0).count() as u64);
         assert_eq!(stats.round_trip.total(), 900);
         assert_eq!(stats.round_trip.quantile(0.5), Duration::from_micros(100));
     }
 
     #[test]
     fn stats_detect_replies_to_another_host() {
-        let (mut sent_requests, mut stats) = (Sent::default(), Stats::default());
+        let (mut sent_requests, mut stats) = (SentRequests::default(), Stats::default());
         let test_instant = Instant::now();
         // Leftover replies of another session come first.
         for request_number in 30_000..30_100 {
-            assert!(!sent_requests.answered(request_number, test_instant, &mut stats));
+            assert!(!sent_requests.note_reply(request_number, test_instant, &mut stats));
         }
         for _ in 0..1000 {
-            let request_number = sent_requests.number(test_instant, &mut stats);
-            assert!(sent_requests.answered(request_number, test_instant, &mut stats));
+            let request_number = sent_requests.number_request(test_instant, &mut stats);
+            assert!(sent_requests.note_reply(request_number, test_instant, &mut stats));
         }
         assert!(!sent_requests.is_shared());
         for other in 0..40 {
-            let request_number = sent_requests.number(test_instant, &mut stats);
-            assert!(!sent_requests.answered(40_000 + other, test_instant, &mut stats));
-            assert!(sent_requests.answered(request_number, test_instant, &mut stats));
+            let request_number = sent_requests.number_request(test_instant, &mut stats);
+            assert!(!sent_requests.note_reply(40_000 + other, test_instant, &mut stats));
+            assert!(sent_requests.note_reply(request_number, test_instant, &mut stats));
         }
         assert!(sent_requests.is_shared());
     }
 
     #[test]
     fn stats_accept_replies_of_a_stalled_board() {
-        let (mut sent_requests, mut stats) = (Sent::default(), Stats::default());
+        let (mut sent_requests, mut stats) = (SentRequests::default(), Stats::default());
         let test_instant = Instant::now();
-        assert_eq!(sent_requests.number(test_instant, &mut stats), 0);
-        assert!(sent_requests.answered(0, test_instant, &mut stats));
+        assert_eq!(sent_requests.number_request(test_instant, &mut stats), 0);
+        assert!(sent_requests.note_reply(0, test_instant, &mut stats));
         for _ in 0..1000 {
-            sent_requests.number(test_instant, &mut stats);
+            sent_requests.number_request(test_instant, &mut stats);
         }
         for number in 1..=1000 {
-            assert_eq!(sent_requests.answered(number, test_instant, &mut stats), number > 744);
+            assert_eq!(sent_requests.note_reply(number, test_instant, &mut stats), number > 744);
         }
         assert!(!sent_requests.is_shared());
     }

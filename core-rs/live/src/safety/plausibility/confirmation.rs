@@ -106,7 +106,7 @@ pub(super) struct Confirmation {
 
 impl Confirmation {
     pub(super) fn new(axis: AxisSpec, parameters: &AxisParameters) -> Self {
-        let force_max = axis.force.max(0.0);
+        let force_max = axis.force_max.max(0.0);
         let is_asking = parameters.resolution <= RESOLUTION_MAX;
         let (room_share, room_max) = PULSE_ROOM;
         let pulse_room = (room_share * force_max).min(room_max);
@@ -114,7 +114,7 @@ impl Confirmation {
             step, mass, resolution, ..
         } = *parameters;
         Self {
-            questions: Questions::new(step, mass, resolution, axis.delay),
+            questions: Questions::new(step, mass, resolution, axis.delay_seconds),
             is_asking,
             pulse_force_max: if is_asking { pulse_room } else { 0.0 },
             force_max,
@@ -124,7 +124,7 @@ impl Confirmation {
             since_right: f64::INFINITY,
             unanswered: 0.0,
             taken_out: 0.0,
-            lateness: Lateness::new(step, axis.delay, axis.energy, axis.power),
+            lateness: Lateness::new(step, axis.delay_seconds, axis.energy_max, axis.power_max),
             waits_for_late: false,
             since_pulse: 0.0,
             wrong_balance: 0,

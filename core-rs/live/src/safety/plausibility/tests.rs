@@ -209,10 +209,10 @@ fn restart_ends_questions_and_suspicions() {
         range: [-0.05, 0.05],
         resolution: 1e-5,
         inertia: Some(0.05),
-        force: 20.0,
-        delay: 0.0,
-        energy: 1.0,
-        power: 0.5,
+        force_max: 20.0,
+        delay_seconds: 0.0,
+        energy_max: 1.0,
+        power_max: 0.5,
     };
     let mut axis_checks = Plausibility::new(axis_spec, 1e-3);
     let asked_force = |x: f64| 500.0 * x;

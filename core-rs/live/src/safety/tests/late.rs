@@ -291,7 +291,7 @@ fn heat_is_recalled_and_cools() {
     drop(guarded);
     for (elapsed, force) in [(0.0, 1.0), (0.2, 2.0)] {
         let mut reopened = Guarded::new(&mut bench, limits, PERIOD);
-        reopened.pipeline.recall(&heat_memory, elapsed);
+        reopened.pipeline.restore(&heat_memory, elapsed);
         reopened.receive(&mut device_sample, Instant::now()).unwrap();
         assert_eq!(reopened.send(&[2.0]).unwrap().newtons(), [force], "{elapsed} s");
     }

@@ -43,8 +43,8 @@ pub(in crate::island::fine) struct LawState {
     pub(super) start_force: f64,
     /// The largest_force force of the last frames [N].
     pub(super) largest_force: f64,
-    /// Elongation at the first instant of the frame, from which `path` is counted: a path that stands still has no rate,
-    /// to the last bit [m].
+    /// Elongation at the first instant of the frame, from which `path` is counted: a path that stands still has no
+    /// rate, to the last bit [m].
     pub(super) origin: f64,
     /// Elongation at the instants of the frame, less `origin`, if the forces of the parts to come are zero [m]   (n)
     pub(super) path: Vec<f64>,
@@ -93,7 +93,9 @@ impl LawNow<'_> {
     pub(super) fn force(&self, e: f64, v: f64) -> f64 {
         let full_force = match self.kind {
             Kind::Lnl { law, .. } => law.force(e, v),
-            Kind::Bristle { by: bristle_law, .. } => bristle_law.with(self.k, self.z).force(self.bristle, v),
+            Kind::Bristle { by: bristle_law, .. } => bristle_law
+                .with_stiffness_and_level(self.k, self.z)
+                .force(self.bristle, v),
             Kind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
             _ => 0.0,
         };
@@ -103,7 +105,7 @@ impl LawNow<'_> {
     /// Its bristles as they are at this instant; `None` for other laws.
     pub(super) fn bristle(&self) -> Option<Bristle> {
         match self.kind {
-            Kind::Bristle { by: bristle_law, .. } => Some(bristle_law.with(self.k, self.z)),
+            Kind::Bristle { by: bristle_law, .. } => Some(bristle_law.with_stiffness_and_level(self.k, self.z)),
             _ => None,
         }
     }
@@ -112,7 +114,7 @@ impl LawNow<'_> {
     pub(super) fn halfway(&self, e: f64, v: f64, h: f64) -> f64 {
         match self.bristle() {
             Some(bristle_law) => {
-                let bristle = bristle_law.halfway(self.bristle, v, h / self.rate());
+                let bristle = bristle_law.midpoint_deflection(self.bristle, v, h / self.rate());
                 Self { bristle, ..*self }.force(e, v)
             }
             None => self.force(e, v),

@@ -3,7 +3,7 @@
 use super::{FreeKey, FreeMotion};
 use crate::kernel::KernelScratch;
 use crate::state::Target;
-use crate::timeline::Source;
+use crate::timeline::DriveSource;
 
 /// Least number of frames for which powers are used; fewer are computed one by one.
 pub(super) const FRAMES_MIN: u64 = 1 << 18;
@@ -32,7 +32,7 @@ impl FramePowers {
         let are_constant = free
             .drives
             .iter()
-            .all(|drive| matches!(drive.source, Source::Constant(_)));
+            .all(|drive| matches!(drive.source, DriveSource::Constant(_)));
         let is_affine = scheme.is_linear && scheme.exact.is_empty() && free.slow.is_empty();
         let state_size = 2 * n_mat + 1;
         (is_affine && are_constant && n_mat <= MATS_MAX).then(|| Self {
@@ -164,7 +164,7 @@ mod tests {
             drives: vec![Drive {
                 mat: second_mat,
                 kind: DriveKind::Force,
-                source: Source::Constant(-0.02),
+                source: DriveSource::Constant(-0.02),
                 acts_on_free_key: true,
             }],
             slow: Vec::new(),

@@ -2,8 +2,8 @@
 
 use super::super::ergons_for_view::Sparks;
 use super::{Ask, Scene, TrackedFrame, Voice, VoiceScript};
-use crate::gesture::report::Report;
-use crate::gesture::script::{Ergons, Touch};
+use crate::gesture::report::GestureReport;
+use crate::gesture::script::{ErgonKind, Touch};
 use crate::island::record::{Record, Stream};
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
@@ -49,7 +49,7 @@ impl Voice {
             self.asked = asked_position;
         }
         let is_over_limit = wanted_force.abs() > force_limit;
-        scene.reports[gesture_index].missed += u64::from(is_over_limit);
+        scene.reports[gesture_index].n_missed_steps += u64::from(is_over_limit);
         if let (Ask::Pass(x), Touch::Tracked) = (request, manner.touch) {
             // A tracked step that would need more than the limit leaves the key free.
             if is_over_limit {
@@ -86,7 +86,7 @@ impl Voice {
             particle: None,
             is_stream: matches!(request, Ask::Pass(_)),
         };
-        if manner.ergons == Ergons::Particle {
+        if manner.ergon_kind == ErgonKind::Particle {
             let flight = &mut self.flight;
             blow.particle = flight.launch(scene.scheme, scene.body, script.struck, force);
         }
@@ -165,11 +165,18 @@ impl Voice {
 
 impl Blow {
     /// Add the ergon to the report, the stream and the sparks, before its force is added to the sum.
-    fn record(&self, scheme: &Scheme, body: &Body, report: &mut Report, stream: &mut Stream, sparks: &mut Sparks) {
+    fn record(
+        &self,
+        scheme: &Scheme,
+        body: &Body,
+        report: &mut GestureReport,
+        stream: &mut Stream,
+        sparks: &mut Sparks,
+    ) {
         let time_step = 1.0 / scheme.rate;
         let (mass, impulse) = (time_step * time_step / scheme.w[self.mat], self.force * time_step);
         report.n_ergons += 1;
-        report.strongest = report.strongest.max(impulse.abs() / mass);
+        report.velocity_step_max = report.velocity_step_max.max(impulse.abs() / mass);
         report.force_max = report.force_max.max(self.force.abs());
         let record = |velocity| {
             let strike_time = self.frame as f64 * time_step;

@@ -22,7 +22,7 @@ crate::archive::state!(Joining { curve, end });
 impl Joining {
     fn new(from: Knot, to: Knot) -> Self {
         Self {
-            curve: Quintic::joining(from, to),
+            curve: Quintic::between_knots(from, to),
             end: to.t,
         }
     }
@@ -46,21 +46,21 @@ impl Voice {
                     continue;
                 }
                 let late_curve = self.late_joining(script, scene, gesture, n);
-                scene.reports[gesture_index].first_point_missed = late_curve.is_some();
+                scene.reports[gesture_index].is_first_point_missed = late_curve.is_some();
                 self.running = Some(RunningGesture::new(gesture_index, late_curve));
                 continue;
             }
             let time_left = gesture.gesture.start - time_now;
             let is_in_time =
-                n >= gesture.join_from && time_left >= JOINING_SECONDS_MIN.min(gesture.gesture.manner.join);
+                n >= gesture.join_from && time_left >= JOINING_SECONDS_MIN.min(gesture.gesture.manner.join_seconds);
             if self.running.is_none() && is_in_time {
                 let knot_now = self.motion(script, scene, gesture.gesture.manner.touch, n);
-                let is_at_entry = (knot_now.x - gesture.gesture.entry.x).abs() <= JOINING_DISTANCE_MIN
+                let is_at_entry = (knot_now.x - gesture.gesture.entry_knot.x).abs() <= JOINING_DISTANCE_MIN
                     && (knot_now.v / frame_rate).abs() <= JOINING_DISTANCE_MIN;
-                if !is_at_entry && gesture.gesture.manner.join > 0.0 {
+                if !is_at_entry && gesture.gesture.manner.join_seconds > 0.0 {
                     self.running = Some(RunningGesture::new(
                         gesture_index,
-                        Some(Joining::new(knot_now, gesture.gesture.entry)),
+                        Some(Joining::new(knot_now, gesture.gesture.entry_knot)),
                     ));
                 }
             }
@@ -88,17 +88,17 @@ impl Voice {
             .map(|earlier_index| &scene.gestures[script.gestures[earlier_index]]);
         let shares_point = gesture_before.is_some_and(|earlier_gesture| {
             n.abs_diff(earlier_gesture.last()) < gesture.score_frame()
-                && (earlier_gesture.gesture.exit - gesture.gesture.entry.x).abs() <= JOINING_DISTANCE_MIN
+                && (earlier_gesture.gesture.last_position - gesture.gesture.entry_knot.x).abs() <= JOINING_DISTANCE_MIN
         });
         let agrees = shares_point
-            || [path.evaluate(knot_now.t).0, gesture.gesture.entry.x]
+            || [path.evaluate(knot_now.t).0, gesture.gesture.entry_knot.x]
                 .iter()
                 .any(|x| (knot_now.x - x).abs() <= JOINING_DISTANCE_MIN);
-        if agrees || gesture.gesture.manner.join == 0.0 {
+        if agrees || gesture.gesture.manner.join_seconds == 0.0 {
             return None;
         }
         let last_time = gesture.last() as f64 / scene.scheme.rate;
-        let t = (knot_now.t + gesture.gesture.manner.join)
+        let t = (knot_now.t + gesture.gesture.manner.join_seconds)
             .min(path.stop())
             .min(last_time);
         let (x, v, a) = path.evaluate(t);

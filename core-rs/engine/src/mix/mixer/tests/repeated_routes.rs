@@ -16,21 +16,29 @@ fn mixer(side_by_side: bool, gain: f64) -> Mixer {
             channels: vec![channel],
             gain: 1.0,
         };
-        mixer.room(room_spec).unwrap();
+        mixer.add_room(room_spec).unwrap();
     }
-    let targets = [To::Channel(0), To::Room(0), To::Channel(1), To::Room(1)];
+    let targets = [
+        RouteTarget::Channel(0),
+        RouteTarget::Room(0),
+        RouteTarget::Channel(1),
+        RouteTarget::Room(1),
+    ];
     let routes_apart = targets.map(|to| [(0, to), (1, to)]).concat();
     let routes_beside = [0, 1].map(|out| targets.map(|to| (out, to))).concat();
     for (out, to) in if side_by_side { routes_beside } else { routes_apart } {
         let delay = if out == 1 { 40 } else { 0 };
-        let treatment = Treatment {
-            tones: vec![FilterKind::Highpass { f: 8.0 }, FilterKind::Lowpass { f: 3_000.0 }],
+        let treatment = RouteTreatment {
+            filters: vec![FilterKind::Highpass { f: 8.0 }, FilterKind::Lowpass { f: 3_000.0 }],
             is_squared: out == 1,
             delay,
-            echo: (delay > 0).then_some(Echo { frames: 30, ratio: 0.5 }),
+            echo: (delay > 0).then_some(Echo {
+                delay_frames: 30,
+                feedback_ratio: 0.5,
+            }),
             curve: None,
         };
-        mixer.treated(out, out, to, gain, treatment).unwrap();
+        mixer.add_treated_route(out, out, to, gain, treatment).unwrap();
     }
     mixer
 }
@@ -75,12 +83,12 @@ fn repeated_route_added_later_begins_at_rest() {
     // A silent route between the two keeps them apart.
     let routed_mixer = |apart: bool, count: usize| {
         let mut mixer = Mixer::new(RATE, 2, 2);
-        mixer.route(0, 0, 1.0, Some(8.0)).unwrap();
+        mixer.add_route(0, 0, 1.0, Some(8.0)).unwrap();
         if apart {
-            mixer.route(1, 0, 0.0, None).unwrap();
+            mixer.add_route(1, 0, 0.0, None).unwrap();
         }
         for _ in 1..count {
-            mixer.route(0, 1, 1.0, Some(8.0)).unwrap();
+            mixer.add_route(0, 1, 1.0, Some(8.0)).unwrap();
         }
         mixer
     };

@@ -5,7 +5,7 @@ use crate::assembly::unit::ComputationUnit;
 use crate::generator::{Ends, Rim, Shape, plate, string};
 use crate::gesture::profile::Curve;
 use crate::gesture::script::{Gesture, Manner};
-use crate::gesture::written::{Approach, Written};
+use crate::gesture::written::{Approach, WrittenPoints};
 use crate::island::inside::BodyPlan;
 use crate::law::{Law, LawText};
 use crate::network::{But, Dry, Network, Term, Tie};
@@ -49,13 +49,13 @@ fn plan(budget: &Budget, rests: bool) -> Plan {
     network.but("to", key, 24, key_contact).unwrap();
     timeline.key("key", key);
     let manner = Manner::OPEN;
-    let written = Written {
+    let written = WrittenPoints {
         t: &[BEGINS, BEGINS + 0.06, BEGINS + 0.2],
         x: &[0.0, 4e-3, 0.0],
         approaches: &[Approach::Path(Curve::Smooth); 3],
         sources: &[],
     };
-    let gesture = Gesture::written(0, &written, manner).unwrap();
+    let gesture = Gesture::from_points(0, &written, manner).unwrap();
     timeline.gesture(gesture).unwrap();
     timeline.strike(&network, 20, 0.45, 1e-2, Some(0.0), 0).unwrap();
     Plan::new(Arc::new(network), &timeline, budget, None).unwrap()
@@ -179,7 +179,7 @@ fn friction_in_a_ring_takes_few_rounds() {
     island
         .compute(&mut ring_sound, n_frames, &mut ThreadTeam::alone())
         .unwrap();
-    let solver_rounds = island.exact_work().solved_again as f64 / (n_frames * friction_levels.len()) as f64;
+    let solver_rounds = island.exact_work().n_resolved as f64 / (n_frames * friction_levels.len()) as f64;
     assert!(solver_rounds < 20.0, "{solver_rounds}");
 }
 

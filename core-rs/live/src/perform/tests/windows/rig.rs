@@ -2,7 +2,7 @@
 
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner};
-use ergon_engine::gesture::written::{Approach, Written};
+use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{SpaceLaw, SpacePoint, SpacePoints};
 use ergon_engine::simulation::Look;
 
@@ -63,13 +63,13 @@ pub(super) fn gesture() -> (Arc<Network>, Timeline) {
     let gesture_key = timeline.key("key", key_mass);
     let path_times: Vec<f64> = (0..13).map(|i| 0.02 + 0.06 * f64::from(i)).collect();
     let path_positions: Vec<f64> = (0..13).map(|i| 4e-3 * f64::from(i % 2)).collect();
-    let written = Written {
+    let written = WrittenPoints {
         t: &path_times,
         x: &path_positions,
         approaches: &[Approach::Path(Curve::Smooth); 13],
         sources: &[],
     };
-    let gesture = Gesture::written(gesture_key, &written, Manner::OPEN).unwrap();
+    let gesture = Gesture::from_points(gesture_key, &written, Manner::OPEN).unwrap();
     timeline.gesture(gesture).unwrap();
     (Arc::new(network), timeline)
 }
@@ -90,8 +90,8 @@ pub(super) fn torn() -> (Arc<Network>, Timeline) {
     };
     let thread_ends = (space_point("nail", 0.0, 0.0, 0.0), space_point("ball", 1.0, 0.1, 0.4));
     let tearing_law = SpaceLaw::Yielding {
-        yields: f64::INFINITY,
-        breaks: 8e-3,
+        yield_force: f64::INFINITY,
+        break_elongation: 8e-3,
     };
     network
         .space_links("thread", thread_ends, 1, 2, tearing_law, [1e3, 0.0, 0.1])
