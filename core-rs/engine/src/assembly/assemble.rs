@@ -231,7 +231,7 @@ impl Assembled {
         let mut hub_network = (*self.island_plan.network).clone();
         for (body, modes_kept) in self.bodies.iter_mut().zip(modes_kept) {
             if let BodyPlan::Modal(modal_body) = &body.plan {
-                body.plan = BodyPlan::Modal(modal_body.only(&modes_kept.modes));
+                body.plan = BodyPlan::Modal(modal_body.with_modes(&modes_kept.modes));
                 body.left_out_db = modes_kept.left_out_db;
                 body.computed_modes = modes_kept.numbers();
                 ported::set_port_masses(&mut hub_network, &body.plan);

@@ -47,7 +47,7 @@ impl IslandPlan {
                 _ => ContactOrder::Fourth,
             },
             oversampling: self.oversampling,
-            every: self.frame_interval,
+            frame_interval: self.frame_interval,
         }
     }
 }

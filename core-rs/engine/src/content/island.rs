@@ -114,7 +114,10 @@ impl Content {
         } = island;
         let networks = bodies.iter().map(BodyPlan::network);
         let part_order = PartOrder::new(networks.chain([&**network]));
-        let bodies: Vec<BodyPlan> = bodies.iter().map(|body| body.anonymous(&part_order)).collect();
+        let bodies: Vec<BodyPlan> = bodies
+            .iter()
+            .map(|body| body.without_strikes_and_names(&part_order))
+            .collect();
         let numbers = (island.step_numbers(island.contact_substeps), sleeps);
         Self(Events::new(
             network,

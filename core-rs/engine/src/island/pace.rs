@@ -8,39 +8,39 @@ use super::Island;
 
 impl Island {
     /// Number of its own frames that are computed when the scene has computed `frame_of_scene` frames.
-    fn island_frames(&self, frame_of_scene: u64) -> u64 {
-        frame_of_scene.div_ceil(u64::from(self.every))
+    fn island_frames(&self, scene_frame: u64) -> u64 {
+        scene_frame.div_ceil(u64::from(self.frame_interval))
     }
 
     /// Number of its own frames that fall in the scene's next `n_frames`, from `frame_of_scene` on.
-    pub(crate) fn due_frames(&self, frame_of_scene: u64, n_frames: usize) -> usize {
-        let frames_at_end = self.island_frames(frame_of_scene + n_frames as u64);
-        (frames_at_end - self.island_frames(frame_of_scene)) as usize
+    pub(crate) fn due_frames(&self, scene_frame: u64, n_frames: usize) -> usize {
+        let frames_at_end = self.island_frames(scene_frame + n_frames as u64);
+        (frames_at_end - self.island_frames(scene_frame)) as usize
     }
 
     /// Number of its steps that are computed when the scene has computed `frame_of_scene` frames.
-    pub(crate) fn step_at(&self, frame_of_scene: u64) -> u64 {
-        self.island_frames(frame_of_scene) * u64::from(self.oversampling)
+    pub(crate) fn step_at(&self, scene_frame: u64) -> u64 {
+        self.island_frames(scene_frame) * u64::from(self.oversampling)
     }
 
     /// The frame of the scene in which a step begins.
-    pub(crate) fn frame_at(&self, step: u64) -> u64 {
-        step / u64::from(self.oversampling) * u64::from(self.every)
+    pub(crate) fn scene_frame_at(&self, step: u64) -> u64 {
+        step / u64::from(self.oversampling) * u64::from(self.frame_interval)
     }
 
     /// Its steps in a frame of the scene.
     pub(crate) fn steps_per_frame(&self) -> f64 {
-        f64::from(self.oversampling) / f64::from(self.every)
+        f64::from(self.oversampling) / f64::from(self.frame_interval)
     }
 
     /// Number of frames by which it is ahead of the scene, which has computed `frame_of_scene`; less than `every`.
-    pub(crate) fn ahead(&self, frame_of_scene: u64) -> u32 {
-        let scene_frame = self.island_frames(frame_of_scene) * u64::from(self.every);
-        (scene_frame - frame_of_scene) as u32
+    pub(crate) fn frames_ahead(&self, scene_frame: u64) -> u32 {
+        let reached_frame = self.island_frames(scene_frame) * u64::from(self.frame_interval);
+        (reached_frame - scene_frame) as u32
     }
 
     /// Whether one of its frames takes several frames of the scene.
-    pub(crate) fn is_slow(&self) -> bool {
-        self.every > 1
+    pub(crate) fn is_decimated(&self) -> bool {
+        self.frame_interval > 1
     }
 }

@@ -6,7 +6,7 @@ use crate::state::{Body, ContactHistory};
 
 /// Work of all pairs in a frame [J].
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Work {
+pub(super) struct PairWork {
     /// Taken from the points by the whole force.
     pub(super) total: f64,
     /// Taken from the points by its elastic part.
@@ -34,15 +34,15 @@ pub(super) fn work(
     k_and_z: [f64; 2],
     neighbours: &mut Neighbours,
     body: &Body,
-    d: [&[f64]; 2],
+    frame_steps: [&[f64]; 2],
     history: &ContactHistory,
-) -> Work {
+) -> PairWork {
     let pair_link = &run.pairs.link;
-    let mut pair_work = Work::default();
-    let position_then = |mat: usize| body.x[mat] - body.d[mat];
-    neighbours.touching(run, position_then, |ends, e, along| {
-        let stretch_before = pair_link.stretch(ends, along, |mat| d[0][mat]);
-        let stretch = 0.5 * pair_link.stretch(ends, along, |mat| d[0][mat] + d[1][mat]);
+    let mut pair_work = PairWork::default();
+    let position_before = |mat: usize| body.x[mat] - body.d[mat];
+    neighbours.touching(run, position_before, |ends, e, along| {
+        let stretch_before = pair_link.stretch(ends, along, |mat| frame_steps[0][mat]);
+        let stretch = 0.5 * pair_link.stretch(ends, along, |mat| frame_steps[0][mat] + frame_steps[1][mat]);
         let (f, elastic) = (
             pair_link.law.force(k_and_z, e, stretch_before),
             pair_link.law.elastic(k_and_z[0], e),
@@ -50,13 +50,13 @@ pub(super) fn work(
         pair_work.total += stretch * f;
         pair_work.elastic += stretch * elastic;
         if run.pairs.friction > 0.0 {
-            let ends_moved = d.map(|d| pair_link.between(ends, |mat| d[mat]));
+            let ends_moved = frame_steps.map(|d| pair_link.between(ends, |mat| d[mat]));
             let contact = PairContact {
                 e,
                 f,
                 elastic,
                 along,
-                apart: pair_link.between(ends, position_then),
+                apart: pair_link.between(ends, position_before),
                 moved: ends_moved[0],
             };
             let sliding = contact.sliding(&run.pairs, k_and_z);
@@ -70,7 +70,7 @@ pub(super) fn work(
 }
 
 /// Elastic energy of friction in all touching pairs of stiffness `k` [J].
-pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body) -> f64 {
+pub(super) fn friction_energy(run: &PairRun, k: f64, history: &ContactHistory, body: &Body) -> f64 {
     let pair_link = &run.pairs.link;
     let pair_energy = |(points, anchor): ([u32; 2], [f64; 3])| {
         let pair_ends = run.ends(points);

@@ -55,8 +55,8 @@ impl Island {
             n_out: self.n_out(),
             oversampling: self.oversampling as usize,
         };
-        let (step_count, may_coast) = (n_frames * outputs.oversampling, self.may_coast());
-        let may_skip_events = self.may_skip_events();
+        let (step_count, may_coast) = (n_frames * outputs.oversampling, self.can_coast());
+        let may_skip_events = self.can_skip_events();
         let (mut steps_done, mut poll_at) = (0, 0);
         let module_count = self.script.scheme.n_mat() + self.script.scheme.n_lia;
         let poll_interval = (POLL_MODULES / module_count.max(1)).clamp(1, POLL_STEPS);
@@ -88,7 +88,7 @@ impl Island {
     fn step(&mut self, out: Option<&mut [f64]>, team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let n = state.frame;
-        let mut changed = state.values.scheme.take();
+        let mut changed = state.parameters.changing_scheme.take();
         set_values(script, state, changed.as_deref_mut(), n);
         let mut frame = Frame {
             n,
@@ -103,13 +103,13 @@ impl Island {
         frame.observe(&complete, out);
         let moved = frame.advance(complete);
         frame.account(&moved);
-        state.values.scheme = changed;
+        state.parameters.changing_scheme = changed;
         state.frame += 1;
         if !moved.is_plausible {
-            return self.fault();
+            return self.handle_fault();
         }
         if n.is_multiple_of(energy_account::CHECK_STEPS) {
-            return self.check_gains();
+            return self.check_energy_gains();
         }
         Ok(())
     }

@@ -209,7 +209,7 @@ impl Row {
     /// The row of a body inside an island.
     pub(in crate::plan) fn ported(ported: &PortedBody, timeline: &Timeline) -> Self {
         let computed_as = match &ported.plan {
-            BodyPlan::Modal(modal) => match &modal.answers {
+            BodyPlan::Modal(modal) => match &modal.complex_responses {
                 Some(answers) => Computation::Modes {
                     kind: ModeKind::Complex,
                     n_modes: answers.n_modes,

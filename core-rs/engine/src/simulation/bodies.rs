@@ -76,14 +76,14 @@ impl<'a> BodyCandidate<'a> {
                 };
                 let (network, modes_and_rate, local_mats): (&Network, Option<_>, Vec<usize>) = match body {
                     BodyPlan::Modal(modal) => {
-                        let modes_kept = (&modal.computed[..], modal.turned.as_deref());
+                        let modes_kept = (&modal.mode_numbers[..], modal.alignment_mats.as_deref());
                         (&modal.network, Some((modes_kept, modal.rate)), Vec::new())
                     }
                     BodyPlan::Mesh(mesh) => (&mesh.network, None, (0..mesh.network.n_mat()).collect()),
-                    BodyPlan::Slow(slow) => (&slow.network, None, (0..slow.free.len()).collect()),
+                    BodyPlan::Slow(slow) => (&slow.network, None, (0..slow.free_mats.len()).collect()),
                 };
                 let body_mats: Vec<usize> = match body {
-                    BodyPlan::Slow(slow) => slow.free.clone(),
+                    BodyPlan::Slow(slow) => slow.free_mats.clone(),
                     BodyPlan::Mesh(_) => local_mats.clone(),
                     BodyPlan::Modal(_) => moving(network),
                 };
@@ -204,10 +204,10 @@ impl Body {
                         }
                     }
                     (RunningUnit::Island(island), Some(body)) => {
-                        let Some(inside::RunningBody::Modal(modal_body)) = island.body(body) else {
+                        let Some(inside::RunningBody::Modal(modal_body)) = island.body_mut(body) else {
                             return;
                         };
-                        modal_body.amplitudes(amplitudes_now, amplitudes_before);
+                        modal_body.write_amplitudes(amplitudes_now, amplitudes_before);
                     }
                     (RunningUnit::Island(_), None) => return,
                 }
@@ -220,12 +220,12 @@ impl Body {
                     return;
                 };
                 let mats = workspace.mats[self.first..].iter_mut().zip(all);
-                match island.body(body) {
+                match island.body_mut(body) {
                     Some(inside::RunningBody::Mesh(mesh)) => {
                         mats.for_each(|(mat, &(mass_index, _))| *mat = scaled(mesh.motion(mass_index), frame_steps));
                     }
                     Some(inside::RunningBody::Slow(slow)) => {
-                        let present = slow.present();
+                        let present = slow.present_state();
                         let mass_motion = |mass_index: usize| scaled(slow.motion(&present, mass_index), frame_steps);
                         mats.for_each(|(mat, &(mass_index, _))| *mat = mass_motion(mass_index));
                     }
@@ -254,7 +254,7 @@ impl Body {
                         }
                     }
                     (RunningUnit::Island(island), Some(body)) => {
-                        if let Some(inside::RunningBody::Modal(modal_body)) = island.body(body) {
+                        if let Some(inside::RunningBody::Modal(modal_body)) = island.body_mut(body) {
                             modal_body.set_amplitudes(amplitudes_now, amplitudes_before);
                         }
                     }
@@ -268,9 +268,9 @@ impl Body {
                 for ((_, motion), mat) in all.iter_mut().zip(&workspace.mats[self.first..]) {
                     *motion = scaled(*mat, frames_per_step);
                 }
-                match island.body(body) {
-                    Some(inside::RunningBody::Mesh(mesh)) => mesh.put(all),
-                    Some(inside::RunningBody::Slow(slow)) => slow.put(all),
+                match island.body_mut(body) {
+                    Some(inside::RunningBody::Mesh(mesh)) => mesh.set_motions(all),
+                    Some(inside::RunningBody::Slow(slow)) => slow.set_motions(all),
                     _ => {}
                 }
             }

@@ -207,7 +207,7 @@ impl RunningUnit {
                     }
                     source.keep(sound);
                 }
-                if !island.is_slow() {
+                if !island.is_decimated() {
                     add(sound, n_island_out, island_plan, out, outputs);
                 }
             }
@@ -226,7 +226,7 @@ impl RunningUnit {
 
     /// Whether a thread team can share its work.
     fn is_shared(&self) -> bool {
-        matches!(self, Self::Island(island) if island.is_shared())
+        matches!(self, Self::Island(island) if island.can_share_work())
     }
 }
 

@@ -9,7 +9,7 @@ use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, joint, path_responses
 use super::laws::LawScript;
 use super::slides::Frictions;
 use super::stepped_points::SteppedPoints;
-use super::{Fine, FineWork, Script};
+use super::{FineLinks, FineWork, Script};
 use crate::island::StepNumbers;
 use crate::island::inside::RunningBody;
 use crate::island::modal::RunningModal;
@@ -17,7 +17,7 @@ use crate::network::Network;
 use crate::scheme::{Run, Scheme};
 use crate::timeline::{DriveKind, Timeline};
 
-impl Fine {
+impl FineLinks {
     /// `links` were taken out of the scheme: single contacts and laws whose ends are masses or ports.
     pub(in crate::island) fn new(
         links: Vec<Run>,
@@ -105,24 +105,24 @@ impl Fine {
         Self {
             paths: vec![0.0; n_joints * n_instants],
             impulse_sums: vec![0.0; n_joints * n_instants],
-            saved: [vec![0.0; n_joints * n_instants], vec![0.0; n_joints * n_instants]],
+            saved_paths_and_sums: [vec![0.0; n_joints * n_instants], vec![0.0; n_joints * n_instants]],
             free_paths: vec![0.0; n_joints * n_instants],
             frame_impulses: vec![0.0; n_joints * n_instants],
             crowded: script.crowded.iter().map(CrowdedBody::motion).collect(),
             next_frame_forces: vec![0.0; n_joints],
             steady_forces: vec![0.0; n_joints],
             may_close: vec![false; n_links],
-            pushes: vec![false; n_links],
-            rests: vec![false; n_links],
+            is_pushing: vec![false; n_links],
+            is_resting: vec![false; n_links],
             is_located: vec![false; n_links],
             forces: vec![0.0; n_links],
-            depths: vec![0.0; n_links],
+            penetrations: vec![0.0; n_links],
             link_constants: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
             joint_constants: script.joints.iter().map(|joint| joint.constants).collect(),
             has_glided: vec![false; n_joints],
             stepped_points,
             stages: &[],
-            has_touched: false,
+            has_closed: false,
             work: FineWork {
                 instants: 0,
                 products: response_products + crowded_products,

@@ -6,7 +6,7 @@
 
 use super::basis::{Basis, Instant, dot};
 use super::joint::Joint;
-use super::{Fine, Script};
+use super::{FineLinks, Script};
 use crate::cell::Cell;
 use crate::island::inside::RunningBody;
 use crate::kernel::bank::SUMS;
@@ -193,7 +193,7 @@ impl CrowdedMotion {
     }
 }
 
-impl Fine {
+impl FineLinks {
     /// Begin a frame.
     pub(super) fn begin_crowded(&mut self) {
         self.crowded.iter_mut().for_each(CrowdedMotion::begin);

@@ -3,13 +3,13 @@
 use super::basis::Instant;
 use super::script::Script;
 use super::slides::Frame;
-use super::{Fine, penetration_bound};
+use super::{FineLinks, penetration_bound};
 use crate::island::inside::RunningBody;
 use crate::kernel;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 
-impl Fine {
+impl FineLinks {
     /// Compute one frame of all laws and of every contact that may be closed, once all other forces are summed.
     pub(in crate::island) fn step(
         &mut self,
@@ -33,7 +33,7 @@ impl Fine {
             body.link[run.first] = 0.0;
         }
         if !any_may_close && self.frictions.is_empty() {
-            self.rests.fill(false);
+            self.is_resting.fill(false);
         }
         if !any_may_close && self.laws.is_empty() && self.frictions.is_empty() {
             return;
@@ -211,7 +211,7 @@ impl Fine {
             match (joint.port, &joint.cell) {
                 (Some((owner, port)), _) => {
                     if let Some(modal_body) = bodies[owner].modal_mut() {
-                        modal_body.take_impulses(port, joint_impulses, body);
+                        modal_body.apply_impulses(port, joint_impulses, body);
                     }
                 }
                 (None, Some(_)) => {

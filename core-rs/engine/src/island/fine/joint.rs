@@ -42,7 +42,7 @@ pub(super) fn fastest_rate(
     let rate_of = |mat: usize| {
         let body = bodies.iter().filter_map(RunningBody::modal);
         match body.into_iter().find(|body| body.ports().any(|port| port == mat)) {
-            Some(body) => body.reach(),
+            Some(body) => body.pole_magnitude_max(),
             None => cell(mat, network, scheme).map_or(0.0, |cell| cell.pole_magnitude_max()),
         }
     };
@@ -195,21 +195,21 @@ pub(super) fn path_responses(
                     .map(move |to_instant| (to_instant - from_instant) * time_step)
             })
             .collect();
-        Some(modal_body(owner)?.responses(port, &time_spans))
+        Some(modal_body(owner)?.mode_responses(port, &time_spans))
     });
     let response_of = |to_joint: &Joint| match (from_joint.port, to_joint.port) {
         (Some((owner, from_port)), Some((to_owner, to_port))) if owner == to_owner => {
             let Some(modal) = modal_body(owner) else {
                 return (Vec::new(), 0.0);
             };
-            let velocity_jump = time_step * modal.jump(from_port, to_port);
+            let velocity_jump = time_step * modal.velocity_step(from_port, to_port);
             let Some(modal_responses) = &modal_responses else {
                 return (Vec::new(), velocity_jump);
             };
             let mut pair_response = vec![0.0; n_instants * n_instants];
             for (row, weight) in modal_responses
                 .chunks(n_instants * n_instants)
-                .zip(modal.weights(from_port, to_port))
+                .zip(modal.response_weights(from_port, to_port))
             {
                 for (value, answer) in pair_response.iter_mut().zip(row) {
                     *value += weight * answer;

@@ -7,7 +7,7 @@ mod state;
 mod tables;
 
 use super::basis::{Instant, dot};
-use super::{Fine, Script};
+use super::{FineLinks, Script};
 use crate::maths::pow;
 use crate::state::Body;
 use root::{inverse, root};
@@ -48,7 +48,7 @@ const LARGEST_DECAY: f64 = 0.999;
 pub(super) type Stages = [f64; STAGES];
 pub(super) type Square = [Stages; STAGES];
 
-impl Fine {
+impl FineLinks {
     /// Compute the laws of a frame in which no contact is near.
     pub(super) fn collocate(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) {
         self.laws.iter_mut().for_each(|state| state.look_ahead(laws));

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use super::basis::Instant;
 use super::laws::{LawScript, LawState};
 use super::order::{Rates, Stages};
-use super::{Fine, Script};
+use super::{FineLinks, Script};
 use crate::kernel::Contact;
 use crate::maths::{expm1, sqrt};
 use crate::network::ContactLaw;
@@ -106,20 +106,20 @@ impl LinkContact {
     }
 }
 
-impl Fine {
+impl FineLinks {
     /// Compute the pushes of a frame.
     pub(super) fn march(&mut self, script: &Script, laws: &LawScript, gates: &[f64], body: &mut Body) {
         let start_instant = self.instant(script, 0.0);
         let mut rests_fast = false;
         for index in 0..script.links.len() {
-            let has_rested = std::mem::take(&mut self.rests[index]);
-            self.pushes[index] = false;
+            let has_rested = std::mem::take(&mut self.is_resting[index]);
+            self.is_pushing[index] = false;
             let Some(contact) = self.contact_now(script, gates, (index, 0.0)) else {
                 continue;
             };
             let contact_state = self.contact_state(script, &contact, &start_instant);
             let is_pushing = contact.pushing_criterion(contact_state) > 0.0;
-            (self.pushes[index], self.rests[index]) = (is_pushing, is_pushing);
+            (self.is_pushing[index], self.is_resting[index]) = (is_pushing, is_pushing);
             if is_pushing {
                 body.link[script.links[index].first] =
                     contact.side * contact.law.unlimited(contact_state[0], contact_state[1]);
@@ -127,22 +127,22 @@ impl Fine {
             }
         }
         if rests_fast {
-            self.has_touched = true;
+            self.has_closed = true;
             self.finish(script, laws, gates, 0.0);
             return;
         }
         let (mut instant_now, mut steps_left) = (0.0, STEPS_MAX);
         while instant_now < 1.0 {
-            if laws.links.is_empty() && !self.pushes.contains(&true) {
+            if laws.links.is_empty() && !self.is_pushing.contains(&true) {
                 match self.next_closing(script, gates, instant_now) {
                     Some((close_at, index)) => {
                         instant_now = close_at;
-                        self.pushes[index] = true;
+                        self.is_pushing[index] = true;
                     }
                     None => return,
                 }
             }
-            self.has_touched |= self.pushes.contains(&true);
+            self.has_closed |= self.is_pushing.contains(&true);
             if steps_left == 0 {
                 self.finish(script, laws, gates, instant_now);
                 return;
@@ -196,7 +196,7 @@ impl Fine {
     ) -> f64 {
         let (stages, step_length) = self.next_step(script, laws_and_gates.1, s);
         self.stages = stages;
-        let [saved_paths, impulses] = &mut self.saved;
+        let [saved_paths, impulses] = &mut self.saved_paths_and_sums;
         saved_paths.copy_from_slice(&self.paths);
         impulses.copy_from_slice(&self.impulse_sums);
         self.save_crowded(script);
@@ -215,8 +215,8 @@ impl Fine {
             last_located = Some(link_index);
         }
         if let Some(link_index) = last_located {
-            self.pushes[link_index] = !self.pushes[link_index];
-            self.rests[link_index] &= self.pushes[link_index];
+            self.is_pushing[link_index] = !self.is_pushing[link_index];
+            self.is_resting[link_index] &= self.is_pushing[link_index];
         }
         if s + length_taken > 1.0 - CLOSING_TOLERANCE * step_length {
             1.0
@@ -247,7 +247,7 @@ impl Fine {
         let end_state = state_at(self, s + h);
         self.restore();
         let start_state = state_at(self, s);
-        let mut uses_gap = !contact.is_pulled_off() || (!self.pushes[index] && start_state.1[0] <= 0.0);
+        let mut uses_gap = !contact.is_pulled_off() || (!self.is_pushing[index] && start_state.1[0] <= 0.0);
         let signs_differ = |uses_gap: bool| {
             let [start_criterion, end_criterion] = [start_state, end_state]
                 .map(|(contact, contact_state)| contact.closing_criterion(contact_state, uses_gap));
@@ -295,8 +295,8 @@ impl Fine {
 
     /// Undo the last step.
     fn restore(&mut self) {
-        self.paths.copy_from_slice(&self.saved[0]);
-        self.impulse_sums.copy_from_slice(&self.saved[1]);
+        self.paths.copy_from_slice(&self.saved_paths_and_sums[0]);
+        self.impulse_sums.copy_from_slice(&self.saved_paths_and_sums[1]);
         self.restore_crowded();
         self.laws.iter_mut().for_each(LawState::restore);
     }
@@ -306,7 +306,7 @@ impl Fine {
         let time_step = script.rate.step();
         let instant = self.instant(script, s);
         let mut rates = Rates::default();
-        for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
+        for index in (0..script.links.len()).filter(|&index| self.is_pushing[index]) {
             if let Some(contact) = self.contact_now(script, gates, (index, s)) {
                 rates.add(contact.rate_bound(self.contact_state(script, &contact, &instant), time_step));
             }
@@ -357,7 +357,7 @@ impl Fine {
     /// Whether the order of kicks matters: several act, and at least one depends on a velocity.
     fn order_matters(&self, laws: &LawScript) -> bool {
         let pushing = || {
-            self.pushes
+            self.is_pushing
                 .iter()
                 .zip(&self.link_constants)
                 .filter(|(pushes, _)| **pushes)
@@ -387,7 +387,7 @@ impl Fine {
             } else {
                 order_index
             };
-            if !self.pushes[link_index] {
+            if !self.is_pushing[link_index] {
                 continue;
             }
             let Some(contact) = self.contact_now(script, gates, (link_index, instant.s)) else {
@@ -415,7 +415,7 @@ impl Fine {
         unlocated_links.into_iter().find(|&index| {
             self.contact_now(script, gates, (index, s)).is_some_and(|contact| {
                 let contact_state = self.contact_state(script, &contact, &instant);
-                if self.pushes[index] {
+                if self.is_pushing[index] {
                     contact.pushing_criterion(contact_state) < 0.0
                 } else {
                     contact.closes(contact_state)
@@ -472,7 +472,7 @@ impl Fine {
             let start_instant = self.instant(script, instants[0]);
             for index in 0..script.links.len() {
                 let link_contact = self.contact_now(script, gates, (index, instants[1]));
-                self.depths[index] = link_contact.map_or(0.0, |link_contact| {
+                self.penetrations[index] = link_contact.map_or(0.0, |link_contact| {
                     self.contact_state(script, &link_contact, &start_instant)[0]
                 });
             }
@@ -489,7 +489,7 @@ impl Fine {
                         continue;
                     };
                     self.work.instants += 1;
-                    let depth_before = self.depths[index];
+                    let depth_before = self.penetrations[index];
                     // Remove the force of the last round.
                     let middle_instant = self.instant(script, instants[1]);
                     self.push(
@@ -525,7 +525,7 @@ impl Fine {
             }
             let end_instant = self.instant(script, instants[2]);
             self.slide_bristles(script, (laws, gates), (&end_instant, 0.5 * step_length));
-            for (rests, contact_force) in self.rests.iter_mut().zip(&self.forces) {
+            for (rests, contact_force) in self.is_resting.iter_mut().zip(&self.forces) {
                 *rests &= *contact_force != 0.0;
             }
         }

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use super::basis::{Instant, dot};
 use super::laws::{STAGES, Square, Stages, shares};
-use super::{Fine, Script};
+use super::{FineLinks, Script};
 use crate::network::Dry;
 use crate::scheme::Scheme;
 use crate::state::Body;
@@ -112,14 +112,14 @@ impl Frictions {
     }
 }
 
-impl Fine {
+impl FineLinks {
     /// Compute the frictions of a frame.
     pub(super) fn slide(&mut self, frame: Frame<'_>, body: &mut Body) {
-        self.has_touched = true;
+        self.has_closed = true;
         self.start_frame(frame, body);
         self.slide_to_end(frame);
         for (slide, &link) in self.frictions.slides.iter().zip(&frame.slides.links) {
-            self.rests[link] = slide.direction == 0.0;
+            self.is_resting[link] = slide.direction == 0.0;
         }
     }
 
@@ -131,7 +131,7 @@ impl Fine {
                 self.finish_frame(frame, instant_now);
                 return;
             }
-            let [saved_paths, impulses] = &mut self.saved;
+            let [saved_paths, impulses] = &mut self.saved_paths_and_sums;
             saved_paths.copy_from_slice(&self.paths);
             impulses.copy_from_slice(&self.impulse_sums);
             let mut length_taken = self.even_steps(frame).length(instant_now);
@@ -189,7 +189,7 @@ impl Fine {
             let (first_joint, second_joint) = script.ends[link];
             let velocity_taken =
                 friction.level(0.0) * script.velocity_step(first_joint, second_joint) * script.rate.step();
-            let still_share = if self.rests[link] {
+            let still_share = if self.is_resting[link] {
                 STILL_SHARE_HELD
             } else {
                 STILL_SHARE
@@ -268,9 +268,9 @@ impl Fine {
         if self.frictions.slides[slide_index].direction == 0.0 {
             return self.hold_margin(frame, (slide_index, s), 0.0);
         }
-        std::mem::swap(&mut self.paths, &mut self.saved[0]);
+        std::mem::swap(&mut self.paths, &mut self.saved_paths_and_sums[0]);
         let start_margin = self.margin(frame, (slide_index, s));
-        std::mem::swap(&mut self.paths, &mut self.saved[0]);
+        std::mem::swap(&mut self.paths, &mut self.saved_paths_and_sums[0]);
         start_margin
     }
 
@@ -302,8 +302,8 @@ impl Fine {
             };
             let length_change = (next_length - length_taken).abs();
             length_taken = next_length;
-            self.paths.copy_from_slice(&self.saved[0]);
-            self.impulse_sums.copy_from_slice(&self.saved[1]);
+            self.paths.copy_from_slice(&self.saved_paths_and_sums[0]);
+            self.impulse_sums.copy_from_slice(&self.saved_paths_and_sums[1]);
             self.step_frictions(frame, (s, length_taken), steps_left);
             let margin_then = self.margin(frame, (slide_index, s + length_taken));
             if length_change <= EVENT_TOLERANCE * h || margin_then == 0.0 || *steps_left == 0 {

@@ -6,7 +6,7 @@
 //! at one end of a link may be lost at the other.
 
 use super::script::Script;
-use crate::island::energy_account::{Account, Gain};
+use crate::island::energy_account::{EnergyAccount, EnergyGain};
 use crate::island::energy_gain::ACCOUNTED_LAWS_MAX;
 use crate::network::{LinkKind, Network};
 use crate::scheme::Scheme;
@@ -34,9 +34,9 @@ crate::archive::state!(Point { force, step, created });
 #[derive(Clone, Debug)]
 pub(in crate::island) struct SteppedPoints {
     points: Vec<Point>,
-    account: Account,
+    account: EnergyAccount,
     /// The most energy that was created, and a link at the point where most of it was.
-    worst: Option<Gain>,
+    worst: Option<EnergyGain>,
     link: usize,
 }
 
@@ -80,7 +80,7 @@ impl SteppedPoints {
         };
         Self {
             points: stepped_joints.filter_map(new_point).collect(),
-            account: Account::default(),
+            account: EnergyAccount::default(),
             worst: None,
             link: 0,
         }
@@ -107,7 +107,7 @@ impl SteppedPoints {
             impulse_work += point_work;
         }
         if impulse_work != 0.0 {
-            self.account.take_from_masses(-impulse_work, kinetic_energy);
+            self.account.add_work_of_masses(-impulse_work, kinetic_energy);
         }
     }
 
@@ -137,13 +137,13 @@ impl SteppedPoints {
             let mean_velocity = velocity + 0.5 * scheme.w[point.mat] * force_sum;
             let frame_work = force_sum * mean_velocity + force_moment * acceleration;
             point.created -= frame_work;
-            self.account.take(frame_work);
+            self.account.add_work(frame_work);
         }
     }
 
     /// Begin the account anew.
     pub(in crate::island) fn restart(&mut self) {
-        self.account = Account::default();
+        self.account = EnergyAccount::default();
         for point in &mut self.points {
             (point.force, point.created) = (0.0, 0.0);
         }
@@ -155,11 +155,14 @@ impl SteppedPoints {
         &mut self,
         (moving_energy, hand_work): (impl Fn() -> f64, f64),
         n: u64,
-    ) -> Option<(usize, usize, Gain)> {
+    ) -> Option<(usize, usize, EnergyGain)> {
         if !self.account.is_overdrawn() {
             return None;
         }
-        let gain = self.account.gain(0.0, moving_energy(), n).with_reference_min(hand_work);
+        let gain = self
+            .account
+            .energy_gain(0.0, moving_energy(), n)
+            .with_reference_energy_min(hand_work);
         let points = self.points.iter();
         let worst_point = points.max_by(|point, other_point| point.created.total_cmp(&other_point.created))?;
         if !gain.is_reportable() {
@@ -173,7 +176,7 @@ impl SteppedPoints {
     }
 
     /// The most energy that was created, and a link where most of it was.
-    pub(in crate::island) fn worst(&self) -> Option<(usize, Gain)> {
+    pub(in crate::island) fn worst(&self) -> Option<(usize, EnergyGain)> {
         Some((self.link, self.worst?))
     }
 

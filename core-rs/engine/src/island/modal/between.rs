@@ -1,6 +1,6 @@
 //! A body between two frames: positions of its ports at instants of a frame, and effects of impulses at such instants.
 
-use super::{RunningModal, SEEN_FRAMES, lanes};
+use super::{RunningModal, WINDOW_FRAMES, lanes};
 use crate::cell::{Cell, Response};
 use crate::kernel::bank::{LANES, Lanes};
 use crate::kernel::ports::{self, PADDING};
@@ -8,14 +8,14 @@ use crate::state::Body;
 
 /// Tables for n instants of a frame, for every group of modes.
 #[derive(Clone, Debug)]
-pub(super) struct Between {
+pub(super) struct InstantTables {
     /// Weights of a mode's position now and at the next frame that give its position at each instant   (n_groups; modes
     /// of the group, 2, n padded)
     interpolation: Vec<Vec<f64>>,
     /// Displacement of a mode at the next frame by an impulse at each instant, and what has to be added at the one
     /// after so that the motion is exact from then on   (n_groups, n); for complex modes, for each port   (n_ports,
     /// n_groups, n)
-    kick: Vec<Vec<Vec<[Lanes; 2]>>>,
+    kick_table: Vec<Vec<Vec<[Lanes; 2]>>>,
 }
 
 const UNIT_LANES: Lanes = Lanes([1.0; LANES]);
@@ -44,8 +44,8 @@ impl RunningModal {
                 mode_response.split(step_square, instants[j], rate)
             })
         };
-        let n_tables = match &plan.answers {
-            Some(answers) => answers.ports.len(),
+        let n_tables = match &plan.complex_responses {
+            Some(answers) => answers.port_responses.len(),
             None => 1,
         };
         let kick_table = |group: usize, j: usize, split_of: &dyn Fn(usize, usize) -> [f64; 2]| {
@@ -53,12 +53,12 @@ impl RunningModal {
         };
         let group_range = 0..modes.len().div_ceil(LANES);
         let members = |group: usize| group * LANES..modes.len().min((group + 1) * LANES);
-        self.between = Some(Between {
+        self.instant_tables = Some(InstantTables {
             interpolation: group_range
                 .clone()
                 .map(|group| members(group).flat_map(interpolation).collect())
                 .collect(),
-            kick: (0..n_tables)
+            kick_table: (0..n_tables)
                 .map(|port| {
                     let split_kick = |mode: usize, j: usize| split_kick(port, mode, j);
                     let group_range = group_range.clone();
@@ -72,7 +72,7 @@ impl RunningModal {
 
     /// Displacement of each mode by an impulse at a port, at times [s] after it [m/N·s]; extended to times before it
     /// (n_modes, n_times)
-    pub(crate) fn responses(&self, pushed_port: usize, times: &[f64]) -> Vec<f64> {
+    pub(crate) fn mode_responses(&self, pushed_port: usize, times: &[f64]) -> Vec<f64> {
         let plan = &self.script.plan;
         let mode_responses = |mode: usize| {
             let mode_response = plan.port_response(pushed_port, mode);
@@ -84,10 +84,10 @@ impl RunningModal {
     }
 
     /// Weights of these displacements in that of another port   (n_modes)
-    pub(crate) fn weights(&self, pushed_port: usize, moved_port: usize) -> impl Iterator<Item = f64> {
+    pub(crate) fn response_weights(&self, pushed_port: usize, moved_port: usize) -> impl Iterator<Item = f64> {
         let plan = &self.script.plan;
         // The responses of complex modes already contain the shares of the port `pushed_port`.
-        let is_complex = plan.answers.is_some();
+        let is_complex = plan.complex_responses.is_some();
         let shape_pairs = plan.ports[pushed_port].shape.iter().zip(&plan.ports[moved_port].shape);
         shape_pairs.map(move |(a, b)| if is_complex { *b } else { a * b })
     }
@@ -99,7 +99,7 @@ impl RunningModal {
         let mode_cells = plan.modes.iter().map(|mode| mode.cell);
         mode_cells
             .collect::<Option<Vec<Cell>>>()
-            .filter(|_| plan.answers.is_none())
+            .filter(|_| plan.complex_responses.is_none())
     }
 
     /// Share of each mode in the position of a port   (n_modes)
@@ -108,11 +108,11 @@ impl RunningModal {
     }
 
     /// Velocity that an impulse at one port gives another at once [m/s per N·s].
-    pub(crate) fn jump(&self, pushed_port: usize, moved_port: usize) -> f64 {
+    pub(crate) fn velocity_step(&self, pushed_port: usize, moved_port: usize) -> f64 {
         let plan = &self.script.plan;
         let ports = &plan.ports;
-        if let Some(answers) = &plan.answers {
-            let jump_terms = answers.ports[pushed_port].iter().zip(&ports[moved_port].shape);
+        if let Some(answers) = &plan.complex_responses {
+            let jump_terms = answers.port_responses[pushed_port].iter().zip(&ports[moved_port].shape);
             return jump_terms.map(|(answer, share)| share * answer.velocity_step()).sum();
         }
         let shape_pairs = ports[pushed_port].shape.iter().zip(&ports[moved_port].shape);
@@ -120,10 +120,10 @@ impl RunningModal {
     }
 
     /// The fastest motion of its modes: |λ| of e^(λt) [1/s].
-    pub(crate) fn reach(&self) -> f64 {
+    pub(crate) fn pole_magnitude_max(&self) -> f64 {
         let plan = &self.script.plan;
-        let all_responses: Vec<Response> = match &plan.answers {
-            Some(answers) => answers.ports.iter().flatten().copied().collect(),
+        let all_responses: Vec<Response> = match &plan.complex_responses {
+            Some(answers) => answers.port_responses.iter().flatten().copied().collect(),
             None => {
                 let mode_range = 0..plan.modes.len();
                 mode_range.filter_map(|mode| plan.response(mode)).collect()
@@ -137,31 +137,38 @@ impl RunningModal {
 
     /// Write the positions of a port in this frame, at each instant (n), if nothing more pushes it [m].
     pub(crate) fn port_positions(&mut self, port: usize, positions: &mut [f64]) {
-        self.discard_ahead();
-        self.quiet_frames = 0;
+        self.restart_window();
+        self.contact_free_frames = 0;
         positions.fill(self.script.plan.ports[port].rest);
-        let Some(between) = &self.between else { return };
-        for ((motion, table), rows) in self.motions.iter().zip(&between.interpolation).zip(&self.script.rows) {
+        let Some(instant_tables) = &self.instant_tables else {
+            return;
+        };
+        for ((motion, table), rows) in self
+            .furthest_motions
+            .iter()
+            .zip(&instant_tables.interpolation)
+            .zip(&self.script.row_shapes)
+        {
             // The motions are one frame ahead: their `before` is the present.
             ports::add_path(&rows[port], table, &motion.before, &motion.now, positions);
         }
     }
 
     /// Take impulses [N·s] on a port at the instants of this frame (n).
-    pub(crate) fn take_impulses(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
-        self.discard_ahead();
-        self.quiet_frames = 0;
-        let Some(between) = &self.between else { return };
-        let is_complex = self.script.plan.answers.is_some();
-        for (group, table) in between.kick[if is_complex { port } else { 0 }].iter().enumerate() {
-            let group_rows = &self.script.rows[group];
+    pub(crate) fn apply_impulses(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
+        self.restart_window();
+        self.contact_free_frames = 0;
+        let Some(between) = &self.instant_tables else { return };
+        let is_complex = self.script.plan.complex_responses.is_some();
+        for (group, table) in between.kick_table[if is_complex { port } else { 0 }].iter().enumerate() {
+            let group_rows = &self.script.row_shapes[group];
             // The responses of complex modes already contain these shares.
             let port_share = if is_complex { &UNIT_LANES } else { &group_rows[port] };
-            let mode_lanes = [&mut self.motions[group].now, &mut self.pending[group]];
-            let seen_ahead = (&mut self.row_history[self.present + 1..], SEEN_FRAMES);
+            let mode_lanes = [&mut self.furthest_motions[group].now, &mut self.pending_kicks[group]];
+            let seen_ahead = (&mut self.row_history[self.present_index + 1..], WINDOW_FRAMES);
             ports::kick(impulses, table, port_share, mode_lanes, group_rows, seen_ahead);
         }
-        self.has_pending = true;
+        self.has_pending_kicks = true;
         self.set_ports(body);
     }
 }

@@ -2,7 +2,7 @@
 //! the rest of the window by their responses, and the modes at its end.
 
 use super::script::Script;
-use super::{FRAMES_AHEAD, RunningModal, SEEN_FRAMES};
+use super::{FRAMES_AHEAD, RunningModal, WINDOW_FRAMES};
 use crate::kernel::bank::{Lanes, Motion, Sum, follow, lane_total};
 use crate::kernel::ports;
 
@@ -31,8 +31,8 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
                 now: Lanes::ZERO,
                 before: Lanes::ZERO,
             };
-            script.push(group, &mut group_motion, port, 1.0);
-            let rows = &script.rows[group];
+            script.push_group(group, &mut group_motion, port, 1.0);
+            let rows = &script.row_shapes[group];
             follow(
                 rates,
                 &mut group_motion,
@@ -43,7 +43,7 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
             );
         }
         let rows = responses.chunks_mut(FRAMES_AHEAD).zip(sums.chunks(FRAMES_AHEAD));
-        for ((response, sums), row_move) in rows.zip(&script.moves[port]) {
+        for ((response, sums), row_move) in rows.zip(&script.row_moves[port]) {
             response[0] = *row_move;
             for (response, sum) in response[1..].iter_mut().zip(sums) {
                 *response = lane_total(sum);
@@ -55,9 +55,9 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
 
 impl Script {
     /// Move a group that is one frame ahead by a force at a port [N].
-    fn push(&self, group: usize, motion: &mut Motion, port: usize, force: f64) {
-        ports::add(&mut motion.now, &self.gains[group][port], force);
-        if let Some(group_gains) = self.back_gains.get(group) {
+    fn push_group(&self, group: usize, motion: &mut Motion, port: usize, force: f64) {
+        ports::add(&mut motion.now, &self.port_gains[group][port], force);
+        if let Some(group_gains) = self.present_port_gains.get(group) {
             ports::add(&mut motion.before, &group_gains[port], force);
         }
     }
@@ -65,61 +65,61 @@ impl Script {
 
 impl RunningModal {
     /// Add the effect of the forces on the ports in this frame.
-    pub(super) fn push(&mut self) {
-        let n_pushed = self.forces.iter().filter(|force| **force != 0.0).count();
+    pub(super) fn apply_port_forces(&mut self) {
+        let n_pushed = self.port_forces.iter().filter(|force| **force != 0.0).count();
         let n_modes = self.script.plan.modes.len();
         let has_many_pushes = n_pushed >= PUSHED_PORTS_MIN && n_pushed * MODES_PER_PORT > n_modes;
         if self.script.responses.is_empty() || has_many_pushes {
-            self.discard_ahead();
-            self.quiet_frames = 0;
+            self.restart_window();
+            self.contact_free_frames = 0;
         }
         // A clone of the script would be counted up and down by atomics in every frame.
         let Self {
             script,
             row_history: seen,
-            motions,
-            forces,
+            furthest_motions,
+            port_forces,
             row_positions,
-            pushes,
-            has_pushes,
-            present,
-            furthest: until,
+            window_forces,
+            has_window_forces,
+            present_index,
+            furthest_index: until,
             ..
         } = self;
-        let (present, until) = (*present, *until);
-        if until - present == 1 && !*has_pushes {
+        let (present, until) = (*present_index, *until);
+        if until - present == 1 && !*has_window_forces {
             // The motions are those of the next frame.
-            let seen_next = seen.iter_mut().skip(present + 1).step_by(SEEN_FRAMES);
+            let seen_next = seen.iter_mut().skip(present + 1).step_by(WINDOW_FRAMES);
             for (position, seen) in row_positions.iter_mut().zip(seen_next) {
                 *position = *seen;
             }
-            for (moves, &force) in script.moves.iter().zip(&*forces) {
+            for (moves, &force) in script.row_moves.iter().zip(&*port_forces) {
                 if force != 0.0 {
                     ports::add_response(row_positions, moves, force);
                 }
             }
-            let seen_next = seen.iter_mut().skip(present + 1).step_by(SEEN_FRAMES);
+            let seen_next = seen.iter_mut().skip(present + 1).step_by(WINDOW_FRAMES);
             for (position, seen) in row_positions.iter().zip(seen_next) {
                 *seen = *position;
             }
-            for (group, motion) in motions.iter_mut().enumerate() {
-                for (port, &force) in forces.iter().enumerate() {
+            for (group, motion) in furthest_motions.iter_mut().enumerate() {
+                for (port, &force) in port_forces.iter().enumerate() {
                     if force != 0.0 {
-                        script.push(group, motion, port, force);
+                        script.push_group(group, motion, port, force);
                     }
                 }
             }
             return;
         }
-        let n_ports = forces.len();
-        pushes[present * n_ports..][..n_ports].copy_from_slice(forces);
-        *has_pushes = true;
+        let n_ports = port_forces.len();
+        window_forces[present * n_ports..][..n_ports].copy_from_slice(port_forces);
+        *has_window_forces = true;
         let port_responses = script.responses.chunks(row_positions.len() * FRAMES_AHEAD);
-        for (responses, &force) in port_responses.zip(&*forces) {
+        for (responses, &force) in port_responses.zip(&*port_forces) {
             if force == 0.0 {
                 continue;
             }
-            let seen_rows = seen.chunks_mut(SEEN_FRAMES).zip(responses.chunks(FRAMES_AHEAD));
+            let seen_rows = seen.chunks_mut(WINDOW_FRAMES).zip(responses.chunks(FRAMES_AHEAD));
             for (seen, response) in seen_rows {
                 ports::add_response(&mut seen[present + 1..=until], response, force);
             }
@@ -130,16 +130,16 @@ impl RunningModal {
     /// between.
     pub(super) fn replay(&self, group: usize, motion: &mut Motion, from: usize, to: usize) {
         let group_rates = if self.is_damped {
-            &self.damped
+            &self.damped_rates
         } else {
             &self.script.rates
         };
         let group_rates = &group_rates[group];
         let mut frames_done = from;
-        if self.has_pushes {
-            let n_ports = self.forces.len();
+        if self.has_window_forces {
+            let n_ports = self.port_forces.len();
             for frame in from..to {
-                let port_forces = &self.pushes[frame * n_ports..][..n_ports];
+                let port_forces = &self.window_forces[frame * n_ports..][..n_ports];
                 if port_forces.iter().all(|force| *force == 0.0) {
                     continue;
                 }
@@ -147,7 +147,7 @@ impl RunningModal {
                 frames_done = frame + 1;
                 for (port, &force) in port_forces.iter().enumerate() {
                     if force != 0.0 {
-                        self.script.push(group, motion, port, force);
+                        self.script.push_group(group, motion, port, force);
                     }
                 }
             }
@@ -156,29 +156,29 @@ impl RunningModal {
     }
 
     /// The motion of a group at the end of the window, with all pushes so far.
-    pub(super) fn motion_with_pushes(&self, group: usize) -> Motion {
-        if !self.has_pushes {
-            return self.motions[group].clone();
+    pub(super) fn motion_at_window_end(&self, group: usize) -> Motion {
+        if !self.has_window_forces {
+            return self.furthest_motions[group].clone();
         }
-        let mut group_motion = self.saved[group].clone();
-        self.replay(group, &mut group_motion, 0, self.furthest);
+        let mut group_motion = self.window_start_motions[group].clone();
+        self.replay(group, &mut group_motion, 0, self.furthest_index);
         group_motion
     }
 
     /// Let the modes at the end of the window contain all pushes.
-    pub(super) fn take_pushes(&mut self) {
-        if self.has_pushes {
-            for group in 0..self.motions.len() {
-                self.motions[group] = self.motion_with_pushes(group);
+    pub(super) fn absorb_window_forces(&mut self) {
+        if self.has_window_forces {
+            for group in 0..self.furthest_motions.len() {
+                self.furthest_motions[group] = self.motion_at_window_end(group);
             }
-            self.forget_pushes();
+            self.clear_window_forces();
         }
     }
 
-    pub(super) fn forget_pushes(&mut self) {
-        if self.has_pushes {
-            self.pushes.fill(0.0);
-            self.has_pushes = false;
+    pub(super) fn clear_window_forces(&mut self) {
+        if self.has_window_forces {
+            self.window_forces.fill(0.0);
+            self.has_window_forces = false;
         }
     }
 }
@@ -202,8 +202,8 @@ mod tests {
                 a: 2.0 * r * cos(pole_angle),
                 b: r * r,
                 gain: 1.0 / (1 + i) as f64,
-                now: 0.0,
-                before: 0.0,
+                start_amplitude: 0.0,
+                previous_amplitude: 0.0,
                 cell: None,
             }
         };
@@ -214,15 +214,15 @@ mod tests {
         };
         Modal {
             network: Arc::new(Network::new()),
-            computed: (0..N_MODES as u32).collect(),
-            turned: None,
+            mode_numbers: (0..N_MODES as u32).collect(),
+            alignment_mats: None,
             modes: (0..N_MODES).map(new_mode).collect(),
             ports: vec![new_port(0), new_port(1)],
             outputs: vec![(0, vec![1.0; N_MODES])],
-            still: vec![0.0],
-            struck: Vec::new(),
+            rest_outputs: vec![0.0],
+            struck_points: Vec::new(),
             rate: Rate::new(44_100.0).unwrap(),
-            answers: None,
+            complex_responses: None,
         }
     }
 
@@ -261,7 +261,7 @@ mod tests {
             }
             if n % 211 == 0 {
                 let (mut x, mut y) = ([0.0; N_MODES], [0.0; N_MODES]);
-                running.amplitudes(&mut x, &mut y);
+                running.write_amplitudes(&mut x, &mut y);
                 let worst_error = (0..N_MODES).map(|i| (x[i] - modes_now[i]).abs()).fold(0.0, f64::max);
                 assert!(worst_error <= 1e-11 * largest(&modes_now), "{n}: {worst_error}");
             }

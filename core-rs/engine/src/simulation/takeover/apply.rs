@@ -55,7 +55,7 @@ impl Simulation {
         }
         for &unit in &takeover.placed_islands {
             if let RunningUnit::Island(island) = self.playing(unit) {
-                island.place();
+                island.set_ports();
             }
         }
         self.continue_strikes(old);

@@ -1,7 +1,7 @@
 //! Forces of dry friction in a step.
 
 use super::script::Integrals;
-use super::{Fine, Frame};
+use super::{FineLinks, Frame};
 use crate::island::fine::basis::{Instant, dot};
 use crate::island::fine::laws::{POINTS, STAGES, WEIGHTS};
 
@@ -16,7 +16,7 @@ const STEP_WORK: u64 = 8;
 /// Work of a Newton step for each link, in kicks of a contact.
 const NEWTON_WORK: u64 = 8;
 
-impl Fine {
+impl FineLinks {
     /// Take a step of `h` from `s`.
     pub(super) fn step_frictions(&mut self, frame: Frame<'_>, (s, h): (f64, f64), steps_left: &mut usize) {
         *steps_left = steps_left.saturating_sub(1);
