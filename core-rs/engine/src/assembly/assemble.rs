@@ -16,7 +16,7 @@ use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
 use crate::network::{Error, LinkKind, Network, Subset};
-use crate::scheme::{Certificate, Refusal, Scheme};
+use crate::scheme::{Certificate, RefusalDetail, Scheme};
 use crate::timeline::{Timeline, greatest};
 
 /// An island that can be played.
@@ -123,8 +123,15 @@ impl Assembled {
             };
             let steps_limit = island_cut.bodies.iter().any(steps_over).then_some(1);
             let timeline = &island_cut.timeline.timeline;
-            let hub_within =
-                |steps_max| certified_hub(&island_cut.hub.network, timeline, budget, steps_max, Refusal::Bare);
+            let hub_within = |steps_max| {
+                certified_hub(
+                    &island_cut.hub.network,
+                    timeline,
+                    budget,
+                    steps_max,
+                    RefusalDetail::VerdictOnly,
+                )
+            };
             match steps_limit
                 .map_or_else(|| hub_within(steps_max), hub_within)
                 .or_else(|_| hub_within(steps_max))
@@ -245,10 +252,10 @@ impl Assembled {
 }
 
 /// Only at the score's own rate does the composer get an explanation.
-fn refusal_at(oversampling: u32) -> Refusal {
+fn refusal_at(oversampling: u32) -> RefusalDetail {
     match oversampling {
-        1 => Refusal::Explained,
-        _ => Refusal::Bare,
+        1 => RefusalDetail::Full,
+        _ => RefusalDetail::VerdictOnly,
     }
 }
 
@@ -270,7 +277,7 @@ pub(crate) fn certified_hub(
     timeline: &Timeline,
     budget: &Budget,
     steps_max: usize,
-    refusal: Refusal,
+    refusal: RefusalDetail,
 ) -> Result<(usize, bool, Certificate), Error> {
     let network = &greatest(network, &timeline.leads)?;
     let mut hub_scheme = Scheme::new(network, timeline.rate)?;
@@ -293,12 +300,12 @@ pub(crate) fn certified_hub(
     if timeline.is_unguarded {
         hub_scheme.drop_softening_laws();
     }
-    let certificate = match hub_scheme.certify_or(network, refusal) {
+    let certificate = match hub_scheme.certify_with_detail(network, refusal) {
         // Between frames a law is solved implicitly, so no slope of its friction is too steep.
-        Err(Error::Unstable { .. }) if laws_may_need_substeps && hub_scheme.bears_springs(network) => {
+        Err(Error::Unstable { .. }) if laws_may_need_substeps && hub_scheme.is_stable_undamped(network) => {
             contact_substeps = FINE_SUBSTEPS_MIN.min(steps_max);
             hub_scheme.take_substepped(&led_links);
-            hub_scheme.certify_or(network, refusal)?
+            hub_scheme.certify_with_detail(network, refusal)?
         }
         certificate => certificate?,
     };

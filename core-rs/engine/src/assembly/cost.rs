@@ -129,7 +129,7 @@ pub(crate) fn fine_laws_ns(island_plan: &IslandPlan) -> f64 {
     if fine_laws.is_empty() && single_links(|kind| matches!(kind, LinkKind::But(_))).is_empty() {
         fine_laws = single_links(|kind| matches!(kind, LinkKind::Dry(_)));
     }
-    if fine_laws.len() > Scheme::FINE_LAWS {
+    if fine_laws.len() > Scheme::SUBSTEPPED_LAWS_MAX {
         return 0.0;
     }
     let parts_max = contact_substeps / FINE_SUBSTEPS_MIN;

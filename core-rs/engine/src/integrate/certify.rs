@@ -17,7 +17,9 @@ use super::method::{BM4_LIMIT, MeshMethod};
 use super::{faster, ieq};
 use crate::guard::Limit;
 use crate::network::{Error, Network};
-use crate::scheme::{Certificate, LargestEigenvalue, Refusal, Scheme, StabilityGuarantee, largest_eigenvalue_up_to};
+use crate::scheme::{
+    Certificate, LargestEigenvalue, RefusalDetail, Scheme, StabilityGuarantee, largest_eigenvalue_up_to,
+};
 use crate::units::Rate;
 
 /// Factor on a limit that allows for the rounding error of an eigenvalue.
@@ -36,17 +38,17 @@ const LOSS_WEIGHT: f64 = 2.0;
 pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substeps: u32) -> Result<Certificate, Error> {
     let rate = faster(rate, substeps)?;
     if method == MeshMethod::Ca {
-        return Scheme::new(network, rate)?.certify_or(network, Refusal::Bare);
+        return Scheme::new(network, rate)?.certify_with_detail(network, RefusalDetail::VerdictOnly);
     }
     let network_mesh = Mesh::new(network, rate, method)?;
     let mesh_scheme = &network_mesh.scheme;
     let largest = |loss_weight: f64, enough_lambda: f64, lambda_limit: f64| {
         largest_eigenvalue_up_to(mesh_scheme, network, loss_weight, enough_lambda, lambda_limit)
     };
-    let certificate = |top: &LargestEigenvalue, word: StabilityGuarantee| Certificate {
+    let certificate = |top: &LargestEigenvalue, guarantee: StabilityGuarantee| Certificate {
         lambda_max: top.lambda,
-        means: top.means,
-        word,
+        bound_method: top.bound_method,
+        guarantee,
     };
     let guarantee = if mesh_scheme.is_linear {
         StabilityGuarantee::Proved
@@ -108,7 +110,7 @@ fn unstable(network: &Network, method: MeshMethod, largest: &LargestEigenvalue, 
     let (method_name, lambda_max) = (method.facts().name, largest.lambda);
     let rate_factor = (lambda_max / limit).sqrt().ceil();
     Error::Refused {
-        module: network.mat_name(largest.worst),
+        module: network.mat_name(largest.worst_mat),
         message: format!(
             "unstable with method {method_name} at this rate: λmax is at least {lambda_max:.6} and must be below {limit:.3}; use \
              {rate_factor} times the rate or more, a larger M, or a smaller K or Z"

@@ -76,7 +76,7 @@ impl Mesh {
             let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
             let tension = run.shared_stiffness(elongation);
             energy_sum += total(run.len, |i| {
-                run.potential(elongation(i)) + tension_energy(tension, elongation(i))
+                run.potential_energy(elongation(i)) + tension_energy(tension, elongation(i))
             });
         }
         energy_sum
@@ -106,7 +106,7 @@ impl Mesh {
             let tensions = [run.shared_stiffness(now), run.shared_stiffness(last)];
             energy_sum += total(run.len, |i| {
                 let [now, last] = [(now(i), tensions[0]), (last(i), tensions[1])]
-                    .map(|(e, tension)| run.potential(e) + tension_energy(tension, e));
+                    .map(|(e, tension)| run.potential_energy(e) + tension_energy(tension, e));
                 0.5 * (now + last)
             });
         }

@@ -297,7 +297,7 @@ fn energy_rise(
 /// Scratch memory of laws, and the partition of a mesh for several threads.
 fn build_laws(scheme: &Scheme, options: Options) -> Laws {
     let mut laws = Laws::new(scheme);
-    laws.mesh_partition = MeshPartition::for_threads(&scheme.fused, scheme.n_mat(), options.threads);
+    laws.mesh_partition = MeshPartition::for_threads(&scheme.fused_springs, scheme.n_mat(), options.threads);
     laws
 }
 
@@ -314,7 +314,7 @@ fn ergons(timeline: &Timeline) -> Vec<(u64, Ergon)> {
 /// Sets the gate of each run that a gate opens; a gate covers whole runs, however they were cut.
 fn assign_gates(scheme: &mut Scheme, timeline: &Timeline) {
     for (gate_index, gate) in timeline.gates.iter().enumerate() {
-        let scheme_runs = scheme.runs.iter_mut().chain(&mut scheme.exact);
+        let scheme_runs = scheme.runs.iter_mut().chain(&mut scheme.exact_runs);
         for run in scheme_runs.filter(|run| gate.links().contains(&run.first)) {
             run.gate = Some(gate_index);
         }
@@ -340,7 +340,7 @@ fn fuse_springs(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript],
     for lead in &timeline.leads {
         is_excluded[lead.links()].fill(true);
     }
-    scheme.fuse(|link| is_excluded[link]);
+    scheme.fuse_springs(|link| is_excluded[link]);
 }
 
 /// Contacts and laws that are computed finer than a frame.

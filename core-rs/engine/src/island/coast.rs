@@ -31,8 +31,8 @@ impl Island {
     pub(super) fn can_coast(&self) -> bool {
         let (scheme, matter) = (&self.script.scheme, &self.state.matter);
         let has_only_contacts = scheme.runs.iter().all(|run| contact_law(run).is_some())
-            && scheme.fused.is_empty()
-            && scheme.exact.is_empty()
+            && scheme.fused_springs.is_empty()
+            && scheme.exact_runs.is_empty()
             && scheme.proxies.is_empty()
             && scheme.weight.iter().all(|&weight| weight == 0.0);
         let has_contacts = !scheme.runs.is_empty() || matter.fine_links.is_some();

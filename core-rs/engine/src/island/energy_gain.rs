@@ -85,7 +85,7 @@ impl EnergyGains {
                 ..run.clone()
             })
         };
-        let candidate_runs = scheme.runs.iter().chain(&scheme.exact).chain(fused_runs);
+        let candidate_runs = scheme.runs.iter().chain(&scheme.exact_runs).chain(fused_runs);
         let candidate_runs = candidate_runs.filter(may_gain).flat_map(single_links);
         let checked_links: Vec<CheckedLink> = candidate_runs.map(CheckedLink::new).collect();
         let link_work = checked_links.iter().map(|CheckedLink { run, .. }| {
@@ -323,7 +323,7 @@ impl Island {
         if let Some(fine_state) = &mut state.matter.fine_links
             && let Some((gained_link, moved_mat, gain)) = fine_state
                 .stepped_points_mut()
-                .check((energy_now, imposed_work), island_step)
+                .check_energy((energy_now, imposed_work), island_step)
             && gain.is_fault()
         {
             gain_faults.push((

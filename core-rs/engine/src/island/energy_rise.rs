@@ -95,7 +95,7 @@ impl EnergyRise {
         let is_discrete = |part: &u32| network.parts()[*part as usize].ca_rate.is_some();
         let has_energy = |body: &RunningBody| body.modal().is_some_and(|modal| modal.cells().is_some());
         let fine_runs = || fine_links.into_iter().flat_map(FineLinks::links);
-        let all_runs = || scheme.runs.iter().chain(&scheme.exact).chain(fine_runs());
+        let all_runs = || scheme.runs.iter().chain(&scheme.exact_runs).chain(fine_runs());
         let n_springs: usize = all_runs().filter(|run| run.is_hardening()).map(|run| run.len).sum();
         let is_known = scheme.proxies.is_empty()
             && scheme.following_masses.is_empty()
@@ -200,7 +200,7 @@ fn midpoint_energy(run: &Run, [elongation_now, elongation_before]: [f64; 2]) -> 
         0.5 * (elongation_now + elongation_before),
         elongation_now - elongation_before,
     );
-    run.potential(middle_elongation) - 0.125 * run.slope(middle_elongation) * stretch * stretch
+    run.potential_energy(middle_elongation) - 0.125 * run.slope(middle_elongation) * stretch * stretch
 }
 
 /// The same of springs that are computed in one pass, all of a run.
@@ -292,7 +292,7 @@ impl Island {
         if let Some(fine_state) = &state.matter.fine_links {
             fine_state.report_energies(body, gate_opening, |link_energy| energy_total.add(link_energy));
         }
-        for run in frame_scheme.runs.iter().chain(&frame_scheme.exact) {
+        for run in frame_scheme.runs.iter().chain(&frame_scheme.exact_runs) {
             let is_exact = matches!(&run.kind, Kind::But(but) if but.contact == Contact::Exact);
             for i in 0..run.len {
                 let elongation_now = run.elongation(i, |mat| body.x[mat]);
@@ -303,14 +303,14 @@ impl Island {
                 }
                 let link_energy = match run.bristle() {
                     Some((bristle, _)) => bristle.energy(body.memory[run.first + i]),
-                    None if is_exact => 0.5 * elongation_pair.map(|e| run.potential(e)).iter().sum::<f64>(),
+                    None if is_exact => 0.5 * elongation_pair.map(|e| run.potential_energy(e)).iter().sum::<f64>(),
                     None => midpoint_energy(run, elongation_pair),
                 };
                 energy_total.add(gate_opening(run) * link_energy);
             }
         }
         frame_scheme
-            .fused
+            .fused_springs
             .iter()
             .for_each(|spring| add_spring_energies(spring, body, &mut energy_total));
         energy_total
@@ -325,9 +325,13 @@ impl Island {
             .fold(0.0_f64, |largest_position, x| largest_position.max(x.abs()));
         let elongation_error = ELONGATION_ERROR_ULP * f64::EPSILON * largest_position;
         let scheme = &self.script.scheme;
-        let scheme_runs = scheme.runs.iter().chain(&scheme.exact);
+        let scheme_runs = scheme.runs.iter().chain(&scheme.exact_runs);
         let stiffness = scheme_runs.map(|run| run.k * run.len as f64).sum::<f64>()
-            + scheme.fused.iter().map(|run| run.k * run.len as f64).sum::<f64>();
+            + scheme
+                .fused_springs
+                .iter()
+                .map(|run| run.k * run.len as f64)
+                .sum::<f64>();
         let masses = scheme.w.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w);
         (stiffness + masses.sum::<f64>()) * elongation_error * elongation_error
     }
@@ -337,7 +341,7 @@ impl Island {
         let state = &self.state;
         let scheme = &self.script.scheme;
         let fine_runs = state.matter.fine_links.iter().flat_map(FineLinks::links);
-        let all_runs = scheme.runs.iter().chain(&scheme.exact).chain(fine_runs);
+        let all_runs = scheme.runs.iter().chain(&scheme.exact_runs).chain(fine_runs);
         let link_ends = all_runs
             .filter(|run| !matches!(run.kind, Kind::Ref))
             .flat_map(|run| (0..run.len).map(move |i| (run.first + i, [run.a + i, run.b + i])));

@@ -12,7 +12,7 @@ impl Island {
     /// Whether it may compute steps without events by themselves: links pull once a step, and events alone act on it.
     pub(super) fn can_skip_events(&self) -> bool {
         let (script, matter) = (&*self.script, &self.state.matter);
-        let has_only_links = script.scheme.exact.is_empty()
+        let has_only_links = script.scheme.exact_runs.is_empty()
             && script.scheme.proxies.is_empty()
             && matter.fine_links.is_none()
             && matter.body.memory.is_empty();

@@ -194,7 +194,7 @@ impl Island {
                 touches_part(first_a, first_b, run.len)
             })
         };
-        let all_runs = scheme.runs.iter().chain(&scheme.exact);
+        let all_runs = scheme.runs.iter().chain(&scheme.exact_runs);
         for run in all_runs.filter(|run| run_touches_part(run)) {
             let link_range = run.first..run.first + run.len;
             state.matter.body.link[link_range.clone()].fill(0.0);
@@ -202,9 +202,9 @@ impl Island {
         }
         scheme.runs.retain(|run| !run_touches_part(run));
         let spring_touches_part = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
-        scheme.fused.retain(|spring| !spring_touches_part(spring));
-        scheme.exact.retain(|run| !run_touches_part(run));
-        state.matter.laws.set_springs(&scheme.fused, scheme.n_mat());
+        scheme.fused_springs.retain(|spring| !spring_touches_part(spring));
+        scheme.exact_runs.retain(|run| !run_touches_part(run));
+        state.matter.laws.set_springs(&scheme.fused_springs, scheme.n_mat());
         if let Some(guard) = &mut state.monitors.guard {
             guard.release(|mat| is_muted[mat]);
         }

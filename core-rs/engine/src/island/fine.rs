@@ -98,7 +98,7 @@ crate::archive::option!(FineLinks, fixed);
 /// All state that is not computed anew in each frame.
 impl State for FineLinks {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        let mut step_count = self.script.steps;
+        let mut step_count = self.script.steps_min;
         step_count.archive(archive)?;
         self.set_steps(step_count.min(STEPS_MAX));
         state_of!(
@@ -150,27 +150,27 @@ impl FineLinks {
     /// Compute contacts and laws finer from now on, if that is possible: their steps have created energy.
     pub(super) fn refine(&mut self) {
         if self.frictions.is_empty() {
-            self.set_steps((REFINEMENT_FACTOR * self.script.steps).min(STEPS_MAX));
+            self.set_steps((REFINEMENT_FACTOR * self.script.steps_min).min(STEPS_MAX));
         }
     }
 
     /// Compute contacts and laws in at least this many steps a frame.
     fn set_steps(&mut self, steps: usize) {
-        if steps <= self.script.steps {
+        if steps <= self.script.steps_min {
             return;
         }
         // This happens at most a few times in a run, so copies of the scripts are acceptable.
         let script = Arc::make_mut(&mut self.script);
-        script.steps = steps;
+        script.steps_min = steps;
         self.law_script = Arc::new(LawScript::new(script));
         for law in &mut self.laws {
-            law.forget_before();
+            law.forget_previous_forces();
         }
     }
 
     /// Take over the state of the same contacts and laws in another version.
     pub(super) fn continue_from(&mut self, old: &mut Self) {
-        self.set_steps(old.script.steps);
+        self.set_steps(old.script.steps_min);
         std::mem::swap(&mut self.next_frame_forces, &mut old.next_frame_forces);
         if self.is_resting.len() == old.is_resting.len() {
             self.is_resting.copy_from_slice(&old.is_resting);
@@ -226,7 +226,7 @@ impl FineLinks {
         let law_stays: Vec<bool> = law_script.links.iter().map(|&link| link_stays[link]).collect();
         retain_flagged(&mut self.laws, &law_stays);
         retain_flagged(&mut script.links, &link_stays);
-        retain_flagged(&mut script.ends, &link_stays);
+        retain_flagged(&mut script.link_joints, &link_stays);
         retain_flagged(&mut self.may_close, &link_stays);
         retain_flagged(&mut self.is_pushing, &link_stays);
         retain_flagged(&mut self.is_resting, &link_stays);
@@ -236,7 +236,7 @@ impl FineLinks {
         retain_flagged(&mut self.link_constants, &link_stays);
         *law_script = LawScript::new(script);
         self.frictions = Frictions::new(script);
-        self.stepped_points.release(is_released);
+        self.stepped_points.remove_points(is_released);
         removed_links
     }
 
@@ -313,10 +313,10 @@ impl FineLinks {
     ) {
         for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.link_constants) {
             let link_energy = match (&run.kind, self.bristle_deflection(run.first)) {
-                (Kind::Bristle { by, .. }, Some(deflection)) => by.with(*k, *z).energy(deflection),
+                (Kind::Bristle { law, .. }, Some(deflection)) => law.with(*k, *z).energy(deflection),
                 _ => {
                     let stiffness_ratio = if run.k == 0.0 { 1.0 } else { k / run.k };
-                    stiffness_ratio * run.potential(run.elongation(0, |mat| body.x[mat]))
+                    stiffness_ratio * run.potential_energy(run.elongation(0, |mat| body.x[mat]))
                 }
             };
             report_energy(gate_opening(run) * link_energy);

@@ -35,9 +35,7 @@ impl FrameEnergies {
 /// MATs.
 pub(super) fn following_law(run: &Run) -> Option<(&Followed, f64)> {
     match &run.kind {
-        Kind::Followed {
-            by: followed_law, rate, ..
-        } => Some((followed_law, *rate)),
+        Kind::Followed { followed_law, rate, .. } => Some((followed_law, *rate)),
         _ => None,
     }
 }

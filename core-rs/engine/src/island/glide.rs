@@ -124,7 +124,7 @@ pub(super) fn build_glides(network: &Network, timeline: &Timeline, scheme: &Sche
             glide.amplitude_corrections.push(correction);
             glide
                 .coefficients
-                .push([scheme.w[mat], kappa, zeta, scheme.ground[mat]]);
+                .push([scheme.w[mat], kappa, zeta, scheme.tie_stiffness[mat]]);
         }
     }
     if let Some(refused) = Error::combined(errors) {
@@ -164,7 +164,7 @@ pub(super) fn apply_glides(glides: &[GlidingMat], base: &Scheme, frame_scheme: &
             frame_scheme.w[mat],
             frame_scheme.kappa[mat],
             frame_scheme.zeta[mat],
-            frame_scheme.ground[mat],
+            frame_scheme.tie_stiffness[mat],
         ] = coefficients;
     }
 }
@@ -215,7 +215,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
                 scheme.runs[index].make_adjustable();
                 RunLocation::Run(index)
             } else {
-                find_run(&scheme.exact).map_or(RunLocation::Fine, RunLocation::Exact)
+                find_run(&scheme.exact_runs).map_or(RunLocation::Fine, RunLocation::Exact)
             };
             let lead = lead.on(run.first, run.len);
             let previous_led = led_links.last();
@@ -250,7 +250,7 @@ pub(super) fn apply_leads(
         }
         let (base_run, run_now) = match *location {
             RunLocation::Run(run_index) => (&base.runs[run_index], &mut frame_scheme.runs[run_index]),
-            RunLocation::Exact(run_index) => (&base.exact[run_index], &mut frame_scheme.exact[run_index]),
+            RunLocation::Exact(run_index) => (&base.exact_runs[run_index], &mut frame_scheme.exact_runs[run_index]),
             RunLocation::Fine => {
                 if let Some(fine_state) = fine_links {
                     fine_state.set_link_constants(lead.link, [factors, lead.factors(n + 1, 0.0)]);

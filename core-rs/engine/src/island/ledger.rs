@@ -123,7 +123,11 @@ fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
 
 /// How much the rest length of the i-th link of a run has grown.
 fn permanent_stretch(run: &Run, body: &Body, i: usize) -> f64 {
-    if run.yields() { body.memory[run.first + i] } else { 0.0 }
+    if run.has_permanent_stretch() {
+        body.memory[run.first + i]
+    } else {
+        0.0
+    }
 }
 
 /// The stiffness that the links of a run share: now, and one step ago.
@@ -136,7 +140,7 @@ fn shared_stiffnesses(run: &Run, body: &Body) -> [f64; 2] {
 
 /// Energy of one link [J].
 fn link_energy(run: &Run, tension: f64, e: f64) -> f64 {
-    run.potential(e) + tension_energy(tension, e)
+    run.potential_energy(e) + tension_energy(tension, e)
 }
 
 fn is_spring(run: &Run) -> bool {
@@ -144,7 +148,7 @@ fn is_spring(run: &Run) -> bool {
 }
 
 fn all_runs(scheme: &Scheme) -> impl Iterator<Item = &Run> {
-    scheme.runs.iter().chain(&scheme.exact)
+    scheme.runs.iter().chain(&scheme.exact_runs)
 }
 
 impl Ledger {
@@ -338,11 +342,11 @@ impl Ledger {
                     self.link_energies[run.first + i] = 0.0;
                     continue;
                 }
-                if run.yields() {
+                if run.has_permanent_stretch() {
                     // Energy that was stored before the link yielded in this frame, and no longer is, counts as lost.
                     let position_before = |mat: usize| body.x[mat] - body.d[mat] - d[mat];
                     let e_before = run.elongation(i, position_before) - permanent_stretch(run, body, i);
-                    let [potential_now, potential_before] = [e, e_before].map(|e| run.potential(e));
+                    let [potential_now, potential_before] = [e, e_before].map(|e| run.potential_energy(e));
                     let energy_left = 0.5 * open_now * (potential_now + potential_before);
                     self.lost.add(self.link_energies[run.first + i] - energy_left);
                     self.link_energies[run.first + i] = energy_left;
@@ -351,7 +355,8 @@ impl Ledger {
                 self.link_energies[run.first + i] = stored_energy;
                 if finer_travel.is_some() {
                     let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
-                    self.lost.add(open_now * run.drag(e, frame_stretch) * frame_stretch);
+                    self.lost
+                        .add(open_now * run.damping_force(e, frame_stretch) * frame_stretch);
                     continue;
                 }
                 let link_work = 0.5 * stretch * body.link[run.first + i];
@@ -361,7 +366,7 @@ impl Ledger {
                     let elastic_work = if is_exact(run) {
                         link_work
                     } else {
-                        0.5 * stretch * open_now * (run.elastic(e) + tension_now * e)
+                        0.5 * stretch * open_now * (run.elastic_force(e) + tension_now * e)
                     };
                     self.lost.add(link_work - elastic_work);
                     self.produced.add(energy_rise - elastic_work);

@@ -16,14 +16,14 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
     body.outside.fill(0.0);
     body.pair_force.fill(0.0);
     let Body { x, d, force, .. } = body;
-    if scheme.fused.is_empty() {
+    if scheme.fused_springs.is_empty() {
         let (weighted_forces, weightless_forces) = force.split_at_mut(scheme.weight.len());
         for (force, weight) in weighted_forces.iter_mut().zip(&scheme.weight) {
             *force = 0.0 + weight;
         }
         weightless_forces.fill(0.0);
     } else {
-        laws.spring_forces(Part::Total, &scheme.fused, [x, d], force, team);
+        laws.spring_forces(Part::Total, &scheme.fused_springs, [x, d], force, team);
         for (force, weight) in force.iter_mut().zip(&scheme.weight) {
             *force += weight;
         }
@@ -66,9 +66,13 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
                     }
                 }
             }
-            Kind::Followed { by, rate, slot } => {
+            Kind::Followed {
+                followed_law,
+                rate,
+                slot,
+            } => {
                 let law = &mut laws.followed[*slot];
-                by.set(law, |mat| body.x[mat]);
+                followed_law.set(law, |mat| body.x[mat]);
                 let Ends { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
                     link_force[i] = law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);

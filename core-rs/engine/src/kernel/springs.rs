@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use super::pull::add;
 use crate::maths::wide::wide;
-use crate::scheme::{ForceEnds, Spring, Springs};
+use crate::scheme::{ForceEnds, FusedSprings, Spring};
 use rows::{Line, Rows};
 
 /// Which part of the forces is computed.
@@ -49,7 +49,7 @@ impl SpringPass {
 
     /// Set `force` to the sum of forces on each MAT [N] at positions and velocities (per step) `motion`. The runs are
     /// those of `new`; their numbers may have changed.
-    pub(crate) fn forces(&mut self, part: Part, springs: &Springs, motion: [&[f64]; 2], force: &mut [f64]) {
+    pub(crate) fn forces(&mut self, part: Part, springs: &FusedSprings, motion: [&[f64]; 2], force: &mut [f64]) {
         if let Some(rows) = &self.rows {
             vector::forces(rows, part, springs, motion, &mut self.link_forces, force);
             return;

@@ -29,7 +29,7 @@ fn value(scheme: &Scheme, body: &Body, term: &Term) -> f64 {
         Term::Force { first, len, weight } => -weight * sum(&body.link[first..first + len]),
         Term::Ground { first, len, weight } => {
             let mat_range = first..first + len;
-            let (stiffnesses, positions) = (&scheme.ground[mat_range.clone()], &body.x[mat_range.clone()]);
+            let (stiffnesses, positions) = (&scheme.tie_stiffness[mat_range.clone()], &body.x[mat_range.clone()]);
             weight * grounds(stiffnesses, positions, &scheme.rest[mat_range])
         }
     }

@@ -201,7 +201,7 @@ impl Row {
             ..Self::for_network(&island_plan.network, Computation::Stepped).with_cost(
                 frame_cost,
                 timeline,
-                certificate.word,
+                certificate.guarantee,
             )
         }
     }
@@ -282,7 +282,7 @@ fn guarantee(inside: &BodyPlan) -> StabilityGuarantee {
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => StabilityGuarantee::Guarded,
         BodyPlan::Mesh(mesh) => {
             let certificate = certify(&mesh.network, mesh.rate, mesh.method, mesh.substeps);
-            certificate.map_or(StabilityGuarantee::Tried, |certificate| certificate.word)
+            certificate.map_or(StabilityGuarantee::Tried, |certificate| certificate.guarantee)
         }
     }
 }

@@ -252,7 +252,7 @@ impl LinkAccount {
 /// The strength of a link in this step, as a factor of what it is as written.
 fn strength(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
-    let mut scheme_runs = scheme.runs.iter().chain(&scheme.exact);
+    let mut scheme_runs = scheme.runs.iter().chain(&scheme.exact_runs);
     let run_now = scheme_runs.find(|scheme_run| scheme_run.links().contains(&run.first));
     let stiffness_ratio = run_now.map_or(1.0, |run_now| run_now.k / run.k);
     if stiffness_ratio.is_finite() {
@@ -269,7 +269,11 @@ fn elongations(run: &Run, body: &Body) -> [f64; 2] {
     }
     let elongation_now = run.elongation(0, |mat| body.x[mat]);
     if run.n_axes() > 1 {
-        let permanent_stretch = if run.yields() { body.memory[run.first] } else { 0.0 };
+        let permanent_stretch = if run.has_permanent_stretch() {
+            body.memory[run.first]
+        } else {
+            0.0
+        };
         let elongation_before = run.elongation(0, |mat| body.x[mat] - body.d[mat]);
         return [
             elongation_now - permanent_stretch,
@@ -295,7 +299,7 @@ fn rounding_energy(run: &Run, body: &Body) -> f64 {
 fn link_energy(run: &Run, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
     match run.bristle() {
         Some((bristle, _)) => bristle.energy(elongation_now),
-        None => 0.5 * (run.potential(elongation_now) + run.potential(elongation_before)),
+        None => 0.5 * (run.potential_energy(elongation_now) + run.potential_energy(elongation_before)),
     }
 }
 

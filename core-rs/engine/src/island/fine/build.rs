@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::basis::{Basis, Instant, RELATIVE_ERROR, RELATIVE_ERROR_OF_FRICTION, dot};
 use super::crowded::{CrowdedBody, crowded_bodies};
-use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, joint, path_responses};
+use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, new_joint, path_responses};
 use super::laws::LawScript;
 use super::slides::Frictions;
 use super::stepped_points::SteppedPoints;
@@ -36,15 +36,15 @@ impl FineLinks {
             false => RELATIVE_ERROR,
         };
         let basis = Basis::new(fastest_rate(&joint_mats, network, scheme, bodies, timeline), fit_error);
-        let n_instants = basis.n();
+        let n_instants = basis.n_polynomials();
         let is_imposed = |mat: usize| {
             let mut timeline_drives = timeline.drives.iter();
             timeline_drives.any(|drive| drive.mat == mat && drive.kind == DriveKind::Position)
         };
-        let new_joint = |&mat: &usize| joint(mat, is_imposed(mat), network, scheme, bodies, (&basis, rate));
+        let new_joint = |&mat: &usize| new_joint(mat, is_imposed(mat), network, scheme, bodies, (&basis, rate));
         let joints: Vec<Joint> = joint_mats.iter().map(new_joint).collect();
         let joint_slot = |mat: usize| joint_mats.binary_search(&mat).unwrap_or(0);
-        let ends = links.iter().map(|run| (joint_slot(run.a), joint_slot(run.b))).collect();
+        let link_joints = links.iter().map(|run| (joint_slot(run.a), joint_slot(run.b))).collect();
         let n_joints = joints.len();
         let crowded = crowded_bodies(&links, &joints, bodies, (&basis, rate));
         let is_crowded = |owner: usize| crowded.iter().any(|body| body.owner() == owner);
@@ -83,12 +83,12 @@ impl FineLinks {
         let start_responses = start_responses(&path_responses, &joints, &basis);
         let mut script = Script {
             is_coupled: false,
-            steps: steps.contact_substeps,
-            order: steps.contact_order,
+            steps_min: steps.contact_substeps,
+            contact_order: steps.contact_order,
             rate,
             basis,
             links,
-            ends,
+            link_joints,
             crowded_rows: CrowdedBody::joint_rows(&crowded, n_joints),
             crowded,
             joints,
@@ -139,7 +139,7 @@ impl FineLinks {
 /// Displacement of one joint at the instants of a frame by an impulse at another at its start, from `path_responses`
 /// (n_joints²)
 fn start_responses(path_responses: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
-    let (n_instants, start_instant) = (basis.n(), Instant::new(basis.n(), 0.0));
+    let (n_instants, start_instant) = (basis.n_polynomials(), Instant::new(basis.n_polynomials(), 0.0));
     let response = |(pair, pair_response): (usize, &Vec<f64>)| {
         if joints[pair / joints.len()].port.is_none() || pair_response.is_empty() {
             return Vec::new();

@@ -40,7 +40,7 @@ impl FineLinks {
         }
         self.retune();
         if any_may_close {
-            self.spread();
+            self.mark_reached_contacts();
         }
         let (script, law_script) = (self.script.clone(), self.law_script.clone());
         self.work.products += script.free_path_products;
@@ -51,7 +51,7 @@ impl FineLinks {
         self.start_laws(&script, &law_script, gates, !is_located);
         if is_located {
             self.impulse_sums.fill(0.0);
-            let n_instants = script.basis.n();
+            let n_instants = script.basis.n_polynomials();
             for (free_path, path) in self
                 .free_paths
                 .chunks(n_instants)
@@ -68,7 +68,7 @@ impl FineLinks {
                     slides: &slide_script,
                     gates,
                 };
-                self.slide(slide_frame, body);
+                self.compute_frictions(slide_frame, body);
             }
             // Impulses at the instants of the frame that have the same effect on any smooth function as those between
             // them.
@@ -94,7 +94,7 @@ impl FineLinks {
 
     /// Mark more contacts as ones that may close: each that pushes may push points off their free paths, and with them
     /// other contacts.
-    fn spread(&mut self) {
+    fn mark_reached_contacts(&mut self) {
         let script = &*self.script;
         let is_moved_by = |mover: usize, moved: usize| {
             let n_joints = script.joints.len();
@@ -104,7 +104,10 @@ impl FineLinks {
                 let on_same_body = crowded_body(from).is_some() && crowded_body(from) == crowded_body(to);
                 on_same_body || !script.path_responses[from * n_joints + to].is_empty()
             };
-            let (mover_joints, moved_joints) = (both_ends(script.ends[mover]), both_ends(script.ends[moved]));
+            let (mover_joints, moved_joints) = (
+                both_ends(script.link_joints[mover]),
+                both_ends(script.link_joints[moved]),
+            );
             mover_joints
                 .iter()
                 .any(|&from| moved_joints.iter().any(|&to| is_coupled(from, to)))
@@ -128,9 +131,9 @@ impl FineLinks {
         scheme: &Scheme,
         bodies: &mut [RunningBody],
         body: &Body,
-        next: &dyn Fn(usize, &Body) -> f64,
+        next_position: &dyn Fn(usize, &Body) -> f64,
     ) {
-        let (n_instants, n_joints) = (script.basis.n(), script.joints.len());
+        let (n_instants, n_joints) = (script.basis.n_polynomials(), script.joints.len());
         for (joint_index, joint) in script.joints.iter().enumerate() {
             let free_path = &mut self.free_paths[joint_index * n_instants..(joint_index + 1) * n_instants];
             // Lasting forces act throughout the frame, but are applied as impulses at its start. Both lead to the same
@@ -144,9 +147,12 @@ impl FineLinks {
                 }
                 None => {
                     // From where it rests, its path is exact to the last bit if it does not move.
-                    let rest_position = joint.rest.unwrap_or(body.x[joint.mat]);
-                    let free_step = next(joint.mat, body) - body.x[joint.mat];
-                    let (x, next_x) = (body.x[joint.mat] - rest_position, next(joint.mat, body) - rest_position);
+                    let rest_position = joint.rest_position.unwrap_or(body.x[joint.mat]);
+                    let free_step = next_position(joint.mat, body) - body.x[joint.mat];
+                    let (x, next_x) = (
+                        body.x[joint.mat] - rest_position,
+                        next_position(joint.mat, body) - rest_position,
+                    );
                     for (x_at, (from, to)) in free_path.iter_mut().zip(&joint.frame_weights) {
                         *x_at = rest_position + (x * from + next_x * to);
                     }
@@ -189,7 +195,7 @@ impl FineLinks {
 
     /// Push a joint [N·s].
     pub(super) fn push_joint(&mut self, script: &Script, joint: usize, impulse: f64, instant: &Instant) {
-        let n_instants = script.basis.n();
+        let n_instants = script.basis.n_polynomials();
         let impulses = &mut self.impulse_sums[joint * n_instants..(joint + 1) * n_instants];
         for (impulse_sum, value) in impulses.iter_mut().zip(&instant.value) {
             *impulse_sum += impulse * value;
@@ -202,7 +208,7 @@ impl FineLinks {
 
     /// Apply the impulses of a frame to bodies and MATs.
     fn apply_impulses(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
-        let n_instants = script.basis.n();
+        let n_instants = script.basis.n_polynomials();
         for (joint_index, joint) in script.joints.iter().enumerate() {
             let joint_impulses = &self.frame_impulses[joint_index * n_instants..(joint_index + 1) * n_instants];
             if joint_impulses.iter().all(|impulse| *impulse == 0.0) {
@@ -215,7 +221,7 @@ impl FineLinks {
                     }
                 }
                 (None, Some(_)) => {
-                    for (impulse, [now, later]) in joint_impulses.iter().zip(&joint.split) {
+                    for (impulse, [now, later]) in joint_impulses.iter().zip(&joint.impulse_split) {
                         body.push(joint.mat, impulse * now);
                         self.next_frame_forces[joint_index] += impulse * later;
                     }

@@ -203,7 +203,7 @@ impl FreeKey {
         let mut scheme = (*self.scheme).clone();
         scheme.rest.fill(0.0);
         scheme.runs.retain(|run| !matches!(run.kind, Kind::But(_)));
-        scheme.exact.clear();
+        scheme.exact_runs.clear();
         scheme.runs.iter_mut().for_each(|run| run.rest = 0.0);
         Self {
             scheme: Arc::new(scheme),
@@ -246,7 +246,7 @@ impl FreeKey {
     /// are summed; `targets` are the key's own imposed points.
     pub(crate) fn force_to_reach(&self, motion: &FreeMotion, x: f64, targets: &[Target], buffers: &mut Buffers) -> f64 {
         let (scheme, struck_mat, body) = (&*self.scheme, self.struck_mat, &motion.body);
-        if scheme.exact.is_empty() {
+        if scheme.exact_runs.is_empty() {
             return kernel::force_to_reach(scheme, body, struck_mat, x);
         }
         // The force of exact contacts depends on where the ergon takes the MAT, so they are solved for that position.
@@ -262,7 +262,7 @@ impl FreeKey {
         });
         kernel::contacts(scheme, &[], &buffers.targets, trial_body);
         let force = kernel::force_to_reach(scheme, trial_body, struck_mat, x);
-        if !scheme.has_dry() {
+        if !scheme.has_dry_friction() {
             return force;
         }
         // If friction changes direction within the frame, how much of it acts each way depends on the ergon.
@@ -285,7 +285,7 @@ impl FreeKey {
     /// Whether nothing but the flow of slow bodies moves it between gestures; `motion` is that of its first frame.
     pub(crate) fn has_only_flow(&self, motion: &FreeMotion) -> bool {
         let scheme = &*self.scheme;
-        let has_no_links = scheme.runs.is_empty() && scheme.fused.is_empty() && scheme.exact.is_empty();
+        let has_no_links = scheme.runs.is_empty() && scheme.fused_springs.is_empty() && scheme.exact_runs.is_empty();
         let is_held = |mat: usize| {
             let coefficients = [scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat], motion.body.d[mat]];
             coefficients.iter().all(|value| *value == 0.0)

@@ -34,7 +34,7 @@ fn add(
     );
     let (force_ends, rest) = (&force_ends[..n], &lone_links.rest[links][..n]);
     let push_of = |i: usize| link_force([mats[i][0] as usize, mats[i][1] as usize], k_and_z[i], q[i], rest[i]);
-    match group.form.pulls {
+    match group.form.pulled_ends {
         PulledEnds::Both => {
             for i in 0..n {
                 let push = push_of(i);
@@ -50,7 +50,7 @@ fn add(
 wide! {
     fn elastic(lone_links: &LoneLinks, x: &[f64], force: &mut [f64]) {
         for group in &lone_links.groups {
-            if group.form.hardens {
+            if group.form.is_hardening {
                 add(lone_links, group, force, |[a, b], [k, _], q, rest| {
                     let e = x[b] - x[a] - rest;
                     k * e + q * (e * e * e)
@@ -73,7 +73,7 @@ wide! {
 wide! {
     fn total(lone_links: &LoneLinks, x: &[f64], v: &[f64], force: &mut [f64]) {
         for group in &lone_links.groups {
-            if group.form.hardens {
+            if group.form.is_hardening {
                 add(lone_links, group, force, |[a, b], [k, z], q, rest| {
                     let e = x[b] - x[a] - rest;
                     k * e + q * (e * e * e) + z * (v[b] - v[a])

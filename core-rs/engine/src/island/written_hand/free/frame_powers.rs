@@ -33,7 +33,7 @@ impl FramePowers {
             .drives
             .iter()
             .all(|drive| matches!(drive.source, Source::Constant(_)));
-        let is_affine = scheme.is_linear && scheme.exact.is_empty() && free_key.slow_bodies.is_empty();
+        let is_affine = scheme.is_linear && scheme.exact_runs.is_empty() && free_key.slow_bodies.is_empty();
         let state_size = 2 * n_mat + 1;
         (is_affine && are_constant && n_mat <= MATS_MAX).then(|| Self {
             n_mat,

@@ -87,8 +87,8 @@ impl Voice {
             is_stream: matches!(request, Request::Pass(_)),
         };
         if manner.ergons == Ergons::Particle {
-            let flight = &mut self.particles;
-            ergon_entry.particle = flight.launch(scene.scheme, scene.body, script.struck_mat, force);
+            let particles = &mut self.particles;
+            ergon_entry.particle = particles.launch(scene.scheme, scene.body, script.struck_mat, force);
         }
         let is_particle = ergon_entry.particle.is_some();
         ergon_entry.record(
@@ -108,12 +108,17 @@ impl Voice {
     ///
     /// The distance e is closed no faster than half the limit can brake, √(2·½a·|e|): pushing with all force until the
     /// path is crossed would make the key swing far beyond it, again and again.
-    fn catch_up(&self, script: &VoiceScript, [asked_here, requested_position]: [f64; 2], force_limit: f64) -> f64 {
+    fn catch_up(
+        &self,
+        script: &VoiceScript,
+        [last_requested_position, requested_position]: [f64; 2],
+        force_limit: f64,
+    ) -> f64 {
         let (scheme, mat_index) = (&script.free_key.scheme, script.free_key.struck_mat);
-        let last_position = if asked_here.is_nan() {
+        let last_position = if last_requested_position.is_nan() {
             requested_position
         } else {
-            asked_here
+            last_requested_position
         };
         let path_distance = last_position - self.free_motion.body.x[mat_index];
         // a·T² = limit/M, in metres a step, squared.
