@@ -1,5 +1,7 @@
 //! An island: its constant script, its changing state, and what can be read of it. `step` advances it.
 
+mod archived_state;
+pub(crate) mod bodies;
 mod build;
 mod coast;
 mod contact_peaks;
@@ -8,30 +10,28 @@ mod emulated_key;
 mod energy_account;
 pub(crate) mod energy_gain;
 mod energy_rise;
-mod eventless;
+mod eventless_steps;
 mod fault;
 mod fine;
 pub(crate) mod followed_energy;
 mod glide;
-pub(crate) mod inside;
+mod imposed_work;
 mod ledger;
 mod live_strikes;
 pub(crate) mod mesh;
 pub(crate) mod modal;
 mod origin;
-mod pace;
 mod pair_energy;
 mod pair_gain;
 mod phases;
-mod put_in;
-mod quiet;
 mod real_hands;
 pub(crate) mod record;
 mod rest;
+mod scene_frames;
+mod sleep;
 pub(crate) mod slow;
 mod sounds_in;
 mod step;
-mod stored;
 mod strikes;
 mod takeover;
 mod voices;
@@ -114,7 +114,7 @@ struct Parameters {
 #[derive(Clone, Debug)]
 struct Matter {
     body: Body,
-    bodies: Vec<inside::RunningBody>,
+    bodies: Vec<bodies::RunningBody>,
     fine_links: Option<fine::FineLinks>,
     laws: Laws,
     targets: Vec<Target>,
@@ -177,8 +177,8 @@ fn write_gate_openings(open: &mut [f64], gates: &[Gate], continuations: &[Option
 impl Matter {
     /// Give the ports of all bodies their positions and steps.
     fn set_ports(&mut self) {
-        for inside in &self.bodies {
-            inside.set_ports(&mut self.body);
+        for running_body in &self.bodies {
+            running_body.set_ports(&mut self.body);
         }
     }
 }
@@ -194,7 +194,7 @@ pub(crate) struct Island {
     frame_interval: u32,
     rest_search: rest::RestSearch,
     /// Present if it sleeps when it is quiet.
-    sleep_monitor: Option<quiet::SleepMonitor>,
+    sleep_monitor: Option<sleep::SleepMonitor>,
 }
 
 impl Island {
@@ -212,7 +212,7 @@ impl Island {
     pub(crate) fn can_share_work(&self) -> bool {
         let state = &self.state;
         state.matter.laws.mesh_partition.is_some()
-            || state.matter.bodies.iter().any(inside::RunningBody::can_share_work)
+            || state.matter.bodies.iter().any(bodies::RunningBody::can_share_work)
     }
 
     /// Steps x[n] − x[n−1] now [m], (n_mat).
@@ -329,7 +329,7 @@ impl Island {
     }
 
     /// The bodies of the island.
-    pub(crate) fn bodies(&self) -> &[inside::RunningBody] {
+    pub(crate) fn bodies(&self) -> &[bodies::RunningBody] {
         &self.state.matter.bodies
     }
 
@@ -379,7 +379,7 @@ impl Island {
             .matter
             .bodies
             .iter()
-            .filter_map(inside::RunningBody::finer_frames);
+            .filter_map(bodies::RunningBody::finer_frames);
         guard_frames.chain(bodies).map(|(part_name, finer_frames)| {
             let FinerFrames { frames, steps_max, .. } = finer_frames.per_frame(self.oversampling);
             (part_name, frames, steps_max)

@@ -13,7 +13,7 @@ use crate::assembly::truncate::KeptModes;
 use crate::assembly::unit::{IslandPlan, NetworkIndices};
 use crate::body_modes::linear::NoModes;
 use crate::integrate::MeshMethod;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
 use crate::network::{Error, LinkKind, Network, Subset};
 use crate::scheme::{Certificate, RefusalDetail, Scheme};

@@ -5,7 +5,7 @@ use crate::assembly::cost_table::Costs;
 use crate::assembly::mesh::LADDER;
 use crate::assembly::unit::{BankPlan, ComputationUnit, IslandPlan};
 use crate::integrate::MeshMethod;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::mesh::Mesh;
 use crate::island::slow::{Slow, SpringMethod};
 use crate::island::{FINE_SUBSTEPS_MIN, Island};

@@ -18,7 +18,7 @@ use crate::body_modes::complex_modes::Sum;
 use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
 use crate::cell::Response;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::modal::{ComplexResponses, Modal, Mode, Port, StruckPoint};
 use crate::network::forest::ends;
 use crate::network::{Error, Network, Subset, Term};

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::bank::{Oscillator, Strikes};
 use crate::body_modes::complex_modes::ComplexPart;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN, StepNumbers};
 use crate::network::Network;
 use crate::timeline::Timeline;

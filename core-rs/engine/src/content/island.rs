@@ -7,7 +7,7 @@ use std::fmt::Arguments;
 use super::{Sink, digest, hex};
 use crate::assembly::unit::IslandPlan;
 use crate::gesture::script::Gesture;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::{Network, PartOrder};
 use crate::timeline::{Ergon, Key, Strike, Timeline};
 

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
+use super::bodies::{self, BodyPlan};
 use super::contact_peaks::ContactPeaks;
 use super::delayed_ports::{PortBinding, port_bindings};
 use super::energy_gain::{self, EnergyGains};
 use super::energy_rise::EnergyRise;
 use super::fault::MutedParts;
 use super::fine::{ContactOrder, FineLinks};
-use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::live_strikes::{PendingStrikes, strike_points};
 use super::origin::{initial_motion, initial_positions};
@@ -348,7 +348,7 @@ fn fine_links(
     fine_runs: Vec<Run>,
     scheme: &Scheme,
     network: &Network,
-    bodies: &mut [inside::RunningBody],
+    bodies: &mut [bodies::RunningBody],
     steps: StepNumbers,
     timeline: &Timeline,
 ) -> Option<FineLinks> {
@@ -356,7 +356,7 @@ fn fine_links(
         return None;
     }
     let fine_links = FineLinks::new(fine_runs, network, scheme, bodies, steps, timeline);
-    for modal in bodies.iter_mut().filter_map(inside::RunningBody::modal_mut) {
+    for modal in bodies.iter_mut().filter_map(bodies::RunningBody::modal_mut) {
         modal.make_tables(fine_links.instants());
     }
     Some(fine_links)
@@ -369,7 +369,7 @@ fn start_bodies(
     timeline: &Timeline,
     body: &mut Body,
     link_acts: &dyn Fn(usize) -> bool,
-) -> Result<Vec<inside::RunningBody>, Error> {
+) -> Result<Vec<bodies::RunningBody>, Error> {
     if body_plans.is_empty() {
         return Ok(Vec::new());
     }

@@ -8,7 +8,7 @@ use super::energy_account;
 use super::fault::Fault;
 use super::fine::OPEN_MARGIN;
 use super::step::StepOutputs;
-use super::{Island, Players, Script, energy_rise, inside};
+use super::{Island, Players, Script, bodies, energy_rise};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::But;
@@ -38,7 +38,7 @@ impl Island {
         let has_contacts = !scheme.runs.is_empty() || matter.fine_links.is_some();
         has_only_contacts
             && has_contacts
-            && matter.bodies.iter().all(inside::RunningBody::can_coast)
+            && matter.bodies.iter().all(bodies::RunningBody::can_coast)
             && self.has_only_events()
     }
 
@@ -72,7 +72,7 @@ impl Island {
             return Ok(0);
         }
         let steps_to_event = steps_to_event(script, &state.players, first_step);
-        let modal_bodies = state.matter.bodies.iter().filter_map(inside::RunningBody::modal);
+        let modal_bodies = state.matter.bodies.iter().filter_map(bodies::RunningBody::modal);
         let steps_ahead = modal_bodies.map(super::modal::RunningModal::frames_ahead);
         let energy_rise = state.monitors.energy_rise.as_ref();
         let check_steps = [
@@ -133,7 +133,7 @@ impl Island {
             }
         }
         let modal_bodies = state.matter.bodies.iter_mut();
-        for modal in modal_bodies.filter_map(inside::RunningBody::modal_mut) {
+        for modal in modal_bodies.filter_map(bodies::RunningBody::modal_mut) {
             modal.advance_ahead(steps_done);
         }
         state.frame += steps_done as u64;

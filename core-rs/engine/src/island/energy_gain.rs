@@ -5,18 +5,18 @@
 //! scheme balances exactly, whatever else moves the ends. What a link gave or stores beyond the work that it took is
 //! created energy.
 
-mod link_work;
+mod link_account;
 
+use super::bodies::RunningBody;
 use super::energy_account::EnergyGain;
-use super::inside::RunningBody;
+use super::imposed_work::ImposedWork;
 use super::pair_gain::PairEnergyGains;
-use super::put_in::ImposedWork;
 use super::{Fault, Island, OnFault};
 use crate::law::Law;
 use crate::network::SpaceLaw;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
-use link_work::{CheckedLink, LinkAccount};
+use link_account::{CheckedLink, LinkAccount};
 
 /// Longest run of laws with accounts: a longer one would take more time for its accounts than for its steps.
 pub(super) const ACCOUNTED_LAWS_MAX: usize = 32;

@@ -5,9 +5,9 @@
 //! energy of all masses, bodies and links is added up now and then, and if no event fell between two looks, a rise is
 //! created energy.
 
+use super::bodies::RunningBody;
 use super::energy_account::{self, EnergyGain};
 use super::fine::FineLinks;
-use super::inside::RunningBody;
 use super::{Island, energy_gain};
 use crate::cell::Cell;
 use crate::network::{Contact, MatKind, Network};

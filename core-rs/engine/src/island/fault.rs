@@ -1,7 +1,7 @@
 //! Parts that diverge: named and stopped, or muted while all others play on.
 
 use super::delayed_ports::PortBinding;
-use super::{EnergyGain, Island, inside};
+use super::{EnergyGain, Island, bodies};
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
 use crate::network::Term;
@@ -128,7 +128,7 @@ impl Island {
             .matter
             .bodies
             .iter()
-            .find_map(inside::RunningBody::diverged_mat)
+            .find_map(bodies::RunningBody::diverged_mat)
         {
             if self.script.on_fault == OnFault::Stop {
                 return Err(self.fault_in_part(module_name, part, None));

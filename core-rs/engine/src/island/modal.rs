@@ -5,7 +5,7 @@
 //! (`pushes`), to the modes at the end of the window. What happens between frames needs the modes themselves, so the
 //! computation goes back to that frame. The result depends on frames alone, never on blocks.
 
-mod between;
+mod instants;
 mod plan;
 mod pushes;
 mod script;
@@ -14,7 +14,7 @@ pub(crate) use plan::{ComplexResponses, Modal, Mode, Port, StruckPoint};
 
 use std::sync::Arc;
 
-use between::InstantTables;
+use instants::InstantTables;
 use script::{Script, StrikeStep, lanes};
 
 use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, follow, lane_total};

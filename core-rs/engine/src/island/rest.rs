@@ -6,9 +6,9 @@
 //! The state is therefore at every frame what it would be if all steps were computed, and an island wakes by computing
 //! its next step.
 
-use super::{Fault, Island, energy_account, inside};
+use super::{Fault, Island, bodies, energy_account};
 use crate::archive::{Archive, State as _};
-use crate::island::quiet::SleepMonitor;
+use crate::island::sleep::SleepMonitor;
 use crate::island::written_hand::voice::Voice;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::timeline::{Drive, Source};
@@ -333,7 +333,7 @@ impl Island {
         {
             return n;
         }
-        let body_intervals = state.matter.bodies.iter().map(inside::RunningBody::kick_interval);
+        let body_intervals = state.matter.bodies.iter().map(bodies::RunningBody::kick_interval);
         let mut kick_intervals = body_intervals.chain(state.players.voices.iter().map(Voice::kick_interval));
         if kick_intervals.any(|interval| u64::from(interval) > UNCHANGED_FRAMES) {
             return n;
@@ -371,7 +371,7 @@ impl Island {
     }
 }
 
-impl inside::RunningBody {
+impl bodies::RunningBody {
     /// The first step, `n` or later, in which anything strikes it or changes its parameters.
     fn next_event_frame(&self, n: u64) -> u64 {
         match self {

@@ -4,8 +4,8 @@
 //! Springs in space kick once every R frames; these MATs then move in a straight line from kick to kick.
 
 mod block;
-mod blocks;
-mod led;
+mod block_flow;
+mod led_port;
 mod springs;
 
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 use crate::kernel::is_bounded;
 use crate::network::Network;
 use crate::state::Body;
-pub(crate) use blocks::{BlockFlow, Interface, MASSES_MAX, PresentState, Weights, best_block_length};
+pub(crate) use block_flow::{BlockFlow, Interface, MASSES_MAX, PresentState, Weights, best_block_length};
 use springs::RunningSprings;
 pub(crate) use springs::SpringMethod;
 

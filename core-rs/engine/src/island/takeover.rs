@@ -225,7 +225,7 @@ impl Island {
     }
 
     /// One of the bodies; `None` if any part of the island is muted.
-    pub(crate) fn body_mut(&mut self, body_index: usize) -> Option<&mut super::inside::RunningBody> {
+    pub(crate) fn body_mut(&mut self, body_index: usize) -> Option<&mut super::bodies::RunningBody> {
         self.resume_computing();
         if self.n_muted_parts() > 0 {
             return None;

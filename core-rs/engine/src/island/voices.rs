@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::inside::BodyPlan;
+use super::bodies::BodyPlan;
 use super::origin::initial_motion;
 use super::written_hand::framed::FramedGesture;
 use super::written_hand::free::{FreeKey, FreeMotion};

@@ -22,7 +22,7 @@ use crate::assembly::solved_modes::{ModeCache, ModeStore};
 use crate::assembly::split::{LocalTimeline, split};
 use crate::assembly::unit::ComputationUnit;
 use crate::body_modes::linear::NoModes;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
 use crate::plan::constants::ISLAND_SHARE_MIN;
 use crate::plan::row::{self, Computation, MeasuredError, Row};

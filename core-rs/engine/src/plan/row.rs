@@ -10,7 +10,7 @@ use crate::assembly::unit::{BankPlan, IslandPlan};
 use crate::hearing::Audible;
 use crate::integrate::certify;
 use crate::island::ContactOrder;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::{Network, Subset};
 use crate::plan::constants::{ESTIMATE_MARGIN_DB, PRESERVED_LIMITS};
 use crate::scheme::{Certificate, StabilityGuarantee};

@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use super::side::{MatLocation, Side, UnitIndex, unmatched};
 use super::{RunningUnit, Simulation};
 use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
-use crate::island::inside::{self, BodyPlan};
+use crate::island::bodies::{self, BodyPlan};
 use crate::network::Network;
 use crate::units::Rate;
 
@@ -204,7 +204,7 @@ impl Body {
                         }
                     }
                     (RunningUnit::Island(island), Some(body)) => {
-                        let Some(inside::RunningBody::Modal(modal_body)) = island.body_mut(body) else {
+                        let Some(bodies::RunningBody::Modal(modal_body)) = island.body_mut(body) else {
                             return;
                         };
                         modal_body.write_amplitudes(amplitudes_now, amplitudes_before);
@@ -221,10 +221,10 @@ impl Body {
                 };
                 let mats = workspace.mats[self.first..].iter_mut().zip(all);
                 match island.body_mut(body) {
-                    Some(inside::RunningBody::Mesh(mesh)) => {
+                    Some(bodies::RunningBody::Mesh(mesh)) => {
                         mats.for_each(|(mat, &(mass_index, _))| *mat = scaled(mesh.motion(mass_index), frame_steps));
                     }
-                    Some(inside::RunningBody::Slow(slow)) => {
+                    Some(bodies::RunningBody::Slow(slow)) => {
                         let present = slow.present_state();
                         let mass_motion = |mass_index: usize| scaled(slow.motion(&present, mass_index), frame_steps);
                         mats.for_each(|(mat, &(mass_index, _))| *mat = mass_motion(mass_index));
@@ -254,7 +254,7 @@ impl Body {
                         }
                     }
                     (RunningUnit::Island(island), Some(body)) => {
-                        if let Some(inside::RunningBody::Modal(modal_body)) = island.body_mut(body) {
+                        if let Some(bodies::RunningBody::Modal(modal_body)) = island.body_mut(body) {
                             modal_body.set_amplitudes(amplitudes_now, amplitudes_before);
                         }
                     }
@@ -269,8 +269,8 @@ impl Body {
                     *motion = scaled(*mat, frames_per_step);
                 }
                 match island.body_mut(body) {
-                    Some(inside::RunningBody::Mesh(mesh)) => mesh.set_motions(all),
-                    Some(inside::RunningBody::Slow(slow)) => slow.set_motions(all),
+                    Some(bodies::RunningBody::Mesh(mesh)) => mesh.set_motions(all),
+                    Some(bodies::RunningBody::Slow(slow)) => slow.set_motions(all),
                     _ => {}
                 }
             }

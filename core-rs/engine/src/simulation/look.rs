@@ -9,7 +9,7 @@ use std::sync::Arc;
 use super::Simulation;
 use super::group::RunningUnit;
 use crate::assembly::unit::{ComputationUnit, to_network_index};
-use crate::island::inside::RunningBody;
+use crate::island::bodies::RunningBody;
 use crate::island::{ErgonRecord, Island};
 use crate::network::Network;
 use crate::plan::Plan;

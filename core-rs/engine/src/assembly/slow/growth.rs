@@ -12,7 +12,7 @@ use crate::assembly::constants::{
 use crate::assembly::cost_table::Costs;
 use crate::assembly::unit::IslandPlan;
 use crate::interrupt;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::modal::Modal;
 use crate::island::slow::{RunningSlow, Slow};
 use crate::scheme::{Kind, Run, Scheme};

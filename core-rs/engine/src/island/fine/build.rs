@@ -11,7 +11,7 @@ use super::slides::Frictions;
 use super::stepped_points::SteppedPoints;
 use super::{FineLinks, FineWork, Script};
 use crate::island::StepNumbers;
-use crate::island::inside::RunningBody;
+use crate::island::bodies::RunningBody;
 use crate::island::modal::RunningModal;
 use crate::network::Network;
 use crate::scheme::{Run, Scheme};

@@ -8,7 +8,7 @@ use super::basis::{Basis, Instant, dot};
 use super::joint::Joint;
 use super::{FineLinks, Script};
 use crate::cell::Cell;
-use crate::island::inside::RunningBody;
+use crate::island::bodies::RunningBody;
 use crate::kernel::bank::SUMS;
 use crate::kernel::pushed_modes::{Group, ModeTables, PushedGroup, bring, push, see, settle};
 use crate::scheme::{Kind, Run};

@@ -4,7 +4,7 @@ use super::basis::Instant;
 use super::script::Script;
 use super::slides::Frame;
 use super::{FineLinks, penetration_bound};
-use crate::island::inside::RunningBody;
+use crate::island::bodies::RunningBody;
 use crate::kernel;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};

@@ -3,7 +3,7 @@
 use super::Script;
 use super::basis::{Basis, POLYNOMIALS_MAX};
 use crate::cell::{Cell, Ratios};
-use crate::island::inside::RunningBody;
+use crate::island::bodies::RunningBody;
 use crate::network::{MatKind, Network};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;

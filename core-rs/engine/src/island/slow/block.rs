@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::blocks::{BlockFlow, PresentState};
+use super::block_flow::{BlockFlow, PresentState};
 use crate::archive;
 use crate::kernel::dense;
 
@@ -271,7 +271,7 @@ impl Block {
 
 #[cfg(test)]
 mod tests {
-    use super::super::blocks::Interface;
+    use super::super::block_flow::Interface;
     use super::*;
     use crate::integrate::flow::{Flow, frame, row_of_three};
 

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use super::Slow;
 use super::block::Block;
-use super::blocks::BlockFlow;
+use super::block_flow::BlockFlow;
 use crate::archive::{Archive, Damaged, State};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::{self, Laws};

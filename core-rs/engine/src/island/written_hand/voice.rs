@@ -15,7 +15,7 @@ use crate::archive::{Archive, Damaged, State, state_of};
 use crate::gesture::quintic::Knot;
 use crate::gesture::report::Report;
 use crate::gesture::script::Touch;
-use crate::island::inside;
+use crate::island::bodies;
 use crate::island::record::ErgonStream;
 use crate::kernel;
 use crate::kernel::Laws;
@@ -135,7 +135,7 @@ pub(crate) struct VoiceScene<'a> {
     pub(crate) gestures: &'a [FramedGesture],
     pub(crate) reports: &'a mut [Report],
     pub(crate) ergon_stream: &'a mut ErgonStream,
-    pub(crate) bodies: &'a mut [inside::RunningBody],
+    pub(crate) bodies: &'a mut [bodies::RunningBody],
     /// Sum of the deviations that layers add to each key [m]   (n_keys)
     pub(crate) layer_deviations: &'a [f64],
 }

@@ -13,7 +13,7 @@ use crate::assembly::solved_modes::ModeCache;
 use crate::assembly::split::LocalTimeline;
 use crate::assembly::unit::IslandPlan;
 use crate::content::island::IslandContent;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
 use crate::plan::constants::KEY_TURN_MAX;
 use crate::plan::row::MeasuredError;

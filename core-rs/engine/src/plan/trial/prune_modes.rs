@@ -5,7 +5,7 @@ use crate::assembly::budget::Budget;
 use crate::assembly::constants::QUIETER_STEP_DB;
 use crate::assembly::truncate::{KeptModes, loudest_by_energy};
 use crate::assembly::unit::IslandPlan;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::modal::Modal;
 use crate::maths::pow;
 use crate::network::{Error, LinkKind};

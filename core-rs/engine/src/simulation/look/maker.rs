@@ -7,7 +7,7 @@ use super::{Contact, Look, Oscillation, Point, PointMotion, SeenBody, Source};
 use crate::assembly::unit::{BankPlan, IslandPlan, to_network_index};
 use crate::bank::Oscillator;
 use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::{MatKind, Network};
 use crate::plan::Plan;
 use crate::units::Rate;

@@ -6,7 +6,7 @@ use crate::generator::{Ends, Rim, Shape, plate, string};
 use crate::gesture::profile::Curve;
 use crate::gesture::script::{Gesture, Manner};
 use crate::gesture::written::{Approach, Written};
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::law::{Law, LawText};
 use crate::network::{But, Dry, Network, Term, Tie};
 use crate::plan::{Budget, Method, Plan};

@@ -8,7 +8,7 @@
 mod output_level;
 
 use super::Island;
-use super::inside::RunningBody;
+use super::bodies::RunningBody;
 use crate::archive::{option, state};
 use crate::network::Network;
 use crate::scheme::Scheme;
