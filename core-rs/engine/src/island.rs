@@ -85,8 +85,8 @@ pub(crate) struct Script {
     on_fault: OnFault,
 }
 
-/// Everything that changes: cloning it is a snapshot. One struct for each of what a step sets, moves, plays and
-/// watches.
+/// Everything that changes; a clone of it is a snapshot. Each field is a group: parameters that a step sets, matter
+/// that it moves, players, and monitors.
 #[derive(Clone, Debug)]
 struct State {
     frame: u64,
@@ -96,10 +96,10 @@ struct State {
     monitors: Monitors,
 }
 
-/// What a frame does not compute but follows: parameters and gates.
+/// Parameters that the timeline sets in each frame, and gates.
 #[derive(Clone, Debug)]
 struct Parameters {
-    /// How far each gate is open now, and (for the ledger) at the next frame.
+    /// How far each gate is open now, and (for the ledger) at the next frame   (n_gates each)
     gate_openings: Vec<f64>,
     next_gate_openings: Vec<f64>,
     /// For gates that had another factor in the previous version: where they continue from   (n_gates)
@@ -132,15 +132,15 @@ struct Players {
     layer_deviations: Vec<f64>,
     ergon_stream: ErgonStream,
     hand_states: Vec<real_hands::HandState>,
-    /// What has still to act on keys with a delay   (n_ports)
+    /// Forces that act on keys after a delay   (n_ports)
     port_states: Vec<delayed_ports::DelayedForces>,
-    /// What live strikes have still to do   (n_strike_points)
+    /// Impulses of live strikes that act in later steps   (n_strike_points)
     pending_strikes: Vec<live_strikes::PendingStrikes>,
-    /// What each input received: samples or told values   (n_sound_drives)
+    /// What each input received: samples, or a value to which it glides   (n_sound_drives)
     input_signals: Vec<sounds_in::InputSignal>,
 }
 
-/// What watches: peaks of contacts, faults, stability, energy.
+/// Monitors: peaks of contacts, muted parts, stability, energy.
 #[derive(Clone, Debug)]
 struct Monitors {
     contact_peaks: contact_peaks::ContactPeaks,
@@ -220,11 +220,11 @@ impl Island {
         &self.state.matter.body.d
     }
 
-    /// Tells the position that each key's gesture asks for [m], NaN if none runs, then the deviation of each of the
-    /// key's layers [m]. Arguments: key, value, whether it is a layer.
+    /// Reports the position that the gesture of each key requests [m], NaN if none runs, then the deviation of each of
+    /// the key's layers [m]. Arguments: key, value, whether it is a layer.
     pub(crate) fn report_gesture_positions(&self, mut report_position: impl FnMut(usize, f64, bool)) {
         for (voice, voice_script) in self.state.players.voices.iter().zip(&self.script.voices) {
-            // A key's own voice stands before its layers.
+            // The voice of a key comes before its layers.
             let asked_displacement = if voice_script.is_layer {
                 voice.deviation(voice_script)
             } else {
@@ -267,10 +267,10 @@ impl Island {
             .sum()
     }
 
-    /// Makes all motion decay by an additional factor `by` in each step.
+    /// Makes all motion decay by an additional factor `decay_factor` in each step.
     pub(crate) fn damp(&mut self, decay_factor: f64) {
-        // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ have magnitude √(1 − ζ), so a factor `by²` on the last step scales
-        // them by `by`.
+        // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ have magnitude √(1 − ζ), so a factor `decay_factor²` on the last
+        // step scales them by `decay_factor`.
         let step_factor = decay_factor * decay_factor;
         // A new version of an island is damped as the old one was, which wakes nothing.
         if self.state.parameters.step_decay != step_factor {
@@ -304,21 +304,21 @@ impl Island {
         self.wake_from_rest();
     }
 
-    /// Tells each contact that pushed since the last call: link, frame of the scene, force [N].
+    /// Reports each contact that pushed since the last call: link, frame of the scene, force [N].
     pub(crate) fn take_contact_peaks(&mut self, mut report_peak: impl FnMut(usize, u64, f64)) {
         let mut contact_peaks = std::mem::take(&mut self.state.monitors.contact_peaks);
         contact_peaks.take_peaks(|link, peak| report_peak(link, self.scene_frame_at(peak.frame), peak.force));
         self.state.monitors.contact_peaks = contact_peaks;
     }
 
-    /// Tells the ergons of written hands since the last call.
+    /// Reports the ergons of written hands since the last call.
     pub(crate) fn take_sparks(&mut self, mut report_spark: impl FnMut(ErgonRecord)) {
         for voice in &mut self.state.players.voices {
             voice.sparks.take(&mut report_spark);
         }
     }
 
-    /// Largest number of ergons that [`Self::take_sparks`] tells in one call.
+    /// Largest number of ergons that [`Self::take_sparks`] reports in one call.
     pub(crate) fn sparks_max(&self) -> usize {
         SPARKS * self.state.players.voices.len()
     }

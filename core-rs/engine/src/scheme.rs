@@ -157,7 +157,7 @@ impl Run {
         }
     }
 
-    /// Change of the length of its i-th link [m], at positions `x`, if each MAT moves by `moved` [m].
+    /// Change of the length of its i-th link [m], at positions `x`, if each MAT moves by `displacement` [m].
     pub(crate) fn stretch(&self, i: usize, x: impl Fn(usize) -> f64, displacement: impl Fn(usize) -> f64) -> f64 {
         let link_ends = (self.a + i, self.b + i);
         match &self.kind {
@@ -231,7 +231,7 @@ pub struct Scheme {
     pub(crate) runs: Vec<Run>,
     /// Exact contacts, followed by dry friction: solved after all other forces are known.
     pub(crate) exact_runs: Vec<Run>,
-    /// Whether any two runs of `exact` share a MAT that moves.
+    /// Whether any two runs of `exact_runs` share a MAT that moves.
     pub(crate) has_coupled_exact_runs: bool,
     pub(crate) outputs: Vec<Output>,
     /// The terms of each output, grouped for summation   (n_out)
@@ -294,7 +294,7 @@ impl Scheme {
         certify::bears_springs(self, network)
     }
 
-    /// The stability certificate; `refusal` says how much is computed if the scheme is unstable.
+    /// The stability certificate; `refusal_detail` says how much is computed if the scheme is unstable.
     pub(crate) fn certify_with_detail(
         &self,
         network: &Network,
@@ -310,8 +310,8 @@ impl Scheme {
     /// equations.
     const LOCATED_FRICTIONS_MAX: usize = 8;
 
-    /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps; `steered`:
-    /// MATs whose motion or parameters a timeline determines.
+    /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps;
+    /// `steered_mats`: those whose motion or parameters a timeline determines.
     pub(crate) fn has_substepped(&self, steered_mats: &[usize]) -> (bool, bool) {
         let is_law = |run: &&Run| run.is_law();
         let law_count = self.substepped().filter(is_law).count();
@@ -423,7 +423,7 @@ impl Scheme {
         vec![0.0; if any_remembers { self.n_lia } else { 0 }]
     }
 
-    /// Move springs to the list that is computed in one pass, except those whose individual force `is_told`.
+    /// Move springs to the list that is computed in one pass, except those whose individual force `is_observed`.
     pub(crate) fn fuse_springs(&mut self, is_observed: impl Fn(usize) -> bool) {
         let (fused_runs, other_runs): (Vec<Run>, Vec<Run>) =
             std::mem::take(&mut self.runs).into_iter().partition(|run| {
@@ -436,7 +436,7 @@ impl Scheme {
     }
 
     /// Remove and return the contacts and laws that are computed in substeps, laws only if there are few; if there are
-    /// none, dry friction. `steered` as in [`Self::has_substepped`].
+    /// none, dry friction. `steered_mats` as in [`Self::has_substepped`].
     pub(crate) fn take_substepped(&mut self, steered_mats: &[usize]) -> Vec<Run> {
         let takes_springs = self.substeps_springs();
         if self.can_locate_friction(steered_mats) {

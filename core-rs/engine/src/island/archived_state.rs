@@ -32,7 +32,7 @@ impl Island {
         if archive.is_empty() { Ok(()) } else { Err(Damaged) }
     }
 
-    /// Look again for the next event: those from here on may differ from the writer's.
+    /// Find the next event again: events from here on may differ from those of the writer.
     fn foresee(&mut self) {
         let next_step = self.state.frame;
         let next_due = self.next_event_step(next_step);

@@ -38,7 +38,7 @@ pub(crate) struct StepNumbers {
     /// Contact substeps a step while a contact may be closed; 1 if contacts push once a step.
     pub(crate) contact_substeps: usize,
     pub(crate) contact_order: ContactOrder,
-    /// Steps in `every` frames.
+    /// Steps in `frame_interval` frames.
     pub(crate) oversampling: u32,
     pub(crate) frame_interval: u32,
 }

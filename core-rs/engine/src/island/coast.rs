@@ -18,7 +18,8 @@ use crate::timeline::{Drive, Source};
 
 /// Fewer steps are not worth coasting.
 const COAST_STEPS_MIN: usize = 2;
-/// Steps for which one bound on the swing of masses is valid: rounding adds less than about [`SWING_SLACK`] to it.
+/// Steps for which one bound on the swing of masses is valid: rounding adds less than about [`MOTION_BOUND_SLACK`] to
+/// it.
 const BOUND_STEPS: usize = 1024;
 /// Steps until the next attempt at such a bound.
 const RETRY_STEPS: usize = 32;
@@ -42,7 +43,7 @@ impl Island {
             && self.has_only_events()
     }
 
-    /// Whether events alone act on it, and nothing is looked at after each step: it has no real hand, no drive but
+    /// Whether events alone act on it, and nothing is checked after each step: it has no real hand, no drive but
     /// strikes, and no layer, gate, glide, guard, ledger or muted part.
     pub(super) fn has_only_events(&self) -> bool {
         let (script, parameters, monitors) = (&*self.script, &self.state.parameters, &self.state.monitors);
@@ -206,8 +207,8 @@ fn motion_bounds(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
     let h = 0.5 * (1.0 + b - kappa);
     let imaginary_square = b - h * h;
     if imaginary_square > 0.0 {
-        // Poles of magnitude √b: `past` is the position a step before, less the decay of one step. Each pole is √κ away
-        // from 1.
+        // Poles of magnitude √b: `decayed_position` is that a step before, less the decay of one step. Each pole is √κ
+        // away from 1.
         let decayed_position = position_before * b.sqrt();
         let amplitude_square =
             (x * x + decayed_position * decayed_position - 2.0 * x * position_before * h) * b / imaginary_square;

@@ -50,7 +50,7 @@ impl ContactPeaks {
         self.links.iter().any(|&link| forces[link as usize] != 0.0)
     }
 
-    /// Tell each contact that pushed (link, peak), and forget its peak.
+    /// Report each contact that pushed (link, peak), and reset its peak.
     pub(super) fn take_peaks(&mut self, mut report_peak: impl FnMut(usize, ContactPeak)) {
         for (&link, peak) in self.links.iter().zip(&mut self.peaks) {
             if peak.force != 0.0 {

@@ -1,4 +1,4 @@
-//! Delayed ports in an island: they are where their keys are, and what pushes them pushes the keys later.
+//! Delayed ports in an island: each port moves with its key, and a force on the port acts on the key after a delay.
 
 use crate::kernel;
 use crate::maths::floor;
@@ -18,7 +18,7 @@ pub(crate) struct PortBinding {
 /// The forces on a port that have not yet acted.
 #[derive(Clone, Debug)]
 pub(super) struct DelayedForces {
-    /// The last forces [N]; the oldest stands at `oldest`   (full steps of the delay + 1)
+    /// The last forces [N]; the oldest is at `oldest_slot`   (full steps of the delay + 1)
     forces: Vec<f64>,
     oldest_slot: usize,
 }
@@ -63,7 +63,7 @@ pub(super) fn port_bindings(drives: &[Drive], rate: f64) -> Vec<PortBinding> {
     drives.iter().filter_map(binding).collect()
 }
 
-/// Put every port where its key is.
+/// Set the position and step of every port to those of its key.
 pub(super) fn follow_keys(bindings: &[PortBinding], body: &mut Body) {
     for binding in bindings {
         body.x[binding.port_mat] = body.x[binding.key_mat];
@@ -85,7 +85,7 @@ pub(super) fn push_keys(bindings: &[PortBinding], states: &[DelayedForces], body
     }
 }
 
-/// Lead every port to where its key will be, now that all forces are known.
+/// Set the target of every port to the next position of its key, once all forces are known.
 pub(super) fn set_port_targets(bindings: &[PortBinding], scheme: &Scheme, targets: &mut [Target], body: &Body) {
     for binding in bindings {
         let imposed_target = targets.iter().find(|target| target.mat == binding.key_mat);

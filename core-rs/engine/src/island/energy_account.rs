@@ -14,7 +14,7 @@ const FAULT_SHARE: f64 = 1.0;
 pub(crate) struct EnergyAccount {
     /// Energy that it took and has not given back.
     balance: f64,
-    /// The most of `held` plus the energy of what moved around it at the time.
+    /// The most of `balance` plus the energy of what moved around it at the time.
     reference_energy: f64,
 }
 
@@ -30,7 +30,7 @@ crate::archive::state!(EnergyAccount {
 pub(crate) struct EnergyGain {
     /// Energy given or stored beyond the energy taken.
     pub(crate) created_energy: f64,
-    /// Energy that was there without it.
+    /// Energy that was there without it [J].
     pub(crate) reference_energy: f64,
     /// The step at which it was found.
     pub(crate) step: u64,
@@ -57,9 +57,9 @@ impl EnergyAccount {
         self.add_work_of_masses(work, 0.0);
     }
 
-    /// Add work that was taken from masses whose energy is `moving_energy` after it.
+    /// Add work that was taken from masses whose energy is `motion_energy` after it.
     ///
-    /// Work that is taken raises `held` and lowers `moving_energy`, so their sum never counts created energy.
+    /// Work that is taken raises `balance` and lowers `motion_energy`, so their sum never counts created energy.
     pub(crate) fn add_work_of_masses(&mut self, work: f64, motion_energy: f64) {
         self.balance += work;
         self.reference_energy = self.reference_energy.max(self.balance + motion_energy);
@@ -75,7 +75,7 @@ impl EnergyAccount {
         self.balance < -REPORT_SHARE * self.reference_energy
     }
 
-    /// The energy created so far, if `stored` is stored now and masses nearby have the energy `moving_energy`.
+    /// The energy created so far, if `stored` is stored now and masses nearby have the energy `motion_energy`.
     ///
     /// It is compared with the most energy since the account began, so that losses since then do not turn it into a
     /// fault.
@@ -93,7 +93,7 @@ impl EnergyAccount {
 }
 
 impl EnergyGain {
-    /// The same where at least `reference_min` [J] was there.
+    /// The same, with a reference of at least `reference_energy_min` [J].
     pub(crate) fn with_reference_energy_min(self, reference_energy_min: f64) -> Self {
         Self {
             reference_energy: self.reference_energy.max(reference_energy_min),

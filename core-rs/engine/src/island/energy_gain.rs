@@ -2,7 +2,7 @@
 //!
 //! A contact or a law whose force is that at the present frame gives back what it took only if its own oscillation is
 //! slow against the steps. So each has an account of the work that it took, ½(e⁺ − e⁻)·f a step: with this work the
-//! scheme balances exactly, whatever else moves the ends. What a link gave or stores beyond the work that it took is
+//! scheme balances exactly, however else the ends are moved. What a link gave or stores beyond the work that it took is
 //! created energy.
 
 mod link_account;
@@ -52,8 +52,8 @@ crate::archive::state!(EnergyGains {
 });
 
 impl EnergyGains {
-    /// `None` if nothing can create energy. `fused`: hardening springs that are computed in one pass; `is_led`: whether
-    /// K and Z of a link change in time.
+    /// `None` if nothing can create energy. `fused_runs`: hardening springs that are computed in one pass; `is_led`:
+    /// whether K and Z of a link change in time.
     pub(super) fn new(scheme: &Scheme, fused_runs: &[Run], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
         let may_gain = |run: &&Run| {
             let kind_may_gain = match &run.kind {
@@ -112,7 +112,7 @@ impl EnergyGains {
         self.imposed_work.reserve(n_targets);
     }
 
-    /// Begin the accounts anew at the next step, because what happened in this one is not known.
+    /// Restart the accounts at the next step, because what happened in this one is not known.
     pub(super) fn restart(&mut self) {
         self.begins_at_next_step = true;
     }
@@ -184,8 +184,8 @@ fn motion_energy(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
 }
 
 impl Island {
-    /// Links that created energy, each with the most that it created; last what no account of a link has seen, if
-    /// nothing else was found.
+    /// Links that created energy, each with the most that it created. If there is none, the rise of the whole energy
+    /// comes last.
     fn link_gains(&self) -> impl Iterator<Item = (usize, EnergyGain)> {
         let state = &self.state;
         let checked_links = state

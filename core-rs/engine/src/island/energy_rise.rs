@@ -2,7 +2,7 @@
 //!
 //! The accounts of single links (`energy_gain`) see what each gives and takes in steps. This one also sees what
 //! contacts and laws do between frames and to bodies by their modes, but only where nothing drives the island: the
-//! energy of all masses, bodies and links is added up now and then, and if no event fell between two looks, a rise is
+//! energy of all masses, bodies and links is added up now and then, and if no event fell between two checks, a rise is
 //! created energy.
 
 use super::bodies::RunningBody;
@@ -40,14 +40,14 @@ enum MotionKind {
 pub(super) struct EnergyRise {
     motion_kinds: Vec<MotionKind>,
     rate: Rate,
-    /// Energy at the first look since the last event, and the least since then [J]; NaN before that look.
+    /// Energy at the first check since the last event, and the least since then [J]; NaN before that check.
     first_energy: f64,
     least_energy: f64,
-    /// The sizes of all its parts at that look, added up [J].
+    /// The sum of the absolute energies of all its parts at that check [J].
     energy_size: f64,
     /// The rise at which links were last computed finer [J].
     refined_rise: f64,
-    /// The first step in which an event may fall on the island, as known at the last look.
+    /// The first step in which an event may fall on the island, as known at the last check.
     next_event_step: u64,
     /// The most energy that was created, and the link that pushed most then.
     worst_gain: Option<EnergyGain>,
@@ -133,12 +133,12 @@ impl EnergyRise {
         }))
     }
 
-    /// Begin anew: an event fell on the island that was not foreseen.
+    /// Begin again: an event fell on the island that was not foreseen.
     pub(super) fn restart(&mut self) {
         self.next_event_step = 0;
     }
 
-    /// The first event from step `n` on falls at `next_due`, if none fell between the last look and `n`.
+    /// The first event from step `n` on falls at `next_due`, if none fell between the last check and `n`.
     pub(super) fn set_next_event(&mut self, n: u64, next_due: u64) {
         if self.next_event_step >= n {
             self.next_event_step = next_due;
@@ -150,13 +150,13 @@ impl EnergyRise {
         Some((self.worst_link, self.worst_gain?))
     }
 
-    /// Steps from step `n` on before the next look.
+    /// Steps from step `n` on before the next check.
     pub(super) fn steps_to_check(n: u64) -> u64 {
         n.next_multiple_of(CHECK_STEPS) - n
     }
 
-    /// The created energy if the energy is `energy_total` after step `n`, and no event fell since the last look if it
-    /// `was_quiet`.
+    /// The created energy if the energy is `energy_total` after step `n`, and no event fell since the last check if
+    /// `had_no_event`.
     fn energy_gain(&mut self, energy_total: EnergyTotal, had_no_event: bool, n: u64) -> Option<EnergyGain> {
         if !had_no_event || self.first_energy.is_nan() {
             (self.first_energy, self.least_energy, self.energy_size) =
@@ -217,8 +217,8 @@ fn add_spring_energies(spring: &Spring, body: &Body, total: &mut EnergyTotal) {
 }
 
 impl Island {
-    /// Look at the energy of the island after a step, and return the link that pushes most, a MAT that it moves, and
-    /// what was created, if that is worth reporting.
+    /// Check the energy of the island after a step, and return the link that pushes most, a MAT that it moves, and what
+    /// was created, if that is worth reporting.
     pub(super) fn check_energy_rise(&mut self) -> Option<(usize, usize, EnergyGain)> {
         let last_step = self.state.frame - 1;
         if self.state.monitors.energy_rise.is_none()

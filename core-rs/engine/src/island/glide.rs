@@ -1,4 +1,4 @@
-//! MATs whose parameters glide, and links whose K and Z are led, while they are stepped.
+//! MATs whose parameters glide, and links whose K and Z are led, frame by frame.
 
 use super::fine::FineLinks;
 use crate::cell::Ratios;
@@ -18,10 +18,10 @@ type MatCoefficients = [f64; 4];
 #[derive(Clone, Debug)]
 pub(super) struct GlidingMat {
     mat: usize,
-    /// Frames in rising order, each with the index in `numbers` of the parameters there.
+    /// Frames in rising order, each with the index in `coefficients` of the parameters there.
     points: Vec<(u64, usize)>,
     coefficients: Vec<MatCoefficients>,
-    /// ln(θ/sin θ) of each, where θ is the angle of a step   (as `numbers`)
+    /// ln(θ/sin θ) of each, where θ is the angle of a step   (as `coefficients`)
     amplitude_corrections: Vec<f64>,
 }
 
@@ -155,7 +155,7 @@ fn round_ties(
         .filter_map(move |(glide_index, glide_ties)| glide_ties.get(round).map(|glide_ties| (glide_index, *glide_ties)))
 }
 
-/// Write the parameters of frame `n` into `scheme_now`; muted MATs are left out.
+/// Write the parameters of frame `n` into `frame_scheme`; muted MATs are left out.
 pub(super) fn apply_glides(glides: &[GlidingMat], base: &Scheme, frame_scheme: &mut Scheme, n: u64) {
     for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
         let mat = glide.mat;
@@ -169,7 +169,7 @@ pub(super) fn apply_glides(glides: &[GlidingMat], base: &Scheme, frame_scheme: &
     }
 }
 
-/// Write 1/M of masses that follow MATs into `scheme_now`, for MATs at `x` [m]; muted masses are left out.
+/// Write 1/M of masses that follow MATs into `frame_scheme`, for MATs at `x` [m]; muted masses are left out.
 pub(super) fn apply_following_masses(base: &Scheme, frame_scheme: &mut Scheme, x: &[f64]) {
     for mass in &base.following_masses {
         if frame_scheme.w[mass.mat] != 0.0 {
@@ -195,7 +195,7 @@ pub(super) struct LedLinks {
     has_same_factors: bool,
 }
 
-/// Where their run stands in the scheme.
+/// The list of the scheme that holds their run, and its index there.
 #[derive(Clone, Copy, Debug)]
 enum RunLocation {
     Run(usize),
@@ -230,7 +230,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
     led_links
 }
 
-/// Write K and Z of frame `n` into `now`.
+/// Write K and Z of frame `n` into `frame_scheme`.
 pub(super) fn apply_leads(
     led_links: &[LedLinks],
     base: &Scheme,

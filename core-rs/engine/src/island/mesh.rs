@@ -73,7 +73,7 @@ impl Mesh {
     }
 
     /// Whether network, method, ports and led links are those of another mesh. Strikes, and how the links are led, may
-    /// differ: each step reads both anew.
+    /// differ: each step reads both again.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let stepping = |mesh: &Self| (mesh.rate.hertz(), mesh.method, mesh.substeps);
         let port_indices = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
@@ -277,7 +277,7 @@ impl RunningMesh {
         self.integrator.step_led(n, mesh_leads, &self.impulses, team);
     }
 
-    /// Begin the account anew.
+    /// Restart the account.
     fn restart_account(&mut self) {
         if let Some(account) = &mut self.energy_account {
             *account = EnergyAccount::new(self.integrator.stored());

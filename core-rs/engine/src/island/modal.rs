@@ -272,7 +272,7 @@ impl RunningModal {
             if oscillator.b == 0.0 {
                 return x * x;
             }
-            // b = r² and a = 2r·cos θ: `y` is the position a frame before, less the decay of one frame.
+            // b = r² and a = 2r·cos θ: `decayed_position` is that a frame before, less the decay of one frame.
             let (decayed_position, sine_square) = (
                 position_before * oscillator.b.sqrt(),
                 1.0 - oscillator.a * oscillator.a / (4.0 * oscillator.b),
@@ -295,7 +295,7 @@ impl RunningModal {
         self.script.plan.ports.iter().map(|port| port.mat)
     }
 
-    /// Tell the energy of each of its modes [J]; of complex or discrete modes none is told.
+    /// Visit the energy of each of its modes [J], but not of complex or discrete modes.
     pub(crate) fn visit_energies(&self, mut visit: impl FnMut(f64)) {
         let plan = &self.script.plan;
         if plan.complex_responses.is_some() {
@@ -356,7 +356,7 @@ impl RunningModal {
         }
     }
 
-    /// Tell what [`Self::amplitudes`] gives for every mode (mode, now, before), and keep the frames ahead.
+    /// Visit what [`Self::write_amplitudes`] writes for every mode (mode, now, before), and keep the frames ahead.
     pub(crate) fn for_each_amplitude(&self, mut visit: impl FnMut(usize, f64, f64)) {
         let group_rates = if self.is_damped {
             &self.damped_rates

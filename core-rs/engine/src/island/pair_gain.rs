@@ -83,7 +83,7 @@ impl PairEnergyGains {
         })
     }
 
-    /// The link whose name stands for all of them in messages.
+    /// The link by which messages name all of them.
     pub(super) fn first_link(&self) -> usize {
         self.pair_contacts[0].first_link
     }
@@ -121,7 +121,7 @@ impl PairEnergyGains {
             .add_work(-work(&mut self.previous_steps, &mut self.previous_forces, motion_now));
     }
 
-    /// The energy created by frame `n`, if that is worth reporting; `moving_energy` is the energy of all masses.
+    /// The energy created by frame `n`, if that is worth reporting; `motion_energy` is the energy of all masses.
     pub(super) fn check(
         &mut self,
         body: &Body,

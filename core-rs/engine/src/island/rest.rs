@@ -14,12 +14,12 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::timeline::{Drive, Source};
 
 /// Successive frames that must leave the state the same before an island rests. Periodic work recurs within so many:
-/// looks at gains, pulls of slow bodies, and modes that are computed ahead.
+/// checks of energy gains, kicks of slow bodies, and modes that are computed ahead.
 const UNCHANGED_FRAMES: u64 = 256;
-/// Frames from the beginning of an island to the first look at it; the wait doubles after each look that finds it
-/// moving.
+/// Frames from the beginning of an island to the first check whether it rests; the interval doubles after each check
+/// that finds it moving.
 const CHECK_INTERVAL_MIN_FRAMES: u64 = 64;
-/// Most frames between two looks: one look costs about as much as two frames.
+/// Most frames between two checks: one check costs about as much as two frames.
 const CHECK_INTERVAL_MAX_FRAMES: u64 = 1 << 15;
 /// Steps before an event from which on steps are computed, because bodies are computed ahead and strikes may fall
 /// between frames.
@@ -33,10 +33,10 @@ const STATE_BYTES_MAX: usize = 1 << 26;
 #[derive(Clone, Debug)]
 pub(super) struct RestSearch {
     activity: Activity,
-    /// The step of the next look, and the frames from there to the look after it.
+    /// The step of the next check, and the frames from there to the check after it.
     next_check: u64,
     check_interval: u64,
-    /// The state at the last look.
+    /// The state at the last check.
     noted_state: Vec<u8>,
     /// Outputs in the frame after it   (n_out), and the work of contacts in that frame.
     noted_outputs: Vec<f64>,
@@ -49,11 +49,11 @@ pub(super) struct RestSearch {
 enum Activity {
     /// It moves, or may.
     Computed,
-    /// This many frames since the last look left the state the same.
+    /// This many frames since the last check left the state the same.
     Unchanged(u64),
     /// It rests up to this step.
     Resting(u64),
-    /// It sleeps up to this step: its clock stands still.
+    /// It sleeps up to this step; its state does not change.
     Asleep(u64),
 }
 
@@ -142,8 +142,8 @@ impl Island {
         }
     }
 
-    /// Compute steps from here on, because the state came from elsewhere, and look soon whether the island rests; sleep
-    /// on if it slept there.
+    /// Compute steps from here on, because the state came from elsewhere, and soon check whether the island rests;
+    /// continue its sleep if it slept there.
     pub(super) fn resume_computing(&mut self) {
         self.restart_checks();
         if self.sleep_monitor.as_ref().is_some_and(SleepMonitor::is_asleep) {
@@ -217,7 +217,7 @@ impl Island {
         ThreadTeam::with(1, team)
     }
 
-    /// Reserve room for the state, so that looks at it do not allocate.
+    /// Reserve room for the state, so that checks of it do not allocate.
     pub(super) fn reserve_rest(&mut self) {
         let mut state_size = 0;
         let _ = self.archive_whole_state(&mut Archive::Count(&mut state_size));
@@ -261,8 +261,8 @@ impl Island {
         }
     }
 
-    /// Compare the frame that was just computed with the look, `frames` frames before; `work` is that of contacts
-    /// before the frame.
+    /// Compare the frame that was just computed with the state of the check, `frames` frames before; `work_before` is
+    /// that of contacts before the frame.
     fn compare_with_noted(&mut self, outputs: &[f64], frames: u64, work_before: [u64; 2]) {
         let work_after = self.contact_work();
         let work = [work_after[0] - work_before[0], work_after[1] - work_before[1]];
@@ -283,7 +283,7 @@ impl Island {
         }
     }
 
-    /// Whether the state is that of the look, `frames` frames later.
+    /// Whether the state is that of the check, `frames` frames later.
     fn is_unchanged(&mut self, frames: u64) -> bool {
         let (frames, steps_per_frame) = (frames as i64, i64::from(self.oversampling));
         let noted_state = std::mem::take(&mut self.rest_search.noted_state);
@@ -325,7 +325,7 @@ impl Island {
     /// The first step, `n` or later, at which an event may be due; `n` if that is not known.
     pub(super) fn next_event_step(&self, n: u64) -> u64 {
         let (script, state) = (&*self.script, &self.state);
-        // The future of hands and takes is not looked at.
+        // The future of hands and takes is not known here.
         let is_known = |drive: &Drive| matches!(drive.source, Source::Constant(_) | Source::Strikes { .. });
         if !script.drives.iter().all(is_known)
             || !script.hand_bindings.is_empty()

@@ -1,9 +1,9 @@
-//! Sleep: an island that nobody hears any more is stopped until its next event. Its clock stands still and its outputs
-//! keep their last value.
+//! Sleep: an island that is no longer audible is not computed until its next event. Its state does not change, and its
+//! outputs keep their last value.
 //!
 //! An island is quiet if its outputs and its motion are 90 dB below the strongest that they were. It sleeps if it was
-//! quiet for a whole period of looks and did not gain energy from the period before: what grows by itself from silence
-//! is left to grow.
+//! quiet for a whole period of checks and did not gain energy from the period before: an oscillation that grows by
+//! itself from silence is not stopped.
 
 mod output_level;
 
@@ -27,7 +27,7 @@ const QUIET_POWER: f64 = 1e-9;
 /// A step of this part of a position is rounding.
 const ROUNDING_SHARE: f64 = 4.0 * f64::EPSILON;
 
-/// What is known of how strongly an island moved.
+/// The levels of an island so far, by which it is decided whether it sleeps.
 #[derive(Clone, Debug)]
 pub(super) struct SleepMonitor {
     /// (n_out)
@@ -38,10 +38,10 @@ pub(super) struct SleepMonitor {
     body_motions_max: Vec<f64>,
     /// The largest energy of a MAT so far, as d²/w.
     mat_energy_max: f64,
-    /// The largest sum of energies in this period of looks, and in the one before.
+    /// The largest sum of energies in this period of checks, and in the one before.
     period_energy: f64,
     previous_period_energy: f64,
-    /// Whether all looks of this period were quiet.
+    /// Whether the island was quiet at all checks of this period.
     is_period_quiet: bool,
     /// Whether the island sleeps.
     is_asleep: bool,
@@ -74,7 +74,7 @@ impl SleepMonitor {
         }
     }
 
-    /// Takes record of frames of sound, (n_frames · n_out).
+    /// Records frames of sound, (n_frames · n_out).
     fn record_outputs(&mut self, sound: &[f64]) {
         for frame in sound.chunks_exact(self.output_levels.len().max(1)) {
             let outputs = self.output_levels.iter_mut().zip(frame);
@@ -98,8 +98,8 @@ impl SleepMonitor {
         }
     }
 
-    /// Looks at outputs, MATs and bodies; whether a period of looks ends that were all quiet. `index` counts the looks
-    /// of a period from 1; the last is 0.
+    /// Checks outputs, MATs and bodies; returns whether a period ends in which all checks were quiet. `check_index`
+    /// counts the checks of a period from 1; the last is 0.
     fn check_quiet(&mut self, scheme: &Scheme, body: &Body, bodies: &[RunningBody], check_index: u64) -> bool {
         let mut is_quiet = true;
         for output in &mut self.output_levels {
@@ -147,20 +147,20 @@ impl Island {
         }
     }
 
-    /// Steps between two looks.
+    /// Steps between two checks.
     fn check_interval_steps(&self) -> u64 {
         CHECK_FRAMES * u64::from(self.oversampling)
     }
 
-    /// The step of the next look; never for an island that may not sleep.
+    /// The step of the next check; never for an island that may not sleep.
     pub(super) fn next_quiet_check(&self) -> u64 {
         let check_interval_steps = self.check_interval_steps();
         let next_check = (self.state.frame / check_interval_steps + 1) * check_interval_steps;
         self.sleep_monitor.as_ref().map_or(u64::MAX, |_| next_check)
     }
 
-    /// Takes record of frames that were played, (n_frames · n_out). If that ends a period of looks after which the
-    /// island sleeps, returns the step until which it does.
+    /// Records frames that were played, (n_frames · n_out). If a period of checks ends there, and the island sleeps
+    /// from there on, returns the step until which it sleeps.
     pub(super) fn try_sleep(&mut self, sound: &[f64]) -> Option<u64> {
         let (island_step, check_interval_steps) = (self.state.frame, self.check_interval_steps());
         let state = &self.state;

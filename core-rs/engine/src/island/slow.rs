@@ -356,7 +356,7 @@ impl RunningSlow {
         std::mem::swap(&mut self.plan, &mut old.plan);
         std::mem::swap(&mut self.springs, &mut old.springs);
         self.velocity_factor = damped;
-        // After the swap, the old springs stand in `old` where the new ones were.
+        // After the swap, `old` holds the old springs again.
         let (RunningSprings::Exact(spring_block), RunningSprings::Exact(before)) =
             (&mut self.springs, &mut old.springs)
         else {

@@ -1,5 +1,5 @@
-//! Inputs in an island: samples of a sound card tick by tick, or values that are told; before any arrive, those of a
-//! file.
+//! Inputs in an island: samples of a sound card tick by tick, or single values to which an input glides. Before any
+//! arrive, an input plays its file.
 
 use crate::state::{Body, Target};
 use crate::timeline::{Drive, DriveKind, InputSource, SoundIn, Source};
@@ -23,7 +23,7 @@ pub(super) struct SoundDrive {
 pub(super) enum InputSignal {
     /// Samples of a sound card.
     Samples(Samples),
-    /// The ramp to the last value that was told; `None`: none was.
+    /// The ramp to the last value that was set; `None`: none was.
     Ramp(Option<Ramp>),
 }
 
@@ -38,7 +38,7 @@ impl InputSignal {
     }
 }
 
-/// A linear ramp of an input to a value that was told, full scale 1.
+/// A linear ramp of an input to a value, full scale 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ramp {
     start_value: f64,
@@ -206,7 +206,7 @@ impl super::Island {
         })
     }
 
-    /// The ramps of inputs that were told a value, with their numbers.
+    /// The ramps of inputs whose value was set, with their numbers.
     pub(crate) fn input_ramps(&self) -> impl Iterator<Item = (u64, Ramp)> {
         let input_pairs = self.script.sound_drives.iter().zip(&self.state.players.input_signals);
         input_pairs.filter_map(|(drive, played)| match (drive.sound.settings.source, played) {

@@ -1,25 +1,17 @@
 //! One step of an island, in phases whose order is the physics:
 //!
-//! | phase     | reads                                             | writes
-//! |
-//! |-----------|---------------------------------------------------|---------------------------------------------------|
-//! | `values`  | glides, leads, gates, hands at frame n            | scheme of the frame, open gates, imposed positions
-//! |
-//! | `pull`    | x, d                                              | forces of links and of all that is imposed
-//! |
-//! | `strike`  | forces without hands                              | ergons and pushes, as forces
-//! |
-//! | `press`   | forces that are complete but for contacts         | forces of exact and fine contacts, of friction
-//! |
-//! | `observe` | complete forces, x, d                             | outputs, what hands feel, accounts
-//! |
-//! | `advance` | complete forces                                   | x, d of frame n + 1; a frame in finer steps
-//! |
-//! | `account` | x, d of frame n + 1                               | ledger, frame
-//! |
+//! | phase            | reads                                         | writes                                      |
+//! |------------------|-----------------------------------------------|---------------------------------------------|
+//! | `set_inputs`     | glides, leads, gates, real hands at frame n   | scheme of the frame, gates, imposed motions |
+//! | `apply_links`    | x, d                                          | forces of links, drives and inputs          |
+//! | `apply_strikes`  | forces without written hands                  | ergons and pushes, as forces                |
+//! | `solve_contacts` | all forces but those of contacts and friction | forces of contacts and friction             |
+//! | `observe`        | all forces, x, d                              | outputs, forces on hands, energy accounts   |
+//! | `advance`        | all forces                                    | x, d of frame n + 1; a frame in finer steps |
+//! | `account`        | x, d of frame n + 1                           | ledger                                      |
 //!
-//! Each phase takes what only the phase before it makes, so that no other order compiles. A step does not allocate (but
-//! for a recorded stream of ergons), lock or panic.
+//! Each phase takes a value that only the phase before it returns, so no other order compiles. A step does not lock or
+//! panic, and it allocates only to record ergons.
 
 use super::phases::{Frame, set_values};
 use super::{Fault, Island, energy_account};

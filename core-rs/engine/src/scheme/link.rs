@@ -1,6 +1,6 @@
-//! What one link of a run answers, kind by kind: its force, its energy, its slope, and what may be done with it.
+//! One link of a run, kind by kind: its force, its energy, its slope, and the methods that can compute it.
 //!
-//! A new kind of link is told here what it is; `kernel::runs` computes whole runs of it.
+//! A new kind of link is defined here; `kernel::runs` computes whole runs of it.
 
 use super::{ForceEnds, Kind, Run, Spring};
 use crate::law::Hardening;

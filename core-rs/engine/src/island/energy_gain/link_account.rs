@@ -99,7 +99,7 @@ impl CheckedLink {
         }
     }
 
-    /// The energy created by frame `n`, if that is worth reporting; `moving_energy` is the energy of all masses,
+    /// The energy created by frame `n`, if that is worth reporting; `motion_energy` is the energy of all masses,
     /// `hand_work` what hands put in.
     pub(super) fn check(
         &mut self,
@@ -152,7 +152,7 @@ impl LinkAccount {
         self.previous_force
     }
 
-    /// Begin anew.
+    /// Restart the account.
     pub(super) fn begin(&mut self, link: &mut CheckedLink, scheme: &Scheme, gates: &[f64], body: &Body) {
         self.energy_account = EnergyAccount::default();
         self.previous_stretch = body.d[self.b] - body.d[self.a];
@@ -200,7 +200,7 @@ impl LinkAccount {
         self.previous_force = link_force;
     }
 
-    /// The energy created so far, by frame `n`; `moving_energy` is the energy of all masses, `hand_work` what hands put
+    /// The energy created so far, by frame `n`; `motion_energy` is the energy of all masses, `hand_work` what hands put
     /// in.
     pub(super) fn energy_gain(
         &self,

@@ -9,7 +9,7 @@ pub(super) const POLYNOMIALS_MAX: usize = 24;
 const POLYNOMIALS_MIN: usize = 4;
 /// Error of the sum, relative to the function.
 pub(super) const RELATIVE_ERROR: f64 = 1e-10;
-/// The same for dry friction: the motion of what it holds is small beside where that stands.
+/// The same for dry friction: the motion of a held mass is small against its position.
 pub(super) const RELATIVE_ERROR_OF_FRICTION: f64 = 1e-15;
 
 /// Polynomials of a frame and the instants at which a function is sampled for them.

@@ -1,8 +1,8 @@
 //! Bodies that many contacts touch: impulses on them are kept as amplitudes of their modes.
 //!
 //! An impulse changes the paths of all joints of a body. Computed path by path, that takes n² products for each joint.
-//! If there are many joints, it takes less to add the impulse to the modes, and to sum over the modes where a joint is
-//! looked at.
+//! If there are many joints, it takes less to add the impulse to the modes, and to sum over the modes when the motion
+//! of a joint is needed.
 
 use super::basis::{Basis, Instant, dot};
 use super::joint::Joint;
@@ -211,7 +211,8 @@ impl FineLinks {
         self.crowded.iter_mut().for_each(CrowdedMotion::restore);
     }
 
-    /// An instant of this frame, 0 to 1. From now on joints are looked at, and pushed, at this instant.
+    /// An instant of this frame, 0 to 1. From now on the motion of joints is read, and joints are pushed, at this
+    /// instant.
     pub(super) fn set_instant(&mut self, script: &Script, s: f64) -> Instant {
         let instant = Instant::new(script.basis.n_polynomials(), s);
         for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
@@ -252,7 +253,7 @@ impl FineLinks {
             impulse * script.rate.step(),
             &mut body_motion.pushed_groups,
         );
-        // What it changes, and what is seen of it.
+        // The change of the modes, and the read-out of the joint.
         self.work.products += 3 * crowded.n_modes as u64;
         true
     }

@@ -31,7 +31,8 @@ const SKIPPED_SHARE: f64 = 1e-9;
 /// velocity of a held mass to a small part of that.
 const STILL_SHARE: f64 = 1e-4;
 /// The same for a link that held at the end of the last frame: a hold has no velocity at the Gauss points of its last
-/// step, but some after them. A string that held a mass had 1e-3; without this it slid and stopped anew in every frame.
+/// step, but some after them. A string that held a mass had 1e-3; without this it slid and stopped again in every
+/// frame.
 const STILL_SHARE_HELD: f64 = 1e-2;
 /// A hold ends if it needs more than its level by this share.
 const EXCESS_SHARE: f64 = 1e-9;
@@ -209,7 +210,7 @@ impl FineLinks {
         }
     }
 
-    /// Of the links that stand still at an instant, let those hold whose level suffices, and the others slide.
+    /// Of the links at rest at an instant, let those hold whose level suffices, and the others slide.
     fn settle_holds(&mut self, frame: Frame<'_>, s: f64) {
         let stands_still = |slide: &FrictionLink| slide.direction == 0.0;
         while self.frictions.friction_links.iter().any(stands_still) {

@@ -145,7 +145,7 @@ impl SteppedPoints {
         }
     }
 
-    /// Begin the account anew.
+    /// Restart the account.
     pub(in crate::island) fn restart(&mut self) {
         self.energy_account = EnergyAccount::default();
         for point in &mut self.points {
@@ -154,7 +154,7 @@ impl SteppedPoints {
     }
 
     /// The energy created by frame `n`, if it is worth reporting: a link and the MAT where most of it was created, and
-    /// the energy. `moving_energy` gives the energy of everything that moves, `hand_work` the work of hands.
+    /// the energy. `motion_energy` gives the energy of everything that moves, `hand_work` the work of hands.
     pub(in crate::island) fn check_energy(
         &mut self,
         (motion_energy, hand_work): (impl Fn() -> f64, f64),

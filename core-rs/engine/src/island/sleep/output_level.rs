@@ -2,7 +2,7 @@
 
 use crate::archive::state;
 
-/// The level of one output since the last look, and the largest so far.
+/// The level of one output since the last check, and the largest so far.
 #[derive(Clone, Debug)]
 pub(super) struct OutputLevel {
     /// How often the output is differentiated by time: 0, 1 or 2.
@@ -10,10 +10,10 @@ pub(super) struct OutputLevel {
     /// The last value [m], and the last difference from frame to frame [m].
     last_value: f64,
     last_step: f64,
-    /// Lowest and highest value since the last look [m].
+    /// Lowest and highest value since the last check [m].
     lowest_value: f64,
     highest_value: f64,
-    /// Largest difference from frame to frame since the last look [m].
+    /// Largest difference from frame to frame since the last check [m].
     largest_step: f64,
     /// The largest range, difference, or difference of differences so far, as `order` says [m].
     largest_level: f64,
@@ -46,7 +46,7 @@ impl OutputLevel {
         self.last_value
     }
 
-    /// Takes record of the next value [m]. Differences from before the first one are NaN, which `max` passes over.
+    /// Records the next value [m]. Differences from before the first one are NaN, which `max` passes over.
     #[inline]
     pub(super) fn record(&mut self, value: f64) {
         let value_step = value - self.last_value;
@@ -62,7 +62,7 @@ impl OutputLevel {
     }
 
     /// Whether stopping it here and now would be quieter than the part `share` of the loudest so far; begins to record
-    /// anew. To stop what is heard as an acceleration is a blow as strong as its step from frame to frame.
+    /// again. An output that is heard as an acceleration makes a click as strong as its step if it is stopped.
     pub(super) fn is_quiet(&mut self, share: f64) -> bool {
         let level_now = match self.derivative_order {
             0 => (self.highest_value - self.lowest_value).max(0.0),

@@ -16,14 +16,14 @@ pub(super) struct Block {
     flow: Arc<BlockFlow>,
     /// Displacements and velocities at its first frame   (2n)
     state: Vec<f64>,
-    /// What is seen in its frames after the inputs so far   (n_seen, B + 1)
+    /// The observed displacements in its frames, after the inputs so far   (n_observed, B + 1)
     observed: Vec<f64>,
     /// Inputs so far   (n_inputs, B), and which of them are not all 0
     inputs: Vec<f64>,
     is_pushed: Vec<bool>,
     /// Frames since its first.
     frame_index: u32,
-    /// Nothing moved at its first frame.
+    /// Whether nothing moved at its first frame.
     starts_at_rest: bool,
     /// (2n)
     buffer: Vec<f64>,
@@ -123,7 +123,7 @@ impl Block {
         }
     }
 
-    /// Go to the next frame. `damped` is a factor on velocities for each block.
+    /// Go to the next frame. `velocity_factor` is a factor on velocities for each block.
     pub(super) fn step(&mut self, velocity_factor: f64) {
         self.frame_index += 1;
         if self.frame_index < self.flow.n_frames as u32 {
@@ -167,7 +167,7 @@ impl Block {
         std::mem::swap(state, buffer);
     }
 
-    /// What is seen at this frame [m]: a port, or an output after them.
+    /// An observed displacement at this frame [m]: of a port, or of an output after the ports.
     pub(super) fn position(&self, seen_row: usize) -> f64 {
         self.observed[seen_row * (self.flow.n_frames + 1) + self.frame_index as usize]
     }
@@ -178,7 +178,7 @@ impl Block {
         self.observed[seen_index + 1] - self.observed[seen_index]
     }
 
-    /// What an output sees at this frame [m].
+    /// Displacement of an output at this frame [m].
     pub(super) fn output(&self, output: usize) -> f64 {
         self.position(self.flow.strike_inputs.len() + output)
     }

@@ -1,9 +1,9 @@
 //! Linear springs of a slow body, exactly, a block of frames at a time.
 //!
-//! Its state s, displacements and velocities, goes by s ← P·(s + inputs) from frame to frame. At the beginning of a
-//! block the displacements that are seen (ports, outputs) are computed for all its frames, as if nothing pushed:
-//! C·Pᵏ·s. An input adds its response, C·Pᵏ·b, to the frames that follow it. The state itself is computed once a block:
-//! Pᴮ·s + Σ Pᴮ⁻ʲ·b·input. The result is that of every frame, to rounding, for any number B of frames in a block.
+//! Its state s, displacements and velocities, follows s ← P·(s + inputs) from frame to frame. At the beginning of a
+//! block the observed displacements (ports, outputs) are computed for all its frames, as if nothing pushed: C·Pᵏ·s. An
+//! input adds its response, C·Pᵏ·b, to the frames that follow it. The state itself is computed once a block: Pᴮ·s + Σ
+//! Pᴮ⁻ʲ·b·input. The result is that of every frame, to rounding, for any number B of frames in a block.
 
 use crate::integrate::flow::Flow;
 use crate::integrate::square::Square;
@@ -30,7 +30,7 @@ pub(crate) struct BlockFlow {
     pub(super) n_frames: usize,
     /// Ports, then outputs.
     pub(super) observed: Vec<Weights>,
-    /// Their values at frames 0 … B for each number of the state   (n_seen · (B + 1), 2n)
+    /// Their values at frames 0 … B for each number of the state   (n_observed · (B + 1), 2n)
     pub(super) free_responses: Vec<f64>,
     /// Forces on ports, then strikes on those that may be struck.
     pub(super) inputs: Vec<InputResponse>,
@@ -43,13 +43,13 @@ pub(crate) struct BlockFlow {
 pub(super) struct InputResponse {
     /// What it adds to the state after its frame   (2n)
     pub(super) state_response: Vec<f64>,
-    /// What is seen after it, in steps of a frame   (n_seen, B)
+    /// The observed displacements after it, frame by frame   (n_observed, B)
     pub(super) observed_response: Vec<f64>,
     /// The state at the end of a block, for an input in each of its frames   (2n, B)
     pub(super) end_response: Vec<f64>,
 }
 
-/// What a body is asked for.
+/// The inputs and outputs of a body.
 #[derive(Clone, Debug)]
 pub(crate) struct Interface<'a> {
     /// 1/M of each mass   (n)

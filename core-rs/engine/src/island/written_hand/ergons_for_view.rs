@@ -1,5 +1,5 @@
 //! Sparks: the ergons of a voice as pages draw them. Ergons that lead along a path may come at every frame and are
-//! merged, because nobody sees 44,100 a second.
+//! merged, because 44,100 a second cannot be distinguished.
 
 use crate::island::record::ErgonRecord;
 
@@ -67,7 +67,7 @@ impl Spark {
 /// The sparks of a voice since they were last taken.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sparks {
-    /// (SPARKS_MAX); `None`: nobody watches.
+    /// (SPARKS_MAX); `None`: sparks are not watched.
     sparks: Option<Box<[Spark; SPARKS_MAX]>>,
     spark_count: usize,
 }
@@ -105,7 +105,7 @@ impl Sparks {
         }
     }
 
-    /// Tell each spark, and begin anew.
+    /// Report each spark, and begin again.
     pub(crate) fn take(&mut self, report_spark: impl FnMut(ErgonRecord)) {
         let spark_count = std::mem::take(&mut self.spark_count);
         let sparks = self.sparks.iter().flat_map(|spark_room| &spark_room[..spark_count]);

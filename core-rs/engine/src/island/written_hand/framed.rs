@@ -16,13 +16,14 @@ const KNOT_SLACK: f64 = 1e-6;
 /// the other: a leg's first target is the one after the last of the leg before it.
 #[derive(Clone, Debug)]
 pub(crate) enum Leg {
-    /// Follow a path; the targets end with `last`. After a throw one strike leads onto it, by frame `entered`.
+    /// Follow a path; the targets end with `last_frame`. After a throw one strike leads onto it, by frame
+    /// `entry_frame`.
     Path {
         path: Placed,
         entry_frame: u64,
         last_frame: u64,
     },
-    /// One strike at frame `from`, then free until the key passes `x` at frame `to`.
+    /// One strike at frame `strike_frame`, then free until the key passes `x` at frame `landing_frame`.
     Throw {
         strike_frame: u64,
         landing_frame: u64,
@@ -141,7 +142,7 @@ impl FramedGesture {
             .map_or(knot_frame, |&point| knot_frame.min(point))
     }
 
-    /// Source of an ergon whose target is frame `target`; `cursor` only moves forward.
+    /// Source of an ergon whose target is frame `target`; `point_cursor` only moves forward.
     pub(crate) fn ergon_source(&self, point_cursor: &mut usize, target: u64) -> u32 {
         while *point_cursor + 1 < self.point_frames.len() && self.point_frames[*point_cursor] < target {
             *point_cursor += 1;

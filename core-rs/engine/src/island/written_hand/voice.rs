@@ -1,4 +1,4 @@
-//! One voice of a key: its gestures in order, its free copy of the key, and the positions that it asks for.
+//! One voice of a key: its gestures in order, its free copy of the key, and the positions that it requests.
 
 mod answer;
 mod join;
@@ -59,7 +59,7 @@ pub(crate) struct Voice {
     is_led: bool,
     /// Number of gestures begun (also those that only join so far).
     begun_count: usize,
-    /// Position asked for at the present frame [m]; NaN: none.
+    /// Position requested at the present frame [m]; NaN: none.
     pub(crate) requested_position: f64,
 }
 
@@ -87,7 +87,8 @@ struct RunningGesture {
     path_cursor: usize,
     point_cursor: usize,
     joining_curve: Option<Joining>,
-    /// The strike of the present throw or grain is done until this frame, at which the key is to be at `target` [m].
+    /// The strike of the present throw or grain is done until this frame, at which the key is to be at `strike_target`
+    /// [m].
     strike_end_frame: u64,
     strike_target: f64,
 }
@@ -118,7 +119,7 @@ crate::archive::state!(TrackedFrame {
     x
 });
 
-/// What is asked of the key at a frame.
+/// A request to the key at a frame.
 #[derive(Clone, Copy)]
 enum Request {
     /// Be at x at the next frame.
@@ -175,8 +176,7 @@ impl Voice {
         due_frames.min().unwrap_or(u64::MAX)
     }
 
-    /// If the voice does nothing to the key: the frame at which it has to look at its next gesture; `None` if it may
-    /// act now.
+    /// If the voice does nothing to the key: the frame at which its next gesture begins; `None` if it may act now.
     pub(crate) fn idle_until(&self, script: &VoiceScript, gestures: &[FramedGesture]) -> Option<u64> {
         let is_idle = self.running_gesture.is_none()
             && self.tracked_frame.is_none()
@@ -289,7 +289,7 @@ impl Voice {
             .strike_and_move(&mut self.free_motion, n, force, &mut self.targets);
     }
 
-    /// Compare the key with the position that was asked for, in the report.
+    /// Compare the key with the requested position, in the report.
     fn compare_with_request(&self, script: &VoiceScript, scene: &mut VoiceScene<'_>, n: u64) {
         let Some(report) = self.report_range(script, scene.reports) else {
             return;
@@ -353,7 +353,7 @@ impl Voice {
         }
     }
 
-    /// What the running gesture asks at frame `n`.
+    /// The request of the running gesture at frame `n`.
     fn requested_motion(&mut self, gestures: &[FramedGesture], rate: f64, n: u64) -> Option<Request> {
         let running = self.running_gesture.as_mut()?;
         let gesture = &gestures[running.gesture_index];

@@ -8,9 +8,8 @@ use crate::law::{PLACES, Places, TangentScratch};
 use crate::network::Bristle;
 use crate::scheme::Kind;
 
-/// Forces are extrapolated from two parts if that guess deviates from the one of a single part by shares of the
-/// largest_force force between these: after a strike it would be far off, in a steady slide it amplifies rounding
-/// errors.
+/// Forces are extrapolated from two parts if that guess deviates from the one of a single part by shares of the largest
+/// force between these: after a strike it would be far off, in a steady slide it amplifies rounding errors.
 const EXTRAPOLATION_RANGE: std::ops::Range<f64> = 1e-8..0.1;
 
 /// Integrals up to each Gauss point, as weights of the rates at the Gauss points, in parts (Gauss's method of order 6).
@@ -41,12 +40,13 @@ pub(in crate::island::fine) struct LawState {
     pub(super) start_motion: [f64; 2],
     /// Force at the start of the frame [N].
     pub(super) start_force: f64,
-    /// The largest_force force of the last frames [N].
+    /// The largest force of the last frames [N].
     pub(super) largest_force: f64,
-    /// Elongation at the first instant of the frame, from which `path` is counted: a path that stands still has no rate,
-    /// to the last bit [m].
+    /// Elongation at the first instant of the frame, from which `relative_path` is counted: so the rate of a link at
+    /// rest is exactly 0 [m].
     pub(super) elongation_offset: f64,
-    /// Elongation at the instants of the frame, less `origin`, if the forces of the parts to come are zero [m]   (n)
+    /// Elongation at the instants of the frame, less `elongation_offset`, if the forces of the parts to come are zero
+    /// [m]   (n)
     pub(super) relative_path: Vec<f64>,
     pub(super) scratch: TangentScratch,
 }
@@ -206,7 +206,7 @@ impl LawState {
     }
 
     /// Forces of the law at three instants of a part of `h` frames [N], and the derivative of what they leave unmet by
-    /// the forces that are assumed, to which elongation and rate respond by `moves`.
+    /// the forces that are assumed, to which elongation and rate respond by `by_x` and `by_v`.
     pub(super) fn forces_and_slopes(
         &mut self,
         stage_laws: &[InstantLaw<'_>; STAGES],

@@ -1,4 +1,4 @@
-//! Computes the ergon that makes a key do what is asked.
+//! Computes the ergon by which a key fulfils a request.
 
 use super::super::ergons_for_view::Sparks;
 use super::{Request, TrackedFrame, Voice, VoiceScene, VoiceScript};
@@ -22,8 +22,8 @@ struct ErgonEntry {
 }
 
 impl Voice {
-    /// Strike the key so that it does what is asked; returns the force on the free key [N]. `asked_here` is the
-    /// position asked for at this very frame, NaN if none.
+    /// Strike the key so that it fulfils the request; returns the force on the free key [N]. `last_requested_position`
+    /// was requested for this frame; NaN if none was.
     pub(super) fn strike_as_requested(
         &mut self,
         script: &VoiceScript,
@@ -149,7 +149,7 @@ impl Voice {
         }
     }
 
-    /// The force that does what is asked, without a limit [N].
+    /// The force that fulfils the request, without a limit [N].
     fn unlimited_force(&mut self, script: &VoiceScript, scene: &VoiceScene<'_>, n: u64, request: &Request) -> f64 {
         let Some(running) = &self.running_gesture else {
             return 0.0;

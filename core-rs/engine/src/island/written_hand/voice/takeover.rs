@@ -11,21 +11,21 @@ pub(crate) struct VoiceTakeover {
     /// Index of the voice in the old island, and in this one.
     pub(crate) old_voice: usize,
     pub(crate) new_voice: usize,
-    /// Pairs of MATs of the free keys, here and there; `None`: the two keys are alike.
+    /// Pairs of MATs of the free keys, new and old; `None`: the two keys are equal.
     pub(crate) mat_pairs: Option<Vec<(usize, usize)>>,
-    /// Pairs of equal gestures, there and here; rising.
+    /// Pairs of equal gestures, old and new; rising.
     pub(crate) gesture_pairs: Vec<(usize, usize)>,
 }
 
 impl VoiceTakeover {
-    /// Index here of a gesture there.
+    /// Index in the new island of a gesture of the old one.
     fn new_gesture(&self, old_gesture: usize) -> Option<usize> {
         let pair_index = self.gesture_pairs.binary_search_by_key(&old_gesture, |pair| pair.0);
         pair_index.ok().map(|pair_index| self.gesture_pairs[pair_index].1)
     }
 }
 
-/// Pairs of equal gestures of two voices: there and here, rising.
+/// Pairs of equal gestures of two voices: old and new, rising.
 pub(crate) fn equal_gestures(
     (script, gestures): (&VoiceScript, &[FramedGesture]),
     (other_script, others): (&VoiceScript, &[FramedGesture]),
@@ -97,7 +97,7 @@ impl Voice {
                 ..running
             })
         });
-        // The position asked for at this very frame is kept only if the comparison goes into the report of the same
+        // The position requested for this frame is kept only if the comparison goes into the report of the same
         // gesture.
         let is_same_gesture = gesture_before == Some(latest_gesture(self, script));
         self.requested_position = if is_same_gesture {
