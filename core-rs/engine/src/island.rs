@@ -245,7 +245,7 @@ impl Island {
             .matter
             .fine_links
             .as_ref()
-            .is_some_and(|fine| fine.has_closed)
+            .is_some_and(|fine_links| fine_links.has_closed)
     }
 
     /// Work of contacts that are computed finely, so far.
@@ -353,7 +353,7 @@ impl Island {
         self.state
             .monitors
             .muted_parts
-            .muted_parts()
+            .iter()
             .map(|(part, step)| {
                 let part_name = self.network.parts()[part].name.clone();
                 (part_name, self.scene_frame_at(step))
@@ -363,7 +363,7 @@ impl Island {
 
     /// Number of muted parts.
     pub(crate) fn n_muted_parts(&self) -> usize {
-        self.state.monitors.muted_parts.muted_parts().count()
+        self.state.monitors.muted_parts.iter().count()
     }
 
     /// Parts whose links stiffened: name, number of frames computed finer, and most steps in one of them.

@@ -450,8 +450,9 @@ impl Scheme {
         let are_laws_few = explicit_runs.iter().filter(|run| is_law(run)).count() <= Self::SUBSTEPPED_LAWS_MAX;
         let is_substepped = |run: &Run| self.can_substep_run(run, takes_springs) && (are_laws_few || !is_law(run));
         let (mut substepped_runs, explicit_runs) = explicit_runs.into_iter().partition::<Vec<_>, _>(is_substepped);
-        let (exact, remaining_exact_runs) = exact_runs.into_iter().partition::<Vec<_>, _>(is_substepped);
-        substepped_runs.extend(exact);
+        let (substepped_exact_runs, remaining_exact_runs) =
+            exact_runs.into_iter().partition::<Vec<_>, _>(is_substepped);
+        substepped_runs.extend(substepped_exact_runs);
         substepped_runs.sort_by_key(|run| run.first);
         (self.runs, self.exact_runs) = (explicit_runs, remaining_exact_runs);
         substepped_runs

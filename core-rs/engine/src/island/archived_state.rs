@@ -53,7 +53,7 @@ impl Archived for State {
             .reports
             .iter()
             .rposition(has_begun)
-            .map_or(0, |last| last + 1);
+            .map_or(0, |last_begun| last_begun + 1);
         n_reports.archive(archive)?;
         let reports = self.players.reports.get_mut(..n_reports).ok_or(Damaged)?;
         reports.archive(archive)?;

@@ -117,9 +117,9 @@ impl BodyPlan {
 
     /// Frame of its first strike from a frame on [frames]; infinite if it has none.
     pub(crate) fn next_strike_frame(&self, start_frame: f64) -> f64 {
-        let earlier_frame = |first: f64, frame: u64| match frame as f64 {
-            frame if frame >= start_frame => first.min(frame),
-            _ => first,
+        let earlier_frame = |earliest: f64, frame: u64| match frame as f64 {
+            frame if frame >= start_frame => earliest.min(frame),
+            _ => earliest,
         };
         match self {
             Self::Modal(modal) => {

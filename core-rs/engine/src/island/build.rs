@@ -101,7 +101,12 @@ impl Island {
         let strike_points = strike_points(timeline);
         let (sound_drives, input_signals) = sound_drives(&timeline.drives);
         // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
-        let fine_link_ends = |mat| matter.fine_links.as_ref().map_or(0, |fine| fine.link_ends_on(mat));
+        let fine_link_ends = |mat| {
+            matter
+                .fine_links
+                .as_ref()
+                .map_or(0, |fine_links| fine_links.link_ends_on(mat))
+        };
         let pushes = pushes(&network, timeline, |mat| network.degree(mat) == fine_link_ends(mat));
         let state = State {
             frame: 0,

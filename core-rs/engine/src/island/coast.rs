@@ -53,18 +53,24 @@ impl Island {
             && !script.voices.iter().any(|voice_script| voice_script.is_layer);
         let is_constant =
             script.gates.is_empty() && parameters.changing_scheme.is_none() && parameters.step_decay >= 1.0;
-        let is_unwatched = monitors.ledger.is_none()
-            && monitors.guard.is_none()
-            && monitors.muted_parts.muted_parts().next().is_none();
+        let is_unwatched =
+            monitors.ledger.is_none() && monitors.guard.is_none() && monitors.muted_parts.iter().next().is_none();
         has_only_strikes && is_constant && is_unwatched
     }
 
     /// Coast while no contact closes, from one step of a block to another at most; returns the number of steps.
-    pub(super) fn coast(&mut self, outputs: &mut StepOutputs<'_>, start: usize, end: usize) -> Result<usize, Fault> {
+    pub(super) fn coast(
+        &mut self,
+        outputs: &mut StepOutputs<'_>,
+        start_step: usize,
+        end_step: usize,
+    ) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
         let mut fine_links = state.matter.fine_links.as_mut();
-        let has_later_force = fine_links.as_ref().is_some_and(|fine| fine.has_later_force());
+        let has_later_force = fine_links
+            .as_ref()
+            .is_some_and(|fine_links| fine_links.has_later_force());
         if has_later_force || !are_contacts_open(scheme, &state.matter.body) {
             return Ok(0);
         }
@@ -82,7 +88,7 @@ impl Island {
         ];
         let look_steps = check_steps.into_iter().flatten().map(|steps| steps as usize);
         let coast_steps = steps_ahead.chain(look_steps);
-        let coast_steps = coast_steps.fold(steps_to_event.min(end - start), usize::min);
+        let coast_steps = coast_steps.fold(steps_to_event.min(end_step - start_step), usize::min);
         if coast_steps < COAST_STEPS_MIN {
             return Ok(0);
         }
@@ -93,7 +99,9 @@ impl Island {
         while steps_done < coast_steps && is_bounded {
             let body = &mut state.matter.body;
             if steps_done >= open_until_step {
-                let stays_open = fine_links.as_ref().is_none_or(|fine| fine.stays_open(scheme, body));
+                let stays_open = fine_links
+                    .as_ref()
+                    .is_none_or(|fine_links| fine_links.stays_open(scheme, body));
                 if !stays_open || !are_contacts_open(scheme, body) {
                     break;
                 }
@@ -117,7 +125,7 @@ impl Island {
                 }
             }
             let island_step = first_step + steps_done as u64;
-            if let Some(output_row) = outputs.row(start + steps_done) {
+            if let Some(output_row) = outputs.row(start_step + steps_done) {
                 kernel::tap(scheme, body, output_row);
                 for running_body in &state.matter.bodies {
                     running_body.add_outputs_ahead(steps_done, output_row);

@@ -88,13 +88,13 @@ impl EnergyGains {
         let candidate_runs = scheme.runs.iter().chain(&scheme.exact_runs).chain(fused_runs);
         let candidate_runs = candidate_runs.filter(may_gain).flat_map(single_links);
         let checked_links: Vec<CheckedLink> = candidate_runs.map(CheckedLink::new).collect();
-        let link_work = checked_links.iter().map(|CheckedLink { run, .. }| {
+        let link_account = checked_links.iter().map(|CheckedLink { run, .. }| {
             let is_fused = fused_runs
                 .iter()
                 .any(|fused_run| fused_run.links().contains(&run.first));
             LinkAccount::new(run, is_fused, run.gate.is_some() || is_led(run.first))
         });
-        let link_accounts = link_work.collect();
+        let link_accounts = link_account.collect();
         let pair_gains = PairEnergyGains::new(scheme).filter(|pairs| !is_led(pairs.first_link()));
         (!checked_links.is_empty() || pair_gains.is_some()).then(|| {
             Box::new(Self {
@@ -130,7 +130,7 @@ impl EnergyGains {
     pub(super) fn remove_links_of(&mut self, mats: &[bool]) {
         let link_stays = |a: usize, b: usize| !mats[a] && !mats[b];
         self.link_accounts
-            .retain(|link_work| link_stays(link_work.a, link_work.b));
+            .retain(|link_account| link_stays(link_account.a, link_account.b));
         self.checked_links.retain(|link| link_stays(link.run.a, link.run.b));
         self.pair_gains.take_if(|pairs| pairs.touches(mats));
         self.restart();
@@ -144,8 +144,8 @@ impl EnergyGains {
             self.begin(scheme, gates, body);
             return;
         }
-        for (link_work, link) in self.link_accounts.iter_mut().zip(&self.checked_links) {
-            link_work.step(link, scheme, gates, body);
+        for (link_account, link) in self.link_accounts.iter_mut().zip(&self.checked_links) {
+            link_account.step(link, scheme, gates, body);
         }
         if let Some(pair_gains) = &mut self.pair_gains {
             pair_gains.step(body);
@@ -154,8 +154,8 @@ impl EnergyGains {
 
     #[cold]
     fn begin(&mut self, scheme: &Scheme, gates: &[f64], body: &Body) {
-        for (link_work, link) in self.link_accounts.iter_mut().zip(&mut self.checked_links) {
-            link_work.begin(link, scheme, gates, body);
+        for (link_account, link) in self.link_accounts.iter_mut().zip(&mut self.checked_links) {
+            link_account.begin(link, scheme, gates, body);
         }
         if let Some(pair_gains) = &mut self.pair_gains {
             pair_gains.begin(body);
@@ -202,7 +202,7 @@ impl Island {
             .matter
             .fine_links
             .iter()
-            .filter_map(|fine| fine.stepped_points().worst());
+            .filter_map(|fine_links| fine_links.stepped_points().worst());
         let mut account_gains = watched_links.chain(pair_gains).chain(fine_gain).peekable();
         let worst_rise = match account_gains.peek() {
             Some(_) => None,
@@ -258,8 +258,8 @@ impl Island {
         let watched_links = state.monitors.energy_gains.iter().flat_map(|gains| {
             let imposed_work = gains.imposed_work.work_max();
             let watched_links = gains.link_accounts.iter().zip(&gains.checked_links);
-            watched_links.map(move |(link_work, link)| {
-                let gain = link_work.energy_gain(link, &state.matter.body, (energy_now, imposed_work), 0);
+            watched_links.map(move |(link_account, link)| {
+                let gain = link_account.energy_gain(link, &state.matter.body, (energy_now, imposed_work), 0);
                 (matches!(link.run.kind, Kind::But(_)), gain)
             })
         });
@@ -283,32 +283,32 @@ impl Island {
         let island_step = self.state.frame;
         let mut gain_faults: Vec<(String, usize, EnergyGain)> = Vec::new();
         let state = &mut self.state;
-        let scheme_now = state
+        let frame_scheme = state
             .parameters
             .changing_scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
         let (body, bodies) = (&state.matter.body, &state.matter.bodies);
-        let energy_now = || motion_energy(scheme_now, bodies, body);
+        let energy_now = || motion_energy(frame_scheme, bodies, body);
         let hand_bindings = &self.script.hand_bindings;
         // A part that a hand plays is not silenced where another one can be: its key would jump.
         let silenced_part = |a: usize, b: usize| {
             let is_played = |moved_mat: usize| {
                 let mut hand_bindings = hand_bindings.iter();
-                hand_bindings.any(|hand| scheme_now.part[hand.mat()] == scheme_now.part[moved_mat])
+                hand_bindings.any(|hand| frame_scheme.part[hand.mat()] == frame_scheme.part[moved_mat])
             };
-            let silencing_rank = |&moved_mat: &usize| (scheme_now.w[moved_mat] == 0.0, is_played(moved_mat));
+            let silencing_rank = |&moved_mat: &usize| (frame_scheme.w[moved_mat] == 0.0, is_played(moved_mat));
             let silenced_end = if silencing_rank(&b) < silencing_rank(&a) { b } else { a };
-            scheme_now.part[silenced_end] as usize
+            frame_scheme.part[silenced_end] as usize
         };
         let mut imposed_work = 0.0;
         if let Some(gains) = &mut state.monitors.energy_gains {
             imposed_work = gains.imposed_work.work_max();
-            for (link_work, gained_link) in gains.link_accounts.iter_mut().zip(&mut gains.checked_links) {
-                let link_gain = gained_link.check(link_work, body, (energy_now, imposed_work), island_step);
+            for (link_account, gained_link) in gains.link_accounts.iter_mut().zip(&mut gains.checked_links) {
+                let link_gain = gained_link.check(link_account, body, (energy_now, imposed_work), island_step);
                 if let Some(gain) = link_gain.filter(EnergyGain::is_fault) {
-                    let part = silenced_part(link_work.a, link_work.b);
-                    gain_faults.push((self.network.link_name(link_work.link), part, gain));
+                    let part = silenced_part(link_account.a, link_account.b);
+                    gain_faults.push((self.network.link_name(link_account.link), part, gain));
                 }
             }
             if let Some(pair_gains) = &mut gains.pair_gains
@@ -316,7 +316,7 @@ impl Island {
                     .check(body, (energy_now, imposed_work), island_step)
                     .filter(EnergyGain::is_fault)
             {
-                let part = scheme_now.part[pair_gains.moving_mat(scheme_now)] as usize;
+                let part = frame_scheme.part[pair_gains.moving_mat(frame_scheme)] as usize;
                 gain_faults.push((self.network.link_name(pair_gains.first_link()), part, gain));
             }
         }
@@ -328,7 +328,7 @@ impl Island {
         {
             gain_faults.push((
                 self.network.link_name(gained_link),
-                scheme_now.part[moved_mat] as usize,
+                frame_scheme.part[moved_mat] as usize,
                 gain,
             ));
         }

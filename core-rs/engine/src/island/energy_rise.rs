@@ -69,13 +69,13 @@ crate::archive::state!(EnergyRise {
 /// A sum of energies [J], and the sum of their sizes.
 #[derive(Clone, Copy, Debug, Default)]
 struct EnergyTotal {
-    sum: f64,
+    energy_sum: f64,
     size: f64,
 }
 
 impl EnergyTotal {
     fn add(&mut self, energy: f64) {
-        self.sum += energy;
+        self.energy_sum += energy;
         self.size += energy.abs();
     }
 }
@@ -111,7 +111,7 @@ impl EnergyRise {
         let is_port = |mat: usize| bodies.iter().any(|body| body.has_port(mat));
         let mats = network.mats();
         let mat_motion = |mat: usize| {
-            let fine_link_count = fine_links.map_or(0, |fine| fine.link_ends_on(mat));
+            let fine_link_count = fine_links.map_or(0, |fine_links| fine_links.link_ends_on(mat));
             let (m, k, z) = (mats.m[mat], mats.k[mat], mats.z[mat]);
             match mats.kind[mat] {
                 _ if scheme.w[mat] == 0.0 || is_port(mat) => MotionKind::Uncounted,
@@ -160,13 +160,13 @@ impl EnergyRise {
     fn energy_gain(&mut self, energy_total: EnergyTotal, had_no_event: bool, n: u64) -> Option<EnergyGain> {
         if !had_no_event || self.first_energy.is_nan() {
             (self.first_energy, self.least_energy, self.energy_size) =
-                (energy_total.sum, energy_total.sum, energy_total.size);
+                (energy_total.energy_sum, energy_total.energy_sum, energy_total.size);
             self.refined_rise = 0.0;
             return None;
         }
-        self.least_energy = self.least_energy.min(energy_total.sum);
+        self.least_energy = self.least_energy.min(energy_total.energy_sum);
         Some(EnergyGain {
-            created_energy: energy_total.sum - self.least_energy,
+            created_energy: energy_total.energy_sum - self.least_energy,
             reference_energy: self.energy_size,
             step: n,
         })

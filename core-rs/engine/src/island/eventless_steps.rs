@@ -24,13 +24,13 @@ impl Island {
     pub(super) fn skip_events(
         &mut self,
         outputs: &mut StepOutputs<'_>,
-        (start, end): (usize, usize),
+        (start_step, end_step): (usize, usize),
         team: &mut ThreadTeam<'_>,
     ) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let first_step = state.frame;
         let check_steps = first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step;
-        let step_count = (end - start).min(check_steps as usize);
+        let step_count = (end_step - start_step).min(check_steps as usize);
         let step_count = step_count.min(steps_to_event(script, &state.players, first_step));
         if step_count == 0 {
             return Ok(0);
@@ -62,7 +62,7 @@ impl Island {
                 .iter_mut()
                 .for_each(|running_body| running_body.apply_strikes(n, body));
             monitors.contact_peaks.note_forces(n, &body.link);
-            if let Some(output_row) = outputs.row(start + steps_done) {
+            if let Some(output_row) = outputs.row(start_step + steps_done) {
                 kernel::tap(scheme, body, output_row);
                 bodies
                     .iter()

@@ -67,7 +67,7 @@ pub(super) struct MutedParts {
 /// Only parts that are muted are written: how many parts a score has changes nothing in an island.
 impl State for MutedParts {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        let mut muted_parts: Vec<(usize, u64)> = self.muted_parts().collect();
+        let mut muted_parts: Vec<(usize, u64)> = self.iter().collect();
         archive.list(&mut muted_parts)?;
         self.mute_frames.fill(None);
         for (part, frame) in muted_parts {
@@ -97,7 +97,7 @@ impl MutedParts {
         self.mute_frames[part].is_some()
     }
 
-    pub(super) fn muted_parts(&self) -> impl Iterator<Item = (usize, u64)> + '_ {
+    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, u64)> + '_ {
         self.mute_frames
             .iter()
             .enumerate()
@@ -108,11 +108,11 @@ impl MutedParts {
     /// non-finite one frame before a position shows it: that frame repeats the sample before.
     pub(super) fn fade(&mut self, n: u64, scheme: &Scheme, out: &mut [f64]) {
         let fade_steps = FADE_SECONDS * scheme.rate;
-        for ((sample, last), fade_start) in out.iter_mut().zip(&mut self.last_samples).zip(&self.fade_starts) {
+        for ((sample, last_sample), fade_start) in out.iter_mut().zip(&mut self.last_samples).zip(&self.fade_starts) {
             match fade_start {
-                Some(since) => *sample = *last * (1.0 - (n - since) as f64 / fade_steps).max(0.0),
-                None if sample.is_finite() => *last = *sample,
-                None => *sample = *last,
+                Some(fade_start) => *sample = *last_sample * (1.0 - (n - fade_start) as f64 / fade_steps).max(0.0),
+                None if sample.is_finite() => *last_sample = *sample,
+                None => *sample = *last_sample,
             }
         }
     }
@@ -244,22 +244,25 @@ impl Island {
         for port in script.port_bindings.iter().filter(|port| ends_on_part(port)) {
             state.matter.body.d[port.port_mat] = 0.0;
         }
-        let mut stays = script.port_bindings.iter().map(|port| !ends_on_part(port));
-        state.players.port_states.retain(|_| stays.next().unwrap_or(true));
-        drop(stays);
+        let mut is_retained = script.port_bindings.iter().map(|port| !ends_on_part(port));
+        state.players.port_states.retain(|_| is_retained.next().unwrap_or(true));
+        drop(is_retained);
         script.port_bindings.retain(|port| !ends_on_part(port));
         let ends_on_part = |drive: &Drive| {
             let port = drive.port();
             is_muted[drive.mat] || port.is_some_and(|port| is_muted[port.key])
         };
         script.drives.retain(|drive| !ends_on_part(drive));
-        let mut stays = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
-        state.players.input_signals.retain(|_| stays.next().unwrap_or(true));
-        drop(stays);
+        let mut is_retained = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
+        state
+            .players
+            .input_signals
+            .retain(|_| is_retained.next().unwrap_or(true));
+        drop(is_retained);
         script.sound_drives.retain(|drive| !is_muted[drive.mat]);
-        let mut stays = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);
-        state.players.voices.retain(|_| stays.next().unwrap_or(true));
-        drop(stays);
+        let mut is_retained = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);
+        state.players.voices.retain(|_| is_retained.next().unwrap_or(true));
+        drop(is_retained);
         script.voices.retain(|voice| !is_muted[voice.struck_mat]);
         for (output, fade_start) in scheme.outputs.iter().zip(&mut state.monitors.muted_parts.fade_starts) {
             let listens = output.terms.iter().any(|term| match *term {

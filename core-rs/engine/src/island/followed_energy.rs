@@ -19,14 +19,14 @@ pub(super) struct FrameEnergies {
 
 impl FrameEnergies {
     /// From the law of frame n, elongations e[n−1], e[n], e[n+1] [m], and the step that led to e[n+1].
-    pub(super) fn new(law: &Law, rate: f64, [before, now, next]: [f64; 3], step: f64) -> Self {
-        let [potential_before, potential_now, potential_next] = [before, now, next].map(|e| law.potential(e));
-        let elastic_force = law.spring(now);
+    pub(super) fn new(law: &Law, rate: f64, [e_before, e_now, e_next]: [f64; 3], step: f64) -> Self {
+        let [potential_before, potential_now, potential_next] = [e_before, e_now, e_next].map(|e| law.potential(e));
+        let elastic_force = law.spring(e_now);
         Self {
             stored_before: 0.5 * (potential_now + potential_before),
             stored_after: 0.5 * (potential_next + potential_now),
             elastic_force,
-            damping_force: law.force(now, step * rate) - elastic_force,
+            damping_force: law.force(e_now, step * rate) - elastic_force,
         }
     }
 }

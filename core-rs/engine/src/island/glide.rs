@@ -219,7 +219,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
             };
             let lead = lead.on(run.first, run.len);
             let previous_led = led_links.last();
-            let has_same_factors = previous_led.is_some_and(|led_before| led_before.lead.has_factors_of(&lead));
+            let has_same_factors = previous_led.is_some_and(|previous_led| previous_led.lead.has_factors_of(&lead));
             led_links.push(LedLinks {
                 lead,
                 location,

@@ -15,7 +15,7 @@ use crate::timeline::Gate;
 #[derive(Clone, Copy, Debug)]
 pub struct Energy {
     /// At frame 0.
-    pub start: f64,
+    pub start_energy: f64,
     /// Now, in masses and links.
     pub stored: f64,
     /// Work of hands, strikes, weights and imposed points.
@@ -35,7 +35,7 @@ impl std::ops::Add for Energy {
 
     fn add(self, other: Self) -> Self {
         Self {
-            start: self.start + other.start,
+            start_energy: self.start_energy + other.start_energy,
             stored: self.stored + other.stored,
             injected: self.injected + other.injected,
             lost: self.lost + other.lost,
@@ -49,30 +49,30 @@ impl std::ops::Add for Energy {
 /// A sum that keeps what rounding drops (Neumaier 1974).
 #[derive(Clone, Copy, Debug, Default)]
 struct CompensatedSum {
-    sum: f64,
+    rounded_sum: f64,
     rounding_error: f64,
     absolute_sum: f64,
 }
 
 impl CompensatedSum {
     fn add(&mut self, value: f64) {
-        let rounded_sum = self.sum + value;
-        self.rounding_error += if self.sum.abs() >= value.abs() {
-            (self.sum - rounded_sum) + value
+        let rounded_sum = self.rounded_sum + value;
+        self.rounding_error += if self.rounded_sum.abs() >= value.abs() {
+            (self.rounded_sum - rounded_sum) + value
         } else {
-            (value - rounded_sum) + self.sum
+            (value - rounded_sum) + self.rounded_sum
         };
-        self.sum = rounded_sum;
+        self.rounded_sum = rounded_sum;
         self.absolute_sum += value.abs();
     }
 
     fn value(&self) -> f64 {
-        self.sum + self.rounding_error
+        self.rounded_sum + self.rounding_error
     }
 }
 
 crate::archive::state!(CompensatedSum {
-    sum,
+    rounded_sum,
     rounding_error,
     absolute_sum
 });
@@ -179,8 +179,13 @@ impl Ledger {
                 };
                 followed_law.set(law_buffer, |mat| body.x[mat]);
                 for i in 0..run.len {
-                    let (now, before) = elongation(run, body, i);
-                    let frame_energies = FrameEnergies::new(law_buffer, rate, [before, now, now], 0.0);
+                    let (elongation_now, elongation_before) = elongation(run, body, i);
+                    let frame_energies = FrameEnergies::new(
+                        law_buffer,
+                        rate,
+                        [elongation_before, elongation_now, elongation_now],
+                        0.0,
+                    );
                     ledger.link_energies[run.first + i] = frame_energies.stored_before;
                 }
                 continue;
@@ -194,13 +199,14 @@ impl Ledger {
             }
             let tensions = shared_stiffnesses(run, body);
             for i in 0..run.len {
-                let (now, before) = elongation(run, body, i);
+                let (elongation_now, elongation_before) = elongation(run, body, i);
                 ledger.link_energies[run.first + i] = 0.5
                     * gate_opening(run)
-                    * (link_energy(run, tensions[0], now) + link_energy(run, tensions[1], before));
+                    * (link_energy(run, tensions[0], elongation_now)
+                        + link_energy(run, tensions[1], elongation_before));
             }
         }
-        ledger.start = ledger.stored(scheme, body);
+        ledger.start = ledger.stored_energy(scheme, body);
         ledger
     }
 
@@ -380,7 +386,7 @@ impl Ledger {
     }
 
     /// Energy in masses and links between the last frame and this one [J].
-    fn stored(&self, scheme: &Scheme, body: &Body) -> f64 {
+    fn stored_energy(&self, scheme: &Scheme, body: &Body) -> f64 {
         let mut energy_sum = CompensatedSum::default();
         for i in (0..scheme.n_mat()).filter(|&i| scheme.w[i] != 0.0) {
             let (x, d, rest_position) = (body.x[i], body.d[i], scheme.rest[i]);
@@ -407,10 +413,10 @@ impl Ledger {
     }
 
     pub(super) fn energy(&self, scheme: &Scheme, body: &Body) -> Energy {
-        let (start, stored) = (self.start, self.stored(scheme, body));
+        let (start, stored) = (self.start, self.stored_energy(scheme, body));
         let (injected, lost, produced) = (self.injected.value(), self.lost.value(), self.produced.value());
         Energy {
-            start,
+            start_energy: start,
             stored,
             injected,
             lost,

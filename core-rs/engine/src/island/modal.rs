@@ -150,9 +150,10 @@ impl RunningModal {
     /// Add the outputs in `frames` frames to `out` (n_out), if nothing pushes the body until then.
     pub(crate) fn add_outputs_ahead(&self, frames: usize, out: &mut [f64]) {
         let plan = &self.script.plan;
-        let (first_output, seen_frame) = (plan.ports.len(), self.present_index + frames);
+        let (first_output, window_frame) = (plan.ports.len(), self.present_index + frames);
         for (row, ((output, _), rest_output)) in plan.outputs.iter().zip(&plan.rest_outputs).enumerate() {
-            out[*output as usize] += self.row_history[(first_output + row) * WINDOW_FRAMES + seen_frame] + rest_output;
+            out[*output as usize] +=
+                self.row_history[(first_output + row) * WINDOW_FRAMES + window_frame] + rest_output;
         }
     }
 
@@ -163,14 +164,14 @@ impl RunningModal {
 
     /// Set the ports as they will be in `frames` frames, if nothing pushes the body until then.
     pub(crate) fn set_ports_ahead(&self, frames: usize, body: &mut Body) {
-        let seen_frame = self.present_index + frames;
+        let window_frame = self.present_index + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
             let port_row = &self.row_history[row * WINDOW_FRAMES..(row + 1) * WINDOW_FRAMES];
-            let (position_now, position_next) = (port_row[seen_frame], port_row[seen_frame + 1]);
+            let (position_now, position_next) = (port_row[window_frame], port_row[window_frame + 1]);
             let previous = if frames == 0 {
                 self.previous_positions[row]
             } else {
-                port_row[seen_frame - 1]
+                port_row[window_frame - 1]
             };
             body.x[port.mat] = position_now + port.rest;
             body.d[port.mat] = position_now - previous;
@@ -408,11 +409,11 @@ impl RunningModal {
         ) = (0, 1, 0, false);
         self.pending_kicks.fill(Lanes::ZERO);
         self.clear_window_forces();
-        for (row, seen) in self.row_history.chunks_mut(WINDOW_FRAMES).enumerate() {
-            (seen[0], seen[1]) = (0.0, 0.0);
+        for (row, window_row) in self.row_history.chunks_mut(WINDOW_FRAMES).enumerate() {
+            (window_row[0], window_row[1]) = (0.0, 0.0);
             for (motion, rows) in self.furthest_motions.iter().zip(&self.script.row_shapes) {
-                seen[0] += ports::see(&rows[row], &motion.before);
-                seen[1] += ports::see(&rows[row], &motion.now);
+                window_row[0] += ports::see(&rows[row], &motion.before);
+                window_row[1] += ports::see(&rows[row], &motion.now);
             }
         }
         for (row, previous) in self.previous_positions.iter_mut().enumerate() {
@@ -467,8 +468,8 @@ impl RunningModal {
             self.furthest_motions[group] = group_motion;
         }
         self.clear_window_forces();
-        for seen in self.row_history.chunks_mut(WINDOW_FRAMES) {
-            (seen[0], seen[1]) = (seen[present], seen[present + 1]);
+        for window_row in self.row_history.chunks_mut(WINDOW_FRAMES) {
+            (window_row[0], window_row[1]) = (window_row[present], window_row[present + 1]);
         }
         (self.present_index, self.furthest_index) = (0, 1);
     }
@@ -507,14 +508,14 @@ impl RunningModal {
                 frames_ahead,
             );
         }
-        for (seen, sums) in self
+        for (window_row, sums) in self
             .row_history
             .chunks_mut(WINDOW_FRAMES)
             .zip(self.sums.chunks(frames_ahead))
         {
-            seen[0] = seen[self.present_index];
-            for (seen, sum) in seen[1..].iter_mut().zip(sums) {
-                *seen = lane_total(sum);
+            window_row[0] = window_row[self.present_index];
+            for (position, sum) in window_row[1..].iter_mut().zip(sums) {
+                *position = lane_total(sum);
             }
         }
         (self.present_index, self.furthest_index) = (0, frames_ahead);

@@ -125,7 +125,7 @@ impl PairEnergyGains {
     pub(super) fn check(
         &mut self,
         body: &Body,
-        (moving_energy, hand_work): (impl Fn() -> f64, f64),
+        (motion_energy, hand_work): (impl Fn() -> f64, f64),
         n: u64,
     ) -> Option<EnergyGain> {
         if self.energy_account.is_overdrawn() && !self.includes_start_energy {
@@ -136,10 +136,10 @@ impl PairEnergyGains {
         if !self.energy_account.is_overdrawn() {
             return None;
         }
-        let stored = pair_energy(&mut self.pair_contacts, [&body.x, &body.d]) + self.friction_energy(body);
+        let stored_energy = pair_energy(&mut self.pair_contacts, [&body.x, &body.d]) + self.friction_energy(body);
         let gain = self
             .energy_account
-            .energy_gain(stored, moving_energy(), n)
+            .energy_gain(stored_energy, motion_energy(), n)
             .with_reference_energy_min(hand_work);
         if !gain.is_reportable() || gain.created_energy <= self.rounding_energy(body) {
             return None;
@@ -175,24 +175,24 @@ impl PairEnergyGains {
 
 wide! {
     /// Work of the forces of the step before, along half of its step and half of the present one [J]; then replaces `d`
-    /// and `force` by `now`.
-    fn work(d: &mut [f64], force: &mut [f64], now: [&[f64]; 2]) -> f64 {
-        let (mut sums, mut rest) = ([0.0; LANES], 0.0);
+    /// and `force` by `present`, the steps and forces of the present step.
+    fn work(d: &mut [f64], force: &mut [f64], present: [&[f64]; 2]) -> f64 {
+        let (mut lane_sums, mut tail_sum) = ([0.0; LANES], 0.0);
         let n = d.len();
-        let (force, [d_now, force_now]) = (&mut force[..n], now.map(|now| &now[..n]));
-        let whole = n - n % LANES;
-        for at in (0..whole).step_by(LANES) {
-            for (lane, sum) in sums.iter_mut().enumerate() {
-                let i = at + lane;
+        let (force, [d_now, force_now]) = (&mut force[..n], present.map(|values| &values[..n]));
+        let tail_start = n - n % LANES;
+        for first_lane in (0..tail_start).step_by(LANES) {
+            for (lane, sum) in lane_sums.iter_mut().enumerate() {
+                let i = first_lane + lane;
                 *sum += 0.5 * (d[i] + d_now[i]) * force[i];
             }
         }
-        for i in whole..n {
-            rest += 0.5 * (d[i] + d_now[i]) * force[i];
+        for i in tail_start..n {
+            tail_sum += 0.5 * (d[i] + d_now[i]) * force[i];
         }
         d.copy_from_slice(d_now);
         force.copy_from_slice(force_now);
-        sums.iter().sum::<f64>() + rest
+        lane_sums.iter().sum::<f64>() + tail_sum
     }
 }
 

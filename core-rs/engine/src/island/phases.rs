@@ -9,7 +9,7 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
 
 /// Sets the inputs of this frame: gliding parameters, open gates, positions of real hands.
-pub(super) fn set_values(script: &Script, state: &mut State, mut scheme: Option<&mut Scheme>, n: u64) {
+pub(super) fn set_inputs(script: &Script, state: &mut State, mut scheme: Option<&mut Scheme>, n: u64) {
     let State {
         parameters,
         matter,
@@ -109,7 +109,7 @@ impl Frame<'_, '_> {
     }
 
     /// Applies the strikes of written hands, pushes and ergons, also to the bodies.
-    pub(super) fn strike(&mut self, _: LinksApplied) -> StrikesApplied {
+    pub(super) fn apply_strikes(&mut self, _: LinksApplied) -> StrikesApplied {
         self.sum_layers();
         self.for_each_voice(Voice::step);
         apply_pushes_and_ergons(self.script, self.scheme, self.state, self.n);
@@ -217,7 +217,7 @@ impl Frame<'_, '_> {
     }
 
     /// The ledger of the energy, if it is kept.
-    pub(super) fn account(&mut self, moved: &Moved) {
+    pub(super) fn account(&mut self, motion: &Moved) {
         let State {
             parameters,
             matter,
@@ -228,7 +228,7 @@ impl Frame<'_, '_> {
             return;
         };
         parameters.set_next_gates(&self.script.gates, self.n + 1);
-        let guard = monitors.guard.as_ref().filter(|_| moved.is_finer);
+        let guard = monitors.guard.as_ref().filter(|_| motion.is_finer);
         ledger.end_frame(
             self.scheme,
             [&parameters.gate_openings, &parameters.next_gate_openings],

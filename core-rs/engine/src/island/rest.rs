@@ -234,10 +234,10 @@ impl Island {
     }
 
     fn schedule_check(&mut self) {
-        let rest = &mut self.rest_search;
-        rest.activity = Activity::Computed;
-        rest.next_check = self.state.frame + rest.check_interval * u64::from(self.oversampling);
-        rest.check_interval = CHECK_INTERVAL_MAX_FRAMES.min(2 * rest.check_interval);
+        let rest_search = &mut self.rest_search;
+        rest_search.activity = Activity::Computed;
+        rest_search.next_check = self.state.frame + rest_search.check_interval * u64::from(self.oversampling);
+        rest_search.check_interval = CHECK_INTERVAL_MAX_FRAMES.min(2 * rest_search.check_interval);
     }
 
     #[cold]

@@ -318,8 +318,8 @@ impl RunningSlow {
             return;
         };
         if spring_block.is_first() {
-            for ((x, rest), u) in self.x.iter_mut().zip(&plan.rest_positions).zip(spring_block.state()) {
-                *x = rest + u;
+            for ((x, rest_position), u) in self.x.iter_mut().zip(&plan.rest_positions).zip(spring_block.state()) {
+                *x = rest_position + u;
             }
         }
         for (index, &(port, _)) in plan.ports.iter().enumerate() {
@@ -351,29 +351,29 @@ impl RunningSlow {
 
     /// Take over the state of an equal body.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
-        let damped = self.velocity_factor;
+        let velocity_factor = self.velocity_factor;
         std::mem::swap(self, old);
         std::mem::swap(&mut self.plan, &mut old.plan);
         std::mem::swap(&mut self.springs, &mut old.springs);
-        self.velocity_factor = damped;
+        self.velocity_factor = velocity_factor;
         // After the swap, `old` holds the old springs again.
-        let (RunningSprings::Exact(spring_block), RunningSprings::Exact(before)) =
+        let (RunningSprings::Exact(spring_block), RunningSprings::Exact(old_block)) =
             (&mut self.springs, &mut old.springs)
         else {
             return;
         };
-        if spring_block.has_same_numbers(before) && self.plan.rest_positions == old.plan.rest_positions {
-            return spring_block.copy_motion(before);
+        if spring_block.has_same_numbers(old_block) && self.plan.rest_positions == old.plan.rest_positions {
+            return spring_block.copy_motion(old_block);
         }
-        before.end_at_present();
+        old_block.end_at_present();
         let block_state = spring_block.state_mut();
-        block_state.copy_from_slice(before.state());
-        for ((u, before), rest) in block_state
+        block_state.copy_from_slice(old_block.state());
+        for ((u, old_rest_position), rest) in block_state
             .iter_mut()
             .zip(&old.plan.rest_positions)
             .zip(&self.plan.rest_positions)
         {
-            *u += before - rest;
+            *u += old_rest_position - rest;
         }
         spring_block.begin();
         self.read_block();

@@ -13,7 +13,7 @@
 //! Each phase takes a value that only the phase before it returns, so no other order compiles. A step does not lock or
 //! panic, and it allocates only to record ergons.
 
-use super::phases::{Frame, set_values};
+use super::phases::{Frame, set_inputs};
 use super::{Fault, Island, energy_account};
 use crate::interrupt;
 use crate::kernel::thread_team::ThreadTeam;
@@ -26,7 +26,7 @@ const POLL_MODULES: usize = 1 << 17;
 /// Output buffer of the steps of a frame; only the first step of a frame is heard.
 pub(super) struct StepOutputs<'a> {
     /// (n_frames · n_out)
-    out: &'a mut [f64],
+    outputs: &'a mut [f64],
     n_out: usize,
     oversampling: usize,
 }
@@ -35,7 +35,7 @@ impl StepOutputs<'_> {
     /// The output row of a step, counted from the first step of the first frame, if the step is heard.
     pub(super) fn row(&mut self, step: usize) -> Option<&mut [f64]> {
         let is_heard = step.is_multiple_of(self.oversampling);
-        is_heard.then(|| &mut self.out[step / self.oversampling * self.n_out..][..self.n_out])
+        is_heard.then(|| &mut self.outputs[step / self.oversampling * self.n_out..][..self.n_out])
     }
 }
 
@@ -43,7 +43,7 @@ impl Island {
     /// Compute `n_frames` frames, as [`Island::process`] plays them.
     pub(crate) fn compute(&mut self, out: &mut [f64], n_frames: usize, team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
         let mut outputs = StepOutputs {
-            out,
+            outputs: out,
             n_out: self.n_out(),
             oversampling: self.oversampling as usize,
         };
@@ -77,25 +77,25 @@ impl Island {
     }
 
     /// One step.
-    fn step(&mut self, out: Option<&mut [f64]>, team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
+    fn step(&mut self, outputs: Option<&mut [f64]>, team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let n = state.frame;
-        let mut changed = state.parameters.changing_scheme.take();
-        set_values(script, state, changed.as_deref_mut(), n);
+        let mut changing_scheme = state.parameters.changing_scheme.take();
+        set_inputs(script, state, changing_scheme.as_deref_mut(), n);
         let mut frame = Frame {
             n,
             script,
-            scheme: changed.as_deref().unwrap_or(&script.scheme),
+            scheme: changing_scheme.as_deref().unwrap_or(&script.scheme),
             state,
             team,
         };
-        let pulled = frame.apply_links();
-        let struck = frame.strike(pulled);
-        let complete = frame.solve_contacts(struck);
-        frame.observe(&complete, out);
-        let moved = frame.advance(complete);
+        let links_applied = frame.apply_links();
+        let strikes_applied = frame.apply_strikes(links_applied);
+        let forces_complete = frame.solve_contacts(strikes_applied);
+        frame.observe(&forces_complete, outputs);
+        let moved = frame.advance(forces_complete);
         frame.account(&moved);
-        state.parameters.changing_scheme = changed;
+        state.parameters.changing_scheme = changing_scheme;
         state.frame += 1;
         if !moved.is_plausible {
             return self.handle_fault();

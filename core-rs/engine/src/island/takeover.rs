@@ -35,7 +35,7 @@ impl State {
             .matter
             .fine_links
             .as_ref()
-            .and_then(|fine| fine.bristle_deflection(link));
+            .and_then(|fine_links| fine_links.bristle_deflection(link));
         let stepped_memory = self.matter.body.memory.get(link).copied();
         bristle_deflection.or(stepped_memory).unwrap_or(0.0)
     }
@@ -134,17 +134,19 @@ impl Island {
                 );
                 voice.continue_from(&script.voices[takeover.new_voice], old_voice, old_script, takeover);
             }
-            ItemTakeover::Gate(from, to) => {
+            ItemTakeover::Gate(old_index, new_index) => {
                 let island_step = self.state.frame;
-                let new_gate = &self.script.gates[to];
+                let new_gate = &self.script.gates[new_index];
                 let old_step = old.state.frame;
-                self.state.parameters.gate_continuations[to] = match from {
+                self.state.parameters.gate_continuations[new_index] = match old_index {
                     // A gate that glides has its own start value.
                     _ if new_gate.glides() => None,
                     None => GateContinuation::new(new_gate, 1.0, island_step),
-                    Some(from) => {
-                        let (old_gate, continuation) =
-                            (&old.script.gates[from], &old.state.parameters.gate_continuations[from]);
+                    Some(old_index) => {
+                        let (old_gate, continuation) = (
+                            &old.script.gates[old_index],
+                            &old.state.parameters.gate_continuations[old_index],
+                        );
                         if old_gate.on(new_gate.link, new_gate.len) == *new_gate {
                             *continuation
                         } else {
@@ -157,49 +159,46 @@ impl Island {
                     }
                 };
             }
-            ItemTakeover::Hand(from, to) => {
-                self.state.players.hand_states[to] = old.state.players.hand_states[from].clone();
+            ItemTakeover::Hand(old_index, new_index) => {
+                self.state.players.hand_states[new_index] = old.state.players.hand_states[old_index].clone();
                 let (mat, old_mat) = (
-                    self.script.hand_bindings[to].mat(),
-                    old.script.hand_bindings[from].mat(),
+                    self.script.hand_bindings[new_index].mat(),
+                    old.script.hand_bindings[old_index].mat(),
                 );
                 self.state.matter.body.x[mat] = old.state.matter.body.x[old_mat];
                 self.state.matter.body.d[mat] = old.state.matter.body.d[old_mat];
             }
-            ItemTakeover::Port(from, to) => {
-                self.state.players.port_states[to].take_over(&old.state.players.port_states[from]);
+            ItemTakeover::Port(old_index, new_index) => {
+                self.state.players.port_states[new_index].take_over(&old.state.players.port_states[old_index]);
             }
-            ItemTakeover::Report(from, to, has_same_mats) => {
-                let new_report = &mut self.state.players.reports[to];
-                *new_report = old.state.players.reports[from];
+            ItemTakeover::Report(old_index, new_index, has_same_mats) => {
+                let new_report = &mut self.state.players.reports[new_index];
+                *new_report = old.state.players.reports[old_index];
                 new_report.pushed_by = new_report.pushed_by.filter(|_| has_same_mats);
             }
-            ItemTakeover::Body(from, to) if has_all_parts => {
-                self.state.matter.bodies[to].continue_from(&mut old.state.matter.bodies[from]);
+            ItemTakeover::Body(old_index, new_index) if has_all_parts => {
+                self.state.matter.bodies[new_index].continue_from(&mut old.state.matter.bodies[old_index]);
             }
-            ItemTakeover::Memory(from, to) => {
-                let link_memory = old.state.memory_of(from);
-                self.state.set_memory(to, link_memory);
+            ItemTakeover::Memory(old_index, new_index) => {
+                let link_memory = old.state.memory_of(old_index);
+                self.state.set_memory(new_index, link_memory);
             }
-            ItemTakeover::History(from, to) => {
-                let history_slots = (old.script.scheme.slot_of(from), self.script.scheme.slot_of(to));
-                if let (Some(from), Some(to)) = history_slots {
-                    let history = &mut self.state.matter.body.histories[to];
-                    history.copy_from(&old.state.matter.body.histories[from]);
+            ItemTakeover::History(old_index, new_index) => {
+                let history_slots = (
+                    old.script.scheme.slot_of(old_index),
+                    self.script.scheme.slot_of(new_index),
+                );
+                if let (Some(old_slot), Some(new_slot)) = history_slots {
+                    let history = &mut self.state.matter.body.histories[new_slot];
+                    history.copy_from(&old.state.matter.body.histories[old_slot]);
                 }
             }
-            ItemTakeover::Part(from, to) => {
-                let is_muted = |island: &Self, part| {
-                    island
-                        .state
-                        .monitors
-                        .muted_parts
-                        .muted_parts()
-                        .any(|(muted, _)| muted == part)
-                };
-                if is_muted(old, from) && !is_muted(self, to) {
+            ItemTakeover::Part(old_index, new_index) => {
+                let is_muted =
+                    |island: &Self, part| island.state.monitors.muted_parts.iter().any(|(muted, _)| muted == part);
+                if is_muted(old, old_index) && !is_muted(self, new_index) {
                     // A muted part stays muted in the next version.
-                    self.mute(to, self.state.frame);
+                    self.mute(new_index, self.state.frame);
                 }
             }
             ItemTakeover::Voice(_) | ItemTakeover::Body(..) => {}
@@ -239,9 +238,9 @@ impl Island {
         for body in &self.state.matter.bodies {
             body.set_ports(&mut self.state.matter.body);
         }
-        let frame_scheme = self.state.parameters.changing_scheme.as_deref();
-        let scheme_now = frame_scheme.unwrap_or(&self.script.scheme);
-        kernel::proxies::join(scheme_now, &mut self.state.matter.body);
+        let changing_scheme = self.state.parameters.changing_scheme.as_deref();
+        let frame_scheme = changing_scheme.unwrap_or(&self.script.scheme);
+        kernel::proxies::join(frame_scheme, &mut self.state.matter.body);
     }
 
     /// The script, whose voices, gates, hands and parts are matched with those of another version.

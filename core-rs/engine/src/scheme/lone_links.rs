@@ -92,8 +92,8 @@ impl LoneLinks {
 
     /// Set stiffness and damping of all links of a run.
     pub(super) fn set_k_and_z(&mut self, run: usize, k_and_z: [f64; 2]) {
-        let [first, end] = [run, run + 1].map(|number| self.first_links[number] as usize);
-        self.k_and_z[first..end].fill(k_and_z);
+        let [first_link, stop_link] = [run, run + 1].map(|number| self.first_links[number] as usize);
+        self.k_and_z[first_link..stop_link].fill(k_and_z);
     }
 
     fn push(&mut self, run: &Spring, pulled_ends: PulledEnds, force_starts: [usize; 2]) {

@@ -105,7 +105,7 @@ impl CheckedLink {
         &mut self,
         link_account: &mut LinkAccount,
         body: &Body,
-        (moving_energy, hand_work): (impl Fn() -> f64, f64),
+        (motion_energy, hand_work): (impl Fn() -> f64, f64),
         n: u64,
     ) -> Option<EnergyGain> {
         if link_account.energy_account.is_overdrawn() && !self.includes_start_energy {
@@ -116,7 +116,7 @@ impl CheckedLink {
         if !link_account.energy_account.is_overdrawn() {
             return None;
         }
-        let energy_now = moving_energy();
+        let energy_now = motion_energy();
         link_account.energy_account.add_work_of_masses(0.0, energy_now);
         let gain = link_account.energy_gain(self, body, (energy_now, hand_work), n);
         if !gain.is_reportable() || gain.created_energy <= rounding_energy(&self.run, body) {
@@ -172,8 +172,9 @@ impl LinkAccount {
         if let Some(strength_before) = self.strength_factor {
             let strength_now = strength(&link.run, scheme, gates);
             if strength_now != strength_before {
-                let stored = link_energy(&link.run, elongations(&link.run, body));
-                self.energy_account.add_work((strength_now - strength_before) * stored);
+                let stored_energy = link_energy(&link.run, elongations(&link.run, body));
+                self.energy_account
+                    .add_work((strength_now - strength_before) * stored_energy);
                 self.strength_factor = Some(strength_now);
             }
         }
@@ -206,7 +207,7 @@ impl LinkAccount {
         &self,
         link: &CheckedLink,
         body: &Body,
-        (moving_energy, hand_work): (f64, f64),
+        (motion_energy, hand_work): (f64, f64),
         n: u64,
     ) -> EnergyGain {
         let mut account = self.energy_account;
@@ -215,7 +216,7 @@ impl LinkAccount {
         }
         let stored_energy = self.stored_energy(&link.run, body);
         account
-            .energy_gain(stored_energy, moving_energy, n)
+            .energy_gain(stored_energy, motion_energy, n)
             .with_reference_energy_min(hand_work)
     }
 

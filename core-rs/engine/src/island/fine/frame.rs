@@ -96,7 +96,7 @@ impl FineLinks {
     /// other contacts.
     fn mark_reached_contacts(&mut self) {
         let script = &*self.script;
-        let is_moved_by = |mover: usize, moved: usize| {
+        let is_moved_by = |pushing_link: usize, moved_link: usize| {
             let n_joints = script.joints.len();
             let both_ends = |(a, b): (usize, usize)| [a, b];
             let is_coupled = |from: usize, to: usize| {
@@ -105,8 +105,8 @@ impl FineLinks {
                 on_same_body || !script.path_responses[from * n_joints + to].is_empty()
             };
             let (mover_joints, moved_joints) = (
-                both_ends(script.link_joints[mover]),
-                both_ends(script.link_joints[moved]),
+                both_ends(script.link_joints[pushing_link]),
+                both_ends(script.link_joints[moved_link]),
             );
             mover_joints
                 .iter()
@@ -153,8 +153,8 @@ impl FineLinks {
                         body.x[joint.mat] - rest_position,
                         next_position(joint.mat, body) - rest_position,
                     );
-                    for (x_at, (from, to)) in free_path.iter_mut().zip(&joint.frame_weights) {
-                        *x_at = rest_position + (x * from + next_x * to);
+                    for (x_at, (weight_now, weight_next)) in free_path.iter_mut().zip(&joint.frame_weights) {
+                        *x_at = rest_position + (x * weight_now + next_x * weight_next);
                     }
                     if joint.cell.is_some() {
                         // The forces inside a mesh also bend the path of its port throughout the frame.
@@ -183,11 +183,11 @@ impl FineLinks {
                 continue;
             }
             for (other, free_path) in self.free_paths.chunks_mut(n_instants).enumerate() {
-                for (x, by) in free_path
+                for (x, response) in free_path
                     .iter_mut()
                     .zip(&script.start_responses[joint_index * n_joints + other])
                 {
-                    *x += impulse * by;
+                    *x += impulse * response;
                 }
             }
         }
@@ -221,9 +221,9 @@ impl FineLinks {
                     }
                 }
                 (None, Some(_)) => {
-                    for (impulse, [now, later]) in joint_impulses.iter().zip(&joint.impulse_split) {
-                        body.push(joint.mat, impulse * now);
-                        self.next_frame_forces[joint_index] += impulse * later;
+                    for (impulse, [force_now, force_later]) in joint_impulses.iter().zip(&joint.impulse_split) {
+                        body.push(joint.mat, impulse * force_now);
+                        self.next_frame_forces[joint_index] += impulse * force_later;
                     }
                 }
                 // The motion of such a MAT is imposed; a hand that holds it feels the force.

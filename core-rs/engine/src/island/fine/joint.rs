@@ -214,8 +214,8 @@ pub(super) fn path_responses(
                 .chunks(n_instants * n_instants)
                 .zip(modal.response_weights(from_port, to_port))
             {
-                for (value, answer) in pair_response.iter_mut().zip(row) {
-                    *value += weight * answer;
+                for (value, response) in pair_response.iter_mut().zip(row) {
+                    *value += weight * response;
                 }
             }
             basis.fit_both(&mut pair_response);

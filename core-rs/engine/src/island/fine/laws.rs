@@ -166,7 +166,7 @@ impl FineLinks {
                 let mut self_response = [0.0; 2];
                 let state_moves = self.laws.iter().zip(&division.force_responses[law * n_laws..]);
                 for (other, (state, [by_x, by_v])) in state_moves.enumerate() {
-                    let [e_response, v_response] = [by_x, by_v].map(|by| by[MIDDLE].iter().sum::<f64>());
+                    let [e_response, v_response] = [by_x, by_v].map(|response| response[MIDDLE].iter().sum::<f64>());
                     if other == law {
                         self_response = [e_response, v_response];
                     } else {
@@ -190,9 +190,9 @@ impl FineLinks {
                 let (force, evaluations) = find_root(&unmet_force, old_force);
                 self.work.instants += evaluations / STAGES as u64;
                 round_change = round_change.max((force - old_force).abs() - FORCE_TOLERANCE * force.abs());
-                if let Some(by) = law_now.bristle() {
+                if let Some(bristle_law) = law_now.bristle() {
                     let (_, v) = halfway(force);
-                    let bristle = by.halfway(law_now.bristle, v, part_length / law_now.rate_factor());
+                    let bristle = bristle_law.halfway(law_now.bristle, v, part_length / law_now.rate_factor());
                     self.laws[law].bristle_at_end = 2.0 * bristle - law_now.bristle;
                 }
                 self.laws[law].stage_forces = [force; STAGES];

@@ -45,7 +45,7 @@ impl RunningModal {
             })
         };
         let n_tables = match &plan.complex_responses {
-            Some(answers) => answers.port_responses.len(),
+            Some(complex_responses) => complex_responses.port_responses.len(),
             None => 1,
         };
         let kick_table = |group: usize, j: usize, split_of: &dyn Fn(usize, usize) -> [f64; 2]| {
@@ -111,9 +111,13 @@ impl RunningModal {
     pub(crate) fn velocity_step(&self, pushed_port: usize, moved_port: usize) -> f64 {
         let plan = &self.script.plan;
         let ports = &plan.ports;
-        if let Some(answers) = &plan.complex_responses {
-            let jump_terms = answers.port_responses[pushed_port].iter().zip(&ports[moved_port].shape);
-            return jump_terms.map(|(answer, share)| share * answer.velocity_step()).sum();
+        if let Some(complex_responses) = &plan.complex_responses {
+            let jump_terms = complex_responses.port_responses[pushed_port]
+                .iter()
+                .zip(&ports[moved_port].shape);
+            return jump_terms
+                .map(|(response, share)| share * response.velocity_step())
+                .sum();
         }
         let shape_pairs = ports[pushed_port].shape.iter().zip(&ports[moved_port].shape);
         shape_pairs.map(|(a, b)| a * b).sum()
@@ -123,7 +127,7 @@ impl RunningModal {
     pub(crate) fn pole_magnitude_max(&self) -> f64 {
         let plan = &self.script.plan;
         let all_responses: Vec<Response> = match &plan.complex_responses {
-            Some(answers) => answers.port_responses.iter().flatten().copied().collect(),
+            Some(complex_responses) => complex_responses.port_responses.iter().flatten().copied().collect(),
             None => {
                 let mode_range = 0..plan.modes.len();
                 mode_range.filter_map(|mode| plan.response(mode)).collect()
@@ -165,8 +169,8 @@ impl RunningModal {
             // The responses of complex modes already contain these shares.
             let port_share = if is_complex { &UNIT_LANES } else { &group_rows[port] };
             let mode_lanes = [&mut self.furthest_motions[group].now, &mut self.pending_kicks[group]];
-            let seen_ahead = (&mut self.row_history[self.present_index + 1..], WINDOW_FRAMES);
-            ports::kick(impulses, table, port_share, mode_lanes, group_rows, seen_ahead);
+            let rows_ahead = (&mut self.row_history[self.present_index + 1..], WINDOW_FRAMES);
+            ports::kick(impulses, table, port_share, mode_lanes, group_rows, rows_ahead);
         }
         self.has_pending_kicks = true;
         self.set_ports(body);

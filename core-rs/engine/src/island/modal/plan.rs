@@ -87,8 +87,8 @@ impl Modal {
     /// free motion from there on is that of the response.
     pub(crate) fn port_gain(&self, port: usize, mode: usize) -> [f64; 2] {
         match &self.complex_responses {
-            Some(answers) => {
-                let (response, time_step) = (&answers.port_responses[port][mode], self.rate.step());
+            Some(complex_responses) => {
+                let (response, time_step) = (&complex_responses.port_responses[port][mode], self.rate.step());
                 [
                     response.displacement(time_step) * time_step,
                     response.displacement(0.0) * time_step,
@@ -101,7 +101,7 @@ impl Modal {
     /// The continuous motion of a mode between two frames; `None` for modes of the discrete network.
     pub(crate) fn response(&self, mode: usize) -> Option<Response> {
         match &self.complex_responses {
-            Some(answers) => answers.port_responses.first().map(|port| port[mode]),
+            Some(complex_responses) => complex_responses.port_responses.first().map(|port| port[mode]),
             None => self.modes[mode].cell.map(Response::Cell),
         }
     }
@@ -110,7 +110,7 @@ impl Modal {
     /// are complex; `None` for modes of the discrete network.
     pub(crate) fn port_response(&self, port: usize, mode: usize) -> Option<Response> {
         match &self.complex_responses {
-            Some(answers) => Some(answers.port_responses[port][mode]),
+            Some(complex_responses) => Some(complex_responses.port_responses[port][mode]),
             None => self.response(mode),
         }
     }
@@ -119,18 +119,18 @@ impl Modal {
     /// position of each mode one frame earlier is shifted by ½·F·gain.
     pub(crate) fn started_against(&self, force: &[f64]) -> Self {
         let mut pushed_plan = self.clone();
-        if let Some(answers) = &self.complex_responses {
+        if let Some(complex_responses) = &self.complex_responses {
             let time_step = self.rate.step();
-            for (port_responses, port) in answers.port_responses.iter().zip(&self.ports) {
+            for (port_responses, port) in complex_responses.port_responses.iter().zip(&self.ports) {
                 let impulse = 0.5 * time_step * force[port.mat];
-                for (mode, answer) in pushed_plan.modes.iter_mut().zip(port_responses) {
+                for (mode, response) in pushed_plan.modes.iter_mut().zip(port_responses) {
                     // The response to half the impulse of a frame is subtracted from both positions.
-                    mode.start_amplitude -= impulse * answer.displacement(0.0);
+                    mode.start_amplitude -= impulse * response.displacement(0.0);
                     mode.previous_amplitude -= impulse
                         * if mode.b == 0.0 {
                             0.0
                         } else {
-                            answer.displacement(-time_step)
+                            response.displacement(-time_step)
                         };
                 }
             }
@@ -183,8 +183,14 @@ impl Modal {
             && ports(&self.ports) == ports(&other.ports)
             && self.rest_outputs == other.rest_outputs
             && output_shapes(self) == output_shapes(other)
-            && self.complex_responses.as_ref().map(|answers| &answers.port_responses)
-                == other.complex_responses.as_ref().map(|answers| &answers.port_responses)
+            && self
+                .complex_responses
+                .as_ref()
+                .map(|complex_responses| &complex_responses.port_responses)
+                == other
+                    .complex_responses
+                    .as_ref()
+                    .map(|complex_responses| &complex_responses.port_responses)
     }
 
     /// The body with some of its modes only.
@@ -218,7 +224,7 @@ impl Modal {
                 })
                 .collect(),
             rate: self.rate,
-            complex_responses: self.complex_responses.as_ref().map(|answers| {
+            complex_responses: self.complex_responses.as_ref().map(|complex_responses| {
                 let select_modes = |responses: &Vec<Vec<Response>>| -> Vec<Vec<Response>> {
                     let point_responses = responses.iter();
                     point_responses
@@ -226,10 +232,13 @@ impl Modal {
                         .collect()
                 };
                 ComplexResponses {
-                    n_modes: answers.n_modes,
-                    mode_parts: modes_kept.iter().map(|&mode| answers.mode_parts[mode]).collect(),
-                    port_responses: select_modes(&answers.port_responses),
-                    struck_responses: select_modes(&answers.struck_responses),
+                    n_modes: complex_responses.n_modes,
+                    mode_parts: modes_kept
+                        .iter()
+                        .map(|&mode| complex_responses.mode_parts[mode])
+                        .collect(),
+                    port_responses: select_modes(&complex_responses.port_responses),
+                    struck_responses: select_modes(&complex_responses.struck_responses),
                 }
             }),
         }

@@ -76,7 +76,7 @@ impl RunningModal {
         // A clone of the script would be counted up and down by atomics in every frame.
         let Self {
             script,
-            row_history: seen,
+            row_history,
             furthest_motions,
             port_forces,
             row_positions,
@@ -86,21 +86,21 @@ impl RunningModal {
             furthest_index: until,
             ..
         } = self;
-        let (present, until) = (*present_index, *until);
-        if until - present == 1 && !*has_window_forces {
+        let (window_frame, window_end) = (*present_index, *until);
+        if window_end - window_frame == 1 && !*has_window_forces {
             // The motions are those of the next frame.
-            let seen_next = seen.iter_mut().skip(present + 1).step_by(WINDOW_FRAMES);
-            for (position, seen) in row_positions.iter_mut().zip(seen_next) {
-                *position = *seen;
+            let next_entries = row_history.iter_mut().skip(window_frame + 1).step_by(WINDOW_FRAMES);
+            for (position, history_entry) in row_positions.iter_mut().zip(next_entries) {
+                *position = *history_entry;
             }
             for (moves, &force) in script.row_moves.iter().zip(&*port_forces) {
                 if force != 0.0 {
                     ports::add_response(row_positions, moves, force);
                 }
             }
-            let seen_next = seen.iter_mut().skip(present + 1).step_by(WINDOW_FRAMES);
-            for (position, seen) in row_positions.iter().zip(seen_next) {
-                *seen = *position;
+            let next_entries = row_history.iter_mut().skip(window_frame + 1).step_by(WINDOW_FRAMES);
+            for (position, history_entry) in row_positions.iter().zip(next_entries) {
+                *history_entry = *position;
             }
             for (group, motion) in furthest_motions.iter_mut().enumerate() {
                 for (port, &force) in port_forces.iter().enumerate() {
@@ -112,33 +112,35 @@ impl RunningModal {
             return;
         }
         let n_ports = port_forces.len();
-        window_forces[present * n_ports..][..n_ports].copy_from_slice(port_forces);
+        window_forces[window_frame * n_ports..][..n_ports].copy_from_slice(port_forces);
         *has_window_forces = true;
         let port_responses = script.responses.chunks(row_positions.len() * FRAMES_AHEAD);
         for (responses, &force) in port_responses.zip(&*port_forces) {
             if force == 0.0 {
                 continue;
             }
-            let seen_rows = seen.chunks_mut(WINDOW_FRAMES).zip(responses.chunks(FRAMES_AHEAD));
-            for (seen, response) in seen_rows {
-                ports::add_response(&mut seen[present + 1..=until], response, force);
+            let window_rows = row_history
+                .chunks_mut(WINDOW_FRAMES)
+                .zip(responses.chunks(FRAMES_AHEAD));
+            for (window_row, response) in window_rows {
+                ports::add_response(&mut window_row[window_frame + 1..=window_end], response, force);
             }
         }
     }
 
     /// Advance a group from frame `from` of the window, one frame ahead of it, to frame `to`, with the pushes in
     /// between.
-    pub(super) fn replay(&self, group: usize, motion: &mut Motion, from: usize, to: usize) {
+    pub(super) fn replay(&self, group: usize, motion: &mut Motion, start_frame: usize, end_frame: usize) {
         let group_rates = if self.is_damped {
             &self.damped_rates
         } else {
             &self.script.rates
         };
         let group_rates = &group_rates[group];
-        let mut frames_done = from;
+        let mut frames_done = start_frame;
         if self.has_window_forces {
             let n_ports = self.port_forces.len();
-            for frame in from..to {
+            for frame in start_frame..end_frame {
                 let port_forces = &self.window_forces[frame * n_ports..][..n_ports];
                 if port_forces.iter().all(|force| *force == 0.0) {
                     continue;
@@ -152,7 +154,7 @@ impl RunningModal {
                 }
             }
         }
-        follow(group_rates, motion, &[], to - frames_done, &mut [], 0);
+        follow(group_rates, motion, &[], end_frame - frames_done, &mut [], 0);
     }
 
     /// The motion of a group at the end of the window, with all pushes so far.

@@ -57,10 +57,10 @@ impl Script {
                 .map(|row| lanes(modes, group, |mode| row[mode]))
                 .collect()
         };
-        let group_gains = |group, half: usize| -> Vec<Lanes> {
+        let group_gains = |group, step_index: usize| -> Vec<Lanes> {
             let ports = 0..plan.ports.len();
             ports
-                .map(|port| lanes(modes, group, |mode| plan.port_gain(port, mode)[half]))
+                .map(|port| lanes(modes, group, |mode| plan.port_gain(port, mode)[step_index]))
                 .collect()
         };
         let n_back_groups = if plan.complex_responses.is_some() {
@@ -91,10 +91,10 @@ impl Script {
         let struck_point = &self.plan.struck_points[point_index];
         let (_, frame_fraction, impulse) = struck_point.strikes[blow_index];
         let (rate, time_step) = (self.plan.rate, self.plan.rate.step());
-        if let Some(answers) = &self.plan.complex_responses {
-            for (mode, answer) in answers.struck_responses[point_index].iter().enumerate() {
+        if let Some(complex_responses) = &self.plan.complex_responses {
+            for (mode, response) in complex_responses.struck_responses[point_index].iter().enumerate() {
                 let mode_kick =
-                    answer.split(impulse, frame_fraction, rate)[usize::from(is_second_step)] * time_step * time_step;
+                    response.split(impulse, frame_fraction, rate)[usize::from(is_second_step)] * time_step * time_step;
                 kicks[mode / LANES].0[mode % LANES] = mode_kick;
             }
             return;

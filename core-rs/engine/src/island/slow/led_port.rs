@@ -57,7 +57,10 @@ impl RunningSlow {
                 0.25 * pull_velocity * (1.0 - kick_interval),
                 0.5 * pull_velocity * (1.0 - kick_interval),
             ],
-            (since, false) => [pull_velocity * (f64::from(since) - 0.5 * kick_interval), pull_velocity],
+            (frames_since_kick, false) => [
+                pull_velocity * (f64::from(frames_since_kick) - 0.5 * kick_interval),
+                pull_velocity,
+            ],
             (_, true) => [0.0, 0.0],
         }
     }

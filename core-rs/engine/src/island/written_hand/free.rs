@@ -320,7 +320,14 @@ impl FreeKey {
     }
 
     /// Position of the struck MAT at frame `to`, from `motion` at frame `n`, with one strike at frame `n` [m].
-    fn position_after_strike(&self, motion: &FreeMotion, n: u64, to: u64, force: f64, buffers: &mut Buffers) -> f64 {
+    fn position_after_strike(
+        &self,
+        motion: &FreeMotion,
+        n: u64,
+        target_frame: u64,
+        force: f64,
+        buffers: &mut Buffers,
+    ) -> f64 {
         let Buffers {
             trial_motion,
             laws,
@@ -330,8 +337,8 @@ impl FreeKey {
         } = buffers;
         trial_motion.copy_motion(motion);
         let stop_frame = match frame_powers {
-            Some(_) if to - n >= frame_powers::FRAMES_MIN => n + 1,
-            _ => to,
+            Some(_) if target_frame - n >= frame_powers::FRAMES_MIN => n + 1,
+            _ => target_frame,
         };
         for frame in n..stop_frame {
             if (frame - n).is_multiple_of(POLL_FRAMES) {
@@ -340,25 +347,32 @@ impl FreeKey {
             self.sum_forces(trial_motion, frame, laws, targets);
             self.strike_and_move(trial_motion, frame, if frame == n { force } else { 0.0 }, targets);
         }
-        if let Some(frame_powers) = frame_powers.as_mut().filter(|_| stop_frame < to) {
-            frame_powers.advance(self, trial_motion, to - stop_frame, laws, targets);
+        if let Some(frame_powers) = frame_powers.as_mut().filter(|_| stop_frame < target_frame) {
+            frame_powers.advance(self, trial_motion, target_frame - stop_frame, laws, targets);
         }
         trial_motion.body.x[self.struck_mat]
     }
 
     /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 if no force can (after a multiple of
     /// half the key's period).
-    pub(crate) fn force_to_arrive(&self, motion: &FreeMotion, n: u64, to: u64, x: f64, buffers: &mut Buffers) -> f64 {
-        let (mut f0, mut y0) = (0.0, self.position_after_strike(motion, n, to, 0.0, buffers));
+    pub(crate) fn force_to_arrive(
+        &self,
+        motion: &FreeMotion,
+        n: u64,
+        target_frame: u64,
+        x: f64,
+        buffers: &mut Buffers,
+    ) -> f64 {
+        let (mut f0, mut y0) = (0.0, self.position_after_strike(motion, n, target_frame, 0.0, buffers));
         // A first guess as for a free mass: F·T²/m·steps = distance.
-        let frame_count = (to - n) as f64;
+        let frame_count = (target_frame - n) as f64;
         let first_guess = (x - y0) / (frame_count * self.scheme.w[self.struck_mat]);
         if first_guess == 0.0 {
             return 0.0;
         }
         let (mut f1, mut y1) = (
             first_guess,
-            self.position_after_strike(motion, n, to, first_guess, buffers),
+            self.position_after_strike(motion, n, target_frame, first_guess, buffers),
         );
         if (y1 - y0).abs() <= EFFECT_MIN * (x - y0).abs() {
             return 0.0;
@@ -372,7 +386,7 @@ impl FreeKey {
                 return f;
             }
             (f0, y0) = (f1, y1);
-            (f1, y1) = (f, self.position_after_strike(motion, n, to, f, buffers));
+            (f1, y1) = (f, self.position_after_strike(motion, n, target_frame, f, buffers));
             if (y1 - x).abs() <= 1e-12 + 4.0 * f64::EPSILON * x.abs() {
                 break;
             }

@@ -125,7 +125,7 @@ enum Request {
     /// Be at x at the next frame.
     Pass(f64),
     /// Be struck once, to pass x at frame `to`.
-    Aim { to: u64, x: f64 },
+    Aim { arrival_frame: u64, x: f64 },
 }
 
 /// The parts of the scene that a voice reads and changes.
@@ -360,7 +360,7 @@ impl Voice {
         let target_frame = n + 1;
         let request_time = target_frame as f64 / rate;
         if let Some(joining) = &running.joining_curve {
-            if request_time < joining.end {
+            if request_time < joining.end_time {
                 return Some(Request::Pass(joining.curve.evaluate(request_time).0));
             }
             running.joining_curve = None;
@@ -398,7 +398,7 @@ impl Voice {
                     let request_time = (landing_frame as f64 / rate).min(path.stop());
                     running.strike_target = path.evaluate_from(&mut running.path_cursor, request_time).0;
                     Some(Request::Aim {
-                        to: landing_frame,
+                        arrival_frame: landing_frame,
                         x: running.strike_target,
                     })
                 }
@@ -410,7 +410,7 @@ impl Voice {
             } if n >= running.strike_end_frame.max(*strike_frame) => {
                 (running.strike_end_frame, running.strike_target) = (*landing_frame, *x);
                 Some(Request::Aim {
-                    to: *landing_frame,
+                    arrival_frame: *landing_frame,
                     x: *x,
                 })
             }

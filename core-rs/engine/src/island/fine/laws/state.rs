@@ -192,8 +192,8 @@ impl LawState {
     /// Extrapolate the forces of the last parts to the next.
     pub(super) fn extrapolate_forces(&mut self, laws: &LawScript) {
         let near_guess = laws.extrapolation.map(|row| dot(&row, &self.stage_forces));
-        let far_guess = self.previous_forces.map_or(near_guess, |before| {
-            let by_before = laws.extrapolation_from_previous.map(|row| dot(&row, &before));
+        let far_guess = self.previous_forces.map_or(near_guess, |previous_forces| {
+            let by_before = laws.extrapolation_from_previous.map(|row| dot(&row, &previous_forces));
             let by_last = laws.extrapolation_from_last.map(|row| dot(&row, &self.stage_forces));
             std::array::from_fn(|stage| by_before[stage] + by_last[stage])
         });
@@ -218,7 +218,8 @@ impl LawState {
             self.bristle_at_end = bent_bristles.bristle_at_end;
             // A rate at one instant bends the bristles at all later instants.
             let unmet_slope = |stage: usize, column: usize| {
-                let slope_product = |from: usize| bent_bristles.slopes[stage][from] * by_v[from][column];
+                let slope_product =
+                    |source_stage: usize| bent_bristles.slopes[stage][source_stage] * by_v[source_stage][column];
                 identity_entry(stage, column) - rate * (0..STAGES).map(slope_product).sum::<f64>()
             };
             return (bent_bristles.force, square(unmet_slope));
@@ -241,10 +242,10 @@ impl LawState {
         match stage_laws[0].kind {
             Kind::Lnl { law, .. } => {
                 // The law at the start of the frame takes the last place.
-                let place = |stage_values: &StageValues, start: f64| -> Places {
+                let with_start = |stage_values: &StageValues, start: f64| -> Places {
                     std::array::from_fn(|place| stage_values.get(place).copied().unwrap_or(start))
                 };
-                let (d, v) = (place(e, self.start_motion[0]), place(v, self.start_motion[1]));
+                let (d, v) = (with_start(e, self.start_motion[0]), with_start(v, self.start_motion[1]));
                 let tangents = law.tangents(&d, &v, &mut self.scratch);
                 let gate_opening = stage_laws[0].gate_opening;
                 self.start_force = gate_opening * tangents.force[PLACES - 1];
@@ -304,14 +305,15 @@ impl BristleBend {
             stage_laws[stage].gate_opening
                 * bristles[stage].force_at_relaxation(stage_bends[stage], v[stage], relaxation_rates[stage])
         };
-        let stage_slope = |stage: usize, from: usize| {
+        let stage_slope = |stage: usize, source_stage: usize| {
             let deflection = (0..STAGES)
-                .map(|inner_stage| decay_matrix[stage][inner_stage] * h * INTEGRAL_WEIGHTS[inner_stage][from]);
-            let deflection = deflection.sum::<f64>() * rate_slopes[from];
+                .map(|inner_stage| decay_matrix[stage][inner_stage] * h * INTEGRAL_WEIGHTS[inner_stage][source_stage]);
+            let deflection = deflection.sum::<f64>() * rate_slopes[source_stage];
             let bristles = &bristles[stage];
             let by_deflection = bristles.stiffness - bristles.damping * relaxation_rates[stage];
-            let by_rate = bristles.damping * rate_slopes[from] + bristles.viscosity;
-            stage_laws[stage].gate_opening * (by_deflection * deflection + identity_entry(stage, from) * by_rate)
+            let by_rate = bristles.damping * rate_slopes[source_stage] + bristles.viscosity;
+            stage_laws[stage].gate_opening
+                * (by_deflection * deflection + identity_entry(stage, source_stage) * by_rate)
         };
         Some(Self {
             force: std::array::from_fn(stage_force),

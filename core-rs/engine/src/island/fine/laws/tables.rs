@@ -202,12 +202,12 @@ impl Script {
     /// `from`.
     pub(in crate::island::fine) fn elongation_response(
         &self,
-        [to, from]: [(usize, usize); 2],
+        [moved_ends, pushed_ends]: [(usize, usize); 2],
         instants: [&Instant; 2],
     ) -> [f64; 2] {
         let mut response = [0.0; 2];
-        for (sign_to, to) in [(-1.0, to.0), (1.0, to.1)] {
-            for (sign_from, from) in [(1.0, from.0), (-1.0, from.1)] {
+        for (sign_to, to) in [(-1.0, moved_ends.0), (1.0, moved_ends.1)] {
+            for (sign_from, from) in [(1.0, pushed_ends.0), (-1.0, pushed_ends.1)] {
                 let [x, v] = self.joint_response([from, to], instants);
                 response[0] += sign_to * sign_from * x;
                 response[1] += sign_to * sign_from * v;
@@ -217,13 +217,17 @@ impl Script {
     }
 
     /// Response of one joint's position [m/N·s] and velocity [m/frame per N·s] to an impulse on another.
-    fn joint_response(&self, [from, to]: [usize; 2], [start, end]: [&Instant; 2]) -> [f64; 2] {
+    fn joint_response(
+        &self,
+        [pushed_joint, moved_joint]: [usize; 2],
+        [push_instant, response_instant]: [&Instant; 2],
+    ) -> [f64; 2] {
         let n_instants = self.basis.n_polynomials();
         let mut response = [0.0; 2];
-        let joint_moves = &self.path_responses[from * self.joints.len() + to];
-        for (row, share) in joint_moves.chunks(n_instants).zip(&start.value) {
-            response[0] += share * dot(row, &end.value);
-            response[1] += share * dot(row, &end.slope);
+        let joint_moves = &self.path_responses[pushed_joint * self.joints.len() + moved_joint];
+        for (row, share) in joint_moves.chunks(n_instants).zip(&push_instant.value) {
+            response[0] += share * dot(row, &response_instant.value);
+            response[1] += share * dot(row, &response_instant.slope);
         }
         response
     }

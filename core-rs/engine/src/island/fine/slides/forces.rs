@@ -170,7 +170,7 @@ impl FineLinks {
                 let push_velocities = compliance_row
                     .iter()
                     .zip(slides)
-                    .map(|(by, other)| by * other.stage_forces[0]);
+                    .map(|(compliance, other)| compliance * other.stage_forces[0]);
                 let v = slides[slide_index].free_velocities[0] + push_velocities.sum::<f64>();
                 let friction_level = self.friction(frame, (slide_index, s)).level(v);
                 let stopping = slides[slide_index].stage_forces[0] - v / compliance_row[slide_index];

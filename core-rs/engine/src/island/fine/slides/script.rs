@@ -139,8 +139,8 @@ impl Integrals {
             return integrals;
         }
         for (outer, outer_integrals) in integrals.iter_mut().enumerate() {
-            for (since, inner_weights) in self.times_since[outer].iter().zip(&self.weights[outer]) {
-                let response_since = dot(response, &since.value);
+            for (time_since, inner_weights) in self.times_since[outer].iter().zip(&self.weights[outer]) {
+                let response_since = dot(response, &time_since.value);
                 for (integral, weight) in outer_integrals.iter_mut().zip(inner_weights) {
                     *integral += response_since * weight;
                 }

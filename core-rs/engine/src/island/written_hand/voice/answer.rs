@@ -42,7 +42,7 @@ impl Voice {
         let force_limit = manner.force_limit();
         let (requested_position, target_frame) = match *request {
             Request::Pass(x) => (x, n + 1),
-            Request::Aim { to, x } => (x, to),
+            Request::Aim { arrival_frame: to, x } => (x, to),
         };
         let source = gesture.ergon_source(&mut running.point_cursor, target_frame);
         if target_frame == n + 1 {
@@ -162,7 +162,7 @@ impl Voice {
             (Request::Pass(x), Touch::Tracked) => {
                 kernel::force_to_reach(scene.scheme, scene.body, script.struck_mat, x)
             }
-            (Request::Aim { to: arrival_frame, x }, touch) => {
+            (Request::Aim { arrival_frame, x }, touch) => {
                 if touch == Touch::Tracked {
                     // Aim from the position of the scene's key, with its loads.
                     for (key_mat, &scene_mat) in free_key.scene_mats.iter().enumerate() {

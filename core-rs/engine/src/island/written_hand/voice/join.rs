@@ -13,17 +13,17 @@ const JOINING_SECONDS_MIN: f64 = 5e-3;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Joining {
     pub(super) curve: Quintic,
-    pub(super) end: f64,
+    pub(super) end_time: f64,
 }
 
 crate::archive::option!(Joining, optional);
-crate::archive::state!(Joining { curve, end });
+crate::archive::state!(Joining { curve, end_time });
 
 impl Joining {
     fn new(from: Knot, to: Knot) -> Self {
         Self {
             curve: Quintic::joining(from, to),
-            end: to.t,
+            end_time: to.t,
         }
     }
 }

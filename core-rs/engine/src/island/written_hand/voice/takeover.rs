@@ -28,23 +28,24 @@ impl VoiceTakeover {
 /// Pairs of equal gestures of two voices: old and new, rising.
 pub(crate) fn equal_gestures(
     (script, gestures): (&VoiceScript, &[FramedGesture]),
-    (other_script, others): (&VoiceScript, &[FramedGesture]),
+    (other_script, other_gestures): (&VoiceScript, &[FramedGesture]),
 ) -> Vec<(usize, usize)> {
-    let mut by_start: HashMap<u64, Vec<usize>> = HashMap::new();
+    let mut indices_by_start: HashMap<u64, Vec<usize>> = HashMap::new();
     for &gesture_index in &script.gesture_indices {
         let start_bits = gestures[gesture_index].gesture.start.to_bits();
-        by_start.entry(start_bits).or_default().push(gesture_index);
+        indices_by_start.entry(start_bits).or_default().push(gesture_index);
     }
     let mut gesture_pairs = Vec::new();
-    for &other in &other_script.gesture_indices {
-        let Some(same_start) = by_start.get_mut(&others[other].gesture.start.to_bits()) else {
+    for &other_index in &other_script.gesture_indices {
+        let Some(same_start) = indices_by_start.get_mut(&other_gestures[other_index].gesture.start.to_bits()) else {
             continue;
         };
-        if let Some(match_index) = same_start
-            .iter()
-            .position(|&gesture_index| gestures[gesture_index].gesture.is_same(&others[other].gesture))
-        {
-            gesture_pairs.push((other, same_start.remove(match_index)));
+        if let Some(match_index) = same_start.iter().position(|&gesture_index| {
+            gestures[gesture_index]
+                .gesture
+                .is_same(&other_gestures[other_index].gesture)
+        }) {
+            gesture_pairs.push((other_index, same_start.remove(match_index)));
         }
     }
     gesture_pairs.sort_unstable();
