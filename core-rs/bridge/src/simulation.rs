@@ -209,7 +209,7 @@ impl Simulation {
             .energy()
             .ok_or_else(|| module_error("energy", "the simulation was made without ledger=True"))?;
         Ok(Energy {
-            start: energy_ledger.start_energy,
+            start: energy_ledger.start,
             stored: energy_ledger.stored,
             injected: energy_ledger.injected,
             lost: energy_ledger.lost,

@@ -48,7 +48,7 @@ pub(crate) enum Kind {
     },
     /// A law with constants that follow MATs.
     Followed {
-        followed_law: Followed,
+        law: Followed,
         /// As for `Lnl`.
         rate: f64,
         /// Index of the law with the current values of its constants.
@@ -284,7 +284,9 @@ impl Scheme {
     pub(crate) fn drop_softening_laws(&mut self) {
         self.runs.retain(|run| match &run.kind {
             Kind::Lnl { law, .. } => !law.is_bounded_far_from_rest(),
-            Kind::Followed { followed_law, .. } => !followed_law.corners().all(|law| law.is_bounded_far_from_rest()),
+            Kind::Followed { law: followed_law, .. } => {
+                !followed_law.corners().all(|law| law.is_bounded_far_from_rest())
+            }
             _ => true,
         });
     }

@@ -123,15 +123,8 @@ impl Assembled {
             };
             let steps_limit = island_cut.bodies.iter().any(steps_over).then_some(1);
             let timeline = &island_cut.timeline.timeline;
-            let hub_within = |steps_max| {
-                certified_hub(
-                    &island_cut.hub.network,
-                    timeline,
-                    budget,
-                    steps_max,
-                    RefusalDetail::VerdictOnly,
-                )
-            };
+            let (network, detail) = (&island_cut.hub.network, RefusalDetail::VerdictOnly);
+            let hub_within = |steps_max| certified_hub(network, timeline, budget, steps_max, detail);
             match steps_limit
                 .map_or_else(|| hub_within(steps_max), hub_within)
                 .or_else(|_| hub_within(steps_max))

@@ -32,11 +32,7 @@ enum Stiffening {
 
 impl Stiffening {
     fn from_kind(kind: &Kind) -> Option<Self> {
-        if let Kind::Followed {
-            followed_law: following,
-            ..
-        } = kind
-        {
+        if let Kind::Followed { law: following, .. } = kind {
             let corner_laws: Vec<Law> = following.corners().collect();
             let rest_slopes = corner_laws.iter().map(|law| law.slope(0.0));
             let slope_at_rest = rest_slopes.fold(0.0, f64::max);

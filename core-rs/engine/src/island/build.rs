@@ -59,7 +59,7 @@ pub struct Options {
 }
 
 impl Island {
-    /// A network at frame 0 of its timeline: its numbers, where everything begins, who plays, who watches.
+    /// A network at frame 0 of its timeline: its scheme, its initial state, its players and its monitors.
     pub(crate) fn new(
         network: Arc<Network>,
         timeline: &Timeline,
@@ -101,12 +101,7 @@ impl Island {
         let strike_points = strike_points(timeline);
         let (sound_drives, input_signals) = sound_drives(&timeline.drives);
         // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
-        let fine_link_ends = |mat| {
-            matter
-                .fine_links
-                .as_ref()
-                .map_or(0, |fine_links| fine_links.link_ends_on(mat))
-        };
+        let fine_link_ends = |mat| matter.fine_links.as_ref().map_or(0, |links| links.link_ends_on(mat));
         let pushes = pushes(&network, timeline, |mat| network.degree(mat) == fine_link_ends(mat));
         let state = State {
             frame: 0,

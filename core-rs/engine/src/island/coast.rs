@@ -4,6 +4,8 @@
 //! The result is the same to the last bit as that of ordinary steps; only the test whether a finely computed contact
 //! may close has a slightly wider margin.
 
+use std::ops::Range;
+
 use super::energy_account;
 use super::fault::Fault;
 use super::fine::OPEN_MARGIN;
@@ -58,19 +60,12 @@ impl Island {
         has_only_strikes && is_constant && is_unwatched
     }
 
-    /// Coast while no contact closes, from one step of a block to another at most; returns the number of steps.
-    pub(super) fn coast(
-        &mut self,
-        outputs: &mut StepOutputs<'_>,
-        start_step: usize,
-        end_step: usize,
-    ) -> Result<usize, Fault> {
+    /// Coast over steps of a block for as long as no contact closes; returns the number of steps.
+    pub(super) fn coast(&mut self, outputs: &mut StepOutputs<'_>, steps: Range<usize>) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
         let mut fine_links = state.matter.fine_links.as_mut();
-        let has_later_force = fine_links
-            .as_ref()
-            .is_some_and(|fine_links| fine_links.has_later_force());
+        let has_later_force = fine_links.as_ref().is_some_and(|links| links.has_later_force());
         if has_later_force || !are_contacts_open(scheme, &state.matter.body) {
             return Ok(0);
         }
@@ -86,9 +81,9 @@ impl Island {
             energy_rise.map(|_| energy_rise::EnergyRise::steps_to_check(first_step)),
             gains.map(|_| first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step),
         ];
-        let look_steps = check_steps.into_iter().flatten().map(|steps| steps as usize);
-        let coast_steps = steps_ahead.chain(look_steps);
-        let coast_steps = coast_steps.fold(steps_to_event.min(end_step - start_step), usize::min);
+        let check_steps = check_steps.into_iter().flatten().map(|steps| steps as usize);
+        let coast_steps = steps_ahead.chain(check_steps);
+        let coast_steps = coast_steps.fold(steps_to_event.min(steps.len()), usize::min);
         if coast_steps < COAST_STEPS_MIN {
             return Ok(0);
         }
@@ -99,18 +94,15 @@ impl Island {
         while steps_done < coast_steps && is_bounded {
             let body = &mut state.matter.body;
             if steps_done >= open_until_step {
-                let stays_open = fine_links
-                    .as_ref()
-                    .is_none_or(|fine_links| fine_links.stays_open(scheme, body));
+                let stays_open = fine_links.as_ref().is_none_or(|links| links.stays_open(scheme, body));
                 if !stays_open || !are_contacts_open(scheme, body) {
                     break;
                 }
                 if steps_done >= next_bound_attempt && !has_bodies {
-                    let swing = |mat| motion_bounds(scheme, body, mat);
+                    let bounds = |mat| motion_bounds(scheme, body, mat);
                     let fine_links = fine_links.as_ref();
-                    if cannot_close(scheme, swing)
-                        && fine_links
-                            .is_none_or(|fine_state| fine_state.cannot_close(scheme, swing, MOTION_BOUND_SLACK))
+                    if cannot_close(scheme, bounds)
+                        && fine_links.is_none_or(|links| links.cannot_close(scheme, bounds, MOTION_BOUND_SLACK))
                     {
                         open_until_step = steps_done + BOUND_STEPS;
                     }
@@ -118,14 +110,14 @@ impl Island {
                 }
             }
             if steps_done == 0 {
-                fine_links.iter_mut().for_each(|fine_state| fine_state.set_open(body));
+                fine_links.iter_mut().for_each(|links| links.set_open(body));
                 for run in &scheme.runs {
                     // With the sign of zero that an open contact's force has.
                     body.link[run.links()].fill(0.0 * contact_law(run).map_or(0.0, But::sign));
                 }
             }
             let island_step = first_step + steps_done as u64;
-            if let Some(output_row) = outputs.row(start_step + steps_done) {
+            if let Some(output_row) = outputs.row(steps.start + steps_done) {
                 kernel::tap(scheme, body, output_row);
                 for running_body in &state.matter.bodies {
                     running_body.add_outputs_ahead(steps_done, output_row);

@@ -182,7 +182,7 @@ impl Island {
         let touches_part = |first_a: usize, first_b: usize, len: usize| {
             [first_a, first_b]
                 .iter()
-                .any(|&first| is_muted[first..first + len].contains(&true))
+                .any(|&mat| is_muted[mat..mat + len].contains(&true))
         };
         let mut is_link_cut = vec![false; scheme.n_lia];
         let run_touches_part = |run: &crate::scheme::Run| {
@@ -196,9 +196,8 @@ impl Island {
         };
         let all_runs = scheme.runs.iter().chain(&scheme.exact_runs);
         for run in all_runs.filter(|run| run_touches_part(run)) {
-            let link_range = run.first..run.first + run.len;
-            state.matter.body.link[link_range.clone()].fill(0.0);
-            is_link_cut[link_range].fill(true);
+            state.matter.body.link[run.links()].fill(0.0);
+            is_link_cut[run.links()].fill(true);
         }
         scheme.runs.retain(|run| !run_touches_part(run));
         let spring_touches_part = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
@@ -215,7 +214,7 @@ impl Island {
         if state.parameters.changing_scheme.is_some() {
             state.parameters.changing_scheme = Some(scheme.with_changing_coefficients());
         }
-        if let Some(fine_state) = &mut state.matter.fine_links {
+        if let Some(fine_links) = &mut state.matter.fine_links {
             let mut retained_bodies = 0;
             let new_body_indices: Vec<Option<usize>> = (state.matter.bodies.iter())
                 .map(|body| {
@@ -224,17 +223,13 @@ impl Island {
                     stays.then(|| retained_bodies - 1)
                 })
                 .collect();
-            for link in fine_state.remove_parts(&is_muted, &new_body_indices) {
+            for link in fine_links.remove_parts(&is_muted, &new_body_indices) {
                 state.matter.body.link[link] = 0.0;
                 is_link_cut[link] = true;
             }
         }
-        for body in state
-            .matter
-            .bodies
-            .iter()
-            .filter(|body| body.touches_part(&is_muted, part))
-        {
+        let is_on_part = |body: &&bodies::RunningBody| body.touches_part(&is_muted, part);
+        for body in state.matter.bodies.iter().filter(is_on_part) {
             for output in body.outputs() {
                 state.monitors.muted_parts.fade_starts[output as usize].get_or_insert(mute_frame);
             }
@@ -248,16 +243,11 @@ impl Island {
         state.players.port_states.retain(|_| is_retained.next().unwrap_or(true));
         drop(is_retained);
         script.port_bindings.retain(|port| !ends_on_part(port));
-        let ends_on_part = |drive: &Drive| {
-            let port = drive.port();
-            is_muted[drive.mat] || port.is_some_and(|port| is_muted[port.key])
-        };
+        let ends_on_part = |drive: &Drive| is_muted[drive.mat] || drive.port().is_some_and(|port| is_muted[port.key]);
         script.drives.retain(|drive| !ends_on_part(drive));
         let mut is_retained = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
-        state
-            .players
-            .input_signals
-            .retain(|_| is_retained.next().unwrap_or(true));
+        let input_signals = &mut state.players.input_signals;
+        input_signals.retain(|_| is_retained.next().unwrap_or(true));
         drop(is_retained);
         script.sound_drives.retain(|drive| !is_muted[drive.mat]);
         let mut is_retained = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);

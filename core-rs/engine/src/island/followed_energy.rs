@@ -35,7 +35,11 @@ impl FrameEnergies {
 /// MATs.
 pub(super) fn following_law(run: &Run) -> Option<(&Followed, f64)> {
     match &run.kind {
-        Kind::Followed { followed_law, rate, .. } => Some((followed_law, *rate)),
+        Kind::Followed {
+            law: followed_law,
+            rate,
+            ..
+        } => Some((followed_law, *rate)),
         _ => None,
     }
 }

@@ -15,7 +15,7 @@ use crate::timeline::Gate;
 #[derive(Clone, Copy, Debug)]
 pub struct Energy {
     /// At frame 0.
-    pub start_energy: f64,
+    pub start: f64,
     /// Now, in masses and links.
     pub stored: f64,
     /// Work of hands, strikes, weights and imposed points.
@@ -35,7 +35,7 @@ impl std::ops::Add for Energy {
 
     fn add(self, other: Self) -> Self {
         Self {
-            start_energy: self.start_energy + other.start_energy,
+            start: self.start + other.start,
             stored: self.stored + other.stored,
             injected: self.injected + other.injected,
             lost: self.lost + other.lost,
@@ -114,20 +114,20 @@ crate::archive::state!(Ledger {
 fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
     let elongation_now = run.elongation(i, |mat| body.x[mat]);
     if run.n_axes() > 1 {
-        let yielded = permanent_stretch(run, body, i);
+        let permanent_stretch = permanent_stretch(run, body, i);
         let elongation_before = run.elongation(i, |mat| body.x[mat] - body.d[mat]);
-        return (elongation_now - yielded, elongation_before - yielded);
+        return (
+            elongation_now - permanent_stretch,
+            elongation_before - permanent_stretch,
+        );
     }
     (elongation_now, elongation_now - (body.d[run.b + i] - body.d[run.a + i]))
 }
 
 /// How much the rest length of the i-th link of a run has grown.
 fn permanent_stretch(run: &Run, body: &Body, i: usize) -> f64 {
-    if run.has_permanent_stretch() {
-        body.memory[run.first + i]
-    } else {
-        0.0
-    }
+    let memory = run.has_permanent_stretch().then(|| body.memory[run.first + i]);
+    memory.unwrap_or(0.0)
 }
 
 /// The stiffness that the links of a run share: now, and one step ago.
@@ -264,14 +264,12 @@ impl Ledger {
         // A proxy that moves along its masses does work against the force on it.
         let moving_proxies = scheme.proxies.iter().filter(|proxy| proxy.is_moving());
         for proxy in moving_proxies.filter(|_| finer_travel.is_none()) {
-            let masses_travel = proxy.sum(|mat| body.x[mat] - body.d[mat], s);
-            let proxy_travel = s(proxy.mat) - masses_travel;
+            let proxy_travel = s(proxy.mat) - proxy.sum(|mat| body.x[mat] - body.d[mat], s);
             self.injected.add(-0.5 * proxy_travel * body.force[proxy.mat]);
         }
-        let mut neighbour_rooms = self.neighbour_buffers.iter_mut();
+        let mut neighbour_buffers = self.neighbour_buffers.iter_mut();
         let mut law_buffers = self.law_buffers.iter_mut();
         for run in all_runs(scheme) {
-            let is_plain_spring = is_spring(run);
             let [open_now, open_next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
             let [tension_next, tension_now] = shared_stiffnesses(run, body);
             if let Some((bristle_law, _)) = run.bristle() {
@@ -286,10 +284,10 @@ impl Ledger {
                 continue;
             }
             if let Some(pair_run) = run.pairwise() {
-                let Some(pair_room) = neighbour_rooms.next() else {
+                let Some(pair_buffer) = neighbour_buffers.next() else {
                     continue;
                 };
-                let [potential_next, potential_now] = pair_energy::potentials(&pair_run, run.k, pair_room, body);
+                let [potential_next, potential_now] = pair_energy::potentials(&pair_run, run.k, pair_buffer, body);
                 let stored_energy = 0.5 * (open_next * potential_next + open_now * potential_now);
                 let energy_rise = stored_energy - self.link_energies[run.first];
                 self.link_energies[run.first] = stored_energy;
@@ -297,7 +295,7 @@ impl Ledger {
                 let steps_before = if finer_travel.is_some() { &body.d } else { &d };
                 let frame_steps: [&[f64]; 2] = [steps_before, &body.d];
                 let history = &body.histories[run.slot()];
-                let pair_work = pair_energy::work(&pair_run, k_and_z, pair_room, body, frame_steps, history);
+                let pair_work = pair_energy::work(&pair_run, k_and_z, pair_buffer, body, frame_steps, history);
                 self.lost.add(pair_work.total - pair_work.elastic);
                 if finer_travel.is_none() {
                     self.produced.add(energy_rise - pair_work.elastic);
@@ -315,34 +313,32 @@ impl Ledger {
                     let (e_next, e) = elongation(run, body, i);
                     let e_before = run.elongation(i, |mat| position_at_force(mat) - d[mat]);
                     let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
-                    let energies = FrameEnergies::new(law_buffer, rate, [e_before, e, e_next], frame_stretch);
-                    let stored_before =
-                        std::mem::replace(&mut self.link_energies[run.first + i], energies.stored_after);
-                    self.injected.add(energies.stored_before - stored_before); // the law has changed
+                    let energy = FrameEnergies::new(law_buffer, rate, [e_before, e, e_next], frame_stretch);
+                    let energy_before = std::mem::replace(&mut self.link_energies[run.first + i], energy.stored_after);
+                    self.injected.add(energy.stored_before - energy_before); // the law has changed
                     if finer_travel.is_some() {
-                        self.lost.add(energies.damping_force * frame_stretch);
+                        self.lost.add(energy.damping_force * frame_stretch);
                         continue;
                     }
                     let stretch = 0.5 * run.stretch(i, position_at_force, s);
-                    let elastic_work = stretch * energies.elastic_force;
+                    let elastic_work = stretch * energy.elastic_force;
                     self.lost.add(stretch * body.link[run.first + i] - elastic_work);
                     self.produced
-                        .add(energies.stored_after - energies.stored_before - elastic_work);
+                        .add(energy.stored_after - energy.stored_before - elastic_work);
                 }
                 continue;
             }
             for i in 0..run.len {
                 let stretch = run.stretch(i, position_at_force, s);
-                if is_plain_spring {
+                if is_spring(run) {
                     if run.z != 0.0 {
                         self.lost.add(0.25 * run.z * stretch * stretch);
                     }
                     continue;
                 }
                 let (e_next, e) = elongation(run, body, i);
-                let stored_energy = 0.5
-                    * (open_next * link_energy(run, tension_next, e_next)
-                        + open_now * link_energy(run, tension_now, e));
+                let energy_next = open_next * link_energy(run, tension_next, e_next);
+                let stored_energy = 0.5 * (energy_next + open_now * link_energy(run, tension_now, e));
                 if permanent_stretch(run, body, i).is_infinite() {
                     self.lost.add(self.link_energies[run.first + i]);
                     self.link_energies[run.first + i] = 0.0;
@@ -361,8 +357,8 @@ impl Ledger {
                 self.link_energies[run.first + i] = stored_energy;
                 if finer_travel.is_some() {
                     let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
-                    self.lost
-                        .add(open_now * run.damping_force(e, frame_stretch) * frame_stretch);
+                    let damping_force = open_now * run.damping_force(e, frame_stretch);
+                    self.lost.add(damping_force * frame_stretch);
                     continue;
                 }
                 let link_work = 0.5 * stretch * body.link[run.first + i];
@@ -416,7 +412,7 @@ impl Ledger {
         let (start, stored) = (self.start, self.stored_energy(scheme, body));
         let (injected, lost, produced) = (self.injected.value(), self.lost.value(), self.produced.value());
         Energy {
-            start_energy: start,
+            start,
             stored,
             injected,
             lost,

@@ -58,7 +58,7 @@ impl Island {
                 poll_at = steps_done + poll_interval;
             }
             if may_coast {
-                steps_done += self.coast(&mut outputs, steps_done, step_count)?;
+                steps_done += self.coast(&mut outputs, steps_done..step_count)?;
             }
             if may_skip_events {
                 let skip_span = (steps_done, step_count.min(steps_done + poll_interval));

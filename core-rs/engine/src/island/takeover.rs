@@ -161,10 +161,8 @@ impl Island {
             }
             ItemTakeover::Hand(old_index, new_index) => {
                 self.state.players.hand_states[new_index] = old.state.players.hand_states[old_index].clone();
-                let (mat, old_mat) = (
-                    self.script.hand_bindings[new_index].mat(),
-                    old.script.hand_bindings[old_index].mat(),
-                );
+                let mat = self.script.hand_bindings[new_index].mat();
+                let old_mat = old.script.hand_bindings[old_index].mat();
                 self.state.matter.body.x[mat] = old.state.matter.body.x[old_mat];
                 self.state.matter.body.d[mat] = old.state.matter.body.d[old_mat];
             }
@@ -194,15 +192,19 @@ impl Island {
                 }
             }
             ItemTakeover::Part(old_index, new_index) => {
-                let is_muted =
-                    |island: &Self, part| island.state.monitors.muted_parts.iter().any(|(muted, _)| muted == part);
-                if is_muted(old, old_index) && !is_muted(self, new_index) {
+                if old.has_muted(old_index) && !self.has_muted(new_index) {
                     // A muted part stays muted in the next version.
                     self.mute(new_index, self.state.frame);
                 }
             }
             ItemTakeover::Voice(_) | ItemTakeover::Body(..) => {}
         }
+    }
+
+    /// Whether a part is muted.
+    fn has_muted(&self, part: usize) -> bool {
+        let mut muted_parts = self.state.monitors.muted_parts.iter();
+        muted_parts.any(|(muted_part, _)| muted_part == part)
     }
 
     /// Position of a MAT [m], and its step in a frame of the scene [m].

@@ -96,7 +96,12 @@ pub(crate) fn followed(scheme: &Scheme) -> Vec<Law> {
     let scheme_runs = scheme.runs.iter();
     let mut followed_laws: Vec<Law> = Vec::new();
     for run in scheme_runs {
-        if let Kind::Followed { followed_law, slot, .. } = &run.kind {
+        if let Kind::Followed {
+            law: followed_law,
+            slot,
+            ..
+        } = &run.kind
+        {
             // Entries below this index belong to runs that the scheme no longer has; they get any law.
             followed_laws.resize(followed_laws.len().max(slot + 1), followed_law.law().clone());
             followed_laws[*slot] = followed_law.law().clone();

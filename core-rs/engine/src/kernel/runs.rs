@@ -66,16 +66,12 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
                     }
                 }
             }
-            Kind::Followed {
-                followed_law,
-                rate,
-                slot,
-            } => {
-                let law = &mut laws.followed[*slot];
-                followed_law.set(law, |mat| body.x[mat]);
+            Kind::Followed { law, rate, slot } => {
+                let current_law = &mut laws.followed[*slot];
+                law.set(current_law, |mat| body.x[mat]);
                 let Ends { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
-                    link_force[i] = law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
+                    link_force[i] = current_law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
                 }
             }
             // Dry friction is solved later, with the exact contacts; links in space are already computed above.

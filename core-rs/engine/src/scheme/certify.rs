@@ -76,7 +76,11 @@ fn weighted_stiffness(run: &Run, c: f64) -> f64 {
         Kind::Bristle { law, rate } => run.k + c * law.with(run.k, run.z).steepest_damping() * rate,
         Kind::Lnl { law, rate, .. } => law_weight(law, *rate, c),
         // The stiffest law that it can become: each constant at one end of its range.
-        Kind::Followed { followed_law, rate, .. } => {
+        Kind::Followed {
+            law: followed_law,
+            rate,
+            ..
+        } => {
             let weights = followed_law.corners().map(|law| law_weight(&law, *rate, c));
             weights.fold(0.0, |greatest, corner_weight| {
                 if corner_weight > greatest || corner_weight.is_nan() {

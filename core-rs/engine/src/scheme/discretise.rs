@@ -177,7 +177,7 @@ impl ScratchSlots {
                 slot: self.slot_of(law),
             },
             LinkKind::Followed(followed) => Kind::Followed {
-                followed_law: followed.clone(),
+                law: followed.clone(),
                 rate: velocity_factor,
                 slot: next_slot(&mut self.n_followed),
             },

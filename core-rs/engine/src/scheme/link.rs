@@ -102,7 +102,11 @@ impl Run {
             Kind::But(_) => Some([0.0, self.z]),
             Kind::Bristle { law, rate } => Some([self.k, law.damping_at_rest() * rate]),
             Kind::Lnl { law, rate, .. } => Some([law.slope(0.0), law.damping_slope(0.0) * rate]),
-            Kind::Followed { followed_law, rate, .. } => {
+            Kind::Followed {
+                law: followed_law,
+                rate,
+                ..
+            } => {
                 let law = followed_law.law();
                 Some([law.slope(0.0), law.damping_slope(0.0) * rate])
             }

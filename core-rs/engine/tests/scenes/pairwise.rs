@@ -148,7 +148,7 @@ fn pairwise_contacts_equal_single_links() {
         assert!(largest(&apart) < 1e-9, "{seed}: {}", largest(&apart));
         let [single, listed] = [single, listed].map(|one| one.energy().unwrap());
         for (single, listed) in [
-            (single.start_energy, listed.start_energy),
+            (single.start, listed.start),
             (single.stored, listed.stored),
             (single.lost, listed.lost),
             (single.produced, listed.produced),
@@ -285,10 +285,7 @@ fn ball_stays_within_a_sphere() {
     }
     assert!((0.1..0.104).contains(&farthest), "{farthest}");
     let energy = simulation.energy().unwrap();
-    assert!(
-        (energy.stored - energy.start_energy).abs() < 0.05 * energy.start_energy,
-        "{energy:?}"
-    );
+    assert!((energy.stored - energy.start).abs() < 0.05 * energy.start, "{energy:?}");
 }
 
 #[test]

@@ -18,10 +18,8 @@ impl Takeover {
         let mut voices_by_name: HashMap<(String, bool), Vec<OldVoice<'_>>> = HashMap::new();
         for &(old_unit, island, island_plan) in &old_side.islands {
             for (old_voice_index, voice_script) in island.script().voices.iter().enumerate() {
-                let voice_name = (
-                    island_plan.network.mat_name(voice_script.struck_mat),
-                    voice_script.is_layer,
-                );
+                let struck_name = island_plan.network.mat_name(voice_script.struck_mat);
+                let voice_name = (struck_name, voice_script.is_layer);
                 voices_by_name
                     .entry(voice_name)
                     .or_default()
@@ -32,10 +30,8 @@ impl Takeover {
             let island_script = island.script();
             let takeover_step = island.step_at(n);
             for (new_voice_index, voice_script) in island_script.voices.iter().enumerate() {
-                let voice_name = (
-                    island_plan.network.mat_name(voice_script.struck_mat),
-                    voice_script.is_layer,
-                );
+                let struck_name = island_plan.network.mat_name(voice_script.struck_mat);
+                let voice_name = (struck_name, voice_script.is_layer);
                 let Some(candidates) = voices_by_name.get_mut(&voice_name) else {
                     continue;
                 };
@@ -62,28 +58,20 @@ impl Takeover {
                     |mat| island_plan.network.mat_name(mat),
                     |mat| old_plan.network.mat_name(mat),
                 );
-                let mat_pairs =
-                    if voice_script
-                        .free_key
-                        .is_compatible_with(&old_voice.free_key, new_name_of, old_name_of)
-                        && (island_plan.oversampling, island_plan.frame_interval)
-                            == (old_plan.oversampling, old_plan.frame_interval)
-                    {
-                        None
-                    } else {
-                        let old_members: HashMap<String, usize> = old_voice
-                            .free_key
-                            .scene_mats
-                            .iter()
-                            .map(|&mat| old_name_of(mat))
-                            .zip(0..)
-                            .collect();
-                        let members = voice_script.free_key.scene_mats.iter().enumerate();
-                        let index_pair = |(new_member, &mat): (usize, &usize)| {
-                            Some((new_member, *old_members.get(&new_name_of(mat))?))
-                        };
-                        Some(members.filter_map(index_pair).collect())
-                    };
+                let (free_key, old_key) = (&voice_script.free_key, &old_voice.free_key);
+                let mat_pairs = if free_key.is_compatible_with(old_key, new_name_of, old_name_of)
+                    && (island_plan.oversampling, island_plan.frame_interval)
+                        == (old_plan.oversampling, old_plan.frame_interval)
+                {
+                    None
+                } else {
+                    let old_mats = old_key.scene_mats.iter().map(|&mat| old_name_of(mat));
+                    let old_members: HashMap<String, usize> = old_mats.zip(0..).collect();
+                    let members = free_key.scene_mats.iter().enumerate();
+                    let index_pair =
+                        |(new_member, &mat): (usize, &usize)| Some((new_member, *old_members.get(&new_name_of(mat))?));
+                    Some(members.filter_map(index_pair).collect())
+                };
                 let begun_gestures = gesture_pairs
                     .iter()
                     .filter(|index_pair| old.gestures[index_pair.0].join_frame <= takeover_step);
