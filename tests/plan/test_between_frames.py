@@ -160,3 +160,36 @@ def test_string_on_twelve_point_obstacle_within_error(masses: int, contact: tupl
     )
     (plan,) = audit.look("bridge", text, (-80.0,), plain=False).plans
     assert plan.render_error <= -80.0
+
+
+@pytest.mark.parametrize("rate", [8000, 12000])
+def test_strike_on_mode_at_multiple_of_half_the_rate(rate: int):
+    """Samples of a mode of 12 kHz are 0 at these rates. The contact is near, but stays open at
+    first, so the sound is that of the body alone, whose modes are exact."""
+
+    def sound(modules: str) -> np.ndarray:
+        text = (
+            f"ergon: 1\nrates: {{audio: {rate}Hz}}\ninstruments:\n  s:\n    modules:\n"
+            "      skin: {MODES: {M: 0.15kg, f: [100Hz, 2950Hz, 12kHz], t60: [0.2s, 0.1s, 0.5s],"
+            " places: {struck: [1, 1, 1]}}}\n"
+            f"{modules}    out: {{SOX: skin.struck}}\n"
+            "strikes: {k: {to: s.skin.struck, at: 50ms, impulse: 1Ns}}\n"
+            "render: {bits: float, tail: 0.1s}\n"
+        )
+        piece = load("scene.yaml", text=text).piece
+        assert piece is not None
+        stage = prepare(piece)
+        stage.timeline.open()
+        plan = _core.Plan(stage.network, stage.timeline, cents=3.0)
+        simulation = _core.Simulation(stage.network, stage.timeline, plan=plan)
+        frames = np.empty((rate * 52 // 1000, simulation.n_out))
+        simulation.process(frames)
+        return frames
+
+    alone = sound("")
+    beside_hammer = sound(
+        "      hammer: {CEL: {M: 30g, f: 2.5Hz, t60: 0.15s}}\n"
+        "      contact: {BUT: {between: [hammer, skin.struck], K: 5.8e6, exponent: 1.77, "
+        "gap: 0.3mm}}\n"
+    )
+    assert abs(beside_hammer - alone).max() <= 1e-9 * abs(alone).max()

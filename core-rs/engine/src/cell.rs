@@ -10,7 +10,7 @@ mod tests;
 
 pub(crate) use response::{Response, recurrence};
 
-use std::f64::consts::{LN_10, TAU};
+use std::f64::consts::{LN_10, PI, TAU};
 
 use crate::maths::{asin, cos, exp, expm1, log1p, sin, sqrt};
 use crate::units::Rate;
@@ -25,6 +25,9 @@ const BACKWARD_DECAY_MAX: f64 = 25.0;
 /// The difference of two products that are nearly equal loses digits: with poles at least this far apart [1/step], no
 /// more than four of sixteen.
 const FACTORS_SPREAD_MIN: f64 = 1e-4;
+/// The sine of ωT divides where two samples give the motion between them. From here on the quotient keeps ten digits of
+/// sixteen, and a frequency that is moved to it moves by no more than 2e-7 of the rate.
+const SAMPLE_SINE_MIN: f64 = 1e-6;
 
 /// A CEL's parameters in the discrete scheme: κ = K/M and ζ = Z/M.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,6 +78,17 @@ impl Ratios {
 pub fn tune(f: f64, t60: Option<f64>, rate: Rate) -> Ratios {
     let time_step = rate.step();
     Ratios::from_poles(decay(t60) * time_step, TAU * f * time_step)
+}
+
+/// `omega` [rad/s], moved down if it is so near a multiple of half the rate that two samples of the motion do not
+/// determine what it does between them.
+pub(crate) fn resolvable_omega(omega: f64, rate: Rate) -> f64 {
+    let half_turns = (omega * rate.step() / PI).round();
+    let nearest_multiple = half_turns * PI;
+    if half_turns == 0.0 || (omega * rate.step() - nearest_multiple).abs() >= SAMPLE_SINE_MIN {
+        return omega;
+    }
+    (nearest_multiple - SAMPLE_SINE_MIN) * rate.hertz()
 }
 
 /// A continuous CEL.
@@ -152,6 +166,19 @@ impl Cell {
     /// Viscosity z [N·s/m].
     pub fn viscosity(&self) -> f64 {
         2.0 * self.mass * self.sigma
+    }
+
+    /// This cell with a frequency whose samples at `rate` determine the motion between them: [`resolvable_omega`].
+    pub(crate) fn resolvable_at(self, rate: Rate) -> Self {
+        match self.poles {
+            Poles::Oscillating { omega } => Self {
+                poles: Poles::Oscillating {
+                    omega: resolvable_omega(omega, rate),
+                },
+                ..self
+            },
+            Poles::Overdamped { .. } => self,
+        }
     }
 
     /// κ and ζ whose poles at `rate` are exactly those of this cell, for any damping.

@@ -196,7 +196,7 @@ fn oscillator_bank(
             responses: if modes.is_discrete {
                 Vec::new()
             } else {
-                let mode_cells = chosen_modes.iter().map(|&mode| modes.cell(mode));
+                let mode_cells = chosen_modes.iter().map(|&mode| modes.resolvable_cell(mode, rate));
                 mode_cells.map(Response::Cell).collect()
             },
             share: chosen_modes.iter().map(|&mode| shape[mode]).collect(),

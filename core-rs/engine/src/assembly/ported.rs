@@ -383,7 +383,7 @@ fn is_discrete(network: &Network, body: &Body) -> bool {
 }
 
 fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
-    let (mode_ratios, mode_cell) = (modes.ratios(mode, rate), modes.cell(mode));
+    let (mode_ratios, mode_cell) = (modes.ratios(mode, rate), modes.resolvable_cell(mode, rate));
     Mode {
         a: 2.0 - mode_ratios.kappa - mode_ratios.zeta,
         b: 1.0 - mode_ratios.zeta,

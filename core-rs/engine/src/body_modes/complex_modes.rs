@@ -12,6 +12,7 @@ use std::ops::Range;
 use crate::body_modes::constants::{ANGLE_MIN, COUPLING_NONE, DAMPED_MASSES_MAX};
 use crate::body_modes::linear::{Damper, Linear, NoModes};
 use crate::body_modes::normal_modes::Row;
+use crate::cell::resolvable_omega;
 use crate::network::Network;
 use crate::spectrum::all_eigenvalues;
 use crate::units::Rate;
@@ -122,6 +123,11 @@ impl ComplexModes {
                         _ => blocks::add(&mut complex_modes, &coordinates, damping, &block)?,
                     }
                 }
+            }
+        }
+        for pole in &mut complex_modes.poles {
+            if let Pole::Pair { omega, .. } = pole {
+                *omega = resolvable_omega(*omega, rate);
             }
         }
         complex_modes.sort();

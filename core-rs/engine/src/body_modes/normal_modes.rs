@@ -152,6 +152,11 @@ impl Modes {
         Cell::new(1.0, self.lambda[mode], self.zeta[mode])
     }
 
+    /// The same, such that its samples determine the motion between them.
+    pub(crate) fn resolvable_cell(&self, mode: usize, rate: Rate) -> Cell {
+        self.cell(mode).resolvable_at(rate)
+    }
+
     /// κ and ζ of a mode in discrete time.
     pub(crate) fn ratios(&self, mode: usize, rate: Rate) -> Ratios {
         if self.is_discrete {
@@ -160,7 +165,7 @@ impl Modes {
                 zeta: self.zeta[mode],
             }
         } else {
-            self.cell(mode).ratios(rate)
+            self.resolvable_cell(mode, rate).ratios(rate)
         }
     }
 
@@ -170,7 +175,7 @@ impl Modes {
         if self.is_discrete {
             x - v * rate.step()
         } else {
-            x - self.cell(mode).last_step(x, v, 0.0, rate)
+            x - self.resolvable_cell(mode, rate).last_step(x, v, 0.0, rate)
         }
     }
 

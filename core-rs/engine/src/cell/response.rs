@@ -1,6 +1,8 @@
 //! The response of one coordinate of a linear body to an impulse, given as displacements at two samples. From then on
 //! the recurrence x[n+1] = a·x[n] − b·x[n−1] runs through the samples of the continuous motion.
 
+use std::f64::consts::TAU;
+
 use super::{BACKWARD_DECAY_MAX, Cell, Ratios};
 use crate::maths::{cos, exp, sin, sqrt};
 use crate::units::Rate;
@@ -104,6 +106,15 @@ impl Response {
             Self::Pair { decay, omega, .. } => sqrt(decay * decay + omega * omega),
             Self::Real { decay, .. } => decay,
             Self::Free { .. } => 0.0,
+        }
+    }
+
+    /// The angle by which it turns in a frame [rad]; 0 if it does not oscillate.
+    pub(crate) fn pole_angle(&self, rate: Rate) -> f64 {
+        match *self {
+            Self::Cell(cell) => TAU * cell.frequency() * rate.step(),
+            Self::Pair { omega, .. } => omega * rate.step(),
+            Self::Real { .. } | Self::Free { .. } => 0.0,
         }
     }
 

@@ -234,3 +234,22 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn resolvable_cells_at_multiples_of_half_the_rate() {
+    let rate = rate(8_000.0);
+    for (f, is_moved) in [(4_000.0, true), (12_000.0, true), (3_999.9, false), (1e-4, false)] {
+        let cell = Cell::tuned(1.0, f, Some(0.1));
+        let moved_cell = cell.resolvable_at(rate);
+        assert_eq!(moved_cell != cell, is_moved, "{f} Hz");
+        assert!((moved_cell.frequency() - f).abs() <= 2e-7 * rate.hertz());
+        // From two samples of its free motion after an impulse: what it does in the middle between them.
+        let (now, next) = (moved_cell.response(rate.step()), moved_cell.response(2.0 * rate.step()));
+        let (by_now, by_next) = moved_cell.interpolation(0.5, rate);
+        let exact = moved_cell.response(1.5 * rate.step());
+        assert!(
+            (by_now * now + by_next * next - exact).abs() <= 1e-8 * exact.abs(),
+            "{f} Hz"
+        );
+    }
+}

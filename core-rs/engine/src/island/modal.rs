@@ -48,6 +48,9 @@ pub(crate) struct RunningModal {
     /// What impulses between frames have still to add to the modes.
     pending_kicks: Vec<Lanes>,
     has_pending_kicks: bool,
+    /// What the strikes of this frame add to the modes at the next, and whether there are any.
+    strike_kicks: Vec<Lanes>,
+    has_strike_kicks: bool,
     instant_tables: Option<InstantTables>,
     port_forces: Vec<f64>,
     /// Positions of the rows at the next frame, while they are pushed   (n_rows)
@@ -119,6 +122,8 @@ impl RunningModal {
             kicks: vec![Lanes::ZERO; group_count],
             pending_kicks: vec![Lanes::ZERO; group_count],
             has_pending_kicks: false,
+            strike_kicks: vec![Lanes::ZERO; group_count],
+            has_strike_kicks: false,
             instant_tables: None,
             port_forces: vec![0.0; plan.ports.len()],
             row_positions: vec![0.0; n_rows],
@@ -216,9 +221,12 @@ impl RunningModal {
 
     /// Apply the strikes of frame `n`, so that contacts know where the ports go with them.
     pub(crate) fn apply_strikes(&mut self, n: u64, body: &mut Body) {
-        let is_due = |due_blow: &&StrikeStep| due_blow.0 <= n;
-        let due_blow = self.script.strike_steps.get(self.next_strike_index).filter(is_due);
-        if due_blow.is_none() && !self.has_pending_kicks {
+        if std::mem::take(&mut self.has_strike_kicks) {
+            self.strike_kicks.fill(Lanes::ZERO);
+        }
+        let is_due = |strike_step: &&StrikeStep| strike_step.0 <= n;
+        let due_step = self.script.strike_steps.get(self.next_strike_index).filter(is_due);
+        if due_step.is_none() && !self.has_pending_kicks {
             return;
         }
         self.restart_window();
@@ -228,10 +236,17 @@ impl RunningModal {
             self.pending_kicks.fill(Lanes::ZERO);
             self.has_pending_kicks = false;
         }
-        while let Some(&due_blow) = self.script.strike_steps.get(self.next_strike_index).filter(is_due) {
+        while let Some(&due_step) = self.script.strike_steps.get(self.next_strike_index).filter(is_due) {
             self.next_strike_index += 1;
-            self.script.add_kicks(due_blow, &mut self.kicks);
+            self.script.add_kicks(due_step, &mut self.kicks);
             self.apply_kicks();
+            // What the second step of a strike adds makes the motion free from its frame on.
+            if let (.., false) = due_step {
+                for (strike_kick, kick) in self.strike_kicks.iter_mut().zip(&self.kicks) {
+                    ports::add(strike_kick, kick, 1.0);
+                }
+                self.has_strike_kicks = true;
+            }
         }
         self.set_ports(body);
     }

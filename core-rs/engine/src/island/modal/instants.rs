@@ -1,5 +1,7 @@
 //! A body between two frames: positions of its ports at instants of a frame, and effects of impulses at such instants.
 
+use std::f64::consts::PI;
+
 use super::{RunningModal, WINDOW_FRAMES, lanes};
 use crate::cell::{Cell, Response};
 use crate::kernel::bank::{LANES, Lanes};
@@ -12,6 +14,9 @@ pub(super) struct InstantTables {
     /// Weights of a mode's position now and at the next frame that give its position at each instant   (n_groups; modes
     /// of the group, 2, n padded)
     interpolation: Vec<Vec<f64>>,
+    /// Corrections of these weights for what strikes within the frame add to the position at the next frame, and 0
+    /// (n_groups; modes of the group, 2, n padded)
+    strike_paths: Vec<Vec<f64>>,
     /// Displacement of a mode at the next frame by an impulse at each instant, and what has to be added at the one
     /// after so that the motion is exact from then on   (n_groups, n); for complex modes, for each port   (n_ports,
     /// n_groups, n)
@@ -19,6 +24,11 @@ pub(super) struct InstantTables {
 }
 
 const UNIT_LANES: Lanes = Lanes([1.0; LANES]);
+
+/// Faster modes move by a strike in a straight line to the next frame. What two samples say of the motion between them
+/// holds for free motion: of a strike in the middle of a frame, it would be many times too large for modes near a
+/// multiple of half the rate, and up to 1.2 times below this [rad/frame].
+const STRUCK_ANGLE_MAX: f64 = 2.0 * PI / 3.0;
 
 impl RunningModal {
     /// Make tables for instants of a frame, 0 to 1; only for continuous modes.
@@ -35,6 +45,18 @@ impl RunningModal {
                 for ((weight_now, weight_next), &instant) in weight_now.iter_mut().zip(weight_next).zip(instants) {
                     (*weight_now, *weight_next) = mode_response.interpolation(instant, rate);
                 }
+            }
+            weights
+        };
+        let strike_path = |mode: usize| {
+            let mut weights = interpolation(mode);
+            let is_fast = plan
+                .response(mode)
+                .is_some_and(|response| response.pole_angle(rate) > STRUCK_ANGLE_MAX);
+            let (corrections, next_weights) = weights.split_at_mut(n_instants.next_multiple_of(PADDING));
+            for ((correction, next_weight), &instant) in corrections.iter_mut().zip(next_weights).zip(instants) {
+                *correction = if is_fast { instant - *next_weight } else { 0.0 };
+                *next_weight = 0.0;
             }
             weights
         };
@@ -57,6 +79,10 @@ impl RunningModal {
             interpolation: group_range
                 .clone()
                 .map(|group| members(group).flat_map(interpolation).collect())
+                .collect(),
+            strike_paths: group_range
+                .clone()
+                .map(|group| members(group).flat_map(strike_path).collect())
                 .collect(),
             kick_table: (0..n_tables)
                 .map(|port| {
@@ -155,6 +181,16 @@ impl RunningModal {
         {
             // The motions are one frame ahead: their `before` is the present.
             ports::add_path(&rows[port], table, &motion.before, &motion.now, positions);
+        }
+        if self.has_strike_kicks {
+            for ((strike_kick, table), rows) in self
+                .strike_kicks
+                .iter()
+                .zip(&instant_tables.strike_paths)
+                .zip(&self.script.row_shapes)
+            {
+                ports::add_path(&rows[port], table, strike_kick, &Lanes::ZERO, positions);
+            }
         }
     }
 
