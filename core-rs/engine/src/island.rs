@@ -240,7 +240,7 @@ impl Island {
     }
 
     /// Whether a contact that is computed finely has been closed.
-    pub(crate) fn has_touched(&self) -> bool {
+    pub(crate) fn has_closed_fine_contact(&self) -> bool {
         self.state
             .matter
             .fine_links

@@ -293,7 +293,7 @@ impl Scheme {
 
     /// Whether the scheme is stable without its damping; if so, a refusal means that only the damping is too strong.
     pub(crate) fn is_stable_undamped(&self, network: &Network) -> bool {
-        certify::bears_springs(self, network)
+        certify::is_stable_undamped(self, network)
     }
 
     /// The stability certificate; `refusal_detail` says how much is computed if the scheme is unstable.

@@ -370,7 +370,7 @@ fn part_plan(part: &ModeSequence) -> Mode {
     Mode {
         a,
         b,
-        gain: 0.0,
+        displacement_per_newton: 0.0,
         start_amplitude: part.now,
         previous_amplitude: part.before,
         cell: None,
@@ -387,7 +387,7 @@ fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
     Mode {
         a: 2.0 - mode_ratios.kappa - mode_ratios.zeta,
         b: 1.0 - mode_ratios.zeta,
-        gain: if modes.is_discrete {
+        displacement_per_newton: if modes.is_discrete {
             1.0
         } else {
             rate.step() * mode_cell.response(rate.step())

@@ -27,13 +27,13 @@ impl Island {
         let mut archive = Archive::Read(bytes);
         self.state.archive(&mut archive)?;
         self.sleep_monitor.archive(&mut archive)?;
-        self.foresee();
+        self.refresh_next_event();
         self.resume_computing();
         if archive.is_empty() { Ok(()) } else { Err(Damaged) }
     }
 
     /// Find the next event again: events from here on may differ from those of the writer.
-    fn foresee(&mut self) {
+    fn refresh_next_event(&mut self) {
         let next_step = self.state.frame;
         let next_due = self.next_event_step(next_step);
         if let Some(energy_rise) = &mut self.state.monitors.energy_rise {

@@ -78,8 +78,8 @@ impl Island {
         if !options.ledger {
             fuse_springs(&mut scheme, &network, &voice_scripts, timeline);
         }
-        let energy_gains = energy_gains(timeline, &scheme, springs, options);
-        let energy_rise = energy_rise(&network, timeline, &scheme, &matter, options);
+        let energy_gains = build_energy_gains(timeline, &scheme, springs, options);
+        let energy_rise = build_energy_rise(&network, timeline, &scheme, &matter, options);
         let led_links = super::glide::bind_leads(&mut scheme, &network, timeline);
         let glides = super::glide::build_glides(&network, timeline, &scheme)?;
         matter.laws = build_laws(&scheme, options);
@@ -139,7 +139,7 @@ impl Island {
             gestures,
             voices: voice_scripts,
             pushes,
-            ergons: ergons(timeline),
+            ergons: ergons_by_frame(timeline),
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
             glides,
@@ -222,7 +222,7 @@ fn start_matter(
         }
     }
     kernel::proxies::join(scheme, &mut body); // bodies have moved their ports
-    let fine_links = fine_links(fine_runs, scheme, network, &mut bodies, steps, timeline);
+    let fine_links = build_fine_links(fine_runs, scheme, network, &mut bodies, steps, timeline);
     Ok(Matter {
         laws: Laws::new(scheme),
         body,
@@ -264,7 +264,7 @@ fn build_guard(
 }
 
 /// Accounts of links that may create energy; `springs` are those that were there before some were fused.
-fn energy_gains(
+fn build_energy_gains(
     timeline: &Timeline,
     scheme: &Scheme,
     mut springs: Vec<Run>,
@@ -278,7 +278,7 @@ fn energy_gains(
 }
 
 /// The account of the island's whole energy.
-fn energy_rise(
+fn build_energy_rise(
     network: &Network,
     timeline: &Timeline,
     scheme: &Scheme,
@@ -302,7 +302,7 @@ fn build_laws(scheme: &Scheme, options: Options) -> Laws {
 }
 
 /// Ergons by rising frame.
-fn ergons(timeline: &Timeline) -> Vec<(u64, Ergon)> {
+fn ergons_by_frame(timeline: &Timeline) -> Vec<(u64, Ergon)> {
     let timeline_ergons = timeline.ergons.iter();
     let mut timeline_ergons: Vec<_> = timeline_ergons
         .map(|ergon| (timeline.frame(ergon.instant), *ergon))
@@ -344,7 +344,7 @@ fn fuse_springs(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript],
 }
 
 /// Contacts and laws that are computed finer than a frame.
-fn fine_links(
+fn build_fine_links(
     fine_runs: Vec<Run>,
     scheme: &Scheme,
     network: &Network,

@@ -132,7 +132,7 @@ impl EnergyGains {
         self.link_accounts
             .retain(|link_account| link_stays(link_account.a, link_account.b));
         self.checked_links.retain(|link| link_stays(link.run.a, link.run.b));
-        self.pair_gains.take_if(|pairs| pairs.touches(mats));
+        self.pair_gains.take_if(|pairs| pairs.has_end_among(mats));
         self.restart();
     }
 
@@ -196,13 +196,13 @@ impl Island {
         let watched_links = checked_links.filter_map(|link| Some((link.run.first, link.worst_gain?)));
         let pair_gains = state.monitors.energy_gains.iter().filter_map(|gains| {
             let pair_gains = gains.pair_gains.as_ref()?;
-            Some((pair_gains.first_link(), pair_gains.worst()?))
+            Some((pair_gains.first_link(), pair_gains.worst_gain()?))
         });
         let fine_gain = state
             .matter
             .fine_links
             .iter()
-            .filter_map(|fine_links| fine_links.stepped_points().worst());
+            .filter_map(|fine_links| fine_links.stepped_points().worst_gain());
         let mut account_gains = watched_links.chain(pair_gains).chain(fine_gain).peekable();
         let worst_rise = match account_gains.peek() {
             Some(_) => None,
@@ -210,7 +210,7 @@ impl Island {
                 .monitors
                 .energy_rise
                 .as_ref()
-                .and_then(|energy_rise| energy_rise.worst()),
+                .and_then(|energy_rise| energy_rise.worst_gain()),
         };
         account_gains.chain(worst_rise)
     }
@@ -229,8 +229,8 @@ impl Island {
         let state = &self.state;
         let fine_state = state.matter.fine_links.as_ref();
         let energy_rise = state.monitors.energy_rise.as_ref();
-        fine_state.is_some_and(|fine_state| fine_state.stepped_points().worst().is_some())
-            || energy_rise.is_some_and(|energy_rise| energy_rise.worst().is_some())
+        fine_state.is_some_and(|fine_state| fine_state.stepped_points().worst_gain().is_some())
+            || energy_rise.is_some_and(|energy_rise| energy_rise.worst_gain().is_some())
     }
 
     /// Number of links and bodies that created energy.

@@ -44,7 +44,7 @@ pub(super) struct EnergyRise {
     first_energy: f64,
     least_energy: f64,
     /// The sum of the absolute energies of all its parts at that check [J].
-    energy_size: f64,
+    energy_scale: f64,
     /// The rise at which links were last computed finer [J].
     refined_rise: f64,
     /// The first step in which an event may fall on the island, as known at the last check.
@@ -59,7 +59,7 @@ crate::archive::option!(Box<EnergyRise>, fixed);
 crate::archive::state!(EnergyRise {
     first_energy,
     least_energy,
-    energy_size,
+    energy_scale,
     refined_rise,
     next_event_step,
     worst_gain,
@@ -70,13 +70,13 @@ crate::archive::state!(EnergyRise {
 #[derive(Clone, Copy, Debug, Default)]
 struct EnergyTotal {
     energy_sum: f64,
-    size: f64,
+    absolute_sum: f64,
 }
 
 impl EnergyTotal {
     fn add(&mut self, energy: f64) {
         self.energy_sum += energy;
-        self.size += energy.abs();
+        self.absolute_sum += energy.abs();
     }
 }
 
@@ -125,7 +125,7 @@ impl EnergyRise {
             rate,
             first_energy: f64::NAN,
             least_energy: f64::NAN,
-            energy_size: 0.0,
+            energy_scale: 0.0,
             refined_rise: 0.0,
             next_event_step: 0,
             worst_gain: None,
@@ -146,7 +146,7 @@ impl EnergyRise {
     }
 
     /// The most energy that was created, and the link that pushed most then.
-    pub(super) fn worst(&self) -> Option<(usize, EnergyGain)> {
+    pub(super) fn worst_gain(&self) -> Option<(usize, EnergyGain)> {
         Some((self.worst_link, self.worst_gain?))
     }
 
@@ -159,15 +159,18 @@ impl EnergyRise {
     /// `had_no_event`.
     fn energy_gain(&mut self, energy_total: EnergyTotal, had_no_event: bool, n: u64) -> Option<EnergyGain> {
         if !had_no_event || self.first_energy.is_nan() {
-            (self.first_energy, self.least_energy, self.energy_size) =
-                (energy_total.energy_sum, energy_total.energy_sum, energy_total.size);
+            (self.first_energy, self.least_energy, self.energy_scale) = (
+                energy_total.energy_sum,
+                energy_total.energy_sum,
+                energy_total.absolute_sum,
+            );
             self.refined_rise = 0.0;
             return None;
         }
         self.least_energy = self.least_energy.min(energy_total.energy_sum);
         Some(EnergyGain {
             created_energy: energy_total.energy_sum - self.least_energy,
-            reference_energy: self.energy_size,
+            reference_energy: self.energy_scale,
             step: n,
         })
     }

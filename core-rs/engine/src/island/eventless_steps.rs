@@ -20,7 +20,8 @@ impl Island {
         has_only_links && is_unbound && self.has_only_events()
     }
 
-    /// Compute steps from `start` up to the next event, the next check of accounts or `end`; returns their number.
+    /// Compute steps from `start_step` up to the next event, the next check of accounts or `end_step`; returns their
+    /// number.
     pub(super) fn skip_events(
         &mut self,
         outputs: &mut StepOutputs<'_>,

@@ -15,12 +15,12 @@ pub(super) struct PairWork {
 
 /// Energy of all pairs of stiffness `k` [J]: now, and a step before.
 pub(super) fn potentials(run: &PairRun, k: f64, neighbours: &mut Neighbours, body: &Body) -> [f64; 2] {
-    let energy_before = potential(run, k, neighbours, |mat| body.x[mat] - body.d[mat]);
-    [potential(run, k, neighbours, |mat| body.x[mat]), energy_before]
+    let energy_before = potential_energy(run, k, neighbours, |mat| body.x[mat] - body.d[mat]);
+    [potential_energy(run, k, neighbours, |mat| body.x[mat]), energy_before]
 }
 
 /// Energy of all pairs of stiffness `k` at positions `x` [J].
-pub(super) fn potential(run: &PairRun, k: f64, neighbours: &mut Neighbours, x: impl Fn(usize) -> f64) -> f64 {
+pub(super) fn potential_energy(run: &PairRun, k: f64, neighbours: &mut Neighbours, x: impl Fn(usize) -> f64) -> f64 {
     let mut energy_sum = 0.0;
     let pair_law = &run.pairs.link.law;
     neighbours.touching(run, x, |_, e, _| energy_sum += pair_law.potential(k, e));

@@ -1,7 +1,7 @@
 //! Energy that contacts of all pairs of points create: one account for all of an island.
 
 use super::energy_account::{EnergyAccount, EnergyGain};
-use super::pair_energy::{friction_energy, potential};
+use super::pair_energy::{friction_energy, potential_energy};
 use crate::kernel::Neighbours;
 use crate::maths::wide::wide;
 use crate::network::PairRun;
@@ -88,7 +88,7 @@ impl PairEnergyGains {
         self.pair_contacts[0].first_link
     }
 
-    pub(super) fn worst(&self) -> Option<EnergyGain> {
+    pub(super) fn worst_gain(&self) -> Option<EnergyGain> {
         self.worst_gain
     }
 
@@ -100,7 +100,7 @@ impl PairEnergyGains {
     }
 
     /// Whether any of the marked MATs (n_mat) is an end of these contacts.
-    pub(super) fn touches(&self, mats: &[bool]) -> bool {
+    pub(super) fn has_end_among(&self, mats: &[bool]) -> bool {
         let mut mat_spans = self.pair_contacts.iter().flat_map(|contacts| contacts.run.spans());
         mat_spans.any(|span| mats[span].iter().any(|&is_marked| is_marked))
     }
@@ -205,8 +205,8 @@ fn pair_energy(pair_contacts: &mut [PairContacts], [x, d]: [&[f64]; 2]) -> f64 {
             neighbours,
             ..
         } = contacts;
-        0.5 * (potential(run, *stiffness, neighbours, |mat| x[mat])
-            + potential(run, *stiffness, neighbours, |mat| x[mat] - d[mat]))
+        0.5 * (potential_energy(run, *stiffness, neighbours, |mat| x[mat])
+            + potential_energy(run, *stiffness, neighbours, |mat| x[mat] - d[mat]))
     };
     pair_contacts.iter_mut().map(pair_energy).sum()
 }

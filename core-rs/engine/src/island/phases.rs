@@ -208,7 +208,7 @@ impl Frame<'_, '_> {
         kernel::slide_bristles(scheme, &mut matter.body);
         kernel::rest(scheme, &mut matter.body);
         if let Some(fine_links) = &matter.fine_links {
-            fine_links.rest_held(scheme, &mut matter.body);
+            fine_links.stop_held_masses(scheme, &mut matter.body);
         }
         Moved {
             is_plausible: finer_plausible.unwrap_or(is_plausible) && are_bodies_bounded,

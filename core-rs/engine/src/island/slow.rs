@@ -167,7 +167,7 @@ impl Slow {
 impl RunningSlow {
     /// Whether its springs are linear, and pull by their exact flow.
     pub(crate) fn is_linear(&self) -> bool {
-        self.springs.block().is_some()
+        self.springs.exact_block().is_some()
     }
 
     /// The body at frame 0, where the steps of its ports in `body` already contain all but the slow springs.
@@ -192,7 +192,7 @@ impl RunningSlow {
             spring_block.begin();
         }
         Self {
-            last_kick: if springs.block().is_some() {
+            last_kick: if springs.exact_block().is_some() {
                 vec![0.0; x.len()]
             } else {
                 kick
@@ -224,13 +224,13 @@ impl RunningSlow {
 
     /// The motion of all its MATs at this frame, for [`Self::motion`].
     pub(crate) fn present_state(&self) -> PresentState {
-        let spring_block = self.springs.block();
+        let spring_block = self.springs.exact_block();
         spring_block.map_or_else(PresentState::default, |spring_block| spring_block.present_state())
     }
 
     /// Position of one of its MATs, and its step in a frame [m]; `present` is that of this frame.
     pub(crate) fn motion(&self, present: &PresentState, index: usize) -> (f64, f64) {
-        if let Some(spring_block) = self.springs.block() {
+        if let Some(spring_block) = self.springs.exact_block() {
             let (displacement, step) = spring_block.motion(present, index);
             return (self.plan.rest_positions[index] + displacement, step);
         }
@@ -344,7 +344,7 @@ impl RunningSlow {
 
     /// Make its motion decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, decay_factor: f64) {
-        let spring_block = self.springs.block();
+        let spring_block = self.springs.exact_block();
         let block_frames = spring_block.map_or(self.plan.kick_interval, |spring_block| spring_block.n_frames());
         self.velocity_factor = (0..2 * block_frames).fold(1.0, |block_factor, _| block_factor * decay_factor);
     }
@@ -383,7 +383,7 @@ impl RunningSlow {
     pub(crate) fn add_outputs(&self, out: &mut [f64]) {
         let frames_since = f64::from(self.frames_since_kick);
         for (index, (output, row)) in self.plan.outputs.iter().enumerate() {
-            if let Some(spring_block) = self.springs.block() {
+            if let Some(spring_block) = self.springs.exact_block() {
                 let rest_terms = row
                     .iter()
                     .map(|&(mat_index, weight)| weight * self.plan.rest_positions[mat_index]);
@@ -506,7 +506,7 @@ impl RunningSlow {
     /// Energy of linear springs and their masses at the beginning of the block [in units of a frame]; infinite if its
     /// springs are not linear.
     pub(crate) fn spring_energy(&self) -> f64 {
-        let spring_block = self.springs.block();
+        let spring_block = self.springs.exact_block();
         spring_block.map_or(f64::INFINITY, |spring_block| spring_block.energy(&self.plan.w))
     }
 
@@ -535,7 +535,7 @@ impl RunningSlow {
     /// Whether all positions are finite and plausible.
     pub(crate) fn is_bounded(&self) -> bool {
         // Between the beginnings of two blocks only ports are known.
-        let is_partial = self.springs.block().is_some_and(|block| !block.is_first());
+        let is_partial = self.springs.exact_block().is_some_and(|block| !block.is_first());
         if is_partial {
             let mut ports = self.plan.ports.iter();
             return ports.all(|&(port, _)| is_bounded(self.x[port]));

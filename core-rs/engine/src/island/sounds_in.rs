@@ -12,7 +12,7 @@ pub(crate) const INPUT_FRAMES_MAX: usize = 4_096;
 pub(super) struct SoundDrive {
     pub(super) mat: usize,
     kind: DriveKind,
-    sound: SoundIn,
+    input: SoundIn,
     scale: f64,
     /// Steps in a frame of the score.
     steps_per_frame: u64,
@@ -93,14 +93,14 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<InputSigna
         Source::SoundIn { sound, scale, steps } => Some(SoundDrive {
             mat: drive.mat,
             kind: drive.kind,
-            sound: sound.clone(),
+            input: sound.clone(),
             scale: *scale,
             steps_per_frame: u64::from(*steps),
         }),
         _ => None,
     };
     let all_drives: Vec<SoundDrive> = drives.iter().filter_map(sound_drive).collect();
-    let new_input = |drive: &SoundDrive| match drive.sound.settings.source {
+    let new_input = |drive: &SoundDrive| match drive.input.settings.source {
         InputSource::Channel(_) => InputSignal::Samples(Samples {
             first_frame: None,
             value_before: 0.0,
@@ -125,7 +125,7 @@ pub(super) fn apply_inputs(
 ) {
     for (drive, played) in drives.iter().zip(input_signals) {
         let score_frame = n / drive.steps_per_frame;
-        let value_now = played.value(score_frame, &drive.sound);
+        let value_now = played.value(score_frame, &drive.input);
         if drive.kind == DriveKind::Force {
             body.push(drive.mat, drive.scale * value_now);
             continue;
@@ -136,7 +136,7 @@ pub(super) fn apply_inputs(
         } else {
             let value_before = score_frame
                 .checked_sub(1)
-                .map_or(0.0, |score_frame| played.value(score_frame, &drive.sound));
+                .map_or(0.0, |score_frame| played.value(score_frame, &drive.input));
             value_before + (value_now - value_before) * (steps_done as f64 / drive.steps_per_frame as f64)
         };
         targets.push(Target {
@@ -156,7 +156,7 @@ impl super::Island {
             .sound_drives
             .iter()
             .zip(&mut self.state.players.input_signals);
-        for (_, played) in input_pairs.filter(|(drive, _)| drive.sound.index == index) {
+        for (_, played) in input_pairs.filter(|(drive, _)| drive.input.index == index) {
             let InputSignal::Samples(samples) = played else {
                 continue;
             };
@@ -195,13 +195,13 @@ impl super::Island {
             .sound_drives
             .iter()
             .zip(&mut self.state.players.input_signals);
-        input_pairs.filter_map(move |(drive, played)| match (drive.sound.settings.source, played) {
+        input_pairs.filter_map(move |(drive, played)| match (drive.input.settings.source, played) {
             (
                 InputSource::Value {
                     number: input_number, ..
                 },
                 InputSignal::Ramp(ramp),
-            ) if input_number == number => Some((&drive.sound, ramp)),
+            ) if input_number == number => Some((&drive.input, ramp)),
             _ => None,
         })
     }
@@ -209,7 +209,7 @@ impl super::Island {
     /// The ramps of inputs whose value was set, with their numbers.
     pub(crate) fn input_ramps(&self) -> impl Iterator<Item = (u64, Ramp)> {
         let input_pairs = self.script.sound_drives.iter().zip(&self.state.players.input_signals);
-        input_pairs.filter_map(|(drive, played)| match (drive.sound.settings.source, played) {
+        input_pairs.filter_map(|(drive, played)| match (drive.input.settings.source, played) {
             (InputSource::Value { number, .. }, InputSignal::Ramp(Some(ramp))) => Some((number, *ramp)),
             _ => None,
         })

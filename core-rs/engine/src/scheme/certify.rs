@@ -384,7 +384,7 @@ fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u3
 }
 
 /// Whether the scheme is stable without its damping.
-pub(super) fn bears_springs(scheme: &Scheme, network: &Network) -> bool {
+pub(super) fn is_stable_undamped(scheme: &Scheme, network: &Network) -> bool {
     largest_eigenvalue_up_to(scheme, network, 0.0, STABILITY_LIMIT, STABILITY_LIMIT)
         .is_ok_and(|largest| largest.lambda < STABILITY_LIMIT)
 }

@@ -250,7 +250,7 @@ impl<'a> KickMap<'a> {
                     |port_push: f64, port: &crate::island::modal::Port| port_push + port.shape[mode] * force[port.mat];
                 let port_push = modal.ports.iter().fold(0.0, add_push);
                 let next_amplitude = mode_plan.a * amplitudes[mode] - mode_plan.b * previous_amplitudes[mode]
-                    + mode_plan.gain * port_push;
+                    + mode_plan.displacement_per_newton * port_push;
                 previous_amplitudes[mode] = std::mem::replace(&mut amplitudes[mode], next_amplitude);
             }
         }
@@ -364,7 +364,7 @@ impl<'a> KickMap<'a> {
         for modes in &mut self.modes {
             modes.previous_amplitudes.fill(0.0);
             for (now, mode_plan) in modes.amplitudes.iter_mut().zip(&modes.modal.modes) {
-                *now = next_random() * mode_plan.gain.sqrt();
+                *now = next_random() * mode_plan.displacement_per_newton.sqrt();
             }
         }
     }
@@ -384,7 +384,8 @@ impl<'a> KickMap<'a> {
             entries
                 .map(|((now, before), mode_plan)| {
                     let amplitude_step = now - before;
-                    (amplitude_step * amplitude_step + (1.0 - mode_plan.a + mode_plan.b) * now * now) / mode_plan.gain
+                    (amplitude_step * amplitude_step + (1.0 - mode_plan.a + mode_plan.b) * now * now)
+                        / mode_plan.displacement_per_newton
                 })
                 .sum()
         };

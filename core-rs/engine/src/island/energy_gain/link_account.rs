@@ -158,7 +158,7 @@ impl LinkAccount {
         self.previous_stretch = body.d[self.b] - body.d[self.a];
         self.previous_force = self.force_now(body);
         if self.strength_factor.is_some() {
-            self.strength_factor = Some(strength(&link.run, scheme, gates));
+            self.strength_factor = Some(strength_factor(&link.run, scheme, gates));
         }
         if let Some(space_work) = &mut self.space_work {
             space_work.step((self.a, self.b), self.previous_force, body);
@@ -170,7 +170,7 @@ impl LinkAccount {
     pub(super) fn step(&mut self, link: &CheckedLink, scheme: &Scheme, gates: &[f64], body: &Body) {
         let link_force = self.force_now(body);
         if let Some(strength_before) = self.strength_factor {
-            let strength_now = strength(&link.run, scheme, gates);
+            let strength_now = strength_factor(&link.run, scheme, gates);
             if strength_now != strength_before {
                 let stored_energy = link_energy(&link.run, elongations(&link.run, body));
                 self.energy_account
@@ -251,7 +251,7 @@ impl LinkAccount {
 }
 
 /// The strength of a link in this step, as a factor of what it is as written.
-fn strength(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
+fn strength_factor(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let mut scheme_runs = scheme.runs.iter().chain(&scheme.exact_runs);
     let run_now = scheme_runs.find(|scheme_run| scheme_run.links().contains(&run.first));

@@ -47,7 +47,7 @@ impl FineLinks {
         let link_joints = links.iter().map(|run| (joint_slot(run.a), joint_slot(run.b))).collect();
         let n_joints = joints.len();
         let crowded = crowded_bodies(&links, &joints, bodies, (&basis, rate));
-        let is_crowded = |owner: usize| crowded.iter().any(|body| body.owner() == owner);
+        let is_crowded = |owner: usize| crowded.iter().any(|body| body.body_index() == owner);
         // Number of modes that give the position of a joint; 1 for a mass.
         let mode_count = |joint: &Joint| {
             let body = joint.port.and_then(|(owner, _)| bodies[owner].modal());
@@ -128,7 +128,7 @@ impl FineLinks {
                 products: response_products + crowded_products,
                 couplings: 0,
             },
-            laws: law_script.states(&script),
+            laws: law_script.build_states(&script),
             law_script: Arc::new(law_script),
             frictions: Frictions::new(&script),
             script: Arc::new(script),

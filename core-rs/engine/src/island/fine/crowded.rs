@@ -26,7 +26,7 @@ const LOSS_MAX: f64 = 0.5;
 /// The constant data of such a body.
 #[derive(Clone, Debug)]
 pub(super) struct CrowdedBody {
-    owner: usize,
+    body_index: usize,
     n_modes: usize,
     mode_tables: ModeTables,
     /// Joints on the body, and the shares of the modes in the position of each   (n_groups each)
@@ -61,14 +61,14 @@ pub(super) fn crowded_bodies(
 
 impl CrowdedBody {
     /// `None` if the paths of pairs take less, or if its modes are complex or discrete.
-    fn new(owner: usize, joints: &[Joint], bodies: &[RunningBody], (basis, rate): (&Basis, Rate)) -> Option<Self> {
+    fn new(body_index: usize, joints: &[Joint], bodies: &[RunningBody], (basis, rate): (&Basis, Rate)) -> Option<Self> {
         let joint_ports: Vec<(usize, usize)> = (joints.iter().enumerate())
             .filter_map(|(joint_index, joint)| match joint.port {
-                Some((joint_owner, port)) if joint_owner == owner => Some((joint_index, port)),
+                Some((joint_owner, port)) if joint_owner == body_index => Some((joint_index, port)),
                 _ => None,
             })
             .collect();
-        let modal_body = bodies[owner].modal()?;
+        let modal_body = bodies[body_index].modal()?;
         let (n_instants, n_modes) = (basis.n_polynomials(), modal_body.n_modes());
         if !is_crowded(joint_ports.len(), n_modes, n_instants) {
             return None;
@@ -87,7 +87,7 @@ impl CrowdedBody {
             share_row
         };
         Some(Self {
-            owner,
+            body_index,
             n_modes,
             mode_tables: build_tables(&mode_cells, basis, rate),
             share_rows: joint_ports
@@ -117,8 +117,8 @@ impl CrowdedBody {
         joint_places
     }
 
-    pub(super) fn owner(&self) -> usize {
-        self.owner
+    pub(super) fn body_index(&self) -> usize {
+        self.body_index
     }
 
     pub(super) fn n_modes(&self) -> usize {

@@ -65,7 +65,7 @@ impl FineLinks {
                 let slide_script = self.frictions.script.clone();
                 let slide_frame = Frame {
                     script: &script,
-                    slides: &slide_script,
+                    slide_script: &slide_script,
                     gates,
                 };
                 self.compute_frictions(slide_frame, body);

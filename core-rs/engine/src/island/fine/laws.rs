@@ -182,12 +182,12 @@ impl FineLinks {
                         (v + self_response[1] * f) * law_now.rate_factor(),
                     )
                 };
-                let unmet_force = |f: f64| {
+                let force_residual = |f: f64| {
                     let (e, v) = halfway(f);
                     f - law_now.force_halfway(e, v, part_length)
                 };
                 let old_force = state.stage_forces[MIDDLE];
-                let (force, evaluations) = find_root(&unmet_force, old_force);
+                let (force, evaluations) = find_root(&force_residual, old_force);
                 self.work.instants += evaluations / STAGES as u64;
                 round_change = round_change.max((force - old_force).abs() - FORCE_TOLERANCE * force.abs());
                 if let Some(bristle_law) = law_now.bristle() {

@@ -70,7 +70,7 @@ struct FrictionLink {
 #[derive(Clone, Copy)]
 pub(super) struct Frame<'a> {
     pub(super) script: &'a Script,
-    pub(super) slides: &'a SlideScript,
+    pub(super) slide_script: &'a SlideScript,
     pub(super) gates: &'a [f64],
 }
 
@@ -119,7 +119,7 @@ impl FineLinks {
         self.has_closed = true;
         self.begin_frame(frame, body);
         self.slide_to_end(frame);
-        for (slide, &link) in self.frictions.friction_links.iter().zip(&frame.slides.links) {
+        for (slide, &link) in self.frictions.friction_links.iter().zip(&frame.slide_script.links) {
             self.is_resting[link] = slide.direction == 0.0;
         }
     }
@@ -162,7 +162,7 @@ impl FineLinks {
     }
 
     /// Let masses rest exactly that a fixed point has held throughout the frame: rounding alone would leave a step.
-    pub(in crate::island) fn rest_held(&self, scheme: &Scheme, body: &mut Body) {
+    pub(in crate::island) fn stop_held_masses(&self, scheme: &Scheme, body: &mut Body) {
         let dry_links = self.frictions.script.links.iter();
         let slides = self.frictions.friction_links.iter().zip(dry_links);
         for (slide, &link) in slides.filter(|(slide, _)| slide.has_held) {
@@ -184,7 +184,7 @@ impl FineLinks {
     /// Find the direction of every link at the start of a frame, and note the forces for outputs.
     fn begin_frame(&mut self, frame: Frame<'_>, body: &mut Body) {
         let (script, start_instant) = (frame.script, Instant::new(frame.script.basis.n_polynomials(), 0.0));
-        for (slide_index, &link) in frame.slides.links.iter().enumerate() {
+        for (slide_index, &link) in frame.slide_script.links.iter().enumerate() {
             let [_, v] = self.elongation(script, link, &start_instant);
             let friction = self.friction(frame, (slide_index, 0.0));
             let (first_joint, second_joint) = script.link_joints[link];
@@ -202,7 +202,7 @@ impl FineLinks {
         }
         self.settle_holds(frame, 0.0);
         let slides = self.frictions.friction_links.iter_mut();
-        for (slide, &link) in slides.zip(&frame.slides.links) {
+        for (slide, &link) in slides.zip(&frame.slide_script.links) {
             let link_run = &script.links[link];
             (slide.has_held, slide.start_positions) =
                 (slide.direction == 0.0, [body.x[link_run.a], body.x[link_run.b]]);
@@ -223,7 +223,7 @@ impl FineLinks {
                 let is_too_weak = stands_still(slide) && needed_force.abs() > friction_level * (1.0 + EXCESS_SHARE);
                 is_too_weak.then_some((slide_index, needed_force.abs() - friction_level, needed_force.signum()))
             };
-            let weak_holds = (0..frame.slides.links.len()).filter_map(force_excess);
+            let weak_holds = (0..frame.slide_script.links.len()).filter_map(force_excess);
             let Some((slide_index, _, direction)) =
                 weak_holds.max_by(|hold, other_hold| hold.1.total_cmp(&other_hold.1))
             else {
@@ -235,16 +235,16 @@ impl FineLinks {
 
     /// The even steps of a frame in the present state: only a slide whose level falls needs short ones.
     fn even_steps<'a>(&self, frame: Frame<'a>) -> &'a EvenSteps {
-        let mut dry_slides = self.frictions.friction_links.iter().zip(&frame.slides.dry_laws);
+        let mut dry_slides = self.frictions.friction_links.iter().zip(&frame.slide_script.dry_laws);
         frame
-            .slides
+            .slide_script
             .even_steps(dry_slides.any(|(slide, (dry, _))| slide.direction != 0.0 && dry.falls()))
     }
 
     /// The friction of a link at an instant of this frame.
     fn friction(&self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> Friction {
-        let dry_link = frame.slides.links[slide_index];
-        let (dry_law, frame_rate) = frame.slides.dry_laws[slide_index];
+        let dry_link = frame.slide_script.links[slide_index];
+        let (dry_law, frame_rate) = frame.slide_script.dry_laws[slide_index];
         let [_, friction_level] = self.link_constants_at(dry_link, s);
         let link_gate = frame.script.links[dry_link].gate;
         Friction {
@@ -262,7 +262,7 @@ impl FineLinks {
             return self.hold_margin(frame, (slide_index, s), 1.0);
         }
         let instant = Instant::new(frame.script.basis.n_polynomials(), s);
-        slide.direction * self.elongation(frame.script, frame.slides.links[slide_index], &instant)[1]
+        slide.direction * self.elongation(frame.script, frame.slide_script.links[slide_index], &instant)[1]
     }
 
     /// The same at the start `s` of a step that was taken.

@@ -181,7 +181,7 @@ impl SteppedPoints {
     }
 
     /// The most energy that was created, and a link where most of it was.
-    pub(in crate::island) fn worst(&self) -> Option<(usize, EnergyGain)> {
+    pub(in crate::island) fn worst_gain(&self) -> Option<(usize, EnergyGain)> {
         Some((self.link, self.worst_gain?))
     }
 

@@ -37,7 +37,7 @@ pub(crate) struct Mode {
     pub(crate) a: f64,
     pub(crate) b: f64,
     /// Displacement at the next frame by 1 N during one frame [m].
-    pub(crate) gain: f64,
+    pub(crate) displacement_per_newton: f64,
     pub(crate) start_amplitude: f64,
     pub(crate) previous_amplitude: f64,
     /// Its continuous motion; `None` if a strike acts in one step.
@@ -94,7 +94,10 @@ impl Modal {
                     response.displacement(0.0) * time_step,
                 ]
             }
-            None => [self.modes[mode].gain * self.ports[port].shape[mode], 0.0],
+            None => [
+                self.modes[mode].displacement_per_newton * self.ports[port].shape[mode],
+                0.0,
+            ],
         }
     }
 
@@ -139,7 +142,7 @@ impl Modal {
         for port in &self.ports {
             for (mode, share) in pushed_plan.modes.iter_mut().zip(&port.shape) {
                 if mode.cell.is_some() {
-                    mode.previous_amplitude += 0.5 * mode.gain * share * force[port.mat];
+                    mode.previous_amplitude += 0.5 * mode.displacement_per_newton * share * force[port.mat];
                 }
             }
         }
@@ -165,14 +168,19 @@ impl Modal {
 
     /// Static displacement of a mode under 1 N [m]; `None` if it has no restoring force.
     pub(crate) fn compliance(&self, mode: usize) -> Option<f64> {
-        let Mode { a, b, gain, .. } = self.modes[mode];
+        let Mode {
+            a,
+            b,
+            displacement_per_newton,
+            ..
+        } = self.modes[mode];
         let restoring_factor = 1.0 - a + b;
-        (restoring_factor > FREE_KAPPA_MAX).then(|| gain / restoring_factor)
+        (restoring_factor > FREE_KAPPA_MAX).then(|| displacement_per_newton / restoring_factor)
     }
 
     /// Whether another body has the same modes and shapes; its strikes may differ.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        let numbers = |mode: &Mode| (mode.a, mode.b, mode.gain, mode.cell);
+        let numbers = |mode: &Mode| (mode.a, mode.b, mode.displacement_per_newton, mode.cell);
         let ports = |ports: &[Port]| -> Vec<(f64, Vec<f64>)> {
             ports.iter().map(|port| (port.rest, port.shape.clone())).collect()
         };
@@ -253,6 +261,8 @@ impl Modal {
                 .sum();
         }
         let shape_terms = self.modes.iter().zip(&self.ports[port].shape);
-        shape_terms.map(|(mode, share)| mode.gain * share * share).sum()
+        shape_terms
+            .map(|(mode, share)| mode.displacement_per_newton * share * share)
+            .sum()
     }
 }

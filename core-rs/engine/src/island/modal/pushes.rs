@@ -128,8 +128,8 @@ impl RunningModal {
         }
     }
 
-    /// Advance a group from frame `from` of the window, one frame ahead of it, to frame `to`, with the pushes in
-    /// between.
+    /// Advance a group from frame `start_frame` of the window, one frame ahead of it, to frame `end_frame`, with the
+    /// pushes in between.
     pub(super) fn replay(&self, group: usize, motion: &mut Motion, start_frame: usize, end_frame: usize) {
         let group_rates = if self.is_damped {
             &self.damped_rates
@@ -203,7 +203,7 @@ mod tests {
             Mode {
                 a: 2.0 * r * cos(pole_angle),
                 b: r * r,
-                gain: 1.0 / (1 + i) as f64,
+                displacement_per_newton: 1.0 / (1 + i) as f64,
                 start_amplitude: 0.0,
                 previous_amplitude: 0.0,
                 cell: None,
@@ -273,7 +273,8 @@ mod tests {
                 let mode_push: f64 = (plan.ports.iter().zip(forces))
                     .map(|(port, force)| port.shape[i] * force)
                     .sum();
-                let mode_next = mode.a * modes_now[i] - mode.b * modes_before[i] + mode.gain * mode_push;
+                let mode_next =
+                    mode.a * modes_now[i] - mode.b * modes_before[i] + mode.displacement_per_newton * mode_push;
                 (modes_before[i], modes_now[i]) = (modes_now[i], mode_next);
             }
         }

@@ -16,7 +16,8 @@ impl RunningSlow {
         })
     }
 
-    /// By how much a free port is ahead of its true velocity `since` frames after a pull, as a multiple of `pull`.
+    /// By how much a free port is ahead of its true velocity `frames_since_kick` frames after a pull, as a multiple of
+    /// the last pull.
     pub(super) fn velocity_lead(&self, frames_since_kick: u32) -> f64 {
         0.5 + 0.5 * f64::from(self.plan.kick_interval) - f64::from(frames_since_kick)
     }

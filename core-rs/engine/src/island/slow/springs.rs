@@ -54,7 +54,7 @@ impl State for RunningSprings {
 
 impl RunningSprings {
     /// Linear springs.
-    pub(super) fn block(&self) -> Option<&Block> {
+    pub(super) fn exact_block(&self) -> Option<&Block> {
         match self {
             Self::Exact(block) => Some(block),
             Self::Stepped(_) => None,

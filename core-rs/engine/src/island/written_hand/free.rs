@@ -319,7 +319,8 @@ impl FreeKey {
         slow_bodies.iter().for_each(|slow| slow.set_ports(body));
     }
 
-    /// Position of the struck MAT at frame `to`, from `motion` at frame `n`, with one strike at frame `n` [m].
+    /// Position of the struck MAT at frame `target_frame`, from `motion` at frame `n`, with one strike at frame `n`
+    /// [m].
     fn position_after_strike(
         &self,
         motion: &FreeMotion,
@@ -353,8 +354,8 @@ impl FreeKey {
         trial_motion.body.x[self.struck_mat]
     }
 
-    /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 if no force can (after a multiple of
-    /// half the key's period).
+    /// The force at frame `n` that makes the struck MAT pass `x` at frame `target_frame`; 0 if no force can (after a
+    /// multiple of half the key's period).
     pub(crate) fn force_to_arrive(
         &self,
         motion: &FreeMotion,

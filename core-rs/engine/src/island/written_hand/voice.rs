@@ -124,7 +124,7 @@ crate::archive::state!(TrackedFrame {
 enum Request {
     /// Be at x at the next frame.
     Pass(f64),
-    /// Be struck once, to pass x at frame `to`.
+    /// Be struck once, to pass x at frame `arrival_frame`.
     Aim { arrival_frame: u64, x: f64 },
 }
 

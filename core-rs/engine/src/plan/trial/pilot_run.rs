@@ -180,7 +180,7 @@ fn find_length(
             meter.draw(&island, BLOCK_FRAMES)?;
             // Faults are muted: a pilot does not report them.
             let _ = island.process(&mut block_sound, BLOCK_FRAMES, &mut ThreadTeam::alone());
-            if island.has_touched() {
+            if island.has_closed_fine_contact() {
                 return Ok((first_frame + frames_after).min(longest));
             }
         }

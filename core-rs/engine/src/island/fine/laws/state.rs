@@ -121,7 +121,7 @@ impl InstantLaw<'_> {
 }
 
 impl LawScript {
-    pub(in crate::island::fine) fn states(&self, script: &Script) -> Vec<LawState> {
+    pub(in crate::island::fine) fn build_states(&self, script: &Script) -> Vec<LawState> {
         let state = |&link: &usize| {
             let mut state = LawState {
                 relative_path: vec![0.0; script.basis.n_polynomials()],

@@ -20,7 +20,7 @@ impl FineLinks {
     /// Take a step of `h` from `s`.
     pub(super) fn step_frictions(&mut self, frame: Frame<'_>, (s, h): (f64, f64), steps_left: &mut usize) {
         *steps_left = steps_left.saturating_sub(1);
-        self.work.instants += STEP_WORK * frame.slides.links.len() as u64;
+        self.work.instants += STEP_WORK * frame.slide_script.links.len() as u64;
         self.solve_forces(frame, (s, h));
         self.push_ends(frame, (s, h));
     }
@@ -30,7 +30,7 @@ impl FineLinks {
         if self.set_known_forces(frame, s) {
             return;
         }
-        let (script, n_dry) = (frame.script, frame.slides.links.len());
+        let (script, n_dry) = (frame.script, frame.slide_script.links.len());
         let even_steps = self.even_steps(frame);
         let frictions = &mut self.frictions;
         if even_steps.is_even(h) {
@@ -39,14 +39,18 @@ impl FineLinks {
                 .copy_from_slice(&even_steps.velocity_responses);
         } else {
             let integrals = Integrals::new(script, h);
-            for (velocity_response, response) in frictions.velocity_responses.iter_mut().zip(&frame.slides.responses) {
+            for (velocity_response, response) in frictions
+                .velocity_responses
+                .iter_mut()
+                .zip(&frame.slide_script.responses)
+            {
                 *velocity_response = integrals.velocity_response(response);
             }
             self.work.products += (n_dry * n_dry * STAGES * STAGES * script.basis.n_polynomials()) as u64;
         }
         let gauss_instants = GAUSS_POINTS.map(|c| Instant::new(script.basis.n_polynomials(), s + c * h));
         for slide_index in 0..n_dry {
-            let dry_link = frame.slides.links[slide_index];
+            let dry_link = frame.slide_script.links[slide_index];
             self.frictions.friction_links[slide_index].free_velocities =
                 (gauss_instants.each_ref()).map(|instant| self.elongation(script, dry_link, instant)[1]);
         }
@@ -72,7 +76,7 @@ impl FineLinks {
     /// Set the forces of a step if every link slides at a level that does not depend on its velocity; returns whether
     /// that is so.
     fn set_known_forces(&mut self, frame: Frame<'_>, s: f64) -> bool {
-        for slide_index in 0..frame.slides.links.len() {
+        for slide_index in 0..frame.slide_script.links.len() {
             let friction = self.friction(frame, (slide_index, s));
             let slide = &mut self.frictions.friction_links[slide_index];
             if slide.direction == 0.0 || friction.dry_law.falls() {
@@ -86,7 +90,7 @@ impl FineLinks {
     /// Set up Newton's equations for corrections of all forces, one equation for each link and Gauss point: a holding
     /// link has no velocity, a sliding link gives its level. Returns whether the equations are linear.
     fn set_up_equations(&mut self, frame: Frame<'_>, s: f64) -> bool {
-        let n_dry = frame.slides.links.len();
+        let n_dry = frame.slide_script.links.len();
         let row_width = STAGES * n_dry + 1;
         let mut equations = std::mem::take(&mut self.frictions.equations);
         let mut is_linear = true;
@@ -127,12 +131,12 @@ impl FineLinks {
     /// Correct all forces by the solution of the equations; returns the largest correction as a share of its level,
     /// `None` if there is no solution.
     fn correct_forces(&mut self, frame: Frame<'_>, s: f64) -> Option<f64> {
-        let n_forces = STAGES * frame.slides.links.len();
-        self.work.instants += NEWTON_WORK * frame.slides.links.len() as u64;
+        let n_forces = STAGES * frame.slide_script.links.len();
+        self.work.instants += NEWTON_WORK * frame.slide_script.links.len() as u64;
         self.work.products += (n_forces * n_forces * n_forces / 3) as u64;
         eliminate(&mut self.frictions.equations, n_forces)?;
         let mut change_max = 0.0_f64;
-        for slide_index in 0..frame.slides.links.len() {
+        for slide_index in 0..frame.slide_script.links.len() {
             let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
             for stage in 0..STAGES {
                 let correction = self.frictions.equations[(STAGES * slide_index + stage) * (n_forces + 1) + n_forces];
@@ -146,20 +150,20 @@ impl FineLinks {
     /// Take the rest of a frame in one step, whatever ends in it. Each link gives one force, at most its level, that
     /// stops it by the end of the frame if it can, so friction takes energy at any step (J. J. Moreau, 1988).
     pub(super) fn finish_frame(&mut self, frame: Frame<'_>, s: f64) {
-        let (script, n_dry, frame_left) = (frame.script, frame.slides.links.len(), 1.0 - s);
+        let (script, n_dry, frame_left) = (frame.script, frame.slide_script.links.len(), 1.0 - s);
         let n_instants = script.basis.n_polynomials();
         let times_to_end = GAUSS_POINTS.map(|c| Instant::new(n_instants, (1.0 - c) * frame_left));
         // The equations of a step are not needed any more: their room holds what the force of one link makes of the
         // velocity of each at the end of the frame.
         let mut compliances = std::mem::take(&mut self.frictions.equations);
-        for (compliance, response) in compliances.iter_mut().zip(&frame.slides.responses) {
+        for (compliance, response) in compliances.iter_mut().zip(&frame.slide_script.responses) {
             let stage_parts = GAUSS_WEIGHTS.iter().zip(&times_to_end);
             let stage_parts = stage_parts.map(|(weight, since_points)| weight * dot(response, &since_points.value));
             *compliance = frame_left * script.rate.step() * stage_parts.sum::<f64>();
         }
         let end_instant = Instant::new(n_instants, 1.0);
         for slide_index in 0..n_dry {
-            let [_, v] = self.elongation(script, frame.slides.links[slide_index], &end_instant);
+            let [_, v] = self.elongation(script, frame.slide_script.links[slide_index], &end_instant);
             let slide = &mut self.frictions.friction_links[slide_index];
             (slide.free_velocities, slide.stage_forces, slide.has_held) = ([v; STAGES], [0.0; STAGES], false);
         }
@@ -190,7 +194,7 @@ impl FineLinks {
         for stage in 0..STAGES {
             let instant = Instant::new(frame.script.basis.n_polynomials(), s + GAUSS_POINTS[stage] * h);
             let stage_weight = GAUSS_WEIGHTS[stage] * h * frame.script.rate.step();
-            for (slide_index, &link) in frame.slides.links.iter().enumerate() {
+            for (slide_index, &link) in frame.slide_script.links.iter().enumerate() {
                 let (first_joint, second_joint) = frame.script.link_joints[link];
                 let impulse = stage_weight * self.frictions.friction_links[slide_index].stage_forces[stage];
                 self.push_joint(frame.script, first_joint, impulse, &instant);
