@@ -85,7 +85,9 @@ pub(crate) fn emulate(
         axes,
         key,
         model,
-        network: network.map(|(network, struck, push, delay)| (network.0.clone(), struck, Motor { delay, push })),
+        network: network.map(|(network, struck, constant_force, delay)| {
+            (network.0.clone(), struck, Motor { delay, constant_force })
+        }),
         rate,
         hands: paths.iter().map(|path| hand_on_path(path, hand)).collect(),
         seconds,

@@ -271,12 +271,12 @@ impl Network {
         let certificate = certificate.map_err(from_engine)?;
         Ok(Certificate {
             lambda_max: certificate.lambda_max,
-            method: match certificate.means {
+            method: match certificate.bound_method {
                 BoundMethod::Gershgorin => "gershgorin",
                 BoundMethod::Dense => "dense",
                 BoundMethod::Lanczos => "lanczos",
             },
-            guarantee: match certificate.word {
+            guarantee: match certificate.guarantee {
                 StabilityGuarantee::Proved => "proved",
                 StabilityGuarantee::Guarded => "guarded",
                 StabilityGuarantee::Tried => "tried",

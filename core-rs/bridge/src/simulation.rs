@@ -247,7 +247,7 @@ impl Simulation {
     fn ergons<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let records = self.0.take_ergons();
         let columns = PyDict::new(py);
-        let set_column = |name: &str, column_value: &dyn Fn(&simulation::Record) -> f64| {
+        let set_column = |name: &str, column_value: &dyn Fn(&simulation::ErgonRecord) -> f64| {
             let column_numbers: Vec<f64> = records.iter().map(column_value).collect();
             columns.set_item(name, column_numbers.into_pyarray(py))
         };

@@ -168,7 +168,7 @@ impl Guard {
         limit: StabilityLimit,
         ports: &[usize],
     ) -> Result<Option<Self>, Error> {
-        let compliance = scheme.compliance();
+        let compliance = scheme.force_compliances();
         let w = if compliance.is_empty() { &scheme.w } else { &compliance };
         let is_moving = |mat: usize| w[mat] > 0.0 && !ports.contains(&mat);
         let mut runs = watched_runs(&scheme.runs, is_moving);

@@ -1,5 +1,7 @@
 //! An island: its constant script, its changing state, and what can be read of it. `step` advances it.
 
+mod archived_state;
+pub(crate) mod bodies;
 mod build;
 mod coast;
 mod contact_peaks;
@@ -8,30 +10,28 @@ mod emulated_key;
 mod energy_account;
 pub(crate) mod energy_gain;
 mod energy_rise;
-mod eventless;
+mod eventless_steps;
 mod fault;
 mod fine;
 pub(crate) mod followed_energy;
 mod glide;
-pub(crate) mod inside;
+mod imposed_work;
 mod ledger;
 mod live_strikes;
 pub(crate) mod mesh;
 pub(crate) mod modal;
 mod origin;
-mod pace;
 mod pair_energy;
 mod pair_gain;
 mod phases;
-mod put_in;
-mod quiet;
 mod real_hands;
 pub(crate) mod record;
 mod rest;
+mod scene_frames;
+mod sleep;
 pub(crate) mod slow;
 mod sounds_in;
 mod step;
-mod stored;
 mod strikes;
 mod takeover;
 mod voices;
@@ -40,12 +40,12 @@ pub(crate) mod written_hand;
 pub use build::Options;
 pub(crate) use build::{FINE_SUBSTEPS_MIN, StepNumbers, outputs_at_rest};
 pub use emulated_key::{EmulatedKey, Motor};
-pub(crate) use energy_account::Gain;
+pub(crate) use energy_account::EnergyGain;
 pub use fault::{Fault, OnFault};
 pub(crate) use fine::ContactOrder;
 pub use ledger::Energy;
-pub use record::Record;
-pub(crate) use record::{FramedErgon, Stream};
+pub use record::ErgonRecord;
+pub(crate) use record::{ErgonStream, FramedErgon};
 pub(crate) use takeover::ItemTakeover;
 
 use std::sync::Arc;
@@ -61,9 +61,9 @@ use crate::timeline::{Drive, Ergon, Gate, GateContinuation, StrikeForce};
 use written_hand::SPARKS;
 use written_hand::framed::FramedGesture;
 
-use fault::Mutes;
+use fault::MutedParts;
 use ledger::Ledger;
-pub(crate) use sounds_in::FRAMES_MAX;
+pub(crate) use sounds_in::INPUT_FRAMES_MAX;
 
 /// Everything that does not change while the simulation runs.
 #[derive(Clone, Debug)]
@@ -76,8 +76,8 @@ pub(crate) struct Script {
     ergons: Vec<(u64, Ergon)>,
     pub(crate) gates: Vec<Gate>,
     drives: Vec<Drive>,
-    glides: Vec<glide::Glide>,
-    led: Vec<glide::Led>,
+    glides: Vec<glide::GlidingMat>,
+    led_links: Vec<glide::LedLinks>,
     pub(crate) hand_bindings: Vec<real_hands::HandBinding>,
     pub(crate) port_bindings: Vec<delayed_ports::PortBinding>,
     strike_points: Vec<live_strikes::StrikePoint>,
@@ -85,89 +85,89 @@ pub(crate) struct Script {
     on_fault: OnFault,
 }
 
-/// Everything that changes: cloning it is a snapshot. One struct for each of what a step sets, moves, plays and
-/// watches.
+/// Everything that changes; a clone of it is a snapshot. Each field is a group: parameters that a step sets, matter
+/// that it moves, players, and monitors.
 #[derive(Clone, Debug)]
 struct State {
     frame: u64,
-    values: Values,
+    parameters: Parameters,
     matter: Matter,
-    hands: Hands,
-    watch: Monitors,
+    players: Players,
+    monitors: Monitors,
 }
 
-/// What a frame does not compute but follows: parameters and gates.
+/// Parameters that the timeline sets in each frame, and gates.
 #[derive(Clone, Debug)]
-struct Values {
-    /// How far each gate is open now, and (for the ledger) at the next frame.
-    gates: Vec<f64>,
-    gates_next: Vec<f64>,
+struct Parameters {
+    /// How far each gate is open now, and (for the ledger) at the next frame   (n_gates each)
+    gate_openings: Vec<f64>,
+    next_gate_openings: Vec<f64>,
     /// For gates that had another factor in the previous version: where they continue from   (n_gates)
     gate_continuations: Vec<Option<GateContinuation>>,
     /// Factor on every x[n] − x[n−1] at each step; below 1 it acts as additional viscosity.
-    damped: f64,
+    step_decay: f64,
     /// The scheme with the values of this frame, if glides, leads or laws that follow MATs change it.
-    scheme: Option<Box<Scheme>>,
+    changing_scheme: Option<Box<Scheme>>,
 }
 
 /// What moves: positions, bodies inside the island, contacts between frames.
 #[derive(Clone, Debug)]
 struct Matter {
     body: Body,
-    bodies: Vec<inside::RunningBody>,
-    fine: Option<fine::Fine>,
+    bodies: Vec<bodies::RunningBody>,
+    fine_links: Option<fine::FineLinks>,
     laws: KernelScratch,
     targets: Vec<Target>,
 }
 
 /// What plays: written hands, real hands, ergons, sounds that come in.
 #[derive(Clone, Debug)]
-struct Hands {
+struct Players {
     voices: Vec<Voice>,
     reports: Vec<GestureReport>,
     /// Indices of the next push and of the next ergon.
-    pushed: usize,
-    ergons: usize,
+    next_push: usize,
+    next_ergon: usize,
     /// Sum of the deviations that layers add to each key [m]   (n_keys)
-    layers: Vec<f64>,
-    stream: Stream,
+    layer_deviations: Vec<f64>,
+    ergon_stream: ErgonStream,
     hand_states: Vec<real_hands::HandState>,
-    /// What has still to act on keys with a delay   (n_ports)
-    port_states: Vec<delayed_ports::PortState>,
-    /// What live strikes have still to do   (n_strike_points)
-    pending: Vec<live_strikes::Pending>,
-    /// What each input received: samples or told values   (n_sound_drives)
-    played: Vec<sounds_in::Played>,
+    /// Forces that act on keys after a delay   (n_ports)
+    port_states: Vec<delayed_ports::DelayedForces>,
+    /// Impulses of live strikes that act in later steps   (n_strike_points)
+    pending_strikes: Vec<live_strikes::PendingStrikes>,
+    /// What each input received: samples, or a value to which it glides   (n_sound_drives)
+    input_signals: Vec<sounds_in::InputSignal>,
 }
 
-/// What watches: peaks of contacts, faults, stability, energy.
+/// Monitors: peaks of contacts, muted parts, stability, energy.
 #[derive(Clone, Debug)]
 struct Monitors {
-    touches: contact_peaks::ContactPeaks,
-    mutes: Mutes,
+    contact_peaks: contact_peaks::ContactPeaks,
+    muted_parts: MutedParts,
     /// Present if links can stiffen beyond the limit of the scheme.
     guard: Option<Box<Guard>>,
     /// Accounts of links that can create energy.
-    gains: Option<Box<energy_gain::Gains>>,
+    energy_gains: Option<Box<energy_gain::EnergyGains>>,
     /// The energy of the whole island.
     energy_rise: Option<Box<energy_rise::EnergyRise>>,
     ledger: Option<Ledger>,
 }
 
-impl Values {
+impl Parameters {
     /// Open the gates as they are at frame `n`.
-    fn open(&mut self, gates: &[Gate], n: u64) {
-        open_gates(&mut self.gates, gates, &self.gate_continuations, n);
+    fn set_gates(&mut self, gates: &[Gate], n: u64) {
+        write_gate_openings(&mut self.gate_openings, gates, &self.gate_continuations, n);
     }
 
     /// The same for the ledger, at frame `n`, the next one.
-    fn open_next(&mut self, gates: &[Gate], n: u64) {
-        open_gates(&mut self.gates_next, gates, &self.gate_continuations, n);
+    fn set_next_gates(&mut self, gates: &[Gate], n: u64) {
+        write_gate_openings(&mut self.next_gate_openings, gates, &self.gate_continuations, n);
     }
 }
 
 /// How far each gate is open at frame `n`   (n_gates)
-fn open_gates(open: &mut [f64], gates: &[Gate], continuations: &[Option<GateContinuation>], n: u64) {
+fn write_gate_openings(open: &mut [f64], gates: &[Gate], continuations: &[Option<GateContinuation>], n: u64) {
     let gate_pairs = gates.iter().zip(continuations);
     for (open, (gate, continuation)) in open.iter_mut().zip(gate_pairs) {
         *open = GateContinuation::opening(continuation.as_ref(), gate, n);
@@ -176,9 +176,9 @@ fn open_gates(open: &mut [f64], gates: &[Gate], continuations: &[Option<GateCont
 
 impl Matter {
     /// Give the ports of all bodies their positions and steps.
-    fn place(&mut self) {
-        for inside in &self.bodies {
-            inside.set_ports(&mut self.body);
+    fn set_ports(&mut self) {
+        for running_body in &self.bodies {
+            running_body.set_ports(&mut self.body);
         }
     }
 }
@@ -191,10 +191,10 @@ pub(crate) struct Island {
     state: State,
     /// Steps in one frame of the island, and frames of the scene in one frame of the island.
     oversampling: u32,
-    every: u32,
-    rest: rest::Rest,
+    frame_interval: u32,
+    rest_search: rest::RestSearch,
     /// Present if it sleeps when it is quiet.
-    quiet: Option<quiet::Quiet>,
+    sleep_monitor: Option<sleep::SleepMonitor>,
 }
 
 impl Island {
@@ -209,44 +209,49 @@ impl Island {
     }
 
     /// Whether a team of threads can share its work.
-    pub(crate) fn is_shared(&self) -> bool {
+    pub(crate) fn can_share_work(&self) -> bool {
         let state = &self.state;
-        state.matter.laws.mesh_partition.is_some() || state.matter.bodies.iter().any(inside::RunningBody::is_shared)
+        state.matter.laws.mesh_partition.is_some()
+            || state.matter.bodies.iter().any(bodies::RunningBody::can_share_work)
     }
 
     /// Steps x[n] − x[n−1] now [m], (n_mat).
-    pub(crate) fn steps(&self) -> &[f64] {
+    pub(crate) fn backward_steps(&self) -> &[f64] {
         &self.state.matter.body.d
     }
 
-    /// Tells the position that each key's gesture asks for [m], NaN if none runs, then the deviation of each of the
-    /// key's layers [m]. Arguments: key, value, whether it is a layer.
-    pub(crate) fn asked(&self, mut tell: impl FnMut(usize, f64, bool)) {
-        for (voice, voice_script) in self.state.hands.voices.iter().zip(&self.script.voices) {
-            // A key's own voice stands before its layers.
+    /// Reports the position that the gesture of each key requests [m], NaN if none runs, then the deviation of each of
+    /// the key's layers [m]. Arguments: key, value, whether it is a layer.
+    pub(crate) fn report_gesture_positions(&self, mut report_position: impl FnMut(usize, f64, bool)) {
+        for (voice, voice_script) in self.state.players.voices.iter().zip(&self.script.voices) {
+            // The voice of a key comes before its layers.
             let asked_displacement = if voice_script.is_layer {
                 voice.deviation(voice_script)
             } else {
-                voice.asked
+                voice.requested_position
             };
-            tell(voice_script.key, asked_displacement, voice_script.is_layer);
+            report_position(voice_script.key_index, asked_displacement, voice_script.is_layer);
         }
     }
 
     /// Reports of all gestures, in the timeline's order.
     pub(crate) fn reports(&self) -> &[GestureReport] {
-        &self.state.hands.reports
+        &self.state.players.reports
     }
 
     /// Whether a contact that is computed finely has been closed.
-    pub(crate) fn has_touched(&self) -> bool {
-        self.state.matter.fine.as_ref().is_some_and(|fine| fine.has_touched)
+    pub(crate) fn has_closed_fine_contact(&self) -> bool {
+        self.state
+            .matter
+            .fine_links
+            .as_ref()
+            .is_some_and(|fine_links| fine_links.has_closed)
     }
 
     /// Work of contacts that are computed finely, so far.
     pub(crate) fn fine_work(&self) -> fine::FineWork {
-        let fine_state = self.state.matter.fine.as_ref();
-        fine_state.map_or_else(fine::FineWork::default, fine::Fine::work)
+        let fine_links = self.state.matter.fine_links.as_ref();
+        fine_links.map_or_else(fine::FineWork::default, fine::FineLinks::work)
     }
 
     /// Work of exact contacts and frictions, so far.
@@ -256,66 +261,66 @@ impl Island {
 
     /// Sum over parts of their finer frames so far times the most steps that one such frame took.
     pub(crate) fn guard_steps(&self) -> u64 {
-        let finer_parts = self.finer();
+        let finer_parts = self.finer_parts();
         finer_parts
             .map(|(_, frames, substeps)| frames * u64::from(substeps))
             .sum()
     }
 
-    /// Makes all motion decay by an additional factor `by` in each step.
-    pub(crate) fn damp(&mut self, by: f64) {
-        // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ have magnitude √(1 − ζ), so a factor `by²` on the last step scales
-        // them by `by`.
-        let step_factor = by * by;
+    /// Makes all motion decay by an additional factor `decay_factor` in each step.
+    pub(crate) fn damp(&mut self, decay_factor: f64) {
+        // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ have magnitude √(1 − ζ), so a factor `decay_factor²` on the last
+        // step scales them by `decay_factor`.
+        let step_factor = decay_factor * decay_factor;
         // A new version of an island is damped as the old one was, which wakes nothing.
-        if self.state.values.damped != step_factor {
+        if self.state.parameters.step_decay != step_factor {
             self.wake();
         }
-        self.state.values.damped = step_factor;
+        self.state.parameters.step_decay = step_factor;
         for body in &mut self.state.matter.bodies {
-            body.damp(by);
+            body.damp(decay_factor);
         }
     }
 
     /// Raises the squares of the modes of each body to at least the square of their present amplitude.
-    pub(crate) fn squares(&self, squares: &mut [Vec<f64>]) {
+    pub(crate) fn raise_mode_squares(&self, squares: &mut [Vec<f64>]) {
         for (body, squares) in self.state.matter.bodies.iter().zip(squares) {
             if let Some(modal_body) = body.modal() {
-                modal_body.squares(squares);
+                modal_body.raise_mode_squares(squares);
             }
         }
     }
 
     /// Ergons since the last call.
     pub(crate) fn take_ergons(&mut self) -> Vec<FramedErgon> {
-        self.state.hands.stream.take()
+        self.state.players.ergon_stream.take_all()
     }
 
     /// From here on, note the strongest push of each contact and the ergons of written hands.
-    pub(crate) fn watch(&mut self) {
-        self.state.watch.touches = contact_peaks::ContactPeaks::new(&self.network);
-        let voices = &mut self.state.hands.voices;
-        voices.iter_mut().for_each(|voice| voice.sparks.watch());
+    pub(crate) fn start_watching(&mut self) {
+        self.state.monitors.contact_peaks = contact_peaks::ContactPeaks::new(&self.network);
+        let voices = &mut self.state.players.voices;
+        voices.iter_mut().for_each(|voice| voice.sparks.start_watching());
         self.wake_from_rest();
     }
 
-    /// Tells each contact that pushed since the last call: link, frame of the scene, force [N].
-    pub(crate) fn take_touches(&mut self, mut tell: impl FnMut(usize, u64, f64)) {
-        let mut touches = std::mem::take(&mut self.state.watch.touches);
-        touches.take(|link, touch| tell(link, self.frame_at(touch.frame), touch.force));
-        self.state.watch.touches = touches;
+    /// Reports each contact that pushed since the last call: link, frame of the scene, force [N].
+    pub(crate) fn take_contact_peaks(&mut self, mut report_peak: impl FnMut(usize, u64, f64)) {
+        let mut contact_peaks = std::mem::take(&mut self.state.monitors.contact_peaks);
+        contact_peaks.take_peaks(|link, peak| report_peak(link, self.scene_frame_at(peak.frame), peak.force));
+        self.state.monitors.contact_peaks = contact_peaks;
     }
 
-    /// Tells the ergons of written hands since the last call.
-    pub(crate) fn take_sparks(&mut self, mut tell: impl FnMut(Record)) {
-        for voice in &mut self.state.hands.voices {
-            voice.sparks.take(&mut tell);
+    /// Reports the ergons of written hands since the last call.
+    pub(crate) fn take_sparks(&mut self, mut report_spark: impl FnMut(ErgonRecord)) {
+        for voice in &mut self.state.players.voices {
+            voice.sparks.take(&mut report_spark);
         }
     }
 
-    /// Largest number of ergons that [`Self::take_sparks`] tells in one call.
+    /// Largest number of ergons that [`Self::take_sparks`] reports in one call.
     pub(crate) fn sparks_max(&self) -> usize {
-        SPARKS * self.state.hands.voices.len()
+        SPARKS * self.state.players.voices.len()
     }
 
     /// Whether a link in space is broken.
@@ -324,43 +329,47 @@ impl Island {
     }
 
     /// The bodies of the island.
-    pub(crate) fn bodies(&self) -> &[inside::RunningBody] {
+    pub(crate) fn bodies(&self) -> &[bodies::RunningBody] {
         &self.state.matter.bodies
     }
 
     /// The ledger, if it is kept.
     pub(crate) fn energy(&self) -> Option<Energy> {
         let state = &self.state;
-        state.watch.ledger.as_ref().map(|ledger| {
+        state.monitors.ledger.as_ref().map(|ledger| {
             ledger.energy(
-                state.values.scheme.as_deref().unwrap_or(&self.script.scheme),
+                state
+                    .parameters
+                    .changing_scheme
+                    .as_deref()
+                    .unwrap_or(&self.script.scheme),
                 &state.matter.body,
             )
         })
     }
 
     /// Muted parts, with the frame of the scene at which each was muted.
-    pub(crate) fn muted(&self) -> Vec<(String, u64)> {
+    pub(crate) fn muted_parts(&self) -> Vec<(String, u64)> {
         self.state
-            .watch
-            .mutes
-            .list()
+            .monitors
+            .muted_parts
+            .iter()
             .map(|(part, step)| {
                 let part_name = self.network.parts()[part].name.clone();
-                (part_name, self.frame_at(step))
+                (part_name, self.scene_frame_at(step))
             })
             .collect()
     }
 
     /// Number of muted parts.
-    pub(crate) fn n_muted(&self) -> usize {
-        self.state.watch.mutes.list().count()
+    pub(crate) fn n_muted_parts(&self) -> usize {
+        self.state.monitors.muted_parts.iter().count()
     }
 
     /// Parts whose links stiffened: name, number of frames computed finer, and most steps in one of them.
-    pub(crate) fn finer(&self) -> impl Iterator<Item = (&str, u64, u32)> {
+    pub(crate) fn finer_parts(&self) -> impl Iterator<Item = (&str, u64, u32)> {
         let network_parts = self.network.parts();
-        let guard_frames = self.state.watch.guard.iter().filter_map(|guard| {
+        let guard_frames = self.state.monitors.guard.iter().filter_map(|guard| {
             let finer_frames = guard.finer_frames()?;
             let part_name = self.script.scheme.part[finer_frames.mat] as usize;
             Some((&*network_parts[part_name].name, finer_frames))
@@ -370,7 +379,7 @@ impl Island {
             .matter
             .bodies
             .iter()
-            .filter_map(inside::RunningBody::finer_frames);
+            .filter_map(bodies::RunningBody::finer_frames);
         guard_frames.chain(bodies).map(|(part_name, finer_frames)| {
             let FinerFrames { frames, steps_max, .. } = finer_frames.per_frame(self.oversampling);
             (part_name, frames, steps_max)
@@ -381,19 +390,19 @@ impl Island {
     pub(crate) fn reserve(&mut self) {
         let n_targets = self.script.drives.len() + self.script.voices.len();
         self.state.matter.targets.reserve(n_targets);
-        for (voice, voice_script) in self.state.hands.voices.iter_mut().zip(&self.script.voices) {
+        for (voice, voice_script) in self.state.players.voices.iter_mut().zip(&self.script.voices) {
             voice.reserve(voice_script);
         }
         for body in &mut self.state.matter.bodies {
             body.reserve();
         }
-        if let Some(ledger) = &mut self.state.watch.ledger {
+        if let Some(ledger) = &mut self.state.monitors.ledger {
             ledger.reserve(n_targets);
         }
-        if let Some(guard) = &mut self.state.watch.guard {
+        if let Some(guard) = &mut self.state.monitors.guard {
             guard.reserve(n_targets);
         }
-        if let Some(gains) = &mut self.state.watch.gains {
+        if let Some(gains) = &mut self.state.monitors.energy_gains {
             gains.reserve(n_targets);
         }
         self.reserve_rest();

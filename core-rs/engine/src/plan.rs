@@ -23,7 +23,7 @@ use std::sync::Arc;
 use crate::assembly::unit::{ComputationUnit, IslandPlan, NetworkIndices};
 use crate::island::ContactOrder;
 use crate::network::{Error, Network};
-use crate::scheme::{Refusal, Scheme};
+use crate::scheme::{RefusalDetail, Scheme};
 use crate::timeline::Timeline;
 
 /// Fewest banks of one part in a group.
@@ -149,7 +149,7 @@ impl Plan {
     pub fn with_fine_contacts(network: Arc<Network>, timeline: &Timeline) -> Result<Self, Error> {
         let (budget, steps_max) = (Budget::default(), crate::assembly::constants::SUBSTEPS_MAX);
         let (contact_substeps, _, certificate) =
-            crate::assembly::assemble::certified_hub(&network, timeline, &budget, steps_max, Refusal::Explained)?;
+            crate::assembly::assemble::certified_hub(&network, timeline, &budget, steps_max, RefusalDetail::Full)?;
         let mut fine_plan = Self::empty(network, timeline);
         let island_plan = fine_plan.stepped_island_plan(timeline, contact_substeps);
         fine_plan.rows.push(Row::stepped(&island_plan, certificate));

@@ -13,16 +13,16 @@ mod springs;
 mod taps;
 
 pub use certify::{BoundMethod, Certificate, StabilityGuarantee};
-pub(crate) use certify::{LargestEigenvalue, Refusal, largest_eigenvalue, largest_eigenvalue_up_to};
+pub(crate) use certify::{LargestEigenvalue, RefusalDetail, largest_eigenvalue, largest_eigenvalue_up_to};
 pub(crate) use link::tension_energy;
 pub(crate) use lone_links::{LinkGroup, LoneLinks, PulledEnds, are_lone};
 pub(crate) use spring::{ForceEnds, Spring};
-pub(crate) use springs::Springs;
+pub(crate) use springs::FusedSprings;
 pub(crate) use taps::Tap;
 
 use std::sync::Arc;
 
-use discretise::Ties;
+use discretise::TieDiscretisation;
 use equal_ranges::EqualRange;
 
 use crate::law::{Hardening, Law};
@@ -48,7 +48,7 @@ pub(crate) enum Kind {
     },
     /// A law with constants that follow MATs.
     Followed {
-        by: Followed,
+        law: Followed,
         /// As for `Lnl`.
         rate: f64,
         /// Index of the law with the current values of its constants.
@@ -56,13 +56,13 @@ pub(crate) enum Kind {
     },
     /// Friction with memory; K of the run is σ0, Z is Fc [N].
     Bristle {
-        by: Bristle,
+        law: Bristle,
         /// As for `Lnl`.
         rate: f64,
     },
     /// Dry friction, solved after all other forces are known; Z of the run is F [N].
     Dry {
-        by: Dry,
+        law: Dry,
         /// As for `Lnl`.
         rate: f64,
     },
@@ -70,7 +70,7 @@ pub(crate) enum Kind {
     Space(SpaceLink),
     /// Contacts between all pairs of points of two groups.
     Pairwise {
-        by: Pairwise,
+        pairs: Pairwise,
         /// Index of its neighbour list and of its contact history.
         slot: usize,
     },
@@ -106,7 +106,7 @@ impl Run {
     pub(crate) fn n_axes(&self) -> usize {
         match &self.kind {
             Kind::Space(space) => space.n_axes,
-            Kind::Pairwise { by, .. } => by.link.n_axes,
+            Kind::Pairwise { pairs, .. } => pairs.link.n_axes,
             _ => 1,
         }
     }
@@ -116,7 +116,7 @@ impl Run {
         let link_ends = (self.a + i, self.b + i);
         match &self.kind {
             Kind::Space(space) => space.pair(link_ends, axis),
-            Kind::Pairwise { by, .. } => by.pair((self.a, self.b), i, axis),
+            Kind::Pairwise { pairs, .. } => pairs.pair((self.a, self.b), i, axis),
             _ => link_ends,
         }
     }
@@ -137,8 +137,8 @@ impl Run {
     /// The run as contacts between all pairs; `None` for other kinds.
     pub(crate) fn pairwise(&self) -> Option<PairRun> {
         match &self.kind {
-            Kind::Pairwise { by, .. } => Some(PairRun {
-                pairs: by.clone(),
+            Kind::Pairwise { pairs, .. } => Some(PairRun {
+                pairs: pairs.clone(),
                 a: self.a,
                 b: self.b,
                 n_second: self.len,
@@ -157,12 +157,14 @@ impl Run {
         }
     }
 
-    /// Change of the length of its i-th link [m], at positions `x`, if each MAT moves by `moved` [m].
-    pub(crate) fn stretch(&self, i: usize, x: impl Fn(usize) -> f64, moved: impl Fn(usize) -> f64) -> f64 {
+    /// Change of the length of its i-th link [m], at positions `x`, if each MAT moves by `displacement` [m].
+    pub(crate) fn stretch(&self, i: usize, x: impl Fn(usize) -> f64, displacement: impl Fn(usize) -> f64) -> f64 {
         let link_ends = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => space.length_step(link_ends, space.length_and_direction(link_ends, x).1, moved),
-            _ => moved(link_ends.1) - moved(link_ends.0),
+            Kind::Space(space) => {
+                space.length_step(link_ends, space.length_and_direction(link_ends, x).1, displacement)
+            }
+            _ => displacement(link_ends.1) - displacement(link_ends.0),
         }
     }
 
@@ -182,7 +184,7 @@ impl Run {
     }
 
     /// Whether its rest length changes permanently.
-    pub(crate) fn yields(&self) -> bool {
+    pub(crate) fn has_permanent_stretch(&self) -> bool {
         matches!(&self.kind, Kind::Space(space) if space.law.yields())
     }
 
@@ -194,7 +196,7 @@ impl Run {
     /// The bristle law with K and Z of the run, and the time step [s]; `None` for other links.
     pub(crate) fn bristle(&self) -> Option<(Bristle, f64)> {
         match &self.kind {
-            Kind::Bristle { by, rate } => Some((by.with_stiffness_and_level(self.k, self.z), 1.0 / rate)),
+            Kind::Bristle { law, rate } => Some((law.with_stiffness_and_level(self.k, self.z), 1.0 / rate)),
             _ => None,
         }
     }
@@ -210,7 +212,7 @@ pub struct Scheme {
     /// ζ = Z/M of the tie to the ground     (n_mat)
     pub(crate) zeta: Vec<f64>,
     /// Stiffness of the tie [N/m], for outputs of its force   (n_mat)
-    pub(crate) ground: Vec<f64>,
+    pub(crate) tie_stiffness: Vec<f64>,
     /// 1/M [m/N]: T²/m; 0 for fixed points  (n_mat)
     pub(crate) w: Vec<f64>,
     /// Rest position of the tie [m]         (n_mat)
@@ -226,13 +228,13 @@ pub struct Scheme {
     /// Masses that follow MATs; `w` holds the value of the lightest mass of each.
     pub(crate) following_masses: Vec<FollowingMass>,
     /// Springs whose individual forces are not needed: computed in one pass.
-    pub(crate) fused: Springs,
+    pub(crate) fused_springs: FusedSprings,
     /// Runs whose forces are functions of the current state, in order of declaration.
     pub(crate) runs: Vec<Run>,
     /// Exact contacts, followed by dry friction: solved after all other forces are known.
-    pub(crate) exact: Vec<Run>,
-    /// Whether any two runs of `exact` share a MAT that moves.
-    pub(crate) has_coupled_exact: bool,
+    pub(crate) exact_runs: Vec<Run>,
+    /// Whether any two runs of `exact_runs` share a MAT that moves.
+    pub(crate) has_coupled_exact_runs: bool,
     pub(crate) outputs: Vec<Output>,
     /// The terms of each output, grouped for summation   (n_out)
     pub(crate) taps: Vec<Vec<Tap>>,
@@ -248,13 +250,13 @@ impl Scheme {
     /// # Errors
     /// [`Error::Refused`] with the name of a `magic` contact that cannot be exact.
     pub fn new(network: &Network, rate: Rate) -> Result<Self, Error> {
-        discretise::scheme(network, rate, Ties::Poles)
+        discretise::build_scheme(network, rate, TieDiscretisation::Poles)
     }
 
     /// The numbers of a network whose ties are discretised like springs and dampers: κ = kT²/m, ζ = zT/m. For methods
     /// that do not have the poles of the CA scheme.
     pub(crate) fn physical(network: &Network, rate: Rate) -> Result<Self, Error> {
-        discretise::scheme(network, rate, Ties::Physical)
+        discretise::build_scheme(network, rate, TieDiscretisation::Physical)
     }
 
     /// The stability certificate of the scheme.
@@ -276,7 +278,7 @@ impl Scheme {
     /// # Errors
     /// [`Error`] where a force at rest is not finite.
     pub fn certify(&self, network: &Network) -> Result<Certificate, Error> {
-        certify::certify(self, network, Refusal::Explained)
+        certify::certify(self, network, RefusalDetail::Full)
     }
 
     /// Remove laws whose force far from rest is small against their slopes at rest, as that of a bow. Motion that such
@@ -284,56 +286,62 @@ impl Scheme {
     pub(crate) fn drop_softening_laws(&mut self) {
         self.runs.retain(|run| match &run.kind {
             Kind::Lnl { law, .. } => !law.is_bounded_far_from_rest(),
-            Kind::Followed { by, .. } => !by.end_value_laws().all(|law| law.is_bounded_far_from_rest()),
+            Kind::Followed { law: followed_law, .. } => {
+                !followed_law.end_value_laws().all(|law| law.is_bounded_far_from_rest())
+            }
             _ => true,
         });
     }
 
     /// Whether the scheme is stable without its damping; if so, a refusal means that only the damping is too strong.
-    pub(crate) fn bears_springs(&self, network: &Network) -> bool {
-        certify::bears_springs(self, network)
+    pub(crate) fn is_stable_undamped(&self, network: &Network) -> bool {
+        certify::is_stable_undamped(self, network)
     }
 
-    /// The stability certificate; `refusal` says how much is computed if the scheme is unstable.
-    pub(crate) fn certify_or(&self, network: &Network, refusal: Refusal) -> Result<Certificate, Error> {
-        certify::certify(self, network, refusal)
+    /// The stability certificate; `refusal_detail` says how much is computed if the scheme is unstable.
+    pub(crate) fn certify_with_detail(
+        &self,
+        network: &Network,
+        refusal_detail: RefusalDetail,
+    ) -> Result<Certificate, Error> {
+        certify::certify(self, network, refusal_detail)
     }
 
     /// Largest number of laws that are computed in substeps: the cost grows with its square, as each law is coupled to
     /// all others.
-    pub(crate) const FINE_LAWS: usize = 32;
+    pub(crate) const SUBSTEPPED_LAWS_MAX: usize = 32;
     /// Largest number of dry frictions whose ends are located between frames: all their forces are one system of
     /// equations.
-    const LOCATED_FRICTIONS: usize = 8;
+    const LOCATED_FRICTIONS_MAX: usize = 8;
 
-    /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps; `steered`:
-    /// MATs whose motion or parameters a timeline determines.
-    pub(crate) fn has_substepped(&self, steered: &[usize]) -> (bool, bool) {
+    /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps;
+    /// `steered_mats`: those whose motion or parameters a timeline determines.
+    pub(crate) fn has_substepped(&self, steered_mats: &[usize]) -> (bool, bool) {
         let is_law = |run: &&Run| run.is_law();
         let law_count = self.substepped().filter(is_law).count();
-        let has_laws = (1..=Self::FINE_LAWS).contains(&law_count);
+        let has_laws = (1..=Self::SUBSTEPPED_LAWS_MAX).contains(&law_count);
         let has_contacts = self.substepped().any(|run| !is_law(&run));
-        (has_contacts, has_laws || self.may_locate_friction(steered))
+        (has_contacts, has_laws || self.can_locate_friction(steered_mats))
     }
 
     /// Contacts and laws that can be computed in substeps, however many laws there are.
     fn substepped(&self) -> impl Iterator<Item = &Run> {
-        let takes_springs = self.takes_springs();
-        let all_runs = self.runs.iter().chain(&self.exact);
-        all_runs.filter(move |run| self.may_substep(run, takes_springs))
+        let substeps_springs = self.substeps_springs();
+        let all_runs = self.runs.iter().chain(&self.exact_runs);
+        all_runs.filter(move |run| self.can_substep_run(run, substeps_springs))
     }
 
     /// Whether the ends of slides and holds of all its dry friction can be located between frames: beside no contacts
     /// and laws that can be computed in substeps, not on proxies and masses that change, nor in parts with steered
     /// MATs.
-    fn may_locate_friction(&self, steered: &[usize]) -> bool {
+    fn can_locate_friction(&self, steered_mats: &[usize]) -> bool {
         let is_free_end = |mat: usize| {
-            let mut steered_mats = steered.iter();
+            let mut steered_mats = steered_mats.iter();
             let is_steered = steered_mats.any(|&other| self.part[other] == self.part[mat]);
-            !is_steered && self.may_end_between(mat)
+            !is_steered && self.can_end_substepped(mat)
         };
-        let dry_runs = || self.exact.iter().filter(|run| run.is_dry());
-        (1..=Self::LOCATED_FRICTIONS).contains(&dry_runs().count())
+        let dry_runs = || self.exact_runs.iter().filter(|run| run.is_dry());
+        (1..=Self::LOCATED_FRICTIONS_MAX).contains(&dry_runs().count())
             && self.substepped().next().is_none()
             && dry_runs().all(|run| run.len == 1 && is_free_end(run.a) && is_free_end(run.b))
             && self.is_forest(dry_runs())
@@ -359,29 +367,29 @@ impl Scheme {
     }
 
     /// Whether a run can be computed in substeps.
-    fn may_substep(&self, run: &Run, takes_springs: bool) -> bool {
-        let is_taken = takes_springs || !run.is_hardening();
-        let has_free_ends = self.may_end_between(run.a) && self.may_end_between(run.b);
+    fn can_substep_run(&self, run: &Run, substeps_springs: bool) -> bool {
+        let is_taken = substeps_springs || !run.is_hardening();
+        let has_free_ends = self.can_end_substepped(run.a) && self.can_end_substepped(run.b);
         is_taken && run.can_substep() && has_free_ends
     }
 
     /// Whether hardening springs that are single links are computed in substeps: they are few, and no rows of such
     /// springs are left to the scheme. Beside these the others would gain nothing.
-    fn takes_springs(&self) -> bool {
+    fn substeps_springs(&self) -> bool {
         let mut springs = self.runs.iter().filter(|run| run.is_hardening());
-        springs.clone().count() <= Self::FINE_LAWS && springs.all(|run| run.len == 1)
+        springs.clone().count() <= Self::SUBSTEPPED_LAWS_MAX && springs.all(|run| run.len == 1)
     }
 
     /// Whether a MAT may be the end of a run that is computed in substeps: proxies and masses that change are known at
     /// frames only.
-    fn may_end_between(&self, mat: usize) -> bool {
+    fn can_end_substepped(&self, mat: usize) -> bool {
         let mut changing = self.following_masses.iter();
         !self.is_proxy(mat) && !changing.any(|mass| mass.mat == mat)
     }
 
     /// 1/M that a force on each MAT sees [m/N]; for a proxy an upper bound   (n_mat; empty if there are no proxies, so
     /// that `w` applies).
-    pub(crate) fn compliance(&self) -> Vec<f64> {
+    pub(crate) fn force_compliances(&self) -> Vec<f64> {
         if self.proxies.is_empty() {
             return Vec::new();
         }
@@ -394,8 +402,8 @@ impl Scheme {
     }
 
     /// Whether any link is dry friction.
-    pub(crate) fn has_dry(&self) -> bool {
-        self.exact.iter().any(Run::is_dry)
+    pub(crate) fn has_dry_friction(&self) -> bool {
+        self.exact_runs.iter().any(Run::is_dry)
     }
 
     /// Whether there are contacts between all pairs of points.
@@ -413,44 +421,45 @@ impl Scheme {
     }
 
     /// The initial state of all LIAs that have one, such as bristles; empty if none has   (n_lia).
-    pub(crate) fn memory(&self) -> Vec<f64> {
-        let remembers = |run: &Run| run.bristle().is_some() || run.yields();
+    pub(crate) fn initial_memory(&self) -> Vec<f64> {
+        let remembers = |run: &Run| run.bristle().is_some() || run.has_permanent_stretch();
         let any_remembers = self.runs.iter().any(remembers);
         vec![0.0; if any_remembers { self.n_lia } else { 0 }]
     }
 
-    /// Move springs to the list that is computed in one pass, except those whose individual force `is_told`.
-    pub(crate) fn fuse(&mut self, is_told: impl Fn(usize) -> bool) {
+    /// Move springs to the list that is computed in one pass, except those whose individual force `is_observed`.
+    pub(crate) fn fuse_springs(&mut self, is_observed: impl Fn(usize) -> bool) {
         let (fused_runs, other_runs): (Vec<Run>, Vec<Run>) =
             std::mem::take(&mut self.runs).into_iter().partition(|run| {
                 let run_links = run.first..run.first + run.len;
-                run.gate.is_none() && run.spring().is_some() && !run_links.into_iter().any(&is_told)
+                run.gate.is_none() && run.spring().is_some() && !run_links.into_iter().any(&is_observed)
             });
         self.runs = other_runs;
         let added_springs = fused_runs.iter().filter_map(Run::spring);
-        self.fused = Springs::new(self.fused.iter().copied().chain(added_springs).collect());
+        self.fused_springs = FusedSprings::new(self.fused_springs.iter().copied().chain(added_springs).collect());
     }
 
     /// Remove and return the contacts and laws that are computed in substeps, laws only if there are few; if there are
-    /// none, dry friction. `steered` as in [`Self::has_substepped`].
-    pub(crate) fn take_substepped(&mut self, steered: &[usize]) -> Vec<Run> {
-        let takes_springs = self.takes_springs();
-        if self.may_locate_friction(steered) {
-            let exact = std::mem::take(&mut self.exact).into_iter();
-            let (dry_runs, other_exact) = exact.partition(Run::is_dry);
-            self.exact = other_exact;
+    /// none, dry friction. `steered_mats` as in [`Self::has_substepped`].
+    pub(crate) fn take_substepped(&mut self, steered_mats: &[usize]) -> Vec<Run> {
+        let takes_springs = self.substeps_springs();
+        if self.can_locate_friction(steered_mats) {
+            let exact_runs = std::mem::take(&mut self.exact_runs).into_iter();
+            let (dry_runs, other_exact) = exact_runs.partition(Run::is_dry);
+            self.exact_runs = other_exact;
             return dry_runs;
         }
-        let (explicit_runs, exact) = (std::mem::take(&mut self.runs), std::mem::take(&mut self.exact));
-        let is_law = |run: &Run| run.is_law() && self.may_substep(run, takes_springs);
-        let are_laws_few = explicit_runs.iter().filter(|run| is_law(run)).count() <= Self::FINE_LAWS;
-        let is_substepped = |run: &Run| self.may_substep(run, takes_springs) && (are_laws_few || !is_law(run));
-        let (mut fine_runs, explicit_runs) = explicit_runs.into_iter().partition::<Vec<_>, _>(is_substepped);
-        let (exact, exact_left) = exact.into_iter().partition::<Vec<_>, _>(is_substepped);
-        fine_runs.extend(exact);
-        fine_runs.sort_by_key(|run| run.first);
-        (self.runs, self.exact) = (explicit_runs, exact_left);
-        fine_runs
+        let (explicit_runs, exact_runs) = (std::mem::take(&mut self.runs), std::mem::take(&mut self.exact_runs));
+        let is_law = |run: &Run| run.is_law() && self.can_substep_run(run, takes_springs);
+        let are_laws_few = explicit_runs.iter().filter(|run| is_law(run)).count() <= Self::SUBSTEPPED_LAWS_MAX;
+        let is_substepped = |run: &Run| self.can_substep_run(run, takes_springs) && (are_laws_few || !is_law(run));
+        let (mut substepped_runs, explicit_runs) = explicit_runs.into_iter().partition::<Vec<_>, _>(is_substepped);
+        let (substepped_exact_runs, remaining_exact_runs) =
+            exact_runs.into_iter().partition::<Vec<_>, _>(is_substepped);
+        substepped_runs.extend(substepped_exact_runs);
+        substepped_runs.sort_by_key(|run| run.first);
+        (self.runs, self.exact_runs) = (explicit_runs, remaining_exact_runs);
+        substepped_runs
     }
 
     /// 1/M, κ, ζ and rest position of every MAT   (n_mat each).

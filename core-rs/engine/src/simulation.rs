@@ -25,7 +25,7 @@ use crate::plan::Plan;
 use crate::timeline::Timeline;
 
 pub use crate::archive::Damaged;
-pub use crate::island::{EmulatedKey, Energy, Fault, Motor, OnFault, Options, Record};
+pub use crate::island::{EmulatedKey, Energy, ErgonRecord, Fault, Motor, OnFault, Options};
 pub use look::{Contact, Glance, Look, Oscillation, Point, PointMotion, Push, VisibleBody};
 pub use stored::StorableIsland;
 pub use takeover::Takeover;
@@ -255,9 +255,9 @@ impl Simulation {
     pub fn positions(&self) -> Vec<f64> {
         let mut x = self.mat_values(|x, _| x, Island::positions);
         for (island, island_plan) in self.islands() {
-            let frames_ahead = island.ahead(self.frame);
+            let frames_ahead = island.frames_ahead(self.frame);
             let steps = f64::from(frames_ahead) * island.steps_per_frame();
-            let steps = island.steps().iter().map(|step| steps * step);
+            let steps = island.backward_steps().iter().map(|step| steps * step);
             for (local, step) in steps.enumerate().filter(|_| frames_ahead > 0) {
                 x[to_network_index(&island_plan.network_indices.mats, local)] -= step;
             }
@@ -268,10 +268,10 @@ impl Simulation {
     /// Displacements over the last frame, x[n] − x[n−1] [m], (n_mat); NaN for MATs that the plan does not compute. For
     /// an island whose step is not one frame: its last step times its number of steps a frame.
     pub fn steps(&self) -> Vec<f64> {
-        let mut steps = self.mat_values(|x, previous_position| x - previous_position, Island::steps);
+        let mut steps = self.mat_values(|x, previous_position| x - previous_position, Island::backward_steps);
         for (island, island_plan) in self.islands() {
             let frame_steps = island.steps_per_frame();
-            for local in (0..island.steps().len()).filter(|_| frame_steps != 1.0) {
+            for local in (0..island.backward_steps().len()).filter(|_| frame_steps != 1.0) {
                 steps[to_network_index(&island_plan.network_indices.mats, local)] *= frame_steps;
             }
         }
@@ -310,7 +310,7 @@ impl Simulation {
     fn write_gesture_positions(&self, positions: &mut [f64]) {
         positions.fill(f64::NAN);
         for (island, island_plan) in self.islands() {
-            island.asked(|local, asked, is_layer| {
+            island.report_gesture_positions(|local, asked, is_layer| {
                 let key_position = &mut positions[to_network_index(&island_plan.network_indices.keys, local)];
                 *key_position = if is_layer { *key_position + asked } else { asked };
             });
@@ -324,7 +324,7 @@ impl Simulation {
     pub fn set_hand_position(&mut self, hand: usize, x: f64, step: Option<f64>) {
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let RunningUnit::Island(island) = running {
-                island.hold(hand, x, step);
+                island.set_hand_position(hand, x, step);
             }
         }
     }
@@ -335,7 +335,7 @@ impl Simulation {
         let mut has_point = false;
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let RunningUnit::Island(island) = running {
-                has_point |= island.strike(point, impulse);
+                has_point |= island.strike_point(point, impulse);
             }
         }
         has_point

@@ -90,7 +90,7 @@ impl Body {
         Self {
             force: vec![0.0; x.len()],
             link: vec![0.0; scheme.n_lia],
-            memory: scheme.memory(),
+            memory: scheme.initial_memory(),
             histories: histories(scheme),
             pair_force: vec![0.0; if scheme.has_pairwise() { x.len() } else { 0 }],
             proxies: vec![0.0; scheme.proxies.len()],
@@ -98,8 +98,8 @@ impl Body {
             outside: Vec::new(),
             previous: None,
             exact_work: ExactWork::default(),
-            mixing: Mixing::new(if scheme.has_coupled_exact {
-                scheme.exact.len()
+            mixing: Mixing::new(if scheme.has_coupled_exact_runs {
+                scheme.exact_runs.len()
             } else {
                 0
             }),
@@ -132,11 +132,11 @@ impl Body {
 fn histories(scheme: &Scheme) -> Vec<ContactHistory> {
     let mut histories = Vec::new();
     for run in &scheme.runs {
-        if let Kind::Pairwise { by, slot } = &run.kind {
+        if let Kind::Pairwise { pairs, slot } = &run.kind {
             let room_count = histories.len().max(slot + 1);
             histories.resize_with(room_count, ContactHistory::default);
-            if by.friction > 0.0 {
-                histories[*slot] = ContactHistory::new(by.n_points(run.len));
+            if pairs.friction > 0.0 {
+                histories[*slot] = ContactHistory::new(pairs.n_points(run.len));
             }
         }
     }

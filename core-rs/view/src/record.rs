@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use ergon_engine::simulation::{Glance, Look, PointMotion, Push, Record, Simulation};
+use ergon_engine::simulation::{ErgonRecord, Glance, Look, PointMotion, Push, Simulation};
 
 use crate::bundle::{self, Unpacked};
 use crate::frames::Frames;
@@ -38,7 +38,7 @@ pub struct Setup {
     /// Position of each point [m]   (n_points)
     pub places: Vec<[f64; 3]>,
     /// Ergons that are known beforehand, by rising instant.
-    pub ergons: Vec<Record>,
+    pub ergons: Vec<ErgonRecord>,
     /// MATs that may be struck live, by the number of their point in the timeline.
     pub strike_points: HashMap<u32, usize>,
     /// The MAT of each key, by its number in the timeline.
@@ -288,7 +288,7 @@ impl Recorder {
     }
 
     /// Strikes of written hands since the last look; at the first look, since the recording began.
-    fn write_sparks(&mut self, sparks: &[Record]) {
+    fn write_sparks(&mut self, sparks: &[ErgonRecord]) {
         let (last_look, record_start) = (self.last_look, self.record_start - 0.5 / self.rate);
         for spark in sparks.iter().filter(|spark| spark.time >= record_start) {
             if let Some(&point_index) = self.points.get(&(spark.mat as usize)) {
@@ -468,7 +468,7 @@ impl Recorder {
     }
 }
 
-fn put_ergon(to: &mut Bytes, time_offset: f64, point: usize, ergon: &Record) {
+fn put_ergon(to: &mut Bytes, time_offset: f64, point: usize, ergon: &ErgonRecord) {
     to.f32(time_offset);
     to.u32(point as u32);
     to.f32(ergon.impulse);

@@ -13,10 +13,10 @@ use crate::assembly::truncate::KeptModes;
 use crate::assembly::unit::{IslandPlan, NetworkIndices};
 use crate::body_modes::linear::NoModes;
 use crate::integrate::MeshMethod;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
 use crate::network::{Error, LinkKind, Network, Subset};
-use crate::scheme::{Certificate, Refusal, Scheme};
+use crate::scheme::{Certificate, RefusalDetail, Scheme};
 use crate::timeline::{Timeline, with_greatest_factors};
 
 /// An island that can be played.
@@ -123,8 +123,8 @@ impl Assembled {
             };
             let steps_limit = island_cut.bodies.iter().any(steps_over).then_some(1);
             let timeline = &island_cut.timeline.timeline;
-            let hub_within =
-                |steps_max| certified_hub(&island_cut.hub.network, timeline, budget, steps_max, Refusal::Bare);
+            let (network, detail) = (&island_cut.hub.network, RefusalDetail::VerdictOnly);
+            let hub_within = |steps_max| certified_hub(network, timeline, budget, steps_max, detail);
             match steps_limit
                 .map_or_else(|| hub_within(steps_max), hub_within)
                 .or_else(|_| hub_within(steps_max))
@@ -231,7 +231,7 @@ impl Assembled {
         let mut hub_network = (*self.island_plan.network).clone();
         for (body, modes_kept) in self.bodies.iter_mut().zip(modes_kept) {
             if let BodyPlan::Modal(modal_body) = &body.plan {
-                body.plan = BodyPlan::Modal(modal_body.only(&modes_kept.modes));
+                body.plan = BodyPlan::Modal(modal_body.with_modes(&modes_kept.modes));
                 body.left_out_db = modes_kept.left_out_db;
                 body.computed_modes = modes_kept.numbers();
                 ported::set_port_masses(&mut hub_network, &body.plan);
@@ -245,10 +245,10 @@ impl Assembled {
 }
 
 /// Only at the score's own rate does the composer get an explanation.
-fn refusal_at(oversampling: u32) -> Refusal {
+fn refusal_at(oversampling: u32) -> RefusalDetail {
     match oversampling {
-        1 => Refusal::Explained,
-        _ => Refusal::Bare,
+        1 => RefusalDetail::Full,
+        _ => RefusalDetail::VerdictOnly,
     }
 }
 
@@ -272,7 +272,7 @@ pub(crate) fn certified_hub(
     timeline: &Timeline,
     budget: &Budget,
     steps_max: usize,
-    refusal: Refusal,
+    refusal: RefusalDetail,
 ) -> Result<(usize, bool, Certificate), Error> {
     let network = &with_greatest_factors(network, &timeline.leads)?;
     let mut hub_scheme = Scheme::new(network, timeline.rate)?;
@@ -295,12 +295,12 @@ pub(crate) fn certified_hub(
     if timeline.is_unguarded {
         hub_scheme.drop_softening_laws();
     }
-    let certificate = match hub_scheme.certify_or(network, refusal) {
+    let certificate = match hub_scheme.certify_with_detail(network, refusal) {
         // Between frames a law is solved implicitly, so no slope of its friction is too steep.
-        Err(Error::Unstable { .. }) if laws_may_need_substeps && hub_scheme.bears_springs(network) => {
+        Err(Error::Unstable { .. }) if laws_may_need_substeps && hub_scheme.is_stable_undamped(network) => {
             contact_substeps = FINE_SUBSTEPS_MIN.min(steps_max);
             hub_scheme.take_substepped(&led_links);
-            hub_scheme.certify_or(network, refusal)?
+            hub_scheme.certify_with_detail(network, refusal)?
         }
         certificate => certificate?,
     };

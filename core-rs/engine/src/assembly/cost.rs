@@ -5,9 +5,9 @@ use crate::assembly::cost_table::Costs;
 use crate::assembly::mesh::LADDER;
 use crate::assembly::unit::{BankPlan, ComputationUnit, IslandPlan};
 use crate::integrate::MeshMethod;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::mesh::Mesh;
-use crate::island::slow::{Slow, Springs};
+use crate::island::slow::{Slow, SpringMethod};
 use crate::island::{FINE_SUBSTEPS_MIN, Island};
 use crate::network::{Contact, LinkKind, Measure, Network, Pairwise, Run, SpaceLaw, SpaceLink};
 use crate::scheme::{Scheme, are_lone};
@@ -129,7 +129,7 @@ pub(crate) fn fine_laws_ns(island_plan: &IslandPlan) -> f64 {
     if fine_laws.is_empty() && single_links(|kind| matches!(kind, LinkKind::But(_))).is_empty() {
         fine_laws = single_links(|kind| matches!(kind, LinkKind::Dry(_)));
     }
-    if fine_laws.len() > Scheme::FINE_LAWS {
+    if fine_laws.len() > Scheme::SUBSTEPPED_LAWS_MAX {
         return 0.0;
     }
     let parts_max = contact_substeps / FINE_SUBSTEPS_MIN;
@@ -254,11 +254,11 @@ pub(crate) fn costs_more_than_stepping(slow: &Slow) -> bool {
 
 fn slow_body_ns(slow: &Slow) -> f64 {
     let kick_cost = match &slow.springs {
-        Springs::Exact(flow) => flow.n_products() * Costs::nanoseconds("port"),
-        Springs::Stepped(_) => modules_ns(&slow.network),
+        SpringMethod::Exact(flow) => flow.n_products() * Costs::nanoseconds("port"),
+        SpringMethod::Stepped(_) => modules_ns(&slow.network),
     };
     let frame_cost = Costs::nanoseconds("slow") + slow.ports.len() as f64 * Costs::nanoseconds("mat");
-    kick_cost / f64::from(slow.kick_every) + frame_cost
+    kick_cost / f64::from(slow.kick_interval) + frame_cost
 }
 
 /// Cost of a bank [ns a frame].

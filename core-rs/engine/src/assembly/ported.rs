@@ -18,7 +18,7 @@ use crate::body_modes::complex_modes::Sum;
 use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
 use crate::cell::Response;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::modal::{ComplexResponses, Modal, Mode, Port, StruckPoint};
 use crate::network::forest::link_ends;
 use crate::network::{Error, Network, Subset, Term};
@@ -233,12 +233,12 @@ fn normal_mode_plan(
             .map(|(a, b)| a * b)
             .sum()
     };
-    let still = (0..n_outputs)
+    let rest_outputs = (0..n_outputs)
         .map(|row| rest_of_row(port_count + row) + outputs.constant_sums[row])
         .collect();
     Ok(Modal {
-        computed: (0..mode_count as u32).collect(),
-        turned: rotation_mats,
+        mode_numbers: (0..mode_count as u32).collect(),
+        alignment_mats: rotation_mats,
         modes: (0..mode_count).map(|mode| mode_plan(&body_modes, mode, rate)).collect(),
         ports: body
             .ports
@@ -256,18 +256,18 @@ fn normal_mode_plan(
             .enumerate()
             .map(|(row, &output)| (output, body_modes.shapes[port_count + row].clone()))
             .collect(),
-        still,
-        struck: strikes
+        rest_outputs,
+        struck_points: strikes
             .into_values()
             .enumerate()
             .map(|(row, blows)| StruckPoint {
                 shape: body_modes.shapes[port_count + n_outputs + row].clone(),
-                blows: blows.frame_impulses,
+                strikes: blows.frame_impulses,
             })
             .collect(),
         rate,
         network: Arc::new(body_subset.network),
-        answers: None,
+        complex_responses: None,
     })
 }
 
@@ -324,8 +324,8 @@ fn complex_mode_plan(
     };
     let static_sums = body_modes.rest[port_count..].iter().zip(&outputs.constant_sums);
     let modal_plan = Modal {
-        computed: (0..all_parts.len() as u32).collect(),
-        turned: None,
+        mode_numbers: (0..all_parts.len() as u32).collect(),
+        alignment_mats: None,
         modes: all_parts.iter().map(part_plan).collect(),
         ports: (0..port_count)
             .map(|row| Port {
@@ -338,21 +338,21 @@ fn complex_mode_plan(
             .zip(&body_subset.outputs)
             .map(|(row, &output): (usize, _)| (output, shape_of_row(port_count + row)))
             .collect(),
-        still: static_sums.map(|(rest, constant_part)| rest + constant_part).collect(),
-        struck: strikes
+        rest_outputs: static_sums.map(|(rest, constant_part)| rest + constant_part).collect(),
+        struck_points: strikes
             .into_values()
             .map(|blows| StruckPoint {
                 shape: vec![1.0; all_parts.len()],
-                blows: blows.frame_impulses,
+                strikes: blows.frame_impulses,
             })
             .collect(),
         rate,
         network: Arc::new(body_subset.network),
-        answers: Some(ComplexResponses {
+        complex_responses: Some(ComplexResponses {
             n_modes: body_modes.len(),
-            places: complex_body::sequence_places(&all_parts),
-            ports: (0..port_count).map(answers).collect(),
-            struck: (port_count..force_points.len()).map(answers).collect(),
+            mode_parts: complex_body::sequence_places(&all_parts),
+            port_responses: (0..port_count).map(answers).collect(),
+            struck_responses: (port_count..force_points.len()).map(answers).collect(),
         }),
     };
     // The largest cost allowed: the same masses stepped module by module, times `COMPLEX_COST_RATIO_MAX`. A few masses
@@ -369,9 +369,9 @@ fn part_plan(part: &ModeSequence) -> Mode {
     Mode {
         a,
         b,
-        gain: 0.0,
-        now: part.now,
-        before: part.before,
+        displacement_per_newton: 0.0,
+        start_amplitude: part.now,
+        previous_amplitude: part.before,
         cell: None,
     }
 }
@@ -386,13 +386,13 @@ fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
     Mode {
         a: 2.0 - mode_ratios.kappa - mode_ratios.zeta,
         b: 1.0 - mode_ratios.zeta,
-        gain: if modes.is_discrete {
+        displacement_per_newton: if modes.is_discrete {
             1.0
         } else {
             rate.step() * mode_cell.response(rate.step())
         },
-        now: modes.x0[mode] - modes.rest[mode],
-        before: modes.before(mode, rate),
+        start_amplitude: modes.x0[mode] - modes.rest[mode],
+        previous_amplitude: modes.before(mode, rate),
         cell: (!modes.is_discrete).then_some(mode_cell),
     }
 }
@@ -515,7 +515,7 @@ pub(crate) fn set_port_masses(hub: &mut Network, inside: &BodyPlan) {
         }
         BodyPlan::Slow(slow) => {
             for &(local, mat) in &slow.ports {
-                hub.set_free(mat, slow.network.mats().m[slow.free[local]]);
+                hub.set_free(mat, slow.network.mats().m[slow.free_mats[local]]);
                 hub.set_weightless(mat);
             }
         }

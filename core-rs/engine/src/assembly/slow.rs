@@ -12,7 +12,7 @@ use crate::assembly::constants::KICK_TURN_RADIANS_MAX;
 use crate::assembly::cost;
 use crate::assembly::wiring::Body;
 use crate::gesture::script::Touch;
-use crate::island::slow::{Slow, Springs, Weights};
+use crate::island::slow::{Slow, SpringMethod, Weights};
 use crate::network::forest::{Forest, link_ends};
 use crate::network::{LinkKind, MatKind, Network, Proxy, Run, SpaceLaw, Subset, Term};
 use crate::timeline::{DriveKind, Timeline};
@@ -262,12 +262,14 @@ impl Solution {
         (part, macrostep): (usize, u32),
         body: &Body,
         subset: Subset,
-        springs: impl FnOnce(&[(usize, usize)], &[Weights]) -> Springs,
+        springs: impl FnOnce(&[(usize, usize)], &[Weights]) -> SpringMethod,
     ) -> Result<Slow, String> {
-        let Self { moving_mats: free, .. } = self;
-        let free_count = free.len();
+        let Self {
+            moving_mats: free_mats, ..
+        } = self;
+        let free_count = free_mats.len();
         let outputs = position_sums_only(&subset.network).map_err(|no_modes| no_modes.as_str().to_owned())?;
-        let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
+        let slot_of_mat = |mat: usize| free_mats.binary_search(&mat).ok();
         let output_rows = outputs.position_rows.into_iter().map(|row| {
             let weights = row
                 .into_iter()
@@ -285,12 +287,12 @@ impl Solution {
         Ok(Slow {
             part,
             macrostep,
-            kick_every: self.kick_every,
-            turn: self.turn_radians,
-            rest: self.rest_positions,
-            x0: free.iter().map(|&i| mats.x0[i]).collect(),
-            v0: free.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
-            inner: (0..free_count).filter(|&slot| !is_port_slot(slot)).collect(),
+            kick_interval: self.kick_every,
+            kick_phase: self.turn_radians,
+            rest_positions: self.rest_positions,
+            x0: free_mats.iter().map(|&i| mats.x0[i]).collect(),
+            v0: free_mats.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
+            inner_mats: (0..free_count).filter(|&slot| !is_port_slot(slot)).collect(),
             inner_mask: (0..free_count)
                 .map(|weights| f64::from(u8::from(!is_port_slot(weights))))
                 .collect(),
@@ -300,7 +302,7 @@ impl Solution {
             is_discrete: self.is_discrete,
             ports,
             network: Arc::new(subset.network),
-            free,
+            free_mats,
         })
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::bank::{Oscillator, Strikes};
 use crate::body_modes::complex_modes::ComplexPart;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN, StepNumbers};
 use crate::network::Network;
 use crate::timeline::Timeline;
@@ -47,7 +47,7 @@ impl IslandPlan {
                 _ => ContactOrder::Fourth,
             },
             oversampling: self.oversampling,
-            every: self.frame_interval,
+            frame_interval: self.frame_interval,
         }
     }
 }

@@ -7,7 +7,7 @@ use std::fmt::Arguments;
 use super::{Sink, digest, hex};
 use crate::assembly::unit::IslandPlan;
 use crate::gesture::script::Gesture;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::{Network, PartOrder};
 use crate::timeline::{Ergon, Key, Strike, Timeline};
 
@@ -114,7 +114,10 @@ impl Content {
         } = island;
         let networks = bodies.iter().map(BodyPlan::network);
         let part_order = PartOrder::new(networks.chain([&**network]));
-        let bodies: Vec<BodyPlan> = bodies.iter().map(|body| body.anonymous(&part_order)).collect();
+        let bodies: Vec<BodyPlan> = bodies
+            .iter()
+            .map(|body| body.without_strikes_and_names(&part_order))
+            .collect();
         let numbers = (island.step_numbers(island.contact_substeps), sleeps);
         Self(Events::new(
             network,

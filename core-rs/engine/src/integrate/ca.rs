@@ -34,7 +34,7 @@ impl Ca {
         let guard = Guard::new(&scheme, network, StabilityLimit::CA, &[])?;
         let start_positions = network.mats().x0.clone();
         let start_steps = backward_steps(network, &Timeline::new(rate), &scheme, &start_positions, &[], &|_| true);
-        scheme.fuse(|_| false);
+        scheme.fuse_springs(|_| false);
         let (mut body, mut laws) = (
             Body::new(&scheme, start_positions, start_steps),
             KernelScratch::new(&scheme),
@@ -53,7 +53,7 @@ impl Ca {
 
 impl Stepper for Ca {
     fn partition_for(&mut self, threads: usize) {
-        self.laws.mesh_partition = MeshPartition::for_threads(&self.scheme.fused, self.scheme.n_mat(), threads);
+        self.laws.mesh_partition = MeshPartition::for_threads(&self.scheme.fused_springs, self.scheme.n_mat(), threads);
     }
 
     fn is_shared(&self) -> bool {

@@ -17,7 +17,9 @@ use super::method::{BM4_LIMIT, MeshMethod};
 use super::{ieq, substep_rate};
 use crate::guard::StabilityLimit;
 use crate::network::{Error, Network};
-use crate::scheme::{Certificate, LargestEigenvalue, Refusal, Scheme, StabilityGuarantee, largest_eigenvalue_up_to};
+use crate::scheme::{
+    Certificate, LargestEigenvalue, RefusalDetail, Scheme, StabilityGuarantee, largest_eigenvalue_up_to,
+};
 use crate::units::Rate;
 
 /// Factor on a limit that allows for the rounding error of an eigenvalue.
@@ -36,7 +38,7 @@ const LOSS_WEIGHT: f64 = 2.0;
 pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substeps: u32) -> Result<Certificate, Error> {
     let rate = substep_rate(rate, substeps)?;
     if method == MeshMethod::Ca {
-        return Scheme::new(network, rate)?.certify_or(network, Refusal::Bare);
+        return Scheme::new(network, rate)?.certify_with_detail(network, RefusalDetail::VerdictOnly);
     }
     let network_mesh = Mesh::new(network, rate, method)?;
     let mesh_scheme = &network_mesh.scheme;
@@ -45,8 +47,8 @@ pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substep
     };
     let certificate = |largest: &LargestEigenvalue, guarantee: StabilityGuarantee| Certificate {
         lambda_max: largest.lambda,
-        means: largest.means,
-        word: guarantee,
+        bound_method: largest.bound_method,
+        guarantee,
     };
     let guarantee = if mesh_scheme.is_linear {
         StabilityGuarantee::Proved
@@ -111,7 +113,7 @@ fn unstable_error(network: &Network, method: MeshMethod, largest: &LargestEigenv
     let (method_name, lambda_max) = (method.properties().name, largest.lambda);
     let rate_factor = (lambda_max / limit).sqrt().ceil();
     Error::Refused {
-        module: network.mat_name(largest.worst),
+        module: network.mat_name(largest.worst_mat),
         message: format!(
             "unstable with method {method_name} at this rate: λmax is at least {lambda_max:.6} and must be below {limit:.3}; use \
              {rate_factor} times the rate or more, a larger M, or a smaller K or Z"

@@ -76,7 +76,7 @@ impl Mesh {
             let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
             let tension = run.shared_stiffness(elongation);
             energy_sum += sum_over(run.len, |i| {
-                run.potential(elongation(i)) + tension_energy(tension, elongation(i))
+                run.potential_energy(elongation(i)) + tension_energy(tension, elongation(i))
             });
         }
         energy_sum
@@ -106,7 +106,7 @@ impl Mesh {
             let tensions = [run.shared_stiffness(elongation), run.shared_stiffness(last_elongation)];
             energy_sum += sum_over(run.len, |i| {
                 let [now, last] = [(elongation(i), tensions[0]), (last_elongation(i), tensions[1])]
-                    .map(|(e, tension)| run.potential(e) + tension_energy(tension, e));
+                    .map(|(e, tension)| run.potential_energy(e) + tension_energy(tension, e));
                 0.5 * (now + last)
             });
         }

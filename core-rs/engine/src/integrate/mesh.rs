@@ -10,7 +10,7 @@ use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::springs::ForcePart;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
-use crate::scheme::{ForceEnds, Kind, Run, Scheme, Spring, Springs};
+use crate::scheme::{ForceEnds, FusedSprings, Kind, Run, Scheme, Spring};
 use crate::units::Rate;
 
 /// A network in numbers scaled by the step.
@@ -20,7 +20,7 @@ pub(super) struct Mesh {
     /// M = m/T², the mass per step squared; 0 for fixed points   (n_mat)
     pub(super) scaled_masses: Vec<f64>,
     /// Springs, hardening or not, in order of declaration.
-    pub(super) springs: Springs,
+    pub(super) springs: FusedSprings,
     /// The first link of each run of springs.
     pub(super) first_links: Vec<usize>,
     /// Contacts and other laws, in order of declaration.
@@ -57,7 +57,7 @@ impl Mesh {
         let inverse = |w: &f64| if *w > 0.0 { 1.0 / w } else { 0.0 };
         let mut new_mesh = Self {
             scaled_masses: scheme.w.iter().map(inverse).collect(),
-            springs: Springs::default(),
+            springs: FusedSprings::default(),
             first_links: Vec::new(),
             other_runs: Vec::new(),
             is_damped: false,
@@ -96,7 +96,7 @@ impl Mesh {
                 force_ends: ForceEnds::Both(run.a, run.b),
             });
         }
-        new_mesh.springs = Springs::new(springs);
+        new_mesh.springs = FusedSprings::new(springs);
         Ok(new_mesh)
     }
 

@@ -2,21 +2,21 @@
 
 use std::sync::Arc;
 
+use super::bodies::{self, BodyPlan};
 use super::contact_peaks::ContactPeaks;
 use super::delayed_ports::{PortBinding, port_bindings};
-use super::energy_gain::{self, Gains};
+use super::energy_gain::{self, EnergyGains};
 use super::energy_rise::EnergyRise;
-use super::fault::Mutes;
-use super::fine::{ContactOrder, Fine};
-use super::inside::{self, BodyPlan};
+use super::fault::MutedParts;
+use super::fine::{ContactOrder, FineLinks};
 use super::ledger::Ledger;
-use super::live_strikes::{Pending, strike_points};
-use super::origin::{positions, start};
+use super::live_strikes::{PendingStrikes, strike_points};
+use super::origin::{initial_motion, initial_positions};
 use super::real_hands::{HandState, hand_bindings};
-use super::rest::Rest;
+use super::rest::RestSearch;
 use super::sounds_in::sound_drives;
-use super::voices::{build_voices, framed};
-use super::{Hands, Island, Matter, Monitors, OnFault, Script, State, Stream, Values};
+use super::voices::{build_voices, framed_gestures};
+use super::{ErgonStream, Island, Matter, Monitors, OnFault, Parameters, Players, Script, State};
 use crate::gesture::report::GestureReport;
 use crate::guard::{Guard, StabilityLimit};
 use crate::interrupt;
@@ -38,9 +38,9 @@ pub(crate) struct StepNumbers {
     /// Contact substeps a step while a contact may be closed; 1 if contacts push once a step.
     pub(crate) contact_substeps: usize,
     pub(crate) contact_order: ContactOrder,
-    /// Steps in `every` frames.
+    /// Steps in `frame_interval` frames.
     pub(crate) oversampling: u32,
-    pub(crate) every: u32,
+    pub(crate) frame_interval: u32,
 }
 
 /// How a simulation is to run.
@@ -59,7 +59,7 @@ pub struct Options {
 }
 
 impl Island {
-    /// A network at frame 0 of its timeline: its numbers, where everything begins, who plays, who watches.
+    /// A network at frame 0 of its timeline: its scheme, its initial state, its players and its monitors.
     pub(crate) fn new(
         network: Arc<Network>,
         timeline: &Timeline,
@@ -68,25 +68,25 @@ impl Island {
         options: Options,
     ) -> Result<Self, Error> {
         refuse_ledger_of_hands(timeline, options)?;
-        let (mut scheme, fine_links) = island_scheme(&network, timeline, steps.contact_substeps)?;
-        let mut matter = start_matter(&network, timeline, bodies, &scheme, fine_links, steps)?;
-        let gestures = framed(timeline);
+        let (mut scheme, fine_runs) = island_scheme(&network, timeline, steps.contact_substeps)?;
+        let mut matter = start_matter(&network, timeline, bodies, &scheme, fine_runs, steps)?;
+        let gestures = framed_gestures(timeline);
         let (voice_scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
-        let guard = guard(&network, timeline, bodies, &scheme, &matter, options)?;
+        let guard = build_guard(&network, timeline, bodies, &scheme, &matter, options)?;
         matter.body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         let springs = energy_gain::hardening_springs(&scheme);
         if !options.ledger {
-            fuse(&mut scheme, &network, &voice_scripts, timeline);
+            fuse_springs(&mut scheme, &network, &voice_scripts, timeline);
         }
-        let gains = gains(timeline, &scheme, springs, options);
-        let energy_rise = energy_rise(&network, timeline, &scheme, &matter, options);
-        let led = super::glide::bind_leads(&mut scheme, &network, timeline);
-        let glides = super::glide::glides(&network, timeline, &scheme)?;
-        matter.laws = laws(&scheme, options);
+        let energy_gains = build_energy_gains(timeline, &scheme, springs, options);
+        let energy_rise = build_energy_rise(&network, timeline, &scheme, &matter, options);
+        let led_links = super::glide::bind_leads(&mut scheme, &network, timeline);
+        let glides = super::glide::build_glides(&network, timeline, &scheme)?;
+        matter.laws = build_laws(&scheme, options);
         for running_body in &mut matter.bodies {
             running_body.prepare_team(options.threads);
         }
-        let values_change = !glides.is_empty() || !led.is_empty() || network.has_following();
+        let values_change = !glides.is_empty() || !led_links.is_empty() || network.has_following();
         let changing_scheme = values_change.then(|| {
             let mut changing_scheme = scheme.with_changing_coefficients();
             super::glide::apply_following_masses(&scheme, &mut changing_scheme, &matter.body.x);
@@ -99,36 +99,36 @@ impl Island {
         let hand_bindings = hand_bindings(&timeline.drives);
         let port_bindings = port_bindings(&timeline.drives, timeline.rate.hertz());
         let strike_points = strike_points(timeline);
-        let (sound_drives, played) = sound_drives(&timeline.drives);
+        let (sound_drives, input_signals) = sound_drives(&timeline.drives);
         // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
-        let fine_ends = |mat| matter.fine.as_ref().map_or(0, |fine| fine.link_ends_on(mat));
-        let pushes = strike_forces(&network, timeline, |mat| network.degree(mat) == fine_ends(mat));
+        let fine_link_ends = |mat| matter.fine_links.as_ref().map_or(0, |links| links.link_ends_on(mat));
+        let pushes = strike_forces(&network, timeline, |mat| network.degree(mat) == fine_link_ends(mat));
         let state = State {
             frame: 0,
-            values: Values {
-                gates: vec![0.0; timeline.gates.len()],
-                gates_next: vec![0.0; timeline.gates.len()],
+            parameters: Parameters {
+                gate_openings: vec![0.0; timeline.gates.len()],
+                next_gate_openings: vec![0.0; timeline.gates.len()],
                 gate_continuations: vec![None; timeline.gates.len()],
-                damped: 1.0,
-                scheme: changing_scheme,
+                step_decay: 1.0,
+                changing_scheme,
             },
-            hands: Hands {
+            players: Players {
                 voices,
                 reports: vec![GestureReport::default(); timeline.gestures.len()],
-                pushed: 0,
-                ergons: 0,
-                layers: vec![0.0; timeline.keys.len()],
-                stream: Stream::new(options.record),
+                next_push: 0,
+                next_ergon: 0,
+                layer_deviations: vec![0.0; timeline.keys.len()],
+                ergon_stream: ErgonStream::new(options.record),
                 hand_states: vec![HandState::default(); hand_bindings.len()],
-                port_states: port_bindings.iter().map(PortBinding::silent).collect(),
-                pending: Pending::none(&strike_points),
-                played,
+                port_states: port_bindings.iter().map(PortBinding::without_forces).collect(),
+                pending_strikes: PendingStrikes::silent(&strike_points),
+                input_signals,
             },
-            watch: Monitors {
-                touches: ContactPeaks::default(),
-                mutes: Mutes::new(&scheme),
+            monitors: Monitors {
+                contact_peaks: ContactPeaks::default(),
+                muted_parts: MutedParts::new(&scheme),
                 guard,
-                gains,
+                energy_gains,
                 energy_rise,
                 ledger,
             },
@@ -139,11 +139,11 @@ impl Island {
             gestures,
             voices: voice_scripts,
             pushes,
-            ergons: ergons(timeline),
+            ergons: ergons_by_frame(timeline),
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
             glides,
-            led,
+            led_links,
             hand_bindings,
             port_bindings,
             strike_points,
@@ -152,15 +152,15 @@ impl Island {
         };
         let mut island = Self {
             network,
-            rest: Rest::new(script.scheme.n_out()),
-            quiet: None,
+            rest_search: RestSearch::new(script.scheme.n_out()),
+            sleep_monitor: None,
             script: Arc::new(script),
             state,
             oversampling: steps.oversampling,
-            every: steps.every,
+            frame_interval: steps.frame_interval,
         };
         island.reserve();
-        island.begin_again();
+        island.resume_computing();
         Ok(island)
     }
 }
@@ -195,15 +195,15 @@ fn start_matter(
     timeline: &Timeline,
     plans: &[BodyPlan],
     scheme: &Scheme,
-    mut links: Vec<Run>,
+    mut fine_runs: Vec<Run>,
     steps: StepNumbers,
 ) -> Result<Matter, Error> {
-    let link_acts = |first: usize| interrupt::each(&links).all(|run| run.first != first);
+    let link_acts = |first: usize| interrupt::each(&fine_runs).all(|run| run.first != first);
     let led_start = match &timeline.leads[..] {
         [] if network.following_masses().is_empty() => None,
         leads => {
             let led_network = with_first_factors(network, leads)?;
-            let led_network = led_network.with_masses_at(&positions(network, timeline, &timeline.drives));
+            let led_network = led_network.with_masses_at(&initial_positions(network, timeline, &timeline.drives));
             let mut scheme = Scheme::new(&led_network, timeline.rate)?;
             assign_gates(&mut scheme, timeline);
             Some((led_network, scheme))
@@ -213,21 +213,21 @@ fn start_matter(
         Some((led_network, led_scheme)) => (led_network, led_scheme),
         None => (network, scheme),
     };
-    let mut body = start(start_network, start_scheme, timeline, &timeline.drives, &link_acts);
+    let mut body = initial_motion(start_network, start_scheme, timeline, &timeline.drives, &link_acts);
     let mut bodies = start_bodies(plans, start_network, timeline, &mut body, &link_acts)?;
-    for run in &mut links {
+    for run in &mut fine_runs {
         interrupt::poll();
         if is_led(timeline, run.first) {
             run.make_adjustable();
         }
     }
     kernel::proxies::set_from_masses(scheme, &mut body); // bodies have moved their ports
-    let fine = fine(links, scheme, network, &mut bodies, steps, timeline);
+    let fine_links = build_fine_links(fine_runs, scheme, network, &mut bodies, steps, timeline);
     Ok(Matter {
         laws: KernelScratch::new(scheme),
         body,
         bodies,
-        fine,
+        fine_links,
         targets: Vec::new(),
     })
 }
@@ -238,7 +238,7 @@ fn is_led(timeline: &Timeline, link: usize) -> bool {
 }
 
 /// The guard of links that may stiffen beyond what the scheme can step.
-fn guard(
+fn build_guard(
     network: &Network,
     timeline: &Timeline,
     plans: &[BodyPlan],
@@ -250,30 +250,35 @@ fn guard(
         return Ok(None); // the run has to show when it really diverges
     }
     let body_ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
-    let guarded = if timeline.leads.is_empty() {
+    let guard = if timeline.leads.is_empty() {
         Guard::new(scheme, network, StabilityLimit::CA, &body_ports)?
     } else {
         let stiffest = with_greatest_factors(network, &timeline.leads)?;
         let mut stiffest_scheme = Scheme::new(&stiffest, timeline.rate)?;
-        if matter.fine.is_some() {
+        if matter.fine_links.is_some() {
             stiffest_scheme.take_substepped(&timeline.determined_mats());
         }
         Guard::new(&stiffest_scheme, &stiffest, StabilityLimit::CA, &body_ports)?
     };
-    Ok(guarded.map(Box::new))
+    Ok(guard.map(Box::new))
 }
 
 /// Accounts of links that may create energy; `springs` are those that were there before some were fused.
-fn gains(timeline: &Timeline, scheme: &Scheme, mut springs: Vec<Run>, options: Options) -> Option<Box<Gains>> {
+fn build_energy_gains(
+    timeline: &Timeline,
+    scheme: &Scheme,
+    mut springs: Vec<Run>,
+    options: Options,
+) -> Option<Box<EnergyGains>> {
     if options.unchecked {
         return None; // the run has to show what really happens
     }
     springs.retain(|run| scheme.runs.iter().all(|scheme_run| scheme_run.first != run.first));
-    Gains::new(scheme, &springs, |link| is_led(timeline, link))
+    EnergyGains::new(scheme, &springs, |link| is_led(timeline, link))
 }
 
 /// The account of the island's whole energy.
-fn energy_rise(
+fn build_energy_rise(
     network: &Network,
     timeline: &Timeline,
     scheme: &Scheme,
@@ -285,19 +290,19 @@ fn energy_rise(
     if options.unchecked || is_pushed || !timeline.glides.is_empty() {
         return None;
     }
-    let (bodies, fine_state) = (&matter.bodies, matter.fine.as_ref());
+    let (bodies, fine_state) = (&matter.bodies, matter.fine_links.as_ref());
     EnergyRise::new(network, scheme, bodies, fine_state, timeline.rate)
 }
 
 /// Scratch memory of laws, and the partition of a mesh for several threads.
-fn laws(scheme: &Scheme, options: Options) -> KernelScratch {
+fn build_laws(scheme: &Scheme, options: Options) -> KernelScratch {
     let mut laws = KernelScratch::new(scheme);
-    laws.mesh_partition = MeshPartition::for_threads(&scheme.fused, scheme.n_mat(), options.threads);
+    laws.mesh_partition = MeshPartition::for_threads(&scheme.fused_springs, scheme.n_mat(), options.threads);
     laws
 }
 
 /// Ergons by rising frame.
-fn ergons(timeline: &Timeline) -> Vec<(u64, Ergon)> {
+fn ergons_by_frame(timeline: &Timeline) -> Vec<(u64, Ergon)> {
     let timeline_ergons = timeline.ergons.iter();
     let mut timeline_ergons: Vec<_> = timeline_ergons
         .map(|ergon| (timeline.frame_of(ergon.instant), *ergon))
@@ -308,16 +313,16 @@ fn ergons(timeline: &Timeline) -> Vec<(u64, Ergon)> {
 
 /// Sets the gate of each run that a gate opens; a gate covers whole runs, however they were cut.
 fn assign_gates(scheme: &mut Scheme, timeline: &Timeline) {
-    for (index, gate) in timeline.gates.iter().enumerate() {
-        let scheme_runs = scheme.runs.iter_mut().chain(&mut scheme.exact);
+    for (gate_index, gate) in timeline.gates.iter().enumerate() {
+        let scheme_runs = scheme.runs.iter_mut().chain(&mut scheme.exact_runs);
         for run in scheme_runs.filter(|run| gate.links().contains(&run.first)) {
-            run.gate = Some(index);
+            run.gate = Some(gate_index);
         }
     }
 }
 
 /// Fuses springs into one pass, except those that are led and those whose forces are heard or reported by a gesture.
-fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timeline: &Timeline) {
+fn fuse_springs(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timeline: &Timeline) {
     let mut is_excluded = vec![false; network.n_lia()];
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         if let Term::Force {
@@ -335,26 +340,26 @@ fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript], timelin
     for lead in &timeline.leads {
         is_excluded[lead.links()].fill(true);
     }
-    scheme.fuse(|link| is_excluded[link]);
+    scheme.fuse_springs(|link| is_excluded[link]);
 }
 
 /// Contacts and laws that are computed finer than a frame.
-fn fine(
-    links: Vec<Run>,
+fn build_fine_links(
+    fine_runs: Vec<Run>,
     scheme: &Scheme,
     network: &Network,
-    bodies: &mut [inside::RunningBody],
+    bodies: &mut [bodies::RunningBody],
     steps: StepNumbers,
     timeline: &Timeline,
-) -> Option<Fine> {
-    if links.is_empty() {
+) -> Option<FineLinks> {
+    if fine_runs.is_empty() {
         return None;
     }
-    let fine_state = Fine::new(links, network, scheme, bodies, steps, timeline);
-    for modal in bodies.iter_mut().filter_map(inside::RunningBody::modal_mut) {
-        modal.make_tables(fine_state.instants());
+    let fine_links = FineLinks::new(fine_runs, network, scheme, bodies, steps, timeline);
+    for modal in bodies.iter_mut().filter_map(bodies::RunningBody::modal_mut) {
+        modal.make_tables(fine_links.instants());
     }
-    Some(fine_state)
+    Some(fine_links)
 }
 
 /// Bodies with their ports in the island, started against the forces that the ports feel at frame 0.
@@ -363,13 +368,13 @@ fn start_bodies(
     network: &Network,
     timeline: &Timeline,
     body: &mut Body,
-    acts: &dyn Fn(usize) -> bool,
-) -> Result<Vec<inside::RunningBody>, Error> {
+    link_acts: &dyn Fn(usize) -> bool,
+) -> Result<Vec<bodies::RunningBody>, Error> {
     if body_plans.is_empty() {
         return Ok(Vec::new());
     }
     body.inner = vec![0.0; body.x.len()];
-    let start_forces = crate::start::forces(network, timeline, &body.x, &[], acts);
+    let start_forces = crate::start::forces(network, timeline, &body.x, &[], link_acts);
     let start_body = |body_plan: &BodyPlan| {
         let running_body = body_plan.start(&start_forces, body)?;
         running_body.set_ports(body);

@@ -4,11 +4,13 @@
 //! The result is the same to the last bit as that of ordinary steps; only the test whether a finely computed contact
 //! may close has a slightly wider margin.
 
+use std::ops::Range;
+
 use super::energy_account;
 use super::fault::Fault;
 use super::fine::OPEN_MARGIN;
 use super::step::StepOutputs;
-use super::{Hands, Island, Script, energy_rise, inside};
+use super::{Island, Players, Script, bodies, energy_rise};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::But;
@@ -17,110 +19,113 @@ use crate::state::Body;
 use crate::timeline::{Drive, DriveSource};
 
 /// Fewer steps are not worth coasting.
-const STEPS_MIN: usize = 2;
-/// Steps for which one bound on the swing of masses is valid: rounding adds less than about [`SWING_SLACK`] to it.
+const COAST_STEPS_MIN: usize = 2;
+/// Steps for which one bound on the swing of masses is valid: rounding adds less than about [`MOTION_BOUND_SLACK`] to
+/// it.
 const BOUND_STEPS: usize = 1024;
 /// Steps until the next attempt at such a bound.
 const RETRY_STEPS: usize = 32;
 /// Share by which bounds on the swing are enlarged for rounding.
-const SWING_SLACK: f64 = 1e-6;
+const MOTION_BOUND_SLACK: f64 = 1e-6;
 
 impl Island {
     /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and events alone act on
     /// it.
-    pub(super) fn may_coast(&self) -> bool {
+    pub(super) fn can_coast(&self) -> bool {
         let (scheme, matter) = (&self.script.scheme, &self.state.matter);
-        let only_contacts = scheme.runs.iter().all(|run| contact(run).is_some())
-            && scheme.fused.is_empty()
-            && scheme.exact.is_empty()
+        let has_only_contacts = scheme.runs.iter().all(|run| contact_law(run).is_some())
+            && scheme.fused_springs.is_empty()
+            && scheme.exact_runs.is_empty()
             && scheme.proxies.is_empty()
             && scheme.weight.iter().all(|&weight| weight == 0.0);
-        let has_contacts = !scheme.runs.is_empty() || matter.fine.is_some();
-        only_contacts
+        let has_contacts = !scheme.runs.is_empty() || matter.fine_links.is_some();
+        has_only_contacts
             && has_contacts
-            && matter.bodies.iter().all(inside::RunningBody::can_coast)
+            && matter.bodies.iter().all(bodies::RunningBody::can_coast)
             && self.has_only_events()
     }
 
-    /// Whether events alone act on it, and nothing is looked at after each step: it has no real hand, no drive but
+    /// Whether events alone act on it, and nothing is checked after each step: it has no real hand, no drive but
     /// strikes, and no layer, gate, glide, guard, ledger or muted part.
     pub(super) fn has_only_events(&self) -> bool {
-        let (script, values, watch) = (&*self.script, &self.state.values, &self.state.watch);
+        let (script, parameters, monitors) = (&*self.script, &self.state.parameters, &self.state.monitors);
         let is_struck = |drive: &Drive| matches!(drive.source, DriveSource::Strikes { .. });
-        let is_left_alone = script.hand_bindings.is_empty()
+        let has_only_strikes = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)
             && !script.voices.iter().any(|voice_script| voice_script.is_layer);
-        let is_constant = script.gates.is_empty() && values.scheme.is_none() && values.damped >= 1.0;
-        let is_unwatched = watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
-        is_left_alone && is_constant && is_unwatched
+        let is_constant =
+            script.gates.is_empty() && parameters.changing_scheme.is_none() && parameters.step_decay >= 1.0;
+        let is_unwatched =
+            monitors.ledger.is_none() && monitors.guard.is_none() && monitors.muted_parts.iter().next().is_none();
+        has_only_strikes && is_constant && is_unwatched
     }
 
-    /// Coast while no contact closes, from one step of a block to another at most; returns the number of steps.
-    pub(super) fn coast(&mut self, outputs: &mut StepOutputs<'_>, start: usize, end: usize) -> Result<usize, Fault> {
+    /// Coast over steps of a block for as long as no contact closes; returns the number of steps.
+    pub(super) fn coast(&mut self, outputs: &mut StepOutputs<'_>, steps: Range<usize>) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
-        let mut fine_state = state.matter.fine.as_mut();
-        let has_later_force = fine_state.as_ref().is_some_and(|fine| fine.has_later_force());
-        if has_later_force || !are_open(scheme, &state.matter.body) {
+        let mut fine_links = state.matter.fine_links.as_mut();
+        let has_later_force = fine_links.as_ref().is_some_and(|links| links.has_later_force());
+        if has_later_force || !are_contacts_open(scheme, &state.matter.body) {
             return Ok(0);
         }
-        let gains = state.watch.gains.as_ref();
+        let gains = state.monitors.energy_gains.as_ref();
         if gains.is_some_and(|gains| !gains.is_idle()) {
             return Ok(0);
         }
-        let quiet_steps = steps_to_event(script, &state.hands, first_step);
-        let modal_bodies = state.matter.bodies.iter().filter_map(inside::RunningBody::modal);
-        let steps_ahead = modal_bodies.map(super::modal::RunningModal::ahead);
-        let energy_rise = state.watch.energy_rise.as_ref();
-        let look_steps = [
-            energy_rise.map(|_| energy_rise::EnergyRise::steps_left(first_step)),
+        let steps_to_event = steps_to_event(script, &state.players, first_step);
+        let modal_bodies = state.matter.bodies.iter().filter_map(bodies::RunningBody::modal);
+        let steps_ahead = modal_bodies.map(super::modal::RunningModal::frames_ahead);
+        let energy_rise = state.monitors.energy_rise.as_ref();
+        let check_steps = [
+            energy_rise.map(|_| energy_rise::EnergyRise::steps_to_check(first_step)),
             gains.map(|_| first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step),
         ];
-        let look_steps = look_steps.into_iter().flatten().map(|steps| steps as usize);
-        let coast_steps = steps_ahead.chain(look_steps);
-        let coast_steps = coast_steps.fold(quiet_steps.min(end - start), usize::min);
-        if coast_steps < STEPS_MIN {
+        let check_steps = check_steps.into_iter().flatten().map(|steps| steps as usize);
+        let coast_steps = steps_ahead.chain(check_steps);
+        let coast_steps = coast_steps.fold(steps_to_event.min(steps.len()), usize::min);
+        if coast_steps < COAST_STEPS_MIN {
             return Ok(0);
         }
         // The motion without forces is needed here: forces of the step before are cleared.
         state.matter.body.force.fill(0.0);
         let has_bodies = !state.matter.bodies.is_empty();
-        let (mut steps_done, mut is_bounded, mut open_until, mut next_look) = (0, true, 0, 0);
+        let (mut steps_done, mut is_bounded, mut open_until_step, mut next_bound_attempt) = (0, true, 0, 0);
         while steps_done < coast_steps && is_bounded {
             let body = &mut state.matter.body;
-            if steps_done >= open_until {
-                let stays_open = fine_state.as_ref().is_none_or(|fine| fine.stays_open(scheme, body));
-                if !stays_open || !are_open(scheme, body) {
+            if steps_done >= open_until_step {
+                let stays_open = fine_links.as_ref().is_none_or(|links| links.stays_open(scheme, body));
+                if !stays_open || !are_contacts_open(scheme, body) {
                     break;
                 }
-                if steps_done >= next_look && !has_bodies {
-                    let swing = |mat| swing(scheme, body, mat);
-                    let fine_state = fine_state.as_ref();
-                    if cannot_close(scheme, swing)
-                        && fine_state.is_none_or(|fine_state| fine_state.cannot_close(scheme, swing, SWING_SLACK))
+                if steps_done >= next_bound_attempt && !has_bodies {
+                    let bounds = |mat| motion_bounds(scheme, body, mat);
+                    let fine_links = fine_links.as_ref();
+                    if cannot_close(scheme, bounds)
+                        && fine_links.is_none_or(|links| links.cannot_close(scheme, bounds, MOTION_BOUND_SLACK))
                     {
-                        open_until = steps_done + BOUND_STEPS;
+                        open_until_step = steps_done + BOUND_STEPS;
                     }
-                    next_look = steps_done + RETRY_STEPS;
+                    next_bound_attempt = steps_done + RETRY_STEPS;
                 }
             }
             if steps_done == 0 {
-                fine_state.iter_mut().for_each(|fine_state| fine_state.set_open(body));
+                fine_links.iter_mut().for_each(|links| links.set_open(body));
                 for run in &scheme.runs {
                     // With the sign of zero that an open contact's force has.
-                    body.link[run.links()].fill(0.0 * contact(run).map_or(0.0, But::sign));
+                    body.link[run.links()].fill(0.0 * contact_law(run).map_or(0.0, But::sign));
                 }
             }
             let island_step = first_step + steps_done as u64;
-            if let Some(output_row) = outputs.row(start + steps_done) {
+            if let Some(output_row) = outputs.row(steps.start + steps_done) {
                 kernel::write_outputs(scheme, body, output_row);
                 for running_body in &state.matter.bodies {
                     running_body.add_outputs_ahead(steps_done, output_row);
                 }
-                state.watch.mutes.fade(island_step, scheme, output_row);
+                state.monitors.muted_parts.fade(island_step, scheme, output_row);
             }
-            for (voice, voice_script) in state.hands.voices.iter_mut().zip(&script.voices) {
-                voice.step_idle(voice_script, &mut state.hands.reports, island_step);
+            for (voice, voice_script) in state.players.voices.iter_mut().zip(&script.voices) {
+                voice.step_idle(voice_script, &mut state.players.reports, island_step);
             }
             is_bounded = kernel::advance_mats(scheme, &mut [], body, None, &mut ThreadTeam::alone());
             steps_done += 1;
@@ -129,33 +134,33 @@ impl Island {
             }
         }
         let modal_bodies = state.matter.bodies.iter_mut();
-        for modal in modal_bodies.filter_map(inside::RunningBody::modal_mut) {
-            modal.coast(steps_done);
+        for modal in modal_bodies.filter_map(bodies::RunningBody::modal_mut) {
+            modal.advance_ahead(steps_done);
         }
         state.frame += steps_done as u64;
         if !is_bounded {
-            self.fault()?;
+            self.handle_fault()?;
         }
         Ok(steps_done)
     }
 }
 
 /// Steps from `step_now` before the first in which a gesture, a push or an ergon may act.
-pub(super) fn steps_to_event(script: &Script, hands: &Hands, step_now: u64) -> usize {
-    let push_frame = script.pushes.get(hands.pushed).map(|push| push.frame);
-    let next_ergon = script.ergons.get(hands.ergons);
+pub(super) fn steps_to_event(script: &Script, players: &Players, step_now: u64) -> usize {
+    let push_frame = script.pushes.get(players.next_push).map(|push| push.frame);
+    let next_ergon = script.ergons.get(players.next_ergon);
     let next_ergon = next_ergon.map(|(frame, _)| *frame);
-    let voice_frames = hands.voices.iter().zip(&script.voices);
+    let voice_frames = players.voices.iter().zip(&script.voices);
     let voice_frames =
         voice_frames.map(|(voice, voice_script)| voice.idle_until(voice_script, &script.gestures).unwrap_or(step_now));
     let event_frames = push_frame.into_iter().chain(next_ergon).chain(voice_frames);
-    let event_frames = event_frames.chain(hands.is_struck().then_some(step_now));
+    let event_frames = event_frames.chain(players.has_pending_strikes().then_some(step_now));
     let event_steps = event_frames.map(|event_frame| event_frame.saturating_sub(step_now) as usize);
     event_steps.fold(usize::MAX, usize::min)
 }
 
 /// The contact that the links of a run are, if they are contacts.
-fn contact(run: &Run) -> Option<&But> {
+fn contact_law(run: &Run) -> Option<&But> {
     match &run.kind {
         Kind::But(but) => Some(but),
         _ => None,
@@ -163,9 +168,9 @@ fn contact(run: &Run) -> Option<&But> {
 }
 
 /// Whether no contact that is computed once a step pushes in this step.
-fn are_open(scheme: &Scheme, body: &Body) -> bool {
+fn are_contacts_open(scheme: &Scheme, body: &Body) -> bool {
     scheme.runs.iter().all(|run| {
-        let contact_side = contact(run).map_or(0.0, But::sign);
+        let contact_side = contact_law(run).map_or(0.0, But::sign);
         let is_closed = |i: usize| contact_side * (body.x[run.b + i] - body.x[run.a + i] - run.rest) > 0.0;
         !(0..run.len).any(is_closed)
     })
@@ -175,11 +180,11 @@ fn are_open(scheme: &Scheme, body: &Body) -> bool {
 /// distance of each from its rest position, and its step [m].
 fn cannot_close(scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2]) -> bool {
     scheme.runs.iter().all(|run| {
-        let contact_side = contact(run).map_or(0.0, But::sign);
+        let contact_side = contact_law(run).map_or(0.0, But::sign);
         (0..run.len).all(|i| {
             let (first_mat, second_mat) = (run.a + i, run.b + i);
             let rest_elongation = scheme.rest[second_mat] - scheme.rest[first_mat] - run.rest;
-            contact_side * rest_elongation + (swing(first_mat)[0] + swing(second_mat)[0]) * (1.0 + SWING_SLACK)
+            contact_side * rest_elongation + (swing(first_mat)[0] + swing(second_mat)[0]) * (1.0 + MOTION_BOUND_SLACK)
                 < -OPEN_MARGIN
         })
     })
@@ -187,7 +192,7 @@ fn cannot_close(scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2]) -> bool {
 
 /// Bounds on the free motion of a MAT [m]: its distance from its rest position, and its step. Infinite if its poles
 /// give no bound.
-fn swing(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
+fn motion_bounds(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
     let (kappa, b) = (scheme.kappa[mat], 1.0 - scheme.zeta[mat]);
     let x = body.x[mat] - scheme.rest[mat];
     let position_before = x - body.d[mat];
@@ -202,10 +207,11 @@ fn swing(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
     let h = 0.5 * (1.0 + b - kappa);
     let imaginary_square = b - h * h;
     if imaginary_square > 0.0 {
-        // Poles of magnitude √b: `past` is the position a step before, less the decay of one step. Each pole is √κ away
-        // from 1.
-        let past = position_before * b.sqrt();
-        let amplitude_square = (x * x + past * past - 2.0 * x * position_before * h) * b / imaginary_square;
+        // Poles of magnitude √b: `decayed_position` is that a step before, less the decay of one step. Each pole is √κ
+        // away from 1.
+        let decayed_position = position_before * b.sqrt();
+        let amplitude_square =
+            (x * x + decayed_position * decayed_position - 2.0 * x * position_before * h) * b / imaginary_square;
         let amplitude = amplitude_square.max(0.0).sqrt();
         return [amplitude, amplitude * kappa.sqrt()];
     }

@@ -11,7 +11,7 @@ pub(crate) struct ContactPeak {
     pub(crate) force: f64,
 }
 
-const NONE: ContactPeak = ContactPeak { frame: 0, force: 0.0 };
+const NO_PEAK: ContactPeak = ContactPeak { frame: 0, force: 0.0 };
 
 /// The contacts of an island, while they are watched.
 #[derive(Clone, Debug, Default)]
@@ -30,13 +30,13 @@ impl ContactPeaks {
             .flat_map(|run| (run.first..run.first + run.len).map(|link| link as u32))
             .collect();
         Self {
-            peaks: vec![NONE; links.len()],
+            peaks: vec![NO_PEAK; links.len()],
             links,
         }
     }
 
     /// Note the forces of a step (n_lia).
-    pub(super) fn step(&mut self, frame: u64, forces: &[f64]) {
+    pub(super) fn note_forces(&mut self, frame: u64, forces: &[f64]) {
         for (&link, peak) in self.links.iter().zip(&mut self.peaks) {
             let force = forces[link as usize];
             if force.abs() > peak.force.abs() {
@@ -46,15 +46,15 @@ impl ContactPeaks {
     }
 
     /// Whether any watched contact pushes, by the forces of all links (n_lia).
-    pub(super) fn are_pushed(&self, forces: &[f64]) -> bool {
+    pub(super) fn is_any_pushing(&self, forces: &[f64]) -> bool {
         self.links.iter().any(|&link| forces[link as usize] != 0.0)
     }
 
-    /// Tell each contact that pushed (link, peak), and forget its peak.
-    pub(super) fn take(&mut self, mut tell: impl FnMut(usize, ContactPeak)) {
+    /// Report each contact that pushed (link, peak), and reset its peak.
+    pub(super) fn take_peaks(&mut self, mut report_peak: impl FnMut(usize, ContactPeak)) {
         for (&link, peak) in self.links.iter().zip(&mut self.peaks) {
             if peak.force != 0.0 {
-                tell(link as usize, std::mem::replace(peak, NONE));
+                report_peak(link as usize, std::mem::replace(peak, NO_PEAK));
             }
         }
     }

@@ -30,14 +30,14 @@ use crate::units::Rate;
 /// ```
 #[derive(Clone, Debug)]
 pub struct EmulatedKey {
-    free: FreeKey,
-    motion: FreeMotion,
+    free_key: FreeKey,
+    key_motion: FreeMotion,
     laws: KernelScratch,
     targets: Vec<Target>,
     frame: u64,
     /// The last forces of the motor, the newest last, and the share of the oldest in the force that acts.
-    sent: Vec<f64>,
-    before: f64,
+    motor_forces: Vec<f64>,
+    oldest_share: f64,
 }
 
 /// How the motor of an emulated key pushes.
@@ -46,7 +46,7 @@ pub struct Motor {
     /// Time until a force acts [s].
     pub delay: f64,
     /// Constant force on the key, without delay [N]: its weight is below zero.
-    pub push: f64,
+    pub constant_force: f64,
 }
 
 impl EmulatedKey {
@@ -60,54 +60,54 @@ impl EmulatedKey {
             struck_mat: struck,
         };
         let mut timeline = Timeline::new(rate);
-        if motor.push != 0.0 {
+        if motor.constant_force != 0.0 {
             timeline.drives.push(Drive {
                 mat: struck,
                 kind: DriveKind::Force,
-                source: DriveSource::Constant(motor.push),
+                source: DriveSource::Constant(motor.constant_force),
                 acts_on_free_key: true,
             });
         }
-        let (free, motion) = free_key(network, &timeline, &struck_key, &[])?;
-        free.scheme.certify(network)?;
+        let (free_key, key_motion) = free_key(network, &timeline, &struck_key, &[])?;
+        free_key.scheme.certify(network)?;
         let delay_frames = motor.delay.max(0.0) * rate.hertz();
         let full_frames = floor(delay_frames);
         Ok(Self {
-            sent: vec![0.0; full_frames as usize + 2],
-            before: delay_frames - full_frames,
-            laws: KernelScratch::new(&free.scheme),
+            motor_forces: vec![0.0; full_frames as usize + 2],
+            oldest_share: delay_frames - full_frames,
+            laws: KernelScratch::new(&free_key.scheme),
             targets: Vec::new(),
             frame: 0,
-            free,
-            motion,
+            free_key,
+            key_motion,
         })
     }
 
     /// Position of the key [m].
     pub fn position(&self) -> f64 {
-        self.motion.body.x[self.free.struck]
+        self.key_motion.body.x[self.free_key.struck_mat]
     }
 
     /// Put the key at `x` [m] with no velocity, as an end of its travel stops it.
     pub fn stop_at(&mut self, x: f64) {
-        let (body, struck_mat) = (&mut self.motion.body, self.free.struck);
+        let (body, struck_mat) = (&mut self.key_motion.body, self.free_key.struck_mat);
         (body.x[struck_mat], body.d[struck_mat]) = (x, 0.0);
     }
 
     /// Compute one frame under a force of the motor, which acts after its delay, and one of a hand [N].
-    pub fn step(&mut self, force: f64, hand: f64) {
-        self.sent.rotate_left(1);
-        let newest_slot = self.sent.len() - 1;
-        self.sent[newest_slot] = force;
+    pub fn step(&mut self, motor_force: f64, hand_force: f64) {
+        self.motor_forces.rotate_left(1);
+        let newest_slot = self.motor_forces.len() - 1;
+        self.motor_forces[newest_slot] = motor_force;
         // Without a fraction of a frame the force is what was sent, to the last bit.
-        let delayed_force = if self.before > 0.0 {
-            self.before * self.sent[0] + (1.0 - self.before) * self.sent[1]
+        let delayed_force = if self.oldest_share > 0.0 {
+            self.oldest_share * self.motor_forces[0] + (1.0 - self.oldest_share) * self.motor_forces[1]
         } else {
-            self.sent[1]
+            self.motor_forces[1]
         };
-        let force = delayed_force + hand;
-        let (free_key, key_motion, frame_number) = (&self.free, &mut self.motion, self.frame);
-        free_key.forces(key_motion, frame_number, &mut self.laws, &mut self.targets);
+        let force = delayed_force + hand_force;
+        let (free_key, key_motion, frame_number) = (&self.free_key, &mut self.key_motion, self.frame);
+        free_key.sum_forces(key_motion, frame_number, &mut self.laws, &mut self.targets);
         free_key.strike_and_move(key_motion, frame_number, force, &mut self.targets);
         self.frame += 1;
     }
@@ -145,7 +145,7 @@ mod tests {
         let delayed_path = |frames: f64| {
             path(Motor {
                 delay: frames / RATE,
-                push: 0.0,
+                constant_force: 0.0,
             })
         };
         assert_eq!(delayed_path(3.0)[3..], undelayed[..57]);
@@ -158,7 +158,10 @@ mod tests {
     /// A hand acts at once, whatever the motor does.
     #[test]
     fn hand_force_beside_a_delayed_motor() {
-        let mut delayed = key(Motor { delay: 0.01, push: 0.0 });
+        let mut delayed = key(Motor {
+            delay: 0.01,
+            constant_force: 0.0,
+        });
         let mut undelayed = key(Motor::default());
         for _ in 0..20 {
             delayed.step(0.0, 0.3);
@@ -172,7 +175,7 @@ mod tests {
     fn weight_of_key_without_spring() {
         let mut key = key(Motor {
             delay: 0.005,
-            push: -0.2,
+            constant_force: -0.2,
         });
         (0..200).for_each(|_| key.step(0.0, 0.0));
         let expected_fall = -0.2 * 200.0 * 200.0 / (2.0 * 0.4 * RATE * RATE);

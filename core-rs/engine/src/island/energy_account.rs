@@ -11,96 +11,99 @@ const FAULT_SHARE: f64 = 1.0;
 
 /// Account of the energy that something took [J].
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Account {
+pub(crate) struct EnergyAccount {
     /// Energy that it took and has not given back.
-    held: f64,
-    /// The most of `held` plus the energy of what moved around it at the time.
-    reference: f64,
+    balance: f64,
+    /// The most of `balance` plus the energy of what moved around it at the time.
+    reference_energy: f64,
 }
 
-crate::archive::option!(Account, optional);
+crate::archive::option!(EnergyAccount, optional);
 
-crate::archive::state!(Account { held, reference });
+crate::archive::state!(EnergyAccount {
+    balance,
+    reference_energy
+});
 
 /// Energy that something created [J].
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub(crate) struct Gain {
+pub(crate) struct EnergyGain {
     /// Energy given or stored beyond the energy taken.
-    pub(crate) created: f64,
-    /// Energy that was there without it.
-    pub(crate) reference: f64,
+    pub(crate) created_energy: f64,
+    /// Energy that was there without it [J].
+    pub(crate) reference_energy: f64,
     /// The step at which it was found.
-    pub(crate) frame: u64,
+    pub(crate) step: u64,
 }
 
-crate::archive::option!(Gain, optional);
+crate::archive::option!(EnergyGain, optional);
 
-crate::archive::state!(Gain {
-    created,
-    reference,
-    frame
+crate::archive::state!(EnergyGain {
+    created_energy,
+    reference_energy,
+    step
 });
 
-impl Account {
+impl EnergyAccount {
     /// The account of something that stores `stored` [J] already.
     pub(crate) fn new(stored: f64) -> Self {
         Self {
-            held: stored,
-            reference: stored,
+            balance: stored,
+            reference_energy: stored,
         }
     }
 
-    pub(crate) fn take(&mut self, work: f64) {
-        self.take_from_masses(work, 0.0);
+    pub(crate) fn add_work(&mut self, work: f64) {
+        self.add_work_of_masses(work, 0.0);
     }
 
-    /// Add work that was taken from masses whose energy is `moving_energy` after it.
+    /// Add work that was taken from masses whose energy is `motion_energy` after it.
     ///
-    /// Work that is taken raises `held` and lowers `moving_energy`, so their sum never counts created energy.
-    pub(crate) fn take_from_masses(&mut self, work: f64, moving_energy: f64) {
-        self.held += work;
-        self.reference = self.reference.max(self.held + moving_energy);
+    /// Work that is taken raises `balance` and lowers `motion_energy`, so their sum never counts created energy.
+    pub(crate) fn add_work_of_masses(&mut self, work: f64, motion_energy: f64) {
+        self.balance += work;
+        self.reference_energy = self.reference_energy.max(self.balance + motion_energy);
     }
 
     /// Add the energy that was stored when the account began.
     pub(super) fn add_start(&mut self, start: f64) {
-        (self.held, self.reference) = (self.held + start, self.reference + start);
+        (self.balance, self.reference_energy) = (self.balance + start, self.reference_energy + start);
     }
 
     /// Whether more energy was given than was ever taken, even if none is stored.
     pub(super) fn is_overdrawn(&self) -> bool {
-        self.held < -REPORT_SHARE * self.reference
+        self.balance < -REPORT_SHARE * self.reference_energy
     }
 
-    /// The energy created so far, if `stored` is stored now and masses nearby have the energy `moving_energy`.
+    /// The energy created so far, if `stored` is stored now and masses nearby have the energy `motion_energy`.
     ///
     /// It is compared with the most energy since the account began, so that losses since then do not turn it into a
     /// fault.
-    pub(crate) fn gain(&mut self, stored: f64, moving_energy: f64, frame: u64) -> Gain {
-        self.take_from_masses(0.0, moving_energy);
-        let created = stored - self.held;
+    pub(crate) fn energy_gain(&mut self, stored: f64, motion_energy: f64, step: u64) -> EnergyGain {
+        self.add_work_of_masses(0.0, motion_energy);
+        let created_energy = stored - self.balance;
         // A link that pushes away from its rest position stores negative energy.
-        let reference = self.reference.max(-stored);
-        Gain {
-            created,
-            reference,
-            frame,
+        let reference_energy = self.reference_energy.max(-stored);
+        EnergyGain {
+            created_energy,
+            reference_energy,
+            step,
         }
     }
 }
 
-impl Gain {
-    /// The same where at least `reference_min` [J] was there.
-    pub(crate) fn with_reference_min(self, reference_min: f64) -> Self {
+impl EnergyGain {
+    /// The same, with a reference of at least `reference_energy_min` [J].
+    pub(crate) fn with_reference_energy_min(self, reference_energy_min: f64) -> Self {
         Self {
-            reference: self.reference.max(reference_min),
+            reference_energy: self.reference_energy.max(reference_energy_min),
             ..self
         }
     }
 
     /// The message about it.
     pub(crate) fn sentence(&self, module: &str, seconds: f64) -> String {
-        let [created, reference] = [self.created, self.reference].map(joules);
+        let [created, reference] = [self.created_energy, self.reference_energy].map(joules);
         format!(
             "{module} created energy: {created} until {seconds:.3} s, where the system held {reference}; it is too \
              stiff for the time step: reduce K or raise the rate"
@@ -109,16 +112,16 @@ impl Gain {
 
     /// Whether it is large enough to be reported.
     pub(crate) fn is_reportable(&self) -> bool {
-        self.created > REPORT_SHARE * self.reference
+        self.created_energy > REPORT_SHARE * self.reference_energy
     }
 
     /// Whether it is so large that the part has to stop.
     pub(super) fn is_fault(&self) -> bool {
-        self.created > FAULT_SHARE * self.reference
+        self.created_energy > FAULT_SHARE * self.reference_energy
     }
 
     fn is_worse(&self, other: &Self) -> bool {
-        self.created * other.reference > other.created * self.reference
+        self.created_energy * other.reference_energy > other.created_energy * self.reference_energy
     }
 
     /// The worse of two.

@@ -2,21 +2,21 @@
 //!
 //! A contact or a law whose force is that at the present frame gives back what it took only if its own oscillation is
 //! slow against the steps. So each has an account of the work that it took, ½(e⁺ − e⁻)·f a step: with this work the
-//! scheme balances exactly, whatever else moves the ends. What a link gave or stores beyond the work that it took is
+//! scheme balances exactly, however else the ends are moved. What a link gave or stores beyond the work that it took is
 //! created energy.
 
-mod link_work;
+mod link_account;
 
-use super::energy_account::Gain;
-use super::inside::RunningBody;
-use super::pair_gain::PairGains;
-use super::put_in::ImposedWork;
+use super::bodies::RunningBody;
+use super::energy_account::EnergyGain;
+use super::imposed_work::ImposedWork;
+use super::pair_gain::PairEnergyGains;
 use super::{Fault, Island, OnFault};
 use crate::law::Law;
 use crate::network::SpaceLaw;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
-use link_work::{CheckedLink, LinkWork};
+use link_account::{CheckedLink, LinkAccount};
 
 /// Longest run of laws with accounts: a longer one would take more time for its accounts than for its steps.
 pub(super) const ACCOUNTED_LAWS_MAX: usize = 32;
@@ -32,29 +32,29 @@ pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<Run> {
 
 /// All links that may create energy.
 #[derive(Clone, Debug)]
-pub(super) struct Gains {
-    link_work: Vec<LinkWork>,
-    links: Vec<CheckedLink>,
-    pairs: Option<PairGains>,
-    put_in: ImposedWork,
+pub(super) struct EnergyGains {
+    link_accounts: Vec<LinkAccount>,
+    checked_links: Vec<CheckedLink>,
+    pair_gains: Option<PairEnergyGains>,
+    imposed_work: ImposedWork,
     /// Whether accounts begin at this step.
-    is_fresh: bool,
+    begins_at_next_step: bool,
 }
 
-crate::archive::option!(Box<Gains>, fixed);
+crate::archive::option!(Box<EnergyGains>, fixed);
 
-crate::archive::state!(Gains {
-    link_work,
-    links,
-    pairs,
-    put_in,
-    is_fresh
+crate::archive::state!(EnergyGains {
+    link_accounts,
+    checked_links,
+    pair_gains,
+    imposed_work,
+    begins_at_next_step
 });
 
-impl Gains {
-    /// `None` if nothing can create energy. `fused`: hardening springs that are computed in one pass; `is_led`: whether
-    /// K and Z of a link change in time.
-    pub(super) fn new(scheme: &Scheme, fused: &[Run], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
+impl EnergyGains {
+    /// `None` if nothing can create energy. `fused_runs`: hardening springs that are computed in one pass; `is_led`:
+    /// whether K and Z of a link change in time.
+    pub(super) fn new(scheme: &Scheme, fused_runs: &[Run], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
         let may_gain = |run: &&Run| {
             let kind_may_gain = match &run.kind {
                 Kind::Ref | Kind::Followed { .. } | Kind::Dry { .. } => false,
@@ -85,79 +85,82 @@ impl Gains {
                 ..run.clone()
             })
         };
-        let candidate_runs = scheme.runs.iter().chain(&scheme.exact).chain(fused);
+        let candidate_runs = scheme.runs.iter().chain(&scheme.exact_runs).chain(fused_runs);
         let candidate_runs = candidate_runs.filter(may_gain).flat_map(single_links);
-        let links: Vec<CheckedLink> = candidate_runs.map(CheckedLink::new).collect();
-        let link_work = links.iter().map(|CheckedLink { run, .. }| {
-            let is_fused = fused.iter().any(|fused_run| fused_run.links().contains(&run.first));
-            LinkWork::new(run, is_fused, run.gate.is_some() || is_led(run.first))
+        let checked_links: Vec<CheckedLink> = candidate_runs.map(CheckedLink::new).collect();
+        let link_account = checked_links.iter().map(|CheckedLink { run, .. }| {
+            let is_fused = fused_runs
+                .iter()
+                .any(|fused_run| fused_run.links().contains(&run.first));
+            LinkAccount::new(run, is_fused, run.gate.is_some() || is_led(run.first))
         });
-        let link_work = link_work.collect();
-        let pairs = PairGains::new(scheme).filter(|pairs| !is_led(pairs.first_link()));
-        (!links.is_empty() || pairs.is_some()).then(|| {
+        let link_accounts = link_account.collect();
+        let pair_gains = PairEnergyGains::new(scheme).filter(|pairs| !is_led(pairs.first_link()));
+        (!checked_links.is_empty() || pair_gains.is_some()).then(|| {
             Box::new(Self {
-                link_work,
-                links,
-                pairs,
-                put_in: ImposedWork::default(),
-                is_fresh: true,
+                link_accounts,
+                checked_links,
+                pair_gains,
+                imposed_work: ImposedWork::default(),
+                begins_at_next_step: true,
             })
         })
     }
 
     /// Reserve room for this many imposed MATs, so that steps do not allocate.
     pub(super) fn reserve(&mut self, n_targets: usize) {
-        self.put_in.reserve(n_targets);
+        self.imposed_work.reserve(n_targets);
     }
 
-    /// Begin the accounts anew at the next step, because what happened in this one is not known.
+    /// Restart the accounts at the next step, because what happened in this one is not known.
     pub(super) fn restart(&mut self) {
-        self.is_fresh = true;
+        self.begins_at_next_step = true;
     }
 
     /// Whether a step in which no link pushes and nothing is imposed changes no account.
     pub(super) fn is_idle(&self) -> bool {
-        let link_accounts = self.link_work.iter();
-        !self.is_fresh
-            && self.pairs.is_none()
-            && self.put_in.is_idle()
-            && link_accounts.map(LinkWork::force).all(|force| force == 0.0)
+        let link_accounts = self.link_accounts.iter();
+        !self.begins_at_next_step
+            && self.pair_gains.is_none()
+            && self.imposed_work.is_idle()
+            && link_accounts.map(LinkAccount::previous_force).all(|force| force == 0.0)
     }
 
     /// Remove links that end on the marked MATs (n_mat).
-    pub(super) fn release(&mut self, mats: &[bool]) {
+    pub(super) fn remove_links_of(&mut self, mats: &[bool]) {
         let link_stays = |a: usize, b: usize| !mats[a] && !mats[b];
-        self.link_work.retain(|link_work| link_stays(link_work.a, link_work.b));
-        self.links.retain(|link| link_stays(link.run.a, link.run.b));
-        self.pairs.take_if(|pairs| pairs.touches(mats));
+        self.link_accounts
+            .retain(|link_account| link_stays(link_account.a, link_account.b));
+        self.checked_links.retain(|link| link_stays(link.run.a, link.run.b));
+        self.pair_gains.take_if(|pairs| pairs.has_end_among(mats));
         self.restart();
     }
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
     #[inline(never)]
     pub(super) fn step(&mut self, scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body) {
-        self.put_in.step(scheme, targets, body);
-        if self.is_fresh {
+        self.imposed_work.step(scheme, targets, body);
+        if self.begins_at_next_step {
             self.begin(scheme, gates, body);
             return;
         }
-        for (link_work, link) in self.link_work.iter_mut().zip(&self.links) {
-            link_work.step(link, scheme, gates, body);
+        for (link_account, link) in self.link_accounts.iter_mut().zip(&self.checked_links) {
+            link_account.step(link, scheme, gates, body);
         }
-        if let Some(pair_gains) = &mut self.pairs {
+        if let Some(pair_gains) = &mut self.pair_gains {
             pair_gains.step(body);
         }
     }
 
     #[cold]
     fn begin(&mut self, scheme: &Scheme, gates: &[f64], body: &Body) {
-        for (link_work, link) in self.link_work.iter_mut().zip(&mut self.links) {
-            link_work.begin(link, scheme, gates, body);
+        for (link_account, link) in self.link_accounts.iter_mut().zip(&mut self.checked_links) {
+            link_account.begin(link, scheme, gates, body);
         }
-        if let Some(pair_gains) = &mut self.pairs {
+        if let Some(pair_gains) = &mut self.pair_gains {
             pair_gains.begin(body);
         }
-        self.is_fresh = false;
+        self.begins_at_next_step = false;
     }
 }
 
@@ -167,7 +170,7 @@ pub(super) fn is_active(law: &Law) -> bool {
 }
 
 /// Energy of all MATs, of what ties them to the ground, and of bodies by their modes [J].
-fn moving_energy(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
+fn motion_energy(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
     let mat_energy = |i: usize| {
         let (x, d) = (body.x[i] - scheme.rest[i], body.d[i]);
         0.5 * (d * d + scheme.kappa[i] * (x * (x - d))) / scheme.w[i]
@@ -175,61 +178,65 @@ fn moving_energy(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
     let moving_mats = (0..scheme.n_mat()).filter(|&i| scheme.w[i] > 0.0);
     let mut energy_sum: f64 = moving_mats.map(mat_energy).sum();
     for modal in bodies.iter().filter_map(RunningBody::modal) {
-        modal.energies(|energy| energy_sum += energy);
+        modal.visit_energies(|energy| energy_sum += energy);
     }
     energy_sum
 }
 
 impl Island {
-    /// Links that created energy, each with the most that it created; last what no account of a link has seen, if
-    /// nothing else was found.
-    fn link_gains(&self) -> impl Iterator<Item = (usize, Gain)> {
+    /// Links that created energy, each with the most that it created. If there is none, the rise of the whole energy
+    /// comes last.
+    fn link_gains(&self) -> impl Iterator<Item = (usize, EnergyGain)> {
         let state = &self.state;
-        let watched_links = state.watch.gains.iter().flat_map(|gains| &gains.links);
-        let watched_links = watched_links.filter_map(|link| Some((link.run.first, link.worst?)));
-        let pair_gains = state.watch.gains.iter().filter_map(|gains| {
-            let pair_gains = gains.pairs.as_ref()?;
-            Some((pair_gains.first_link(), pair_gains.worst()?))
-        });
-        let fine = state
-            .matter
-            .fine
+        let checked_links = state
+            .monitors
+            .energy_gains
             .iter()
-            .filter_map(|fine| fine.stepped_points().worst());
-        let mut account_gains = watched_links.chain(pair_gains).chain(fine).peekable();
+            .flat_map(|gains| &gains.checked_links);
+        let watched_links = checked_links.filter_map(|link| Some((link.run.first, link.worst_gain?)));
+        let pair_gains = state.monitors.energy_gains.iter().filter_map(|gains| {
+            let pair_gains = gains.pair_gains.as_ref()?;
+            Some((pair_gains.first_link(), pair_gains.worst_gain()?))
+        });
+        let fine_gain = state
+            .matter
+            .fine_links
+            .iter()
+            .filter_map(|fine_links| fine_links.stepped_points().worst_gain());
+        let mut account_gains = watched_links.chain(pair_gains).chain(fine_gain).peekable();
         let worst_rise = match account_gains.peek() {
             Some(_) => None,
             None => state
-                .watch
+                .monitors
                 .energy_rise
                 .as_ref()
-                .and_then(|energy_rise| energy_rise.worst()),
+                .and_then(|energy_rise| energy_rise.worst_gain()),
         };
         account_gains.chain(worst_rise)
     }
 
     /// Links and bodies that created energy, each with the most that it created.
-    pub(crate) fn gains(&self) -> impl Iterator<Item = (String, Gain)> {
+    pub(crate) fn energy_gains(&self) -> impl Iterator<Item = (String, EnergyGain)> {
         let link_gains = self.link_gains();
         let link_gains = link_gains.map(|(link, gain)| (self.network.link_name(link), gain));
         let bodies = self.state.matter.bodies.iter();
-        link_gains.chain(bodies.filter_map(|body| Some((body.first_module()?.0, body.gain()?))))
+        link_gains.chain(bodies.filter_map(|body| Some((body.first_moving_mat()?.0, body.energy_gain()?))))
     }
 
     /// Whether contacts and laws between frames created energy, or the energy of the whole rose though nothing drove
     /// it.
-    pub(crate) fn has_risen(&self) -> bool {
+    pub(crate) fn has_energy_risen(&self) -> bool {
         let state = &self.state;
-        let fine_state = state.matter.fine.as_ref();
-        let energy_rise = state.watch.energy_rise.as_ref();
-        fine_state.is_some_and(|fine_state| fine_state.stepped_points().worst().is_some())
-            || energy_rise.is_some_and(|energy_rise| energy_rise.worst().is_some())
+        let fine_state = state.matter.fine_links.as_ref();
+        let energy_rise = state.monitors.energy_rise.as_ref();
+        fine_state.is_some_and(|fine_state| fine_state.stepped_points().worst_gain().is_some())
+            || energy_rise.is_some_and(|energy_rise| energy_rise.worst_gain().is_some())
     }
 
     /// Number of links and bodies that created energy.
-    pub(crate) fn n_gains(&self) -> usize {
+    pub(crate) fn n_energy_gains(&self) -> usize {
         let bodies = self.state.matter.bodies.iter();
-        self.link_gains().count() + bodies.filter(|body| body.gain().is_some()).count()
+        self.link_gains().count() + bodies.filter(|body| body.energy_gain().is_some()).count()
     }
 
     /// The most energy that one link or body has created, as a share of the energy that was there.
@@ -242,20 +249,24 @@ impl Island {
     /// there.
     pub(crate) fn created_shares(&self) -> [f64; 2] {
         let state = &self.state;
-        let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);
-        let energy_now = moving_energy(scheme_now, &state.matter.bodies, &state.matter.body);
-        let watched_links = state.watch.gains.iter().flat_map(|gains| {
-            let put_in = gains.put_in.work_max();
-            let watched_links = gains.link_work.iter().zip(&gains.links);
-            watched_links.map(move |(link_work, link)| {
-                let gain = link_work.gain(link, &state.matter.body, (energy_now, put_in), 0);
+        let frame_scheme = state
+            .parameters
+            .changing_scheme
+            .as_deref()
+            .unwrap_or(&self.script.scheme);
+        let energy_now = motion_energy(frame_scheme, &state.matter.bodies, &state.matter.body);
+        let watched_links = state.monitors.energy_gains.iter().flat_map(|gains| {
+            let imposed_work = gains.imposed_work.work_max();
+            let watched_links = gains.link_accounts.iter().zip(&gains.checked_links);
+            watched_links.map(move |(link_account, link)| {
+                let gain = link_account.energy_gain(link, &state.matter.body, (energy_now, imposed_work), 0);
                 (matches!(link.run.kind, Kind::But(_)), gain)
             })
         });
-        let reported = self.gains().map(|(_, gain)| (false, gain));
+        let reported = self.energy_gains().map(|(_, gain)| (false, gain));
         let mut worst_shares = [0.0_f64; 2];
         for (is_contact, gain) in watched_links.chain(reported) {
-            let gain_share = gain.created / gain.reference;
+            let gain_share = gain.created_energy / gain.reference_energy;
             let worst_share = &mut worst_shares[usize::from(!is_contact)];
             *worst_share = if gain_share.is_finite() {
                 worst_share.max(gain_share)
@@ -268,62 +279,67 @@ impl Island {
 
     /// Check the accounts; stop, or mute, if a part created too much.
     #[cold]
-    pub(super) fn check_gains(&mut self) -> Result<(), Fault> {
+    pub(super) fn check_energy_gains(&mut self) -> Result<(), Fault> {
         let island_step = self.state.frame;
-        let mut gain_faults: Vec<(String, usize, Gain)> = Vec::new();
+        let mut gain_faults: Vec<(String, usize, EnergyGain)> = Vec::new();
         let state = &mut self.state;
-        let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);
+        let frame_scheme = state
+            .parameters
+            .changing_scheme
+            .as_deref()
+            .unwrap_or(&self.script.scheme);
         let (body, bodies) = (&state.matter.body, &state.matter.bodies);
-        let energy_now = || moving_energy(scheme_now, bodies, body);
+        let energy_now = || motion_energy(frame_scheme, bodies, body);
         let hand_bindings = &self.script.hand_bindings;
         // A part that a hand plays is not silenced where another one can be: its key would jump.
-        let part = |a: usize, b: usize| {
+        let silenced_part = |a: usize, b: usize| {
             let is_played = |moved_mat: usize| {
                 let mut hand_bindings = hand_bindings.iter();
-                hand_bindings.any(|hand| scheme_now.part[hand.mat()] == scheme_now.part[moved_mat])
+                hand_bindings.any(|hand| frame_scheme.part[hand.mat()] == frame_scheme.part[moved_mat])
             };
-            let silencing_rank = |&moved_mat: &usize| (scheme_now.w[moved_mat] == 0.0, is_played(moved_mat));
+            let silencing_rank = |&moved_mat: &usize| (frame_scheme.w[moved_mat] == 0.0, is_played(moved_mat));
             let silenced_end = if silencing_rank(&b) < silencing_rank(&a) { b } else { a };
-            scheme_now.part[silenced_end] as usize
+            frame_scheme.part[silenced_end] as usize
         };
-        let mut put_in = 0.0;
-        if let Some(gains) = &mut state.watch.gains {
-            put_in = gains.put_in.work_max();
-            for (link_work, gained_link) in gains.link_work.iter_mut().zip(&mut gains.links) {
-                let link_gain = gained_link.check(link_work, body, (energy_now, put_in), island_step);
-                if let Some(gain) = link_gain.filter(Gain::is_fault) {
-                    let part = part(link_work.a, link_work.b);
-                    gain_faults.push((self.network.link_name(link_work.link), part, gain));
+        let mut imposed_work = 0.0;
+        if let Some(gains) = &mut state.monitors.energy_gains {
+            imposed_work = gains.imposed_work.work_max();
+            for (link_account, gained_link) in gains.link_accounts.iter_mut().zip(&mut gains.checked_links) {
+                let link_gain = gained_link.check(link_account, body, (energy_now, imposed_work), island_step);
+                if let Some(gain) = link_gain.filter(EnergyGain::is_fault) {
+                    let part = silenced_part(link_account.a, link_account.b);
+                    gain_faults.push((self.network.link_name(link_account.link), part, gain));
                 }
             }
-            if let Some(pair_gains) = &mut gains.pairs
+            if let Some(pair_gains) = &mut gains.pair_gains
                 && let Some(gain) = pair_gains
-                    .check(body, (energy_now, put_in), island_step)
-                    .filter(Gain::is_fault)
+                    .check(body, (energy_now, imposed_work), island_step)
+                    .filter(EnergyGain::is_fault)
             {
-                let part = scheme_now.part[pair_gains.moving_mat(scheme_now)] as usize;
+                let part = frame_scheme.part[pair_gains.moving_mat(frame_scheme)] as usize;
                 gain_faults.push((self.network.link_name(pair_gains.first_link()), part, gain));
             }
         }
-        if let Some(fine_state) = &mut state.matter.fine
-            && let Some((gained_link, moved_mat, gain)) =
-                fine_state.stepped_points_mut().check((energy_now, put_in), island_step)
+        if let Some(fine_state) = &mut state.matter.fine_links
+            && let Some((gained_link, moved_mat, gain)) = fine_state
+                .stepped_points_mut()
+                .check_energy((energy_now, imposed_work), island_step)
             && gain.is_fault()
         {
             gain_faults.push((
                 self.network.link_name(gained_link),
-                scheme_now.part[moved_mat] as usize,
+                frame_scheme.part[moved_mat] as usize,
                 gain,
             ));
         }
         for body in &mut self.state.matter.bodies {
-            if let Some(gain) = body.check_gain(island_step).filter(Gain::is_fault)
-                && let Some((module_name, part)) = body.first_module()
+            if let Some(gain) = body.check_energy_gain(island_step).filter(EnergyGain::is_fault)
+                && let Some((module_name, part)) = body.first_moving_mat()
             {
                 gain_faults.push((module_name, part, gain));
             }
         }
-        if let Some((gained_link, moved_mat, gain)) = self.check_rise()
+        if let Some((gained_link, moved_mat, gain)) = self.check_energy_rise()
             && gain.is_fault()
         {
             let part = self.script.scheme.part[moved_mat] as usize;
@@ -334,9 +350,9 @@ impl Island {
         gain_faults.retain(|(_, part, _)| network_parts[*part].ca_rate.is_none());
         for (module_name, part, gain) in gain_faults {
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.fault_of(module_name, part, Some(gain)));
+                return Err(self.fault_in_part(module_name, part, Some(gain)));
             }
-            if !self.state.watch.mutes.is_mute(part) {
+            if !self.state.monitors.muted_parts.is_muted(part) {
                 self.mute(part, island_step);
             }
         }

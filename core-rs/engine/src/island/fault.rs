@@ -1,7 +1,7 @@
 //! Parts that diverge: named and stopped, or muted while all others play on.
 
 use super::delayed_ports::PortBinding;
-use super::{Gain, Island, inside};
+use super::{EnergyGain, Island, bodies};
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
 use crate::network::Term;
@@ -47,7 +47,7 @@ impl Fault {
     /// The fault with its frame in the scene, in place of the step of its island.
     pub(crate) fn in_scene(self, island: &Island) -> Self {
         Self {
-            frame: island.frame_at(self.frame),
+            frame: island.scene_frame_at(self.frame),
             ..self
         }
     }
@@ -55,50 +55,50 @@ impl Fault {
 
 /// Which parts are muted, and since when.
 #[derive(Clone, Debug)]
-pub(super) struct Mutes {
+pub(super) struct MutedParts {
     /// Frame at which each part was muted   (n_parts)
-    since: Vec<Option<u64>>,
+    mute_frames: Vec<Option<u64>>,
     /// Last finite sample of each output   (n_out)
-    last: Vec<f64>,
+    last_samples: Vec<f64>,
     /// Outputs that listen to a muted part, and since when  (n_out)
-    outputs: Vec<Option<u64>>,
+    fade_starts: Vec<Option<u64>>,
 }
 
 /// Only parts that are muted are written: how many parts a score has changes nothing in an island.
-impl State for Mutes {
+impl State for MutedParts {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        let mut muted_parts: Vec<(usize, u64)> = self.list().collect();
+        let mut muted_parts: Vec<(usize, u64)> = self.iter().collect();
         archive.list(&mut muted_parts)?;
-        self.since.fill(None);
+        self.mute_frames.fill(None);
         for (part, frame) in muted_parts {
-            *self.since.get_mut(part).ok_or(Damaged)? = Some(frame);
+            *self.mute_frames.get_mut(part).ok_or(Damaged)? = Some(frame);
         }
-        state_of!(self, archive, last, outputs)
+        state_of!(self, archive, last_samples, fade_starts)
     }
 }
 
-impl Mutes {
+impl MutedParts {
     pub(super) fn new(scheme: &Scheme) -> Self {
         Self {
-            since: vec![None; scheme.n_parts],
-            last: vec![0.0; scheme.n_out()],
-            outputs: vec![None; scheme.n_out()],
+            mute_frames: vec![None; scheme.n_parts],
+            last_samples: vec![0.0; scheme.n_out()],
+            fade_starts: vec![None; scheme.n_out()],
         }
     }
 
     /// Take over the last samples, from which outputs fade when a part is muted.
     pub(super) fn continue_from(&mut self, old: &Self) {
-        if self.last.len() == old.last.len() {
-            self.last.copy_from_slice(&old.last);
+        if self.last_samples.len() == old.last_samples.len() {
+            self.last_samples.copy_from_slice(&old.last_samples);
         }
     }
 
-    pub(super) fn is_mute(&self, part: usize) -> bool {
-        self.since[part].is_some()
+    pub(super) fn is_muted(&self, part: usize) -> bool {
+        self.mute_frames[part].is_some()
     }
 
-    pub(super) fn list(&self) -> impl Iterator<Item = (usize, u64)> + '_ {
-        self.since
+    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, u64)> + '_ {
+        self.mute_frames
             .iter()
             .enumerate()
             .filter_map(|(part, since)| since.map(|frame| (part, frame)))
@@ -108,11 +108,11 @@ impl Mutes {
     /// non-finite one frame before a position shows it: that frame repeats the sample before.
     pub(super) fn fade(&mut self, n: u64, scheme: &Scheme, out: &mut [f64]) {
         let fade_steps = FADE_SECONDS * scheme.rate;
-        for ((sample, last), since) in out.iter_mut().zip(&mut self.last).zip(&self.outputs) {
-            match since {
-                Some(since) => *sample = *last * (1.0 - (n - since) as f64 / fade_steps).max(0.0),
-                None if sample.is_finite() => *last = *sample,
-                None => *sample = *last,
+        for ((sample, last_sample), fade_start) in out.iter_mut().zip(&mut self.last_samples).zip(&self.fade_starts) {
+            match fade_start {
+                Some(fade_start) => *sample = *last_sample * (1.0 - (n - fade_start) as f64 / fade_steps).max(0.0),
+                None if sample.is_finite() => *last_sample = *sample,
+                None => *sample = *last_sample,
             }
         }
     }
@@ -121,18 +121,24 @@ impl Mutes {
 impl Island {
     /// Handles a step that left a position beyond all bounds: stops with the name of the module, or mutes its part.
     #[cold]
-    pub(super) fn fault(&mut self) -> Result<(), Fault> {
+    pub(super) fn handle_fault(&mut self) -> Result<(), Fault> {
         let fault_step = self.state.frame;
-        while let Some((module_name, part)) = self.state.matter.bodies.iter().find_map(inside::RunningBody::diverged) {
+        while let Some((module_name, part)) = self
+            .state
+            .matter
+            .bodies
+            .iter()
+            .find_map(bodies::RunningBody::diverged_mat)
+        {
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.fault_of(module_name, part, None));
+                return Err(self.fault_in_part(module_name, part, None));
             }
             self.mute(part, fault_step);
         }
         while let Some(faulty_mat) = self.diverged_mat() {
             let part = self.script.scheme.part[faulty_mat] as usize;
             if self.script.on_fault == OnFault::Stop {
-                return Err(self.fault_of(self.network.mat_name(faulty_mat), part, None));
+                return Err(self.fault_in_part(self.network.mat_name(faulty_mat), part, None));
             }
             self.mute(part, fault_step);
         }
@@ -146,7 +152,7 @@ impl Island {
         diverged.min_by_key(|&mat| inverse_masses[mat] == 0.0)
     }
 
-    pub(super) fn fault_of(&self, module: String, part: usize, gain: Option<Gain>) -> Fault {
+    pub(super) fn fault_in_part(&self, module: String, part: usize, gain: Option<EnergyGain>) -> Fault {
         let seconds = self.state.frame as f64 / self.script.scheme.rate;
         Fault {
             energy_message: gain.map(|gain| gain.sentence(&module, seconds)),
@@ -158,9 +164,9 @@ impl Island {
     }
 
     /// Take a part out of the scene: its MATs stay at their rest positions, and its links are removed.
-    pub(super) fn mute(&mut self, part: usize, n: u64) {
+    pub(super) fn mute(&mut self, part: usize, mute_frame: u64) {
         let state = &mut self.state;
-        state.watch.mutes.since[part] = Some(n);
+        state.monitors.muted_parts.mute_frames[part] = Some(mute_frame);
         // A part is muted at most once in a run, so a copy of the scheme is acceptable.
         let script = std::sync::Arc::make_mut(&mut self.script);
         let scheme = &mut script.scheme;
@@ -176,7 +182,7 @@ impl Island {
         let touches_part = |first_a: usize, first_b: usize, len: usize| {
             [first_a, first_b]
                 .iter()
-                .any(|&first| is_muted[first..first + len].contains(&true))
+                .any(|&mat| is_muted[mat..mat + len].contains(&true))
         };
         let mut is_link_cut = vec![false; scheme.n_lia];
         let run_touches_part = |run: &crate::scheme::Run| {
@@ -190,69 +196,67 @@ impl Island {
                 touches_part(first_a, first_b, run.len)
             })
         };
-        let all_runs = scheme.runs.iter().chain(&scheme.exact);
+        let all_runs = scheme.runs.iter().chain(&scheme.exact_runs);
         for run in all_runs.filter(|run| run_touches_part(run)) {
-            let index_span = run.first..run.first + run.len;
-            state.matter.body.link[index_span.clone()].fill(0.0);
-            is_link_cut[index_span].fill(true);
+            state.matter.body.link[run.links()].fill(0.0);
+            is_link_cut[run.links()].fill(true);
         }
         scheme.runs.retain(|run| !run_touches_part(run));
-        let meets_part = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
-        scheme.fused.retain(|spring| !meets_part(spring));
-        scheme.exact.retain(|run| !run_touches_part(run));
-        state.matter.laws.set_springs(&scheme.fused, scheme.n_mat());
-        if let Some(guard) = &mut state.watch.guard {
+        let spring_touches_part = |spring: &Spring| touches_part(spring.a, spring.b, spring.len);
+        scheme.fused_springs.retain(|spring| !spring_touches_part(spring));
+        scheme.exact_runs.retain(|run| !run_touches_part(run));
+        state.matter.laws.set_springs(&scheme.fused_springs, scheme.n_mat());
+        if let Some(guard) = &mut state.monitors.guard {
             guard.unwatch(|mat| is_muted[mat]);
         }
-        if let Some(gains) = &mut state.watch.gains {
-            gains.release(&is_muted);
+        if let Some(gains) = &mut state.monitors.energy_gains {
+            gains.remove_links_of(&is_muted);
         }
-        state.watch.energy_rise = None;
-        if state.values.scheme.is_some() {
-            state.values.scheme = Some(scheme.with_changing_coefficients());
+        state.monitors.energy_rise = None;
+        if state.parameters.changing_scheme.is_some() {
+            state.parameters.changing_scheme = Some(scheme.with_changing_coefficients());
         }
-        if let Some(fine_state) = &mut state.matter.fine {
-            let mut bodies_staying = 0;
-            let body_places: Vec<Option<usize>> = (state.matter.bodies.iter())
+        if let Some(fine_links) = &mut state.matter.fine_links {
+            let mut retained_bodies = 0;
+            let new_body_indices: Vec<Option<usize>> = (state.matter.bodies.iter())
                 .map(|body| {
-                    let stays = !body.is_among(&is_muted, part);
-                    bodies_staying += usize::from(stays);
-                    stays.then(|| bodies_staying - 1)
+                    let stays = !body.touches_part(&is_muted, part);
+                    retained_bodies += usize::from(stays);
+                    stays.then(|| retained_bodies - 1)
                 })
                 .collect();
-            for link in fine_state.release(&is_muted, &body_places) {
+            for link in fine_links.remove_parts(&is_muted, &new_body_indices) {
                 state.matter.body.link[link] = 0.0;
                 is_link_cut[link] = true;
             }
         }
-        for body in state.matter.bodies.iter().filter(|body| body.is_among(&is_muted, part)) {
+        let is_on_part = |body: &&bodies::RunningBody| body.touches_part(&is_muted, part);
+        for body in state.matter.bodies.iter().filter(is_on_part) {
             for output in body.outputs() {
-                state.watch.mutes.outputs[output as usize].get_or_insert(n);
+                state.monitors.muted_parts.fade_starts[output as usize].get_or_insert(mute_frame);
             }
         }
-        state.matter.bodies.retain(|body| !body.is_among(&is_muted, part));
-        let ends_on_part = |port: &PortBinding| is_muted[port.port] || is_muted[port.key];
+        state.matter.bodies.retain(|body| !body.touches_part(&is_muted, part));
+        let ends_on_part = |port: &PortBinding| is_muted[port.port_mat] || is_muted[port.key_mat];
         for port in script.port_bindings.iter().filter(|port| ends_on_part(port)) {
-            state.matter.body.d[port.port] = 0.0;
+            state.matter.body.d[port.port_mat] = 0.0;
         }
-        let mut stays = script.port_bindings.iter().map(|port| !ends_on_part(port));
-        state.hands.port_states.retain(|_| stays.next().unwrap_or(true));
-        drop(stays);
+        let mut is_retained = script.port_bindings.iter().map(|port| !ends_on_part(port));
+        state.players.port_states.retain(|_| is_retained.next().unwrap_or(true));
+        drop(is_retained);
         script.port_bindings.retain(|port| !ends_on_part(port));
-        let ends_on_part = |drive: &Drive| {
-            let port = drive.port();
-            is_muted[drive.mat] || port.is_some_and(|port| is_muted[port.key])
-        };
+        let ends_on_part = |drive: &Drive| is_muted[drive.mat] || drive.port().is_some_and(|port| is_muted[port.key]);
         script.drives.retain(|drive| !ends_on_part(drive));
-        let mut stays = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
-        state.hands.played.retain(|_| stays.next().unwrap_or(true));
-        drop(stays);
+        let mut is_retained = script.sound_drives.iter().map(|drive| !is_muted[drive.mat]);
+        let input_signals = &mut state.players.input_signals;
+        input_signals.retain(|_| is_retained.next().unwrap_or(true));
+        drop(is_retained);
         script.sound_drives.retain(|drive| !is_muted[drive.mat]);
-        let mut stays = script.voices.iter().map(|voice| !is_muted[voice.struck]);
-        state.hands.voices.retain(|_| stays.next().unwrap_or(true));
-        drop(stays);
-        script.voices.retain(|voice| !is_muted[voice.struck]);
-        for (output, since) in scheme.outputs.iter().zip(&mut state.watch.mutes.outputs) {
+        let mut is_retained = script.voices.iter().map(|voice| !is_muted[voice.struck_mat]);
+        state.players.voices.retain(|_| is_retained.next().unwrap_or(true));
+        drop(is_retained);
+        script.voices.retain(|voice| !is_muted[voice.struck_mat]);
+        for (output, fade_start) in scheme.outputs.iter().zip(&mut state.monitors.muted_parts.fade_starts) {
             let listens = output.terms.iter().any(|term| match *term {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
                     is_muted[first..first + len].contains(&true)
@@ -262,7 +266,7 @@ impl Island {
                 }
             });
             if listens {
-                since.get_or_insert(n);
+                fade_start.get_or_insert(mute_frame);
             }
         }
     }

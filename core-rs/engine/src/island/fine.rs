@@ -43,7 +43,7 @@ pub(super) const OPEN_MARGIN: f64 = 1e-9;
 
 /// Running contacts and laws.
 #[derive(Clone, Debug)]
-pub(crate) struct Fine {
+pub(crate) struct FineLinks {
     script: Arc<Script>,
     law_script: Arc<LawScript>,
     /// Each law   (n_laws)
@@ -59,7 +59,7 @@ pub(crate) struct Fine {
     /// Sum of the impulses on each joint in this frame, each times the polynomials at its instant   (n_joints · n)
     impulse_sums: Vec<f64>,
     /// `paths` and `impulse_sums` before a step that may be repeated.
-    saved: [Vec<f64>; 2],
+    saved_paths_and_sums: [Vec<f64>; 2],
     /// What the impulses of this frame add to each crowded body.
     crowded: Vec<CrowdedMotion>,
     /// Force that each stepped joint still feels in the next frame   (n_joints)
@@ -69,14 +69,14 @@ pub(crate) struct Fine {
     /// Whether each contact may be closed in this frame   (n_links)
     may_close: Vec<bool>,
     /// Whether each contact pushes   (n_links)
-    pushes: Vec<bool>,
+    is_pushing: Vec<bool>,
     /// Whether each contact has pushed since the beginning of the frame, or dry friction held at its end.
-    rests: Vec<bool>,
+    is_resting: Vec<bool>,
     /// Whether the instant at which each contact closes or opens in this step is known.
     is_located: Vec<bool>,
     /// Forces of contacts that are solved together [N], and their penetrations before [m]   (n_links)
     forces: Vec<f64>,
-    depths: Vec<f64>,
+    penetrations: Vec<f64>,
     /// K and Z of each link at the start of this frame, and at its end   (n_links)
     link_constants: Vec<[[f64; 2]; 2]>,
     /// 1/M, κ and ζ of each joint at the start of this frame and at its end   (n_joints)
@@ -88,17 +88,17 @@ pub(crate) struct Fine {
     /// Stages of the step that is computed.
     stages: Stages,
     /// Whether a contact has ever been closed.
-    pub(super) has_touched: bool,
+    pub(super) has_closed: bool,
     /// Work done so far.
     pub(super) work: FineWork,
 }
 
-crate::archive::option!(Fine, fixed);
+crate::archive::option!(FineLinks, fixed);
 
 /// All state that is not computed anew in each frame.
-impl State for Fine {
+impl State for FineLinks {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        let mut step_count = self.script.steps;
+        let mut step_count = self.script.steps_min;
         step_count.archive(archive)?;
         self.set_steps(step_count.min(STEPS_MAX));
         state_of!(
@@ -106,9 +106,9 @@ impl State for Fine {
             archive,
             laws,
             next_frame_forces,
-            rests,
+            is_resting,
             has_glided,
-            has_touched,
+            has_closed,
             stepped_points,
             work
         )?;
@@ -141,7 +141,7 @@ crate::archive::state!(FineWork {
     couplings
 });
 
-impl Fine {
+impl FineLinks {
     /// The instants of a frame, 0 to 1, at which bodies give paths and take impulses.
     pub(super) fn instants(&self) -> &[f64] {
         &self.script.basis.instants
@@ -150,54 +150,54 @@ impl Fine {
     /// Compute contacts and laws finer from now on, if that is possible: their steps have created energy.
     pub(super) fn refine(&mut self) {
         if self.frictions.is_empty() {
-            self.set_steps((REFINEMENT_FACTOR * self.script.steps).min(STEPS_MAX));
+            self.set_steps((REFINEMENT_FACTOR * self.script.steps_min).min(STEPS_MAX));
         }
     }
 
     /// Compute contacts and laws in at least this many steps a frame.
     fn set_steps(&mut self, steps: usize) {
-        if steps <= self.script.steps {
+        if steps <= self.script.steps_min {
             return;
         }
         // This happens at most a few times in a run, so copies of the scripts are acceptable.
         let script = Arc::make_mut(&mut self.script);
-        script.steps = steps;
+        script.steps_min = steps;
         self.law_script = Arc::new(LawScript::new(script));
         for law in &mut self.laws {
-            law.forget_before();
+            law.forget_previous_forces();
         }
     }
 
     /// Take over the state of the same contacts and laws in another version.
     pub(super) fn continue_from(&mut self, old: &mut Self) {
-        self.set_steps(old.script.steps);
+        self.set_steps(old.script.steps_min);
         std::mem::swap(&mut self.next_frame_forces, &mut old.next_frame_forces);
-        if self.rests.len() == old.rests.len() {
-            self.rests.copy_from_slice(&old.rests);
+        if self.is_resting.len() == old.is_resting.len() {
+            self.is_resting.copy_from_slice(&old.is_resting);
         }
         if self.laws.len() == old.laws.len() {
             for (law, old) in self.laws.iter_mut().zip(&old.laws) {
                 law.continue_from(old);
             }
         }
-        self.has_touched = old.has_touched;
+        self.has_closed = old.has_closed;
     }
 
     /// Deflection of the bristles of a link [m]; `None` if it is not computed here.
     pub(super) fn bristle_deflection(&self, link: usize) -> Option<f64> {
-        let law_index = self.law_of(link)?;
+        let law_index = self.law_index_of(link)?;
         Some(self.laws[law_index].bristle_at_start())
     }
 
     /// Set the deflection of the bristles of a link [m], if it is computed here.
     pub(super) fn set_bristle_deflection(&mut self, link: usize, deflection: f64) {
-        if let Some(law_index) = self.law_of(link) {
+        if let Some(law_index) = self.law_index_of(link) {
             self.laws[law_index].set_bristle_deflection(deflection);
         }
     }
 
     /// Index of a link among the laws.
-    fn law_of(&self, link: usize) -> Option<usize> {
+    fn law_index_of(&self, link: usize) -> Option<usize> {
         let link_runs = &self.script.links;
         let mut law_links = self.law_script.links.iter();
         law_links.position(|&link_index| link_runs[link_index].first == link)
@@ -205,7 +205,7 @@ impl Fine {
 
     /// Remove the links on the marked MATs (n_mat), and bodies that leave; returns the removed links. `new_indices`
     /// gives the new index of each body that stays (n_bodies).
-    pub(super) fn release(&mut self, is_released: &[bool], new_indices: &[Option<usize>]) -> Vec<usize> {
+    pub(super) fn remove_parts(&mut self, is_released: &[bool], new_indices: &[Option<usize>]) -> Vec<usize> {
         // A part leaves at most once in a run, so a copy of the script is acceptable.
         let script = Arc::make_mut(&mut self.script);
         for (joint, next_frame_force) in script.joints.iter_mut().zip(&mut self.next_frame_forces) {
@@ -224,33 +224,33 @@ impl Fine {
             .collect();
         let law_script = Arc::make_mut(&mut self.law_script);
         let law_stays: Vec<bool> = law_script.links.iter().map(|&link| link_stays[link]).collect();
-        keep(&mut self.laws, &law_stays);
-        keep(&mut script.links, &link_stays);
-        keep(&mut script.ends, &link_stays);
-        keep(&mut self.may_close, &link_stays);
-        keep(&mut self.pushes, &link_stays);
-        keep(&mut self.rests, &link_stays);
-        keep(&mut self.is_located, &link_stays);
-        keep(&mut self.forces, &link_stays);
-        keep(&mut self.depths, &link_stays);
-        keep(&mut self.link_constants, &link_stays);
+        retain_flagged(&mut self.laws, &law_stays);
+        retain_flagged(&mut script.links, &link_stays);
+        retain_flagged(&mut script.link_joints, &link_stays);
+        retain_flagged(&mut self.may_close, &link_stays);
+        retain_flagged(&mut self.is_pushing, &link_stays);
+        retain_flagged(&mut self.is_resting, &link_stays);
+        retain_flagged(&mut self.is_located, &link_stays);
+        retain_flagged(&mut self.forces, &link_stays);
+        retain_flagged(&mut self.penetrations, &link_stays);
+        retain_flagged(&mut self.link_constants, &link_stays);
         *law_script = LawScript::new(script);
         self.frictions = Frictions::new(script);
-        self.stepped_points.release(is_released);
+        self.stepped_points.remove_points(is_released);
         removed_links
     }
 
     /// Multiply K and Z of a link, if it is still here, by factors at the start and at the end of this frame.
-    pub(super) fn lead(&mut self, link: usize, factors: [[f64; 2]; 2]) {
+    pub(super) fn set_link_constants(&mut self, link: usize, factors: [[f64; 2]; 2]) {
         for (run, constants) in self.script.links.iter().zip(&mut self.link_constants) {
             if run.first == link {
-                *constants = factors.map(|[of_k, of_z]| [run.k * of_k, run.z * of_z]);
+                *constants = factors.map(|[k_factor, z_factor]| [run.k * k_factor, run.z * z_factor]);
             }
         }
     }
 
     /// Set 1/M, κ and ζ of the joint of a MAT that glides, at the start and at the end of this frame.
-    pub(super) fn glide(&mut self, mat: usize, constants: [[f64; 3]; 2]) {
+    pub(super) fn set_joint_constants(&mut self, mat: usize, constants: [[f64; 3]; 2]) {
         let is_stepped = |joint: &Joint| joint.mat == mat && joint.cell.is_some();
         if let Some(joint) = self.script.joints.iter().position(is_stepped) {
             self.joint_constants[joint] = constants;
@@ -305,13 +305,20 @@ impl Fine {
 
     /// Report the energy that each link stores at the end of the frame [J]; `gate_opening` gives how far its
     /// gate is open.
-    pub(super) fn energies(&self, body: &Body, gate_opening: impl Fn(&Run) -> f64, mut report_energy: impl FnMut(f64)) {
+    pub(super) fn report_energies(
+        &self,
+        body: &Body,
+        gate_opening: impl Fn(&Run) -> f64,
+        mut report_energy: impl FnMut(f64),
+    ) {
         for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.link_constants) {
             let link_energy = match (&run.kind, self.bristle_deflection(run.first)) {
-                (Kind::Bristle { by, .. }, Some(deflection)) => by.with_stiffness_and_level(*k, *z).energy(deflection),
+                (Kind::Bristle { law, .. }, Some(deflection)) => {
+                    law.with_stiffness_and_level(*k, *z).energy(deflection)
+                }
                 _ => {
                     let stiffness_ratio = if run.k == 0.0 { 1.0 } else { k / run.k };
-                    stiffness_ratio * run.potential(run.elongation(0, |mat| body.x[mat]))
+                    stiffness_ratio * run.potential_energy(run.elongation(0, |mat| body.x[mat]))
                 }
             };
             report_energy(gate_opening(run) * link_energy);
@@ -365,7 +372,7 @@ impl Fine {
     /// Set the state that frames with open contacts leave.
     pub(super) fn set_open(&mut self, body: &mut Body) {
         self.may_close.fill(false);
-        self.rests.fill(false);
+        self.is_resting.fill(false);
         for run in &self.script.links {
             body.link[run.first] = 0.0;
         }
@@ -391,7 +398,7 @@ impl Fine {
 }
 
 /// Keep the entries of a list that stay.
-fn keep<T>(list: &mut Vec<T>, stay_flags: &[bool]) {
+fn retain_flagged<T>(list: &mut Vec<T>, stay_flags: &[bool]) {
     let mut stay_flags = stay_flags.iter();
     list.retain(|_| *stay_flags.next().unwrap_or(&true));
 }

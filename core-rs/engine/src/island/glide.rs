@@ -1,6 +1,6 @@
-//! MATs whose parameters glide, and links whose K and Z are led, while they are stepped.
+//! MATs whose parameters glide, and links whose K and Z are led, frame by frame.
 
-use super::fine::Fine;
+use super::fine::FineLinks;
 use crate::cell::Ratios;
 use crate::maths::{asin, log, sin, sqrt};
 use crate::network::{Error, Network};
@@ -12,38 +12,39 @@ use crate::timeline::{Lead, MatParameters, Timeline, next_change};
 const SINE_SQUARE_MAX: f64 = 0.99;
 
 /// 1/M, κ, ζ and the stiffness of the tie of a MAT in one frame.
-type Numbers = [f64; 4];
+type MatCoefficients = [f64; 4];
 
 /// A MAT whose parameters glide.
 #[derive(Clone, Debug)]
-pub(super) struct Glide {
+pub(super) struct GlidingMat {
     mat: usize,
-    /// Frames in rising order, each with the index in `numbers` of the parameters there.
+    /// Frames in rising order, each with the index in `coefficients` of the parameters there.
     points: Vec<(u64, usize)>,
-    numbers: Vec<Numbers>,
-    /// ln(θ/sin θ) of each, where θ is the angle of a step   (as `numbers`)
+    coefficients: Vec<MatCoefficients>,
+    /// ln(θ/sin θ) of each, where θ is the angle of a step   (as `coefficients`)
     amplitude_corrections: Vec<f64>,
 }
 
-impl Glide {
+impl GlidingMat {
     /// The parameters of frame `n`.
-    fn numbers_for(&self, n: u64) -> Numbers {
+    fn coefficients_at_frame(&self, n: u64) -> MatCoefficients {
         let next_point = self.points.partition_point(|&(frame, _)| frame <= n);
-        let numbers_at = |point: usize| self.numbers[self.points[point].1];
+        let coefficients_at = |point: usize| self.coefficients[self.points[point].1];
         if next_point == 0 {
-            return numbers_at(0);
+            return coefficients_at(0);
         }
         let (start_frame, index_before) = self.points[next_point - 1];
         let Some(&(stop_frame, index_after)) = self.points.get(next_point) else {
-            return numbers_at(next_point - 1);
+            return coefficients_at(next_point - 1);
         };
         if index_before == index_after {
-            return numbers_at(next_point);
+            return coefficients_at(next_point);
         }
         let frame_share = (n - start_frame) as f64 / (stop_frame - start_frame) as f64;
-        let (numbers_from, numbers_to) = (numbers_at(next_point - 1), numbers_at(next_point));
-        let [w, kappa, zeta, ground] =
-            std::array::from_fn(|i| numbers_from[i] + (numbers_to[i] - numbers_from[i]) * frame_share);
+        let (start_coefficients, stop_coefficients) = (coefficients_at(next_point - 1), coefficients_at(next_point));
+        let [w, kappa, zeta, ground] = std::array::from_fn(|i| {
+            start_coefficients[i] + (stop_coefficients[i] - start_coefficients[i]) * frame_share
+        });
         // A continuous oscillation whose frequency ω changes slowly keeps ω times its squared amplitude; the samples of
         // this recurrence keep sin θ times it. The poles are moved outwards by the difference.
         let correction = (self.amplitude_corrections[index_after] - self.amplitude_corrections[index_before])
@@ -57,21 +58,21 @@ impl Glide {
     }
 
     /// The first frame, `n` or later, at which the parameters may change.
-    pub(super) fn due(&self, n: u64) -> u64 {
+    pub(super) fn next_change_frame(&self, n: u64) -> u64 {
         next_change(&self.points, n)
     }
 }
 
-impl Led {
+impl LedLinks {
     /// The first frame, `n` or later, at which K and Z may change.
-    pub(super) fn due(&self, n: u64) -> u64 {
+    pub(super) fn next_change_frame(&self, n: u64) -> u64 {
         self.lead.next_change_frame(n)
     }
 }
 
 /// The glides of an island.
-pub(super) fn glides(network: &Network, timeline: &Timeline, scheme: &Scheme) -> Result<Vec<Glide>, Error> {
-    let (mut glides, mut ties): (Vec<Glide>, Vec<Vec<Option<MatParameters>>>) = (Vec::new(), Vec::new());
+pub(super) fn build_glides(network: &Network, timeline: &Timeline, scheme: &Scheme) -> Result<Vec<GlidingMat>, Error> {
+    let (mut glides, mut ties): (Vec<GlidingMat>, Vec<Vec<Option<MatParameters>>>) = (Vec::new(), Vec::new());
     for glide in &timeline.glides {
         let mut known_ties: Vec<Option<MatParameters>> = Vec::new();
         let mut points = Vec::with_capacity(glide.points.len());
@@ -83,32 +84,32 @@ pub(super) fn glides(network: &Network, timeline: &Timeline, scheme: &Scheme) ->
             });
             points.push((frame, tie_index));
         }
-        glides.push(Glide {
+        glides.push(GlidingMat {
             mat: glide.mat,
             points,
-            numbers: Vec::with_capacity(known_ties.len()),
+            coefficients: Vec::with_capacity(known_ties.len()),
             amplitude_corrections: Vec::with_capacity(known_ties.len()),
         });
         ties.push(known_ties);
     }
-    let mut refused = Vec::new();
+    let mut errors = Vec::new();
     // One scheme gives each MAT one set of parameters, so every round computes the next set of each glide.
     for round in 0..ties.iter().map(Vec::len).max().unwrap_or(0) {
-        let this_round = || round_ties(&ties, round);
+        let glides_of_round = || round_ties(&ties, round);
         let mut round_network = network.clone();
-        for (glide_index, glide_ties) in this_round() {
-            if let Some(ties_now) = glide_ties {
-                round_network.set_tie(glides[glide_index].mat, ties_now);
+        for (glide_index, glide_ties) in glides_of_round() {
+            if let Some(round_ties) = glide_ties {
+                round_network.set_tie(glides[glide_index].mat, round_ties);
             }
         }
         let round_scheme = match Scheme::new(&round_network, timeline.rate) {
             Ok(other) => other,
             Err(error) => {
-                refused.push(error);
+                errors.push(error);
                 continue;
             }
         };
-        for (glide_index, glide_ties) in this_round() {
+        for (glide_index, glide_ties) in glides_of_round() {
             let scheme = if glide_ties.is_some() { &round_scheme } else { scheme };
             let glide = &mut glides[glide_index];
             let mat = glide.mat;
@@ -121,10 +122,12 @@ pub(super) fn glides(network: &Network, timeline: &Timeline, scheme: &Scheme) ->
                 amplitude_correction(Ratios { kappa, zeta })
             };
             glide.amplitude_corrections.push(correction);
-            glide.numbers.push([scheme.w[mat], kappa, zeta, scheme.ground[mat]]);
+            glide
+                .coefficients
+                .push([scheme.w[mat], kappa, zeta, scheme.tie_stiffness[mat]]);
         }
     }
-    if let Some(refused) = Error::combined(refused) {
+    if let Some(refused) = Error::combined(errors) {
         return Err(refused);
     }
     Ok(glides)
@@ -152,49 +155,49 @@ fn round_ties(
         .filter_map(move |(glide_index, glide_ties)| glide_ties.get(round).map(|glide_ties| (glide_index, *glide_ties)))
 }
 
-/// Write the parameters of frame `n` into `scheme_now`; muted MATs are left out.
-pub(super) fn apply_glides(glides: &[Glide], base: &Scheme, scheme_now: &mut Scheme, n: u64) {
+/// Write the parameters of frame `n` into `frame_scheme`; muted MATs are left out.
+pub(super) fn apply_glides(glides: &[GlidingMat], base: &Scheme, frame_scheme: &mut Scheme, n: u64) {
     for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
         let mat = glide.mat;
-        let numbers = glide.numbers_for(n);
+        let coefficients = glide.coefficients_at_frame(n);
         [
-            scheme_now.w[mat],
-            scheme_now.kappa[mat],
-            scheme_now.zeta[mat],
-            scheme_now.ground[mat],
-        ] = numbers;
+            frame_scheme.w[mat],
+            frame_scheme.kappa[mat],
+            frame_scheme.zeta[mat],
+            frame_scheme.tie_stiffness[mat],
+        ] = coefficients;
     }
 }
 
-/// Write 1/M of masses that follow MATs into `scheme_now`, for MATs at `x` [m]; muted masses are left out.
-pub(super) fn apply_following_masses(base: &Scheme, scheme_now: &mut Scheme, x: &[f64]) {
+/// Write 1/M of masses that follow MATs into `frame_scheme`, for MATs at `x` [m]; muted masses are left out.
+pub(super) fn apply_following_masses(base: &Scheme, frame_scheme: &mut Scheme, x: &[f64]) {
     for mass in &base.following_masses {
-        if scheme_now.w[mass.mat] != 0.0 {
-            scheme_now.w[mass.mat] = base.w[mass.mat] * mass.mass_ratio(|mat| x[mat]);
+        if frame_scheme.w[mass.mat] != 0.0 {
+            frame_scheme.w[mass.mat] = base.w[mass.mat] * mass.mass_ratio(|mat| x[mat]);
         }
     }
 }
 
 /// Give the parameters of frames `n` and `n` + 1 to what is computed between them.
-pub(super) fn pass_to_fine(glides: &[Glide], base: &Scheme, fine: &mut Fine, n: u64) {
+pub(super) fn set_fine_coefficients(glides: &[GlidingMat], base: &Scheme, fine_links: &mut FineLinks, n: u64) {
     for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
-        let numbers = [n, n + 1].map(|n| glide.numbers_for(n));
-        fine.glide(glide.mat, numbers.map(|[w, kappa, zeta, _]| [w, kappa, zeta]));
+        let coefficients = [n, n + 1].map(|n| glide.coefficients_at_frame(n));
+        fine_links.set_joint_constants(glide.mat, coefficients.map(|[w, kappa, zeta, _]| [w, kappa, zeta]));
     }
 }
 
 /// Links whose K and Z are led.
 #[derive(Clone, Debug)]
-pub(super) struct Led {
+pub(super) struct LedLinks {
     lead: Lead,
-    place: Place,
+    location: RunLocation,
     /// Whether it has the factors of the one before it, as all links of a string have.
     has_same_factors: bool,
 }
 
-/// Where their run stands in the scheme.
+/// The list of the scheme that holds their run, and its index there.
 #[derive(Clone, Copy, Debug)]
-enum Place {
+enum RunLocation {
     Run(usize),
     Exact(usize),
     /// A contact or a law that is computed finely.
@@ -202,49 +205,55 @@ enum Place {
 }
 
 /// The runs of a scheme that are led; from now on each has its K and Z as numbers.
-pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<Led> {
-    let mut led_runs: Vec<Led> = Vec::new();
+pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Timeline) -> Vec<LedLinks> {
+    let mut led_links: Vec<LedLinks> = Vec::new();
     for lead in &timeline.leads {
         for run in network.runs().iter().filter(|run| lead.links().contains(&run.first)) {
             let find_run =
                 |runs: &[crate::scheme::Run]| runs.iter().position(|scheme_run| scheme_run.first == run.first);
-            let place = if let Some(index) = find_run(&scheme.runs) {
+            let location = if let Some(index) = find_run(&scheme.runs) {
                 scheme.runs[index].make_adjustable();
-                Place::Run(index)
+                RunLocation::Run(index)
             } else {
-                find_run(&scheme.exact).map_or(Place::Fine, Place::Exact)
+                find_run(&scheme.exact_runs).map_or(RunLocation::Fine, RunLocation::Exact)
             };
             let lead = lead.on_links(run.first, run.len);
-            let led_before = led_runs.last();
-            let has_same_factors = led_before.is_some_and(|led_before| led_before.lead.has_factors_of(&lead));
-            led_runs.push(Led {
+            let previous_led = led_links.last();
+            let has_same_factors = previous_led.is_some_and(|previous_led| previous_led.lead.has_factors_of(&lead));
+            led_links.push(LedLinks {
                 lead,
-                place,
+                location,
                 has_same_factors,
             });
         }
     }
-    led_runs
+    led_links
 }
 
-/// Write K and Z of frame `n` into `now`.
-pub(super) fn apply_leads(led_runs: &[Led], base: &Scheme, now: &mut Scheme, fine_state: &mut Option<Fine>, n: u64) {
+/// Write K and Z of frame `n` into `frame_scheme`.
+pub(super) fn apply_leads(
+    led_links: &[LedLinks],
+    base: &Scheme,
+    frame_scheme: &mut Scheme,
+    fine_links: &mut Option<FineLinks>,
+    n: u64,
+) {
     let mut factors = [1.0; 2];
-    for Led {
+    for LedLinks {
         lead,
-        place,
+        location,
         has_same_factors,
-    } in led_runs
+    } in led_links
     {
         if !has_same_factors {
             factors = lead.factors(n, 0.0);
         }
-        let (base_run, run_now) = match *place {
-            Place::Run(run_index) => (&base.runs[run_index], &mut now.runs[run_index]),
-            Place::Exact(run_index) => (&base.exact[run_index], &mut now.exact[run_index]),
-            Place::Fine => {
-                if let Some(fine_state) = fine_state {
-                    fine_state.lead(lead.first_link, [factors, lead.factors(n + 1, 0.0)]);
+        let (base_run, run_now) = match *location {
+            RunLocation::Run(run_index) => (&base.runs[run_index], &mut frame_scheme.runs[run_index]),
+            RunLocation::Exact(run_index) => (&base.exact_runs[run_index], &mut frame_scheme.exact_runs[run_index]),
+            RunLocation::Fine => {
+                if let Some(fine_state) = fine_links {
+                    fine_state.set_link_constants(lead.first_link, [factors, lead.factors(n + 1, 0.0)]);
                 }
                 continue;
             }

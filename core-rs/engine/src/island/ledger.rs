@@ -3,7 +3,7 @@
 //! Linear: H = ½δᵀ(M − Z/2)δ + ½x⁺ᵀKx closes exactly. Non-linear links store ½(V(e⁺) + V(e)); the difference to the
 //! work of the scheme is the production P, the quality figure of an explicit contact.
 
-use crate::island::followed_energy::{self, Frame, followed};
+use crate::island::followed_energy::{self, FrameEnergies, following_law};
 use crate::island::pair_energy;
 use crate::kernel::{self, Neighbours};
 use crate::law::Law;
@@ -48,49 +48,53 @@ impl std::ops::Add for Energy {
 
 /// A sum that keeps what rounding drops (Neumaier 1974).
 #[derive(Clone, Copy, Debug, Default)]
-struct Sum {
-    sum: f64,
-    dropped: f64,
-    flow: f64,
+struct CompensatedSum {
+    rounded_sum: f64,
+    rounding_error: f64,
+    absolute_sum: f64,
 }
 
-impl Sum {
+impl CompensatedSum {
     fn add(&mut self, value: f64) {
-        let rounded_sum = self.sum + value;
-        self.dropped += if self.sum.abs() >= value.abs() {
-            (self.sum - rounded_sum) + value
+        let rounded_sum = self.rounded_sum + value;
+        self.rounding_error += if self.rounded_sum.abs() >= value.abs() {
+            (self.rounded_sum - rounded_sum) + value
         } else {
-            (value - rounded_sum) + self.sum
+            (value - rounded_sum) + self.rounded_sum
         };
-        self.sum = rounded_sum;
-        self.flow += value.abs();
+        self.rounded_sum = rounded_sum;
+        self.absolute_sum += value.abs();
     }
 
     fn value(&self) -> f64 {
-        self.sum + self.dropped
+        self.rounded_sum + self.rounding_error
     }
 }
 
-crate::archive::state!(Sum { sum, dropped, flow });
+crate::archive::state!(CompensatedSum {
+    rounded_sum,
+    rounding_error,
+    absolute_sum
+});
 
 #[derive(Clone, Debug)]
 pub(super) struct Ledger {
     start: f64,
-    injected: Sum,
-    lost: Sum,
-    produced: Sum,
+    injected: CompensatedSum,
+    lost: CompensatedSum,
+    produced: CompensatedSum,
     /// The step before this one [m]                                (n_mat)
-    d: Vec<f64>,
+    previous_steps: Vec<f64>,
     /// Forces that hold imposed MATs on their way [N], by target
-    hold: Vec<f64>,
+    holding_forces: Vec<f64>,
     /// ½(V(e⁺) + V(e)) of links that are not plain springs [J]     (n_lia)
-    potential: Vec<f64>,
+    link_energies: Vec<f64>,
     /// Buffers of contacts of all pairs, in the order of their runs
-    neighbours: Vec<Neighbours>,
+    neighbour_buffers: Vec<Neighbours>,
     /// Buffers of laws that follow MATs, in the order of their runs
-    laws: Vec<Law>,
+    law_buffers: Vec<Law>,
     /// 1/M of masses that follow MATs, in the frame before   (n_following_masses)
-    lightness: Vec<f64>,
+    previous_inverse_masses: Vec<f64>,
 }
 
 crate::archive::option!(Ledger, fixed);
@@ -100,30 +104,34 @@ crate::archive::state!(Ledger {
     injected,
     lost,
     produced,
-    d,
-    hold,
-    potential,
-    lightness
+    previous_steps,
+    holding_forces,
+    link_energies,
+    previous_inverse_masses
 });
 
 /// Elongation of the i-th link of a run: now, and one step ago.
 fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
     let elongation_now = run.elongation(i, |mat| body.x[mat]);
     if run.n_axes() > 1 {
-        let yielded = yielded(run, body, i);
+        let permanent_stretch = permanent_stretch(run, body, i);
         let elongation_before = run.elongation(i, |mat| body.x[mat] - body.d[mat]);
-        return (elongation_now - yielded, elongation_before - yielded);
+        return (
+            elongation_now - permanent_stretch,
+            elongation_before - permanent_stretch,
+        );
     }
     (elongation_now, elongation_now - (body.d[run.b + i] - body.d[run.a + i]))
 }
 
 /// How much the rest length of the i-th link of a run has grown.
-fn yielded(run: &Run, body: &Body, i: usize) -> f64 {
-    if run.yields() { body.memory[run.first + i] } else { 0.0 }
+fn permanent_stretch(run: &Run, body: &Body, i: usize) -> f64 {
+    let memory = run.has_permanent_stretch().then(|| body.memory[run.first + i]);
+    memory.unwrap_or(0.0)
 }
 
 /// The stiffness that the links of a run share: now, and one step ago.
-fn tensions(run: &Run, body: &Body) -> [f64; 2] {
+fn shared_stiffnesses(run: &Run, body: &Body) -> [f64; 2] {
     [
         run.shared_stiffness(|i| elongation(run, body, i).0),
         run.shared_stiffness(|i| elongation(run, body, i).1),
@@ -131,16 +139,16 @@ fn tensions(run: &Run, body: &Body) -> [f64; 2] {
 }
 
 /// Energy of one link [J].
-fn potential(run: &Run, tension: f64, e: f64) -> f64 {
-    run.potential(e) + tension_energy(tension, e)
+fn link_energy(run: &Run, tension: f64, e: f64) -> f64 {
+    run.potential_energy(e) + tension_energy(tension, e)
 }
 
 fn is_spring(run: &Run) -> bool {
     matches!(run.kind, Kind::Ref) && run.gate.is_none()
 }
 
-fn all(scheme: &Scheme) -> impl Iterator<Item = &Run> {
-    scheme.runs.iter().chain(&scheme.exact)
+fn all_runs(scheme: &Scheme) -> impl Iterator<Item = &Run> {
+    scheme.runs.iter().chain(&scheme.exact_runs)
 }
 
 impl Ledger {
@@ -148,72 +156,79 @@ impl Ledger {
         body.outside = vec![0.0; scheme.n_mat()];
         let mut ledger = Self {
             start: 0.0,
-            injected: Sum::default(),
-            lost: Sum::default(),
-            produced: Sum::default(),
-            d: body.d.clone(),
-            hold: Vec::new(),
-            potential: vec![0.0; scheme.n_lia],
-            neighbours: all(scheme)
+            injected: CompensatedSum::default(),
+            lost: CompensatedSum::default(),
+            produced: CompensatedSum::default(),
+            previous_steps: body.d.clone(),
+            holding_forces: Vec::new(),
+            link_energies: vec![0.0; scheme.n_lia],
+            neighbour_buffers: all_runs(scheme)
                 .filter_map(Run::pairwise)
                 .map(|pair_run| Neighbours::new(&pair_run))
                 .collect(),
-            laws: followed_energy::laws(scheme),
-            lightness: lightness(scheme).collect(),
+            law_buffers: followed_energy::law_buffers(scheme),
+            previous_inverse_masses: inverse_masses(scheme).collect(),
         };
         let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].opening(0));
-        let mut neighbour_rooms = ledger.neighbours.iter_mut();
-        let mut law_buffers = ledger.laws.iter_mut();
-        for run in all(scheme).filter(|run| !is_spring(run)) {
-            if let Some((follower, rate)) = followed(run) {
+        let mut neighbour_buffers = ledger.neighbour_buffers.iter_mut();
+        let mut law_buffers = ledger.law_buffers.iter_mut();
+        for run in all_runs(scheme).filter(|run| !is_spring(run)) {
+            if let Some((followed_law, rate)) = following_law(run) {
                 let Some(law_buffer) = law_buffers.next() else {
                     continue;
                 };
-                follower.update_law(law_buffer, |mat| body.x[mat]);
+                followed_law.update_law(law_buffer, |mat| body.x[mat]);
                 for i in 0..run.len {
-                    let (now, before) = elongation(run, body, i);
-                    let frame_energies = Frame::new(law_buffer, rate, [before, now, now], 0.0);
-                    ledger.potential[run.first + i] = frame_energies.held;
+                    let (elongation_now, elongation_before) = elongation(run, body, i);
+                    let frame_energies = FrameEnergies::new(
+                        law_buffer,
+                        rate,
+                        [elongation_before, elongation_now, elongation_now],
+                        0.0,
+                    );
+                    ledger.link_energies[run.first + i] = frame_energies.stored_before;
                 }
                 continue;
             }
             if let Some(pair_run) = run.pairwise() {
-                if let Some(pair_room) = neighbour_rooms.next() {
-                    let [energy_now, energy_before] = pair_energy::potentials(&pair_run, run.k, pair_room, body);
-                    ledger.potential[run.first] = 0.5 * gate_opening(run) * (energy_now + energy_before);
+                if let Some(pair_buffer) = neighbour_buffers.next() {
+                    let [energy_now, energy_before] = pair_energy::potentials(&pair_run, run.k, pair_buffer, body);
+                    ledger.link_energies[run.first] = 0.5 * gate_opening(run) * (energy_now + energy_before);
                 }
                 continue;
             }
-            let tensions = tensions(run, body);
+            let tensions = shared_stiffnesses(run, body);
             for i in 0..run.len {
-                let (now, before) = elongation(run, body, i);
-                ledger.potential[run.first + i] =
-                    0.5 * gate_opening(run) * (potential(run, tensions[0], now) + potential(run, tensions[1], before));
+                let (elongation_now, elongation_before) = elongation(run, body, i);
+                ledger.link_energies[run.first + i] = 0.5
+                    * gate_opening(run)
+                    * (link_energy(run, tensions[0], elongation_now)
+                        + link_energy(run, tensions[1], elongation_before));
             }
         }
-        ledger.start = ledger.stored(scheme, body);
+        ledger.start = ledger.stored_energy(scheme, body);
         ledger
     }
 
     /// Reserve room for this many imposed MATs, so that steps do not allocate.
     pub(super) fn reserve(&mut self, n_targets: usize) {
-        self.hold.reserve(n_targets);
+        self.holding_forces.reserve(n_targets);
     }
 
     /// Before the MAT phase: forces are complete, positions are those of frame n.
-    pub(super) fn before(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
-        self.d.copy_from_slice(&body.d);
-        let lightness_now = scheme.following_masses.iter().zip(lightness(scheme));
-        for ((mass, lightness_now), lightness_before) in lightness_now.zip(&mut self.lightness) {
+    pub(super) fn begin_frame(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
+        self.previous_steps.copy_from_slice(&body.d);
+        let inverse_masses = scheme.following_masses.iter().zip(inverse_masses(scheme));
+        for ((mass, inverse_mass), previous_inverse_mass) in inverse_masses.zip(&mut self.previous_inverse_masses) {
             let last_step = body.d[mass.mat];
-            if lightness_now != 0.0 && *lightness_before != 0.0 {
+            if inverse_mass != 0.0 && *previous_inverse_mass != 0.0 {
                 self.injected
-                    .add(0.5 * last_step * last_step * (1.0 / lightness_now - 1.0 / *lightness_before));
+                    .add(0.5 * last_step * last_step * (1.0 / inverse_mass - 1.0 / *previous_inverse_mass));
             }
-            *lightness_before = lightness_now;
+            *previous_inverse_mass = inverse_mass;
         }
-        self.hold.clear();
-        self.hold
+        self.holding_forces.clear();
+        self.holding_forces
             .extend(targets.iter().map(|target| match scheme.w[target.mat] {
                 0.0 => -body.force[target.mat],
                 _ => kernel::force_to_reach(scheme, body, target.mat, target.x),
@@ -223,127 +238,127 @@ impl Ledger {
     /// After the MAT phase: positions are those of frame n + 1, forces still those of frame n. For a frame that was
     /// computed finer, `finer` gives the distance over which outside forces acted; what else does not balance counts as
     /// produced.
-    pub(super) fn after(
+    pub(super) fn end_frame(
         &mut self,
         scheme: &Scheme,
         gates: [&[f64]; 2],
         targets: &[Target],
         body: &Body,
-        finer: Option<&[f64]>,
+        finer_travel: Option<&[f64]>,
     ) {
         // s = x[n+1] − x[n−1]
-        let d = std::mem::take(&mut self.d);
+        let d = std::mem::take(&mut self.previous_steps);
         let s = |i: usize| body.d[i] + d[i];
         for i in 0..scheme.n_mat() {
             if scheme.zeta[i] != 0.0 {
                 self.lost.add(0.25 * scheme.zeta[i] / scheme.w[i] * s(i) * s(i));
             }
             if body.outside[i] != 0.0 {
-                let travel = finer.map_or_else(|| 0.5 * s(i), |travel| travel[i]);
+                let travel = finer_travel.map_or_else(|| 0.5 * s(i), |travel| travel[i]);
                 self.injected.add(travel * body.outside[i]);
             }
         }
-        for (target, holding_force) in targets.iter().zip(&self.hold) {
+        for (target, holding_force) in targets.iter().zip(&self.holding_forces) {
             self.injected.add(0.5 * s(target.mat) * holding_force);
         }
         // A proxy that moves along its masses does work against the force on it.
         let moving_proxies = scheme.proxies.iter().filter(|proxy| proxy.is_moving());
-        for proxy in moving_proxies.filter(|_| finer.is_none()) {
-            let with_masses = proxy.weighted_sum(|mat| body.x[mat] - body.d[mat], s);
-            let proxy_travel = s(proxy.mat) - with_masses;
+        for proxy in moving_proxies.filter(|_| finer_travel.is_none()) {
+            let proxy_travel = s(proxy.mat) - proxy.weighted_sum(|mat| body.x[mat] - body.d[mat], s);
             self.injected.add(-0.5 * proxy_travel * body.force[proxy.mat]);
         }
-        let mut neighbour_rooms = self.neighbours.iter_mut();
-        let mut law_buffers = self.laws.iter_mut();
-        for run in all(scheme) {
-            let plain_spring = is_spring(run);
+        let mut neighbour_buffers = self.neighbour_buffers.iter_mut();
+        let mut law_buffers = self.law_buffers.iter_mut();
+        for run in all_runs(scheme) {
             let [open_now, open_next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
-            let [tension_next, tension] = tensions(run, body);
-            if let Some((by, _)) = run.bristle() {
+            let [tension_next, tension_now] = shared_stiffnesses(run, body);
+            if let Some((bristle_law, _)) = run.bristle() {
                 // Work on the bristles that is not stored is lost: their bend between frames is exact.
                 for i in 0..run.len {
-                    let stored_energy = open_next * by.energy(body.memory[run.first + i]);
-                    let energy_rise = stored_energy - self.potential[run.first + i];
-                    self.potential[run.first + i] = stored_energy;
+                    let stored_energy = open_next * bristle_law.energy(body.memory[run.first + i]);
+                    let energy_rise = stored_energy - self.link_energies[run.first + i];
+                    self.link_energies[run.first + i] = stored_energy;
                     let stretch = s(run.b + i) - s(run.a + i);
                     self.lost.add(0.5 * stretch * body.link[run.first + i] - energy_rise);
                 }
                 continue;
             }
             if let Some(pair_run) = run.pairwise() {
-                let Some(pair_room) = neighbour_rooms.next() else {
+                let Some(pair_buffer) = neighbour_buffers.next() else {
                     continue;
                 };
-                let [potential_next, potential_now] = pair_energy::potentials(&pair_run, run.k, pair_room, body);
+                let [potential_next, potential_now] = pair_energy::potentials(&pair_run, run.k, pair_buffer, body);
                 let stored_energy = 0.5 * (open_next * potential_next + open_now * potential_now);
-                let energy_rise = stored_energy - self.potential[run.first];
-                self.potential[run.first] = stored_energy;
+                let energy_rise = stored_energy - self.link_energies[run.first];
+                self.link_energies[run.first] = stored_energy;
                 let k_and_z = [open_now * run.k, open_now * run.z];
-                let steps_before = if finer.is_some() { &body.d } else { &d };
+                let steps_before = if finer_travel.is_some() { &body.d } else { &d };
                 let frame_steps: [&[f64]; 2] = [steps_before, &body.d];
                 let history = &body.histories[run.slot()];
-                let pair_work = pair_energy::work(&pair_run, k_and_z, pair_room, body, frame_steps, history);
+                let pair_work = pair_energy::work(&pair_run, k_and_z, pair_buffer, body, frame_steps, history);
                 self.lost.add(pair_work.total - pair_work.elastic);
-                if finer.is_none() {
+                if finer_travel.is_none() {
                     self.produced.add(energy_rise - pair_work.elastic);
                 }
                 continue;
             }
             // Positions at which the frame's forces acted.
             let position_at_force = |mat: usize| body.x[mat] - body.d[mat];
-            if let Some((followed_law, rate)) = followed(run) {
-                let Some(law) = law_buffers.next() else {
+            if let Some((followed_law, rate)) = following_law(run) {
+                let Some(law_buffer) = law_buffers.next() else {
                     continue;
                 };
-                followed_law.update_law(law, position_at_force);
+                followed_law.update_law(law_buffer, position_at_force);
                 for i in 0..run.len {
                     let (e_next, e) = elongation(run, body, i);
                     let e_before = run.elongation(i, |mat| position_at_force(mat) - d[mat]);
                     let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
-                    let energies = Frame::new(law, rate, [e_before, e, e_next], frame_stretch);
-                    let stored_before = std::mem::replace(&mut self.potential[run.first + i], energies.stored);
-                    self.injected.add(energies.held - stored_before); // the law has changed
-                    if finer.is_some() {
-                        self.lost.add(energies.drag * frame_stretch);
+                    let energy = FrameEnergies::new(law_buffer, rate, [e_before, e, e_next], frame_stretch);
+                    let energy_before = std::mem::replace(&mut self.link_energies[run.first + i], energy.stored_after);
+                    self.injected.add(energy.stored_before - energy_before); // the law has changed
+                    if finer_travel.is_some() {
+                        self.lost.add(energy.damping_force * frame_stretch);
                         continue;
                     }
                     let stretch = 0.5 * run.stretch(i, position_at_force, s);
-                    let elastic_work = stretch * energies.elastic;
+                    let elastic_work = stretch * energy.elastic_force;
                     self.lost.add(stretch * body.link[run.first + i] - elastic_work);
-                    self.produced.add(energies.stored - energies.held - elastic_work);
+                    self.produced
+                        .add(energy.stored_after - energy.stored_before - elastic_work);
                 }
                 continue;
             }
             for i in 0..run.len {
                 let stretch = run.stretch(i, position_at_force, s);
-                if plain_spring {
+                if is_spring(run) {
                     if run.z != 0.0 {
                         self.lost.add(0.25 * run.z * stretch * stretch);
                     }
                     continue;
                 }
                 let (e_next, e) = elongation(run, body, i);
-                let stored_energy =
-                    0.5 * (open_next * potential(run, tension_next, e_next) + open_now * potential(run, tension, e));
-                if yielded(run, body, i).is_infinite() {
-                    self.lost.add(self.potential[run.first + i]);
-                    self.potential[run.first + i] = 0.0;
+                let energy_next = open_next * link_energy(run, tension_next, e_next);
+                let stored_energy = 0.5 * (energy_next + open_now * link_energy(run, tension_now, e));
+                if permanent_stretch(run, body, i).is_infinite() {
+                    self.lost.add(self.link_energies[run.first + i]);
+                    self.link_energies[run.first + i] = 0.0;
                     continue;
                 }
-                if run.yields() {
+                if run.has_permanent_stretch() {
                     // Energy that was stored before the link yielded in this frame, and no longer is, counts as lost.
                     let position_before = |mat: usize| body.x[mat] - body.d[mat] - d[mat];
-                    let e_before = run.elongation(i, position_before) - yielded(run, body, i);
-                    let [potential_now, potential_before] = [e, e_before].map(|e| run.potential(e));
+                    let e_before = run.elongation(i, position_before) - permanent_stretch(run, body, i);
+                    let [potential_now, potential_before] = [e, e_before].map(|e| run.potential_energy(e));
                     let energy_left = 0.5 * open_now * (potential_now + potential_before);
-                    self.lost.add(self.potential[run.first + i] - energy_left);
-                    self.potential[run.first + i] = energy_left;
+                    self.lost.add(self.link_energies[run.first + i] - energy_left);
+                    self.link_energies[run.first + i] = energy_left;
                 }
-                let energy_rise = stored_energy - self.potential[run.first + i];
-                self.potential[run.first + i] = stored_energy;
-                if finer.is_some() {
+                let energy_rise = stored_energy - self.link_energies[run.first + i];
+                self.link_energies[run.first + i] = stored_energy;
+                if finer_travel.is_some() {
                     let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
-                    self.lost.add(open_now * run.drag(e, frame_stretch) * frame_stretch);
+                    let damping_force = open_now * run.damping_force(e, frame_stretch);
+                    self.lost.add(damping_force * frame_stretch);
                     continue;
                 }
                 let link_work = 0.5 * stretch * body.link[run.first + i];
@@ -353,22 +368,22 @@ impl Ledger {
                     let elastic_work = if is_exact(run) {
                         link_work
                     } else {
-                        0.5 * stretch * open_now * (run.elastic(e) + tension * e)
+                        0.5 * stretch * open_now * (run.elastic_force(e) + tension_now * e)
                     };
                     self.lost.add(link_work - elastic_work);
                     self.produced.add(energy_rise - elastic_work);
                 }
             }
         }
-        self.d = d;
-        if finer.is_some() {
+        self.previous_steps = d;
+        if finer_travel.is_some() {
             self.produced.add(-self.energy(scheme, body).residual);
         }
     }
 
     /// Energy in masses and links between the last frame and this one [J].
-    fn stored(&self, scheme: &Scheme, body: &Body) -> f64 {
-        let mut energy_sum = Sum::default();
+    fn stored_energy(&self, scheme: &Scheme, body: &Body) -> f64 {
+        let mut energy_sum = CompensatedSum::default();
         for i in (0..scheme.n_mat()).filter(|&i| scheme.w[i] != 0.0) {
             let (x, d, rest_position) = (body.x[i], body.d[i], scheme.rest[i]);
             if let Some(mat_weight) = scheme.weight.get(i) {
@@ -379,14 +394,14 @@ impl Ledger {
                 - 0.25 * scheme.zeta[i] * d * d;
             energy_sum.add(mat_energy / scheme.w[i]);
         }
-        for run in all(scheme) {
+        for run in all_runs(scheme) {
             for i in 0..run.len {
                 energy_sum.add(if is_spring(run) {
                     let (elongation_now, elongation_before) = elongation(run, body, i);
                     0.5 * run.k * elongation_now * elongation_before
                         - 0.25 * run.z * (elongation_now - elongation_before) * (elongation_now - elongation_before)
                 } else {
-                    self.potential[run.first + i]
+                    self.link_energies[run.first + i]
                 });
             }
         }
@@ -394,7 +409,7 @@ impl Ledger {
     }
 
     pub(super) fn energy(&self, scheme: &Scheme, body: &Body) -> Energy {
-        let (start, stored) = (self.start, self.stored(scheme, body));
+        let (start, stored) = (self.start, self.stored_energy(scheme, body));
         let (injected, lost, produced) = (self.injected.value(), self.lost.value(), self.produced.value());
         Energy {
             start,
@@ -403,13 +418,13 @@ impl Ledger {
             lost,
             produced,
             residual: start + injected - lost + produced - stored,
-            flow: start + self.injected.flow + self.lost.flow + self.produced.flow,
+            flow: start + self.injected.absolute_sum + self.lost.absolute_sum + self.produced.absolute_sum,
         }
     }
 }
 
 /// 1/M of each mass that follows a MAT.
-fn lightness(scheme: &Scheme) -> impl Iterator<Item = f64> + '_ {
+fn inverse_masses(scheme: &Scheme) -> impl Iterator<Item = f64> + '_ {
     let following_masses = scheme.following_masses.iter();
     following_masses.map(|mass| scheme.w[mass.mat])
 }

@@ -17,14 +17,14 @@ pub(super) struct StrikePoint {
 
 /// The impulses that a point has still to receive.
 #[derive(Clone, Debug)]
-pub(super) struct Pending {
+pub(super) struct PendingStrikes {
     /// In each step from the next one on [N·s]   (n_steps)
     impulses: Vec<f64>,
     /// Steps until the last of them.
-    n_left: usize,
+    steps_left: usize,
 }
 
-state!(Pending { impulses, n_left });
+state!(PendingStrikes { impulses, steps_left });
 
 /// The strike points among drives.
 pub(super) fn strike_points(timeline: &Timeline) -> Vec<StrikePoint> {
@@ -39,67 +39,72 @@ pub(super) fn strike_points(timeline: &Timeline) -> Vec<StrikePoint> {
     timeline.drives.iter().filter_map(strike_point).collect()
 }
 
-impl Pending {
+impl PendingStrikes {
     /// For each point.
-    pub(super) fn none(strike_points: &[StrikePoint]) -> Vec<Self> {
+    pub(super) fn silent(strike_points: &[StrikePoint]) -> Vec<Self> {
         let silent_point = |point: &StrikePoint| Self {
             impulses: vec![0.0; point.shares.len()],
-            n_left: 0,
+            steps_left: 0,
         };
         strike_points.iter().map(silent_point).collect()
     }
 
     /// Whether anything acts in the next step or later.
-    pub(super) fn is_some(&self) -> bool {
-        self.n_left > 0
+    pub(super) fn has_impulses(&self) -> bool {
+        self.steps_left > 0
     }
 
-    fn add(&mut self, shares: &[f64], impulse: f64) {
+    fn add_strike(&mut self, shares: &[f64], impulse: f64) {
         if impulse != 0.0 {
             let pending = self.impulses.iter_mut().zip(shares);
             pending.for_each(|(pending, share)| *pending += share * impulse);
-            self.n_left = shares.len();
+            self.steps_left = shares.len();
         }
     }
 
     /// The impulse of this step [N·s].
-    fn next(&mut self) -> f64 {
+    fn take_next(&mut self) -> f64 {
         let next_impulse = self.impulses[0];
         self.impulses.copy_within(1.., 0);
         if let Some(last_impulse) = self.impulses.last_mut() {
             *last_impulse = 0.0;
         }
-        self.n_left -= 1;
+        self.steps_left -= 1;
         next_impulse
     }
 }
 
 /// Adds the forces of the impulses to this step. A muted MAT takes none.
-pub(super) fn apply(strike_points: &[StrikePoint], pending: &mut [Pending], scheme: &Scheme, body: &mut Body) {
+pub(super) fn apply_strikes(
+    strike_points: &[StrikePoint],
+    pending: &mut [PendingStrikes],
+    scheme: &Scheme,
+    body: &mut Body,
+) {
     let pending = strike_points.iter().zip(pending);
-    for (strike_point, pending) in pending.filter(|(_, pending)| pending.is_some()) {
-        let impulse = pending.next();
+    for (strike_point, pending) in pending.filter(|(_, pending)| pending.has_impulses()) {
+        let impulse = pending.take_next();
         if impulse != 0.0 && scheme.w[strike_point.mat] != 0.0 {
             body.push(strike_point.mat, impulse * scheme.rate);
         }
     }
 }
 
-impl super::Hands {
+impl super::Players {
     /// Whether live strikes act in the next step or later.
-    pub(super) fn is_struck(&self) -> bool {
-        self.pending.iter().any(Pending::is_some)
+    pub(super) fn has_pending_strikes(&self) -> bool {
+        self.pending_strikes.iter().any(PendingStrikes::has_impulses)
     }
 }
 
 impl super::Island {
     /// Strike a point of the scene by an impulse [N·s] from the next step on; false if the point is not in this island.
-    pub(crate) fn strike(&mut self, point: u32, impulse: f64) -> bool {
+    pub(crate) fn strike_point(&mut self, point: u32, impulse: f64) -> bool {
         let mut has_point = false;
         let strike_points = self.script.strike_points.iter();
-        for (strike_point, pending) in strike_points.zip(&mut self.state.hands.pending) {
+        for (strike_point, pending) in strike_points.zip(&mut self.state.players.pending_strikes) {
             if strike_point.point == point {
-                pending.add(&strike_point.shares, impulse);
+                pending.add_strike(&strike_point.shares, impulse);
                 has_point = true;
             }
         }
@@ -111,13 +116,13 @@ impl super::Island {
 
     /// Take over what the points of another island have still to receive, where it has the same points.
     pub(crate) fn continue_strikes(&mut self, old: &Self) {
-        let strikes = old.script.strike_points.iter().zip(&old.state.hands.pending);
-        for (old_point, old_pending) in strikes.filter(|(_, old_pending)| old_pending.is_some()) {
+        let strikes = old.script.strike_points.iter().zip(&old.state.players.pending_strikes);
+        for (old_point, old_pending) in strikes.filter(|(_, old_pending)| old_pending.has_impulses()) {
             let strike_points = self.script.strike_points.iter();
-            for (new_point, pending) in strike_points.zip(&mut self.state.hands.pending) {
+            for (new_point, pending) in strike_points.zip(&mut self.state.players.pending_strikes) {
                 if new_point.point == old_point.point && new_point.shares.len() == old_point.shares.len() {
                     pending.impulses.copy_from_slice(&old_pending.impulses);
-                    pending.n_left = old_pending.n_left;
+                    pending.steps_left = old_pending.steps_left;
                 }
             }
         }

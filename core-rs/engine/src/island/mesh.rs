@@ -4,7 +4,7 @@
 use crate::archive::{Archive, Damaged, State, state_of};
 use std::sync::Arc;
 
-use super::energy_account::{self, Account, Gain};
+use super::energy_account::{self, EnergyAccount, EnergyGain};
 use crate::guard::FinerFrames;
 use crate::integrate::{Integrator, MeshMethod};
 use crate::interrupt;
@@ -39,14 +39,14 @@ pub(crate) struct RunningMesh {
     impulses: Vec<(usize, f64)>,
     /// Positions of the ports one frame ago, and the steps that followed from inertia and outside forces alone [m]
     /// (n_ports)
-    previous: Vec<f64>,
+    previous_positions: Vec<f64>,
     inertial_steps: Vec<f64>,
-    next: usize,
+    next_strike: usize,
     /// Factor on all velocities at each frame.
-    damped: f64,
+    velocity_factor: f64,
     /// Account of its energy, if its method may create energy, and the most that it created.
-    account: Option<Account>,
-    worst: Option<Gain>,
+    energy_account: Option<EnergyAccount>,
+    worst_gain: Option<EnergyGain>,
 }
 
 impl State for RunningMesh {
@@ -56,12 +56,12 @@ impl State for RunningMesh {
             self,
             archive,
             integrator,
-            previous,
+            previous_positions,
             inertial_steps,
-            next,
-            damped,
-            account,
-            worst
+            next_strike,
+            velocity_factor,
+            energy_account,
+            worst_gain
         )
     }
 }
@@ -73,7 +73,7 @@ impl Mesh {
     }
 
     /// Whether network, method, ports and led links are those of another mesh. Strikes, and how the links are led, may
-    /// differ: each step reads both anew.
+    /// differ: each step reads both again.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let stepping = |mesh: &Self| (mesh.rate.hertz(), mesh.method, mesh.substeps);
         let port_indices = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
@@ -86,8 +86,8 @@ impl Mesh {
 
     /// Take from the motion of the ports half the impulse that each gets in the first frame: as for any MAT, the step
     /// before frame 0 has felt only half of it.
-    fn pull_back(&self, integrator: &mut Integrator, force: &[f64]) {
-        if self.ports.iter().all(|&(_, mat)| force[mat] == 0.0) {
+    fn subtract_half_impulses(&self, integrator: &mut Integrator, port_forces: &[f64]) {
+        if self.ports.iter().all(|&(_, mat)| port_forces[mat] == 0.0) {
             return;
         }
         let n_mat = integrator.positions().len();
@@ -96,7 +96,7 @@ impl Mesh {
         for &(port, mat) in &self.ports {
             let port_mass = self.network.mats().m[port];
             if port_mass > 0.0 {
-                motions[port].1 -= 0.5 * time_step * time_step * force[mat] / port_mass;
+                motions[port].1 -= 0.5 * time_step * time_step * port_forces[mat] / port_mass;
             }
         }
         for (mat, motion) in motions.into_iter().enumerate() {
@@ -108,10 +108,10 @@ impl Mesh {
 
 impl RunningMesh {
     /// A mesh whose ports feel `force` at frame 0 [N], (n_mat of the island).
-    pub(crate) fn new(plan: &Mesh, force: &[f64]) -> Result<Self, Error> {
+    pub(crate) fn new(plan: &Mesh, port_forces: &[f64]) -> Result<Self, Error> {
         let mut integrator = Integrator::new(&plan.network, plan.rate, plan.method, plan.substeps)?;
         integrator.set_led_links(0, &plan.leads);
-        plan.pull_back(&mut integrator, force);
+        plan.subtract_half_impulses(&mut integrator, port_forces);
         let port_indices: Vec<usize> = plan.ports.iter().map(|&(port_index, _)| port_index).collect();
         let mut velocities = vec![0.0; port_indices.len()];
         integrator.velocities(&port_indices, &mut velocities);
@@ -124,15 +124,15 @@ impl RunningMesh {
         // Room for one impulse of each port and for the most strikes of one frame, so that steps do not allocate.
         let strikes_at_once = plan.strikes.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len);
         Ok(Self {
-            previous: positions_before.collect(),
+            previous_positions: positions_before.collect(),
             inertial_steps: velocities.iter().map(|v| v * time_step).collect(),
             impulses: Vec::with_capacity(port_indices.len() + strikes_at_once.max().unwrap_or(0)),
-            next: 0,
-            damped: 1.0,
+            next_strike: 0,
+            velocity_factor: 1.0,
             // K that changes in time gives and takes energy, as a hand does.
-            account: (plan.leads.is_empty() && integrator.may_create_energy())
-                .then(|| Account::new(integrator.stored_energy())),
-            worst: None,
+            energy_account: (plan.leads.is_empty() && integrator.may_create_energy())
+                .then(|| EnergyAccount::new(integrator.stored_energy())),
+            worst_gain: None,
             integrator,
             plan: Arc::new(plan.clone()),
         })
@@ -140,7 +140,7 @@ impl RunningMesh {
 
     /// Make its motion decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, decay_factor: f64) {
-        self.damped = decay_factor * decay_factor;
+        self.velocity_factor = decay_factor * decay_factor;
     }
 
     /// Position of a MAT [m], and its step in a frame [m].
@@ -149,7 +149,7 @@ impl RunningMesh {
     }
 
     /// How strongly it moves: twice its kinetic energy [kg·m² a frame²].
-    pub(crate) fn kinetic(&self) -> f64 {
+    pub(crate) fn double_kinetic_energy(&self) -> f64 {
         let indexed_masses = self.plan.network.mats().m.iter().enumerate();
         let double_energy = |(mat, mass): (usize, &f64)| {
             let (_, mat_step) = self.integrator.mat_motion(mat);
@@ -163,17 +163,17 @@ impl RunningMesh {
     }
 
     /// Set positions and steps [m] of MATs to values from elsewhere: (mat, (x, step)).
-    pub(crate) fn put(&mut self, mat_motions: &[(usize, (f64, f64))]) {
+    pub(crate) fn set_motions(&mut self, mat_motions: &[(usize, (f64, f64))]) {
         for &(mat, motion) in mat_motions {
             self.integrator.set_mat_motion(mat, motion);
         }
         self.integrator.update_after_motion();
-        self.begin_account();
+        self.restart_account();
         let port_motions = self
             .plan
             .ports
             .iter()
-            .zip(self.previous.iter_mut().zip(&mut self.inertial_steps));
+            .zip(self.previous_positions.iter_mut().zip(&mut self.inertial_steps));
         for (&(port, _), (previous, inertial_step)) in port_motions {
             let (x, port_step) = self.integrator.mat_motion(port);
             (*previous, *inertial_step) = (x - port_step, port_step);
@@ -181,8 +181,8 @@ impl RunningMesh {
     }
 
     /// The first frame, `n` or later, in which anything strikes it or leads its links.
-    pub(crate) fn due(&self, n: u64) -> u64 {
-        let next_strike = self.plan.strikes.get(self.next).map(|next_strike| next_strike.0);
+    pub(crate) fn next_event_frame(&self, n: u64) -> u64 {
+        let next_strike = self.plan.strikes.get(self.next_strike).map(|next_strike| next_strike.0);
         let lead_dues = self.plan.leads.iter().map(|lead| lead.next_change_frame(n));
         lead_dues.chain(next_strike).min().unwrap_or(u64::MAX)
     }
@@ -190,15 +190,15 @@ impl RunningMesh {
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
         self.integrator.set_led_links(n, &self.plan.leads);
-        self.next = self.plan.strikes.partition_point(|strike| strike.0 < n);
+        self.next_strike = self.plan.strikes.partition_point(|strike| strike.0 < n);
     }
 
     /// Take over the state of an equal mesh; its strikes may differ.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.integrator, &mut old.integrator);
-        std::mem::swap(&mut self.previous, &mut old.previous);
+        std::mem::swap(&mut self.previous_positions, &mut old.previous_positions);
         std::mem::swap(&mut self.inertial_steps, &mut old.inertial_steps);
-        std::mem::swap(&mut self.account, &mut old.account);
+        std::mem::swap(&mut self.energy_account, &mut old.energy_account);
     }
 
     /// Prepare for a team of `threads` threads.
@@ -209,7 +209,7 @@ impl RunningMesh {
     }
 
     /// Whether a team of threads can share its work.
-    pub(crate) fn is_shared(&self) -> bool {
+    pub(crate) fn can_share_work(&self) -> bool {
         self.integrator.is_shared()
     }
 
@@ -235,7 +235,7 @@ impl RunningMesh {
     /// forces made.
     pub(crate) fn set_ports(&self, body: &mut Body) {
         let positions = self.integrator.positions();
-        let port_memory = self.previous.iter().zip(&self.inertial_steps);
+        let port_memory = self.previous_positions.iter().zip(&self.inertial_steps);
         for (&(port, mat), (previous, inertial_step)) in self.plan.ports.iter().zip(port_memory) {
             let port_step = positions[port] - previous;
             body.x[mat] = positions[port];
@@ -254,56 +254,59 @@ impl RunningMesh {
             let port_mass = self.plan.network.mats().m[port];
             // The next step without the mesh's own forces: inertia, and the force at the port.
             self.inertial_steps[row] =
-                (port_position - self.previous[row]) + force[mat] * time_step * time_step / port_mass;
-            self.previous[row] = port_position;
+                (port_position - self.previous_positions[row]) + force[mat] * time_step * time_step / port_mass;
+            self.previous_positions[row] = port_position;
             if force[mat] != 0.0 {
                 self.impulses.push((port, force[mat] * time_step));
             }
         }
-        while let Some(&(_, mat, impulse)) = self.plan.strikes.get(self.next).filter(|strike| strike.0 <= n) {
-            self.next += 1;
+        while let Some(&(_, mat, impulse)) = self.plan.strikes.get(self.next_strike).filter(|strike| strike.0 <= n) {
+            self.next_strike += 1;
             self.impulses.push((mat, impulse));
         }
-        if self.damped < 1.0 {
-            self.integrator.scale_velocities(self.damped);
-            self.begin_account();
+        if self.velocity_factor < 1.0 {
+            self.integrator.scale_velocities(self.velocity_factor);
+            self.restart_account();
         }
-        if let Some(account) = &mut self.account
+        if let Some(account) = &mut self.energy_account
             && !self.impulses.is_empty()
         {
-            account.take(self.integrator.impulse_work(&self.impulses));
+            account.add_work(self.integrator.impulse_work(&self.impulses));
         }
         let mesh_leads = &self.plan.leads;
         self.integrator.step_led(n, mesh_leads, &self.impulses, team);
     }
 
-    /// Begin the account anew.
-    fn begin_account(&mut self) {
-        if let Some(account) = &mut self.account {
-            *account = Account::new(self.integrator.stored_energy());
+    /// Restart the account.
+    fn restart_account(&mut self) {
+        if let Some(account) = &mut self.energy_account {
+            *account = EnergyAccount::new(self.integrator.stored_energy());
         }
     }
 
     /// Check whether it created energy by frame `n`; now and then only, where that takes long to compute.
-    pub(super) fn check_gain(&mut self, n: u64) -> Option<Gain> {
+    pub(super) fn check_energy_gain(&mut self, n: u64) -> Option<EnergyGain> {
         if !(n - 1).is_multiple_of(energy_account::RARE_CHECK_STEPS) && self.integrator.n_integrated_links() > 0 {
             return None;
         }
-        let gain = self.account.as_mut()?.gain(self.integrator.stored_energy(), 0.0, n);
+        let gain = self
+            .energy_account
+            .as_mut()?
+            .energy_gain(self.integrator.stored_energy(), 0.0, n);
         if !gain.is_reportable() {
             return None;
         }
-        self.worst = Some(gain.worse_of(self.worst));
+        self.worst_gain = Some(gain.worse_of(self.worst_gain));
         Some(gain)
     }
 
     /// The most energy that it created.
-    pub(super) fn gain(&self) -> Option<Gain> {
-        self.worst
+    pub(super) fn energy_gain(&self) -> Option<EnergyGain> {
+        self.worst_gain
     }
 
     /// The name and part of its first MAT that moves.
-    pub(super) fn first_module(&self) -> Option<(String, usize)> {
+    pub(super) fn first_moving_mat(&self) -> Option<(String, usize)> {
         let network = &self.plan.network;
         let moving_mat = network.mats().kind.iter().position(|kind| kind.moves())?;
         Some((network.mat_name(moving_mat), network.mats().part[moving_mat] as usize))
@@ -315,7 +318,7 @@ impl RunningMesh {
     }
 
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.
-    pub(crate) fn is_among(&self, mats: &[bool], part: usize) -> bool {
+    pub(crate) fn touches_part(&self, mats: &[bool], part: usize) -> bool {
         let mat_part = &self.plan.network.mats().part;
         self.plan.ports.iter().any(|&(_, mat)| mats[mat]) || mat_part.iter().any(|&mat_part| mat_part as usize == part)
     }
@@ -326,7 +329,7 @@ impl RunningMesh {
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.
-    pub(crate) fn diverged(&self) -> Option<(String, usize)> {
+    pub(crate) fn diverged_mat(&self) -> Option<(String, usize)> {
         let x = self.integrator.positions();
         let diverged_mat = x.iter().position(|&x| !crate::kernel::is_bounded(x))?;
         let network = &self.plan.network;

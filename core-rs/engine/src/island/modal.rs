@@ -5,7 +5,7 @@
 //! (`pushes`), to the modes at the end of the window. What happens between frames needs the modes themselves, so the
 //! computation goes back to that frame. The result depends on frames alone, never on blocks.
 
-mod between;
+mod instants;
 mod plan;
 mod pushes;
 mod script;
@@ -14,8 +14,8 @@ pub(crate) use plan::{ComplexResponses, Modal, Mode, Port, StruckPoint};
 
 use std::sync::Arc;
 
-use between::Between;
-use script::{Blow, Script, lanes};
+use instants::InstantTables;
+use script::{Script, StrikeStep, lanes};
 
 use crate::kernel::bank::{GroupCoefficients, GroupMotion, LANES, LaneSum, Lanes, advance_and_observe, lane_total};
 use crate::kernel::ports;
@@ -26,78 +26,78 @@ use crate::state::Body;
 const FRAMES_AHEAD: usize = 64;
 /// Frames without a contact between frames before [`FRAMES_AHEAD`] frames are computed ahead: one that bounces may push
 /// again soon.
-const QUIET_FRAMES: u32 = 16;
+const CONTACT_FREE_FRAMES_MIN: u32 = 16;
 
 /// A running body.
 #[derive(Clone, Debug)]
 pub(crate) struct RunningModal {
     script: Arc<Script>,
     /// The modes at the furthest frame in `row_history`.
-    motions: Vec<GroupMotion>,
+    furthest_motions: Vec<GroupMotion>,
     /// The modes at the first frame in `row_history`.
-    saved: Vec<GroupMotion>,
+    window_start_motions: Vec<GroupMotion>,
     /// Position of each row (port or output) from some frame up to the furthest   (n_rows, SEEN_FRAMES)
     row_history: Vec<f64>,
     /// Indices in `row_history` of the present frame and of the furthest, which is at least one later.
-    present: usize,
-    furthest: usize,
+    present_index: usize,
+    furthest_index: usize,
     /// Positions of the ports one frame ago   (n_ports)
-    previous: Vec<f64>,
+    previous_positions: Vec<f64>,
     sums: Vec<LaneSum>,
     kicks: Vec<Lanes>,
     /// What impulses between frames have still to add to the modes.
-    pending: Vec<Lanes>,
-    has_pending: bool,
+    pending_kicks: Vec<Lanes>,
+    has_pending_kicks: bool,
     /// What the strikes of this frame add to the modes at the next, and whether there are any.
-    struck: Vec<Lanes>,
-    is_struck: bool,
-    between: Option<Between>,
-    forces: Vec<f64>,
+    strike_kicks: Vec<Lanes>,
+    has_strike_kicks: bool,
+    instant_tables: Option<InstantTables>,
+    port_forces: Vec<f64>,
     /// Positions of the rows at the next frame, while they are pushed   (n_rows)
     row_positions: Vec<f64>,
     /// Forces on the ports in the frames of `row_history` that the modes do not contain yet, and whether there are any
     /// (FRAMES_AHEAD, n_ports)
-    pushes: Vec<f64>,
-    has_pushes: bool,
+    window_forces: Vec<f64>,
+    has_window_forces: bool,
     /// Frames without a contact between frames, up to QUIET_FRAMES.
-    quiet_frames: u32,
+    contact_free_frames: u32,
     next_strike_index: usize,
     /// Rates under additional damping, and whether it is on   (n_groups)
-    damped: Vec<GroupCoefficients>,
+    damped_rates: Vec<GroupCoefficients>,
     is_damped: bool,
 }
 
 crate::archive::state!(RunningModal {
-    motions,
-    saved,
+    furthest_motions,
+    window_start_motions,
     row_history,
-    present,
-    furthest,
-    previous,
+    present_index,
+    furthest_index,
+    previous_positions,
     kicks,
-    pending,
-    has_pending,
-    forces,
-    pushes,
-    has_pushes,
-    quiet_frames,
+    pending_kicks,
+    has_pending_kicks,
+    port_forces,
+    window_forces,
+    has_window_forces,
+    contact_free_frames,
     next_strike_index,
-    damped,
+    damped_rates,
     is_damped
 });
 
 /// Frames in `row_history`: the present, and the frames ahead.
-const SEEN_FRAMES: usize = FRAMES_AHEAD + 1;
+const WINDOW_FRAMES: usize = FRAMES_AHEAD + 1;
 
 impl RunningModal {
     pub(crate) fn new(plan: &Modal) -> Self {
         let mut script = Script::new(plan);
         script.responses = pushes::responses(&script);
         let group_count = script.rates.len();
-        let motions: Vec<GroupMotion> = (0..group_count)
+        let furthest_motions: Vec<GroupMotion> = (0..group_count)
             .map(|group| GroupMotion {
-                positions: lanes(&plan.modes, group, |mode| plan.modes[mode].now),
-                previous_positions: lanes(&plan.modes, group, |mode| plan.modes[mode].before),
+                positions: lanes(&plan.modes, group, |mode| plan.modes[mode].start_amplitude),
+                previous_positions: lanes(&plan.modes, group, |mode| plan.modes[mode].previous_amplitude),
             })
             .collect();
         let n_rows = plan.ports.len() + plan.outputs.len();
@@ -108,32 +108,32 @@ impl RunningModal {
                 .map(|(mode, share)| mode_value(mode) * share)
                 .sum()
         };
-        let mut running_modal = Self {
-            saved: motions.clone(),
-            row_history: vec![0.0; n_rows * SEEN_FRAMES],
-            present: 0,
-            furthest: 0,
-            previous: plan
+        let mut body = Self {
+            window_start_motions: furthest_motions.clone(),
+            row_history: vec![0.0; n_rows * WINDOW_FRAMES],
+            present_index: 0,
+            furthest_index: 0,
+            previous_positions: plan
                 .ports
                 .iter()
-                .map(|port| mode_sum(&port.shape, |mode| mode.before))
+                .map(|port| mode_sum(&port.shape, |mode| mode.previous_amplitude))
                 .collect(),
             sums: vec![LaneSum::ZERO; n_rows * FRAMES_AHEAD],
             kicks: vec![Lanes::ZERO; group_count],
-            pending: vec![Lanes::ZERO; group_count],
-            has_pending: false,
-            struck: vec![Lanes::ZERO; group_count],
-            is_struck: false,
-            between: None,
-            forces: vec![0.0; plan.ports.len()],
+            pending_kicks: vec![Lanes::ZERO; group_count],
+            has_pending_kicks: false,
+            strike_kicks: vec![Lanes::ZERO; group_count],
+            has_strike_kicks: false,
+            instant_tables: None,
+            port_forces: vec![0.0; plan.ports.len()],
             row_positions: vec![0.0; n_rows],
-            pushes: vec![0.0; FRAMES_AHEAD * plan.ports.len()],
-            has_pushes: false,
-            quiet_frames: 0,
+            window_forces: vec![0.0; FRAMES_AHEAD * plan.ports.len()],
+            has_window_forces: false,
+            contact_free_frames: 0,
             next_strike_index: 0,
-            damped: script.rates.clone(),
+            damped_rates: script.rates.clone(),
             is_damped: false,
-            motions,
+            furthest_motions,
             script: Arc::new(script),
         };
         let port_shapes = plan.ports.iter().map(|port| &port.shape);
@@ -141,10 +141,10 @@ impl RunningModal {
             .chain(plan.outputs.iter().map(|(_, shape)| shape))
             .enumerate()
         {
-            running_modal.row_history[row * SEEN_FRAMES] = mode_sum(shape, |mode| mode.now);
+            body.row_history[row * WINDOW_FRAMES] = mode_sum(shape, |mode| mode.start_amplitude);
         }
-        running_modal.compute_ahead(0);
-        running_modal
+        body.compute_ahead(0);
+        body
     }
 
     /// Add the body's outputs now to `out` (n_out).
@@ -155,9 +155,10 @@ impl RunningModal {
     /// Add the outputs in `frames` frames to `out` (n_out), if nothing pushes the body until then.
     pub(crate) fn add_outputs_ahead(&self, frames: usize, out: &mut [f64]) {
         let plan = &self.script.plan;
-        let (first_output, seen_frame) = (plan.ports.len(), self.present + frames);
-        for (row, ((output, _), rest_output)) in plan.outputs.iter().zip(&plan.still).enumerate() {
-            out[*output as usize] += self.row_history[(first_output + row) * SEEN_FRAMES + seen_frame] + rest_output;
+        let (first_output, window_frame) = (plan.ports.len(), self.present_index + frames);
+        for (row, ((output, _), rest_output)) in plan.outputs.iter().zip(&plan.rest_outputs).enumerate() {
+            out[*output as usize] +=
+                self.row_history[(first_output + row) * WINDOW_FRAMES + window_frame] + rest_output;
         }
     }
 
@@ -168,14 +169,14 @@ impl RunningModal {
 
     /// Set the ports as they will be in `frames` frames, if nothing pushes the body until then.
     pub(crate) fn set_ports_ahead(&self, frames: usize, body: &mut Body) {
-        let seen_frame = self.present + frames;
+        let window_frame = self.present_index + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
-            let port_row = &self.row_history[row * SEEN_FRAMES..(row + 1) * SEEN_FRAMES];
-            let (position_now, position_next) = (port_row[seen_frame], port_row[seen_frame + 1]);
+            let port_row = &self.row_history[row * WINDOW_FRAMES..(row + 1) * WINDOW_FRAMES];
+            let (position_now, position_next) = (port_row[window_frame], port_row[window_frame + 1]);
             let previous = if frames == 0 {
-                self.previous[row]
+                self.previous_positions[row]
             } else {
-                port_row[seen_frame - 1]
+                port_row[window_frame - 1]
             };
             body.x[port.mat] = position_now + port.rest;
             body.d[port.mat] = position_now - previous;
@@ -184,76 +185,79 @@ impl RunningModal {
     }
 
     /// Number of frames for which the free motion and the step after it are already computed.
-    pub(crate) fn ahead(&self) -> usize {
-        if self.has_pending {
+    pub(crate) fn frames_ahead(&self) -> usize {
+        if self.has_pending_kicks {
             0
         } else {
-            self.furthest - self.present - 1
+            self.furthest_index - self.present_index - 1
         }
     }
 
     /// The frame of its next strike, or `u64::MAX`.
     pub(crate) fn next_strike_frame(&self) -> u64 {
-        let next_blow = self.script.blows.get(self.next_strike_index);
+        let next_blow = self.script.strike_steps.get(self.next_strike_index);
         next_blow.map_or(u64::MAX, |blow| blow.0)
     }
 
     /// For a body at rest: move the present by `frames`, which may be negative, within the frames ahead.
     pub(crate) fn shift_frames(&mut self, frames: i64) {
-        self.present = (self.present as i64 + frames).rem_euclid(self.furthest as i64) as usize;
+        self.present_index = (self.present_index as i64 + frames).rem_euclid(self.furthest_index as i64) as usize;
     }
 
     /// Advance by `frames` of the frames that are computed ahead.
-    pub(crate) fn coast(&mut self, frames: usize) {
+    pub(crate) fn advance_ahead(&mut self, frames: usize) {
         if frames == 0 {
             return;
         }
-        self.present += frames;
-        for (row, previous) in self.previous.iter_mut().enumerate() {
-            *previous = self.row_history[row * SEEN_FRAMES + self.present - 1];
+        self.present_index += frames;
+        for (row, previous) in self.previous_positions.iter_mut().enumerate() {
+            *previous = self.row_history[row * WINDOW_FRAMES + self.present_index - 1];
         }
-        self.quiet_frames = self.quiet_frames.saturating_add(frames as u32).min(QUIET_FRAMES);
+        self.contact_free_frames = self
+            .contact_free_frames
+            .saturating_add(frames as u32)
+            .min(CONTACT_FREE_FRAMES_MIN);
     }
 
     /// Apply the strikes of frame `n`, so that contacts know where the ports go with them.
-    pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
-        if std::mem::take(&mut self.is_struck) {
-            self.struck.fill(Lanes::ZERO);
+    pub(crate) fn apply_strikes(&mut self, n: u64, body: &mut Body) {
+        if std::mem::take(&mut self.has_strike_kicks) {
+            self.strike_kicks.fill(Lanes::ZERO);
         }
-        let is_due = |due_blow: &&Blow| due_blow.0 <= n;
-        let due_blow = self.script.blows.get(self.next_strike_index).filter(is_due);
-        if due_blow.is_none() && !self.has_pending {
+        let is_due = |strike_step: &&StrikeStep| strike_step.0 <= n;
+        let due_step = self.script.strike_steps.get(self.next_strike_index).filter(is_due);
+        if due_step.is_none() && !self.has_pending_kicks {
             return;
         }
-        self.discard_ahead();
-        if self.has_pending {
-            std::mem::swap(&mut self.kicks, &mut self.pending);
-            self.kick();
-            self.pending.fill(Lanes::ZERO);
-            self.has_pending = false;
+        self.restart_window();
+        if self.has_pending_kicks {
+            std::mem::swap(&mut self.kicks, &mut self.pending_kicks);
+            self.apply_kicks();
+            self.pending_kicks.fill(Lanes::ZERO);
+            self.has_pending_kicks = false;
         }
-        while let Some(&due_blow) = self.script.blows.get(self.next_strike_index).filter(is_due) {
+        while let Some(&due_step) = self.script.strike_steps.get(self.next_strike_index).filter(is_due) {
             self.next_strike_index += 1;
-            self.script.strike(due_blow, &mut self.kicks);
-            self.kick();
+            self.script.add_kicks(due_step, &mut self.kicks);
+            self.apply_kicks();
             // What the second step of a strike adds makes the motion free from its frame on.
-            if let (.., false) = due_blow {
-                for (struck, kick) in self.struck.iter_mut().zip(&self.kicks) {
-                    ports::add_scaled(struck, kick, 1.0);
+            if let (.., false) = due_step {
+                for (strike_kick, kick) in self.strike_kicks.iter_mut().zip(&self.kicks) {
+                    ports::add_scaled(strike_kick, kick, 1.0);
                 }
-                self.is_struck = true;
+                self.has_strike_kicks = true;
             }
         }
         self.set_ports(body);
     }
 
     /// Add the kicks to the modes one frame ahead.
-    fn kick(&mut self) {
-        let motions = self.motions.iter_mut().zip(&self.kicks);
-        for ((motion, kick), rows) in motions.zip(&self.script.rows) {
+    fn apply_kicks(&mut self) {
+        let motions = self.furthest_motions.iter_mut().zip(&self.kicks);
+        for ((motion, kick), rows) in motions.zip(&self.script.row_shapes) {
             ports::add_scaled(&mut motion.positions, kick, 1.0);
             for (row, shape) in rows.iter().enumerate() {
-                self.row_history[row * SEEN_FRAMES + self.present + 1] += ports::port_displacement(shape, kick);
+                self.row_history[row * WINDOW_FRAMES + self.present_index + 1] += ports::port_displacement(shape, kick);
             }
         }
     }
@@ -264,7 +268,7 @@ impl RunningModal {
     }
 
     /// Raise the squares of the modes (n_modes) to at least those of their amplitudes.
-    pub(crate) fn squares(&self, squares: &mut [f64]) {
+    pub(crate) fn raise_mode_squares(&self, squares: &mut [f64]) {
         let amplitudes = self.squared_amplitudes().zip(squares);
         amplitudes.for_each(|(square_now, square)| *square = square.max(square_now));
     }
@@ -275,7 +279,7 @@ impl RunningModal {
         let mut group_motion = None;
         indexed_modes.map(move |(mode, oscillator)| {
             if mode.is_multiple_of(LANES) {
-                group_motion = Some(self.motion_with_pushes(mode / LANES));
+                group_motion = Some(self.motion_at_window_end(mode / LANES));
             }
             let Some(group_motion): &Option<GroupMotion> = &group_motion else {
                 return 0.0;
@@ -287,13 +291,13 @@ impl RunningModal {
             if oscillator.b == 0.0 {
                 return x * x;
             }
-            // b = r² and a = 2r·cos θ: `y` is the position a frame before, less the decay of one frame.
-            let (y, sine_square) = (
+            // b = r² and a = 2r·cos θ: `decayed_position` is that a frame before, less the decay of one frame.
+            let (decayed_position, sine_square) = (
                 position_before * oscillator.b.sqrt(),
                 1.0 - oscillator.a * oscillator.a / (4.0 * oscillator.b),
             );
             if sine_square > 0.0 {
-                (x * x + y * y - x * position_before * oscillator.a) / sine_square
+                (x * x + decayed_position * decayed_position - x * position_before * oscillator.a) / sine_square
             } else {
                 x * x
             }
@@ -301,7 +305,7 @@ impl RunningModal {
     }
 
     /// How strongly it moves: the sum of the squares of the amplitudes.
-    pub(crate) fn motion(&self) -> f64 {
+    pub(crate) fn motion_level(&self) -> f64 {
         self.squared_amplitudes().sum()
     }
 
@@ -310,10 +314,10 @@ impl RunningModal {
         self.script.plan.ports.iter().map(|port| port.mat)
     }
 
-    /// Tell the energy of each of its modes [J]; of complex or discrete modes none is told.
-    pub(crate) fn energies(&self, mut visit: impl FnMut(f64)) {
+    /// Visit the energy of each of its modes [J], but not of complex or discrete modes.
+    pub(crate) fn visit_energies(&self, mut visit: impl FnMut(f64)) {
         let plan = &self.script.plan;
-        if plan.answers.is_some() {
+        if plan.complex_responses.is_some() {
             return;
         }
         self.for_each_amplitude(|mode, now, before| {
@@ -328,16 +332,16 @@ impl RunningModal {
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let mut is_pushed = false;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
-            self.previous[row] = self.row_history[row * SEEN_FRAMES + self.present];
-            self.forces[row] = force[port.mat];
-            is_pushed |= self.forces[row] != 0.0;
+            self.previous_positions[row] = self.row_history[row * WINDOW_FRAMES + self.present_index];
+            self.port_forces[row] = force[port.mat];
+            is_pushed |= self.port_forces[row] != 0.0;
         }
         if is_pushed {
-            self.push();
+            self.apply_port_forces();
         }
-        self.quiet_frames = (self.quiet_frames + 1).min(QUIET_FRAMES);
-        self.present += 1;
-        if self.present == self.furthest {
+        self.contact_free_frames = (self.contact_free_frames + 1).min(CONTACT_FREE_FRAMES_MIN);
+        self.present_index += 1;
+        if self.present_index == self.furthest_index {
             self.compute_ahead(n + 1);
         }
     }
@@ -345,89 +349,97 @@ impl RunningModal {
     /// Make every mode decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, decay_factor: f64) {
         // The frames ahead were computed without it.
-        self.discard_ahead();
+        self.restart_window();
         self.is_damped = decay_factor < 1.0;
-        for (damped, rates) in self.damped.iter_mut().zip(&self.script.rates) {
+        for (damped, rates) in self.damped_rates.iter_mut().zip(&self.script.rates) {
             rates.scale_poles(decay_factor, damped);
         }
     }
 
     /// Amplitudes of its modes at this frame and the one before   (n_modes each)
-    pub(crate) fn amplitudes(&mut self, now: &mut [f64], before: &mut [f64]) {
-        self.discard_ahead();
+    pub(crate) fn write_amplitudes(&mut self, amplitudes: &mut [f64], previous_amplitudes: &mut [f64]) {
+        self.restart_window();
         let group_rates = if self.is_damped {
-            &self.damped
+            &self.damped_rates
         } else {
             &self.script.rates
         };
         for mode in 0..self.n_modes() {
             let (group_index, lane) = (mode / LANES, mode % LANES);
-            let group_motion = &self.motions[group_index];
+            let group_motion = &self.furthest_motions[group_index];
             // The motions are those of the next frame, without what impulses between frames have still to add.
-            let next_amplitude = group_motion.positions.0[lane] + self.pending[group_index].0[lane];
+            let next_amplitude = group_motion.positions.0[lane] + self.pending_kicks[group_index].0[lane];
             let (a, b) = (group_rates[group_index].a.0[lane], group_rates[group_index].b.0[lane]);
-            now[mode] = group_motion.previous_positions.0[lane];
-            before[mode] = if b == 0.0 {
-                decay_undone(now[mode], a)
+            amplitudes[mode] = group_motion.previous_positions.0[lane];
+            previous_amplitudes[mode] = if b == 0.0 {
+                decay_undone(amplitudes[mode], a)
             } else {
-                (a * now[mode] - next_amplitude) / b
+                (a * amplitudes[mode] - next_amplitude) / b
             };
         }
     }
 
-    /// Tell what [`Self::amplitudes`] gives for every mode (mode, now, before), and keep the frames ahead.
-    pub(crate) fn for_each_amplitude(&self, mut tell: impl FnMut(usize, f64, f64)) {
+    /// Visit what [`Self::write_amplitudes`] writes for every mode (mode, now, before), and keep the frames ahead.
+    pub(crate) fn for_each_amplitude(&self, mut visit: impl FnMut(usize, f64, f64)) {
         let group_rates = if self.is_damped {
-            &self.damped
+            &self.damped_rates
         } else {
             &self.script.rates
         };
         let n_modes = self.n_modes();
         for (group, group_rates) in group_rates.iter().enumerate() {
-            let mut group_motion = self.saved[group].clone();
-            self.replay(group, &mut group_motion, 0, self.present + 1);
+            let mut group_motion = self.window_start_motions[group].clone();
+            self.replay(group, &mut group_motion, 0, self.present_index + 1);
             let first_mode = group * LANES;
             for lane in 0..LANES.min(n_modes - first_mode) {
                 let (a, b) = (group_rates.a.0[lane], group_rates.b.0[lane]);
-                let next_amplitude = group_motion.positions.0[lane] + self.pending[group].0[lane];
+                let next_amplitude = group_motion.positions.0[lane] + self.pending_kicks[group].0[lane];
                 let amplitude_now = group_motion.previous_positions.0[lane];
                 let amplitude_before = if b == 0.0 {
                     amplitude_now
                 } else {
                     (a * amplitude_now - next_amplitude) / b
                 };
-                tell(first_mode + lane, amplitude_now, amplitude_before);
+                visit(first_mode + lane, amplitude_now, amplitude_before);
             }
         }
     }
 
     /// Set the amplitudes of its modes at this frame and the one before   (n_modes each)
-    pub(crate) fn set_amplitudes(&mut self, now: &[f64], before: &[f64]) {
+    pub(crate) fn set_amplitudes(&mut self, amplitudes: &[f64], previous_amplitudes: &[f64]) {
         let group_rates = if self.is_damped {
-            &self.damped
+            &self.damped_rates
         } else {
             &self.script.rates
         };
         for mode in 0..self.n_modes() {
             let (group_index, lane) = (mode / LANES, mode % LANES);
             let (a, b) = (group_rates[group_index].a.0[lane], group_rates[group_index].b.0[lane]);
-            let next_amplitude = a * now[mode] - b * before[mode];
-            let (motion, saved) = (&mut self.motions[group_index], &mut self.saved[group_index]);
-            (motion.positions.0[lane], motion.previous_positions.0[lane]) = (next_amplitude, now[mode]);
-            (saved.positions.0[lane], saved.previous_positions.0[lane]) = (now[mode], before[mode]);
+            let next_amplitude = a * amplitudes[mode] - b * previous_amplitudes[mode];
+            let (motion, saved) = (
+                &mut self.furthest_motions[group_index],
+                &mut self.window_start_motions[group_index],
+            );
+            (motion.positions.0[lane], motion.previous_positions.0[lane]) = (next_amplitude, amplitudes[mode]);
+            (saved.positions.0[lane], saved.previous_positions.0[lane]) = (amplitudes[mode], previous_amplitudes[mode]);
         }
-        (self.present, self.furthest, self.quiet_frames, self.has_pending) = (0, 1, 0, false);
-        self.pending.fill(Lanes::ZERO);
-        self.forget_pushes();
-        for (row, seen) in self.row_history.chunks_mut(SEEN_FRAMES).enumerate() {
-            (seen[0], seen[1]) = (0.0, 0.0);
-            for (motion, rows) in self.motions.iter().zip(&self.script.rows) {
-                seen[0] += ports::port_displacement(&rows[row], &motion.previous_positions);
-                seen[1] += ports::port_displacement(&rows[row], &motion.positions);
+        (
+            self.present_index,
+            self.furthest_index,
+            self.contact_free_frames,
+            self.has_pending_kicks,
+        ) = (0, 1, 0, false);
+        self.pending_kicks.fill(Lanes::ZERO);
+        self.clear_window_forces();
+        for (row, window_row) in self.row_history.chunks_mut(WINDOW_FRAMES).enumerate() {
+            (window_row[0], window_row[1]) = (0.0, 0.0);
+            for (motion, rows) in self.furthest_motions.iter().zip(&self.script.row_shapes) {
+                window_row[0] += ports::port_displacement(&rows[row], &motion.previous_positions);
+                window_row[1] += ports::port_displacement(&rows[row], &motion.positions);
             }
         }
-        for (row, previous) in self.previous.iter_mut().enumerate() {
-            let saved_rows = self.saved.iter().zip(&self.script.rows);
+        for (row, previous) in self.previous_positions.iter_mut().enumerate() {
+            let saved_rows = self.window_start_motions.iter().zip(&self.script.row_shapes);
             *previous = saved_rows
                 .map(|(saved, rows)| ports::port_displacement(&rows[row], &saved.previous_positions))
                 .sum();
@@ -436,21 +448,21 @@ impl RunningModal {
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
-        self.next_strike_index = self.script.blows.partition_point(|blow| blow.0 < n);
+        self.next_strike_index = self.script.strike_steps.partition_point(|blow| blow.0 < n);
     }
 
     /// Take over the state of an equal body; its strikes may differ. How far that body was computed ahead does not
     /// matter.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
-        std::mem::swap(&mut self.motions, &mut old.motions);
-        std::mem::swap(&mut self.saved, &mut old.saved);
+        std::mem::swap(&mut self.furthest_motions, &mut old.furthest_motions);
+        std::mem::swap(&mut self.window_start_motions, &mut old.window_start_motions);
         std::mem::swap(&mut self.row_history, &mut old.row_history);
-        std::mem::swap(&mut self.previous, &mut old.previous);
-        std::mem::swap(&mut self.pending, &mut old.pending);
-        std::mem::swap(&mut self.pushes, &mut old.pushes);
-        self.has_pushes = old.has_pushes;
-        (self.present, self.furthest) = (old.present, old.furthest);
-        (self.has_pending, self.quiet_frames) = (old.has_pending, old.quiet_frames);
+        std::mem::swap(&mut self.previous_positions, &mut old.previous_positions);
+        std::mem::swap(&mut self.pending_kicks, &mut old.pending_kicks);
+        std::mem::swap(&mut self.window_forces, &mut old.window_forces);
+        self.has_window_forces = old.has_window_forces;
+        (self.present_index, self.furthest_index) = (old.present_index, old.furthest_index);
+        (self.has_pending_kicks, self.contact_free_frames) = (old.has_pending_kicks, old.contact_free_frames);
     }
 
     /// Outputs that hear it.
@@ -460,55 +472,57 @@ impl RunningModal {
     }
 
     /// Whether any of some MATs (n_mat) is a port.
-    pub(crate) fn touches(&self, mats: &[bool]) -> bool {
+    pub(crate) fn has_port_among(&self, mats: &[bool]) -> bool {
         self.script.plan.ports.iter().any(|port| mats[port.mat])
     }
 
     /// Bring the motions back to one frame ahead of the present, where a new window begins.
-    fn discard_ahead(&mut self) {
-        let present = self.present;
-        if self.furthest == present + 1 && !self.has_pushes {
+    fn restart_window(&mut self) {
+        let present = self.present_index;
+        if self.furthest_index == present + 1 && !self.has_window_forces {
             return;
         }
-        for group in 0..self.motions.len() {
-            let mut group_motion = self.saved[group].clone();
+        for group in 0..self.furthest_motions.len() {
+            let mut group_motion = self.window_start_motions[group].clone();
             self.replay(group, &mut group_motion, 0, present);
-            self.saved[group].clone_from(&group_motion);
+            self.window_start_motions[group].clone_from(&group_motion);
             self.replay(group, &mut group_motion, present, present + 1);
-            self.motions[group] = group_motion;
+            self.furthest_motions[group] = group_motion;
         }
-        self.forget_pushes();
-        for seen in self.row_history.chunks_mut(SEEN_FRAMES) {
-            (seen[0], seen[1]) = (seen[present], seen[present + 1]);
+        self.clear_window_forces();
+        for window_row in self.row_history.chunks_mut(WINDOW_FRAMES) {
+            (window_row[0], window_row[1]) = (window_row[present], window_row[present + 1]);
         }
-        (self.present, self.furthest) = (0, 1);
+        (self.present_index, self.furthest_index) = (0, 1);
     }
 
     /// Compute the free motion from the present, frame `n`, up to the next known strike at most.
     fn compute_ahead(&mut self, n: u64) {
-        let next_blow = self.script.blows.get(self.next_strike_index);
+        let next_blow = self.script.strike_steps.get(self.next_strike_index);
         let free_frames = next_blow.map_or(u64::MAX, |next_blow| next_blow.0.saturating_sub(n));
         // The responses to pushes do not know the damping.
-        let frames_ahead = if self.quiet_frames < QUIET_FRAMES || self.is_damped {
+        let frames_ahead = if self.contact_free_frames < CONTACT_FREE_FRAMES_MIN || self.is_damped {
             1
         } else {
             free_frames.clamp(1, FRAMES_AHEAD as u64) as usize
         };
-        self.take_pushes();
+        self.absorb_window_forces();
         if frames_ahead > 1 {
-            self.motions.iter_mut().for_each(GroupMotion::clear_signs_of_zeros);
+            self.furthest_motions
+                .iter_mut()
+                .for_each(GroupMotion::clear_signs_of_zeros);
         }
-        self.saved.clone_from_slice(&self.motions);
+        self.window_start_motions.clone_from_slice(&self.furthest_motions);
         // Close together: a row of `FRAMES_AHEAD` sums is a page of memory.
         let n_sums = self.row_positions.len() * frames_ahead;
         self.sums[..n_sums].fill(LaneSum::ZERO);
-        for (group, motion) in self.motions.iter_mut().enumerate() {
+        for (group, motion) in self.furthest_motions.iter_mut().enumerate() {
             let group_rates = if self.is_damped {
-                &self.damped
+                &self.damped_rates
             } else {
                 &self.script.rates
             };
-            let (group_rates, group_rows) = (&group_rates[group], &self.script.rows[group]);
+            let (group_rates, group_rows) = (&group_rates[group], &self.script.row_shapes[group]);
             advance_and_observe(
                 group_rates,
                 motion,
@@ -518,17 +532,17 @@ impl RunningModal {
                 frames_ahead,
             );
         }
-        for (seen, sums) in self
+        for (window_row, sums) in self
             .row_history
-            .chunks_mut(SEEN_FRAMES)
+            .chunks_mut(WINDOW_FRAMES)
             .zip(self.sums.chunks(frames_ahead))
         {
-            seen[0] = seen[self.present];
-            for (seen, sum) in seen[1..].iter_mut().zip(sums) {
-                *seen = lane_total(sum);
+            window_row[0] = window_row[self.present_index];
+            for (position, sum) in window_row[1..].iter_mut().zip(sums) {
+                *position = lane_total(sum);
             }
         }
-        (self.present, self.furthest) = (0, frames_ahead);
+        (self.present_index, self.furthest_index) = (0, frames_ahead);
     }
 }
 

@@ -7,20 +7,20 @@ use crate::state::Body;
 use crate::timeline::{Drive, DriveKind, Timeline};
 
 /// Where every MAT is at frame 0, and the step that led there.
-pub(super) fn start(
+pub(super) fn initial_motion(
     network: &Network,
     scheme: &Scheme,
     timeline: &Timeline,
     drives: &[Drive],
-    acts: &dyn Fn(usize) -> bool,
+    link_acts: &dyn Fn(usize) -> bool,
 ) -> Body {
     let drive_forces: Vec<_> = drives
         .iter()
         .filter(|drive| drive.kind == DriveKind::Force)
         .map(|drive| (drive.mat, drive.value(0, scheme.rate)))
         .collect();
-    let start_positions = positions(network, timeline, drives);
-    let mut start_steps = backward_steps(network, timeline, scheme, &start_positions, &drive_forces, acts);
+    let start_positions = initial_positions(network, timeline, drives);
+    let mut start_steps = backward_steps(network, timeline, scheme, &start_positions, &drive_forces, link_acts);
     for (port, key) in timeline.delayed_ports() {
         start_steps[port] = start_steps[key];
     }
@@ -28,7 +28,7 @@ pub(super) fn start(
 }
 
 /// Where every MAT is at frame 0 [m], (n_mat).
-pub(super) fn positions(network: &Network, timeline: &Timeline, drives: &[Drive]) -> Vec<f64> {
+pub(super) fn initial_positions(network: &Network, timeline: &Timeline, drives: &[Drive]) -> Vec<f64> {
     let mut start_positions = network.mats().x0.clone();
     for drive in drives
         .iter()

@@ -6,7 +6,7 @@ use crate::state::{Body, ContactHistory};
 
 /// Work of all pairs in a frame [J].
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Work {
+pub(super) struct PairWork {
     /// Taken from the points by the whole force.
     pub(super) total: f64,
     /// Taken from the points by its elastic part.
@@ -15,12 +15,12 @@ pub(super) struct Work {
 
 /// Energy of all pairs of stiffness `k` [J]: now, and a step before.
 pub(super) fn potentials(run: &PairRun, k: f64, neighbours: &mut Neighbours, body: &Body) -> [f64; 2] {
-    let energy_before = potential(run, k, neighbours, |mat| body.x[mat] - body.d[mat]);
-    [potential(run, k, neighbours, |mat| body.x[mat]), energy_before]
+    let energy_before = potential_energy(run, k, neighbours, |mat| body.x[mat] - body.d[mat]);
+    [potential_energy(run, k, neighbours, |mat| body.x[mat]), energy_before]
 }
 
 /// Energy of all pairs of stiffness `k` at positions `x` [J].
-pub(super) fn potential(run: &PairRun, k: f64, neighbours: &mut Neighbours, x: impl Fn(usize) -> f64) -> f64 {
+pub(super) fn potential_energy(run: &PairRun, k: f64, neighbours: &mut Neighbours, x: impl Fn(usize) -> f64) -> f64 {
     let mut energy_sum = 0.0;
     let pair_law = &run.pairs.link.law;
     neighbours.for_each_touching(run, x, |_, e, _| energy_sum += pair_law.potential(k, e));
@@ -34,15 +34,15 @@ pub(super) fn work(
     k_and_z: [f64; 2],
     neighbours: &mut Neighbours,
     body: &Body,
-    d: [&[f64]; 2],
+    frame_steps: [&[f64]; 2],
     history: &ContactHistory,
-) -> Work {
+) -> PairWork {
     let pair_link = &run.pairs.link;
-    let mut pair_work = Work::default();
-    let position_then = |mat: usize| body.x[mat] - body.d[mat];
-    neighbours.for_each_touching(run, position_then, |ends, e, along| {
-        let stretch_before = pair_link.length_step(ends, along, |mat| d[0][mat]);
-        let stretch = 0.5 * pair_link.length_step(ends, along, |mat| d[0][mat] + d[1][mat]);
+    let mut pair_work = PairWork::default();
+    let position_before = |mat: usize| body.x[mat] - body.d[mat];
+    neighbours.for_each_touching(run, position_before, |ends, e, along| {
+        let stretch_before = pair_link.length_step(ends, along, |mat| frame_steps[0][mat]);
+        let stretch = 0.5 * pair_link.length_step(ends, along, |mat| frame_steps[0][mat] + frame_steps[1][mat]);
         let (f, elastic) = (
             pair_link.law.force(k_and_z, e, stretch_before),
             pair_link.law.elastic(k_and_z[0], e),
@@ -50,13 +50,13 @@ pub(super) fn work(
         pair_work.total += stretch * f;
         pair_work.elastic += stretch * elastic;
         if run.pairs.friction > 0.0 {
-            let ends_moved = d.map(|d| pair_link.offset_between(ends, |mat| d[mat]));
+            let ends_moved = frame_steps.map(|d| pair_link.offset_between(ends, |mat| d[mat]));
             let contact = PairContact {
                 elongation: e,
                 force: f,
                 elastic_force: elastic,
                 direction: along,
-                offset: pair_link.offset_between(ends, position_then),
+                offset: pair_link.offset_between(ends, position_before),
                 relative_step: ends_moved[0],
             };
             let sliding = contact.sliding(&run.pairs, k_and_z);
@@ -70,7 +70,7 @@ pub(super) fn work(
 }
 
 /// Elastic energy of friction in all touching pairs of stiffness `k` [J].
-pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body) -> f64 {
+pub(super) fn friction_energy(run: &PairRun, k: f64, history: &ContactHistory, body: &Body) -> f64 {
     let pair_link = &run.pairs.link;
     let pair_energy = |(points, anchor): ([u32; 2], [f64; 3])| {
         let pair_ends = run.ends(points);

@@ -1,7 +1,7 @@
 //! Energy that contacts of all pairs of points create: one account for all of an island.
 
-use super::energy_account::{Account, Gain};
-use super::pair_energy::{held, potential};
+use super::energy_account::{EnergyAccount, EnergyGain};
+use super::pair_energy::{friction_energy, potential_energy};
 use crate::kernel::Neighbours;
 use crate::maths::wide::wide;
 use crate::network::PairRun;
@@ -15,44 +15,44 @@ const LANES: usize = 8;
 
 /// The account of all these contacts.
 #[derive(Clone, Debug)]
-pub(super) struct PairGains {
+pub(super) struct PairEnergyGains {
     pair_contacts: Vec<PairContacts>,
     /// The step before: last steps [m], and forces of the contacts [N]   (n_mat each)
-    d: Vec<f64>,
-    force: Vec<f64>,
+    previous_steps: Vec<f64>,
+    previous_forces: Vec<f64>,
     /// Elastic energy of friction when the account began [J].
-    held: f64,
+    start_friction_energy: f64,
     /// Positions [m] and last steps [m] when the account began   (n_mat each)
-    from: [Vec<f64>; 2],
-    account: Account,
+    start_motion: [Vec<f64>; 2],
+    energy_account: EnergyAccount,
     /// Whether the account counts the energy that was stored when it began; that is computed only when needed.
-    is_whole: bool,
-    worst: Option<Gain>,
+    includes_start_energy: bool,
+    worst_gain: Option<EnergyGain>,
 }
 
-crate::archive::option!(PairGains, fixed);
+crate::archive::option!(PairEnergyGains, fixed);
 
-crate::archive::state!(PairGains {
-    d,
-    force,
-    held,
-    from,
-    account,
-    is_whole,
-    worst
+crate::archive::state!(PairEnergyGains {
+    previous_steps,
+    previous_forces,
+    start_friction_energy,
+    start_motion,
+    energy_account,
+    includes_start_energy,
+    worst_gain
 });
 
 /// One run of contacts of all pairs.
 #[derive(Clone, Debug)]
 struct PairContacts {
     run: PairRun,
-    first: usize,
-    slot: usize,
-    k: f64,
+    first_link: usize,
+    history_slot: usize,
+    stiffness: f64,
     neighbours: Neighbours,
 }
 
-impl PairGains {
+impl PairEnergyGains {
     /// `None` if there are no such contacts, or one of them has a gate.
     pub(super) fn new(scheme: &Scheme) -> Option<Self> {
         let pair_runs = scheme.runs.iter().filter_map(|scheme_run| {
@@ -62,9 +62,9 @@ impl PairGains {
         let pair_contacts: Vec<PairContacts> = pair_runs
             .clone()
             .map(|(scheme_run, run)| PairContacts {
-                first: scheme_run.first,
-                slot: scheme_run.slot(),
-                k: scheme_run.k,
+                first_link: scheme_run.first,
+                history_slot: scheme_run.slot(),
+                stiffness: scheme_run.k,
                 neighbours: Neighbours::new(&run),
                 run,
             })
@@ -73,23 +73,23 @@ impl PairGains {
         let is_gated = pair_runs.clone().any(|(scheme_run, _)| scheme_run.gate.is_some());
         (!pair_contacts.is_empty() && !is_gated).then(|| Self {
             pair_contacts,
-            d: mat_buffer(),
-            force: mat_buffer(),
-            held: 0.0,
-            from: [mat_buffer(), mat_buffer()],
-            account: Account::default(),
-            is_whole: false,
-            worst: None,
+            previous_steps: mat_buffer(),
+            previous_forces: mat_buffer(),
+            start_friction_energy: 0.0,
+            start_motion: [mat_buffer(), mat_buffer()],
+            energy_account: EnergyAccount::default(),
+            includes_start_energy: false,
+            worst_gain: None,
         })
     }
 
-    /// The link whose name stands for all of them in messages.
+    /// The link by which messages name all of them.
     pub(super) fn first_link(&self) -> usize {
-        self.pair_contacts[0].first
+        self.pair_contacts[0].first_link
     }
 
-    pub(super) fn worst(&self) -> Option<Gain> {
-        self.worst
+    pub(super) fn worst_gain(&self) -> Option<EnergyGain> {
+        self.worst_gain
     }
 
     /// A MAT that these contacts move.
@@ -100,7 +100,7 @@ impl PairGains {
     }
 
     /// Whether any of the marked MATs (n_mat) is an end of these contacts.
-    pub(super) fn touches(&self, mats: &[bool]) -> bool {
+    pub(super) fn has_end_among(&self, mats: &[bool]) -> bool {
         let mut mat_spans = self
             .pair_contacts
             .iter()
@@ -109,94 +109,89 @@ impl PairGains {
     }
 
     pub(super) fn begin(&mut self, body: &Body) {
-        self.account = Account::default();
-        self.d.copy_from_slice(&body.d);
-        self.force.copy_from_slice(&body.pair_force);
-        self.held = self.held(body);
-        self.from[0].copy_from_slice(&body.x);
-        self.from[1].copy_from_slice(&body.d);
-        self.is_whole = false;
+        self.energy_account = EnergyAccount::default();
+        self.previous_steps.copy_from_slice(&body.d);
+        self.previous_forces.copy_from_slice(&body.pair_force);
+        self.start_friction_energy = self.friction_energy(body);
+        self.start_motion[0].copy_from_slice(&body.x);
+        self.start_motion[1].copy_from_slice(&body.d);
+        self.includes_start_energy = false;
     }
 
     pub(super) fn step(&mut self, body: &Body) {
         let motion_now = [&*body.d, &*body.pair_force];
-        self.account.take(-work(&mut self.d, &mut self.force, motion_now));
+        self.energy_account
+            .add_work(-work(&mut self.previous_steps, &mut self.previous_forces, motion_now));
     }
 
-    /// The energy created by frame `n`, if that is worth reporting; `moving_energy` is the energy of all masses.
+    /// The energy created by frame `n`, if that is worth reporting; `motion_energy` is the energy of all masses.
     pub(super) fn check(
         &mut self,
         body: &Body,
-        (moving_energy, hand_work): (impl Fn() -> f64, f64),
+        (motion_energy, hand_work): (impl Fn() -> f64, f64),
         n: u64,
-    ) -> Option<Gain> {
-        if self.account.is_overdrawn() && !self.is_whole {
-            let start_energy = stored(&mut self.pair_contacts, [&self.from[0], &self.from[1]]);
-            self.account.add_start(start_energy + self.held);
-            self.is_whole = true;
+    ) -> Option<EnergyGain> {
+        if self.energy_account.is_overdrawn() && !self.includes_start_energy {
+            let start_energy = pair_energy(&mut self.pair_contacts, [&self.start_motion[0], &self.start_motion[1]]);
+            self.energy_account.add_start(start_energy + self.start_friction_energy);
+            self.includes_start_energy = true;
         }
-        if !self.account.is_overdrawn() {
+        if !self.energy_account.is_overdrawn() {
             return None;
         }
-        let stored = stored(&mut self.pair_contacts, [&body.x, &body.d]) + self.held(body);
+        let stored_energy = pair_energy(&mut self.pair_contacts, [&body.x, &body.d]) + self.friction_energy(body);
         let gain = self
-            .account
-            .gain(stored, moving_energy(), n)
-            .with_reference_min(hand_work);
-        if !gain.is_reportable() || gain.created <= self.rounding(body) {
+            .energy_account
+            .energy_gain(stored_energy, motion_energy(), n)
+            .with_reference_energy_min(hand_work);
+        if !gain.is_reportable() || gain.created_energy <= self.rounding_energy(body) {
             return None;
         }
-        self.worst = Some(gain.worse_of(self.worst));
+        self.worst_gain = Some(gain.worse_of(self.worst_gain));
         Some(gain)
     }
 
     /// Elastic energy of friction [J].
-    fn held(&self, body: &Body) -> f64 {
+    fn friction_energy(&self, body: &Body) -> f64 {
         let pair_contacts = self.pair_contacts.iter();
-        let pair_energy =
-            |contacts: &PairContacts| held(&contacts.run, contacts.k, &body.histories[contacts.slot], body);
+        let pair_energy = |contacts: &PairContacts| {
+            friction_energy(
+                &contacts.run,
+                contacts.stiffness,
+                &body.histories[contacts.history_slot],
+                body,
+            )
+        };
         pair_contacts.map(pair_energy).sum()
     }
 
-    fn rounding(&self, body: &Body) -> f64 {
+    fn rounding_energy(&self, body: &Body) -> f64 {
         let pair_energy = |contacts: &PairContacts| {
             let contact_mats = contacts.run.point_ranges().flatten();
             let largest_position = contact_mats.map(|mat| body.x[mat].abs()).fold(0.0, f64::max);
             let elongation_error = ELONGATION_ERROR_ULP * f64::EPSILON * largest_position;
-            contacts.run.n_second as f64 * contacts.k * elongation_error * elongation_error
+            contacts.run.n_second as f64 * contacts.stiffness * elongation_error * elongation_error
         };
         self.pair_contacts.iter().map(pair_energy).sum()
     }
 }
 
 wide! {
-    /// Work of the forces of the step before, along half of its step and half of the present one [J]; then replaces `d`
-    /// and `force` by `now`.
-    fn work(d: &mut [f64], force: &mut [f64], now: [&[f64]; 2]) -> f64 {
-        let (mut sums, mut rest) = ([0.0; LANES], 0.0);
-        let n = d.len();
-        let (force, [d_now, force_now]) = (&mut force[..n], now.map(|now| &now[..n]));
-        let whole = n - n % LANES;
-        for at in (0..whole).step_by(LANES) {
-            for (lane, sum) in sums.iter_mut().enumerate() {
-                let i = at + lane;
-                *sum += 0.5 * (d[i] + d_now[i]) * force[i];
-            }
-        }
-        for i in whole..n {
-            rest += 0.5 * (d[i] + d_now[i]) * force[i];
-        }
-        d.copy_from_slice(d_now);
-        force.copy_from_slice(force_now);
-        sums.iter().sum::<f64>() + rest
-    }
-}
+/// Work of the forces of the step before, along half of its step and half of the present one [J]; then replaces `d`
+/// and `force` by `present`, the steps and forces of the present step.
+fn work(d: &mut [f64], force: &mut [f64], present: [&[f64]; 2]) -> f64 { let (mut lane_sums, mut tail_sum) = ([0.0; LANES], 0.0); let n = d.len(); let (force, [d_now, force_now]) = (&mut force[..n], present.map(|values| &values[..n])); let tail_start = n - n % LANES; for first_lane in (0..tail_start).step_by(LANES) { for (lane, sum) in lane_sums.iter_mut().enumerate() { let i = first_lane + lane; *sum += 0.5 * (d[i] + d_now[i]) * force[i]; } } for i in tail_start..n { tail_sum += 0.5 * (d[i] + d_now[i]) * force[i]; } d.copy_from_slice(d_now); force.copy_from_slice(force_now); lane_sums.iter().sum::<f64>() + tail_sum } }
 
 /// Energy of all pairs between two steps [J], at positions and last steps [m] (n_mat each).
-fn stored(pair_contacts: &mut [PairContacts], [x, d]: [&[f64]; 2]) -> f64 {
+fn pair_energy(pair_contacts: &mut [PairContacts], [x, d]: [&[f64]; 2]) -> f64 {
     let pair_energy = |contacts: &mut PairContacts| {
-        let PairContacts { run, k, neighbours, .. } = contacts;
-        0.5 * (potential(run, *k, neighbours, |mat| x[mat]) + potential(run, *k, neighbours, |mat| x[mat] - d[mat]))
+        let PairContacts {
+            run,
+            stiffness,
+            neighbours,
+            ..
+        } = contacts;
+        0.5 * (potential_energy(run, *stiffness, neighbours, |mat| x[mat])
+            + potential_energy(run, *stiffness, neighbours, |mat| x[mat] - d[mat]))
     };
     pair_contacts.iter_mut().map(pair_energy).sum()
 }

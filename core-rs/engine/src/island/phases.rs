@@ -1,40 +1,40 @@
 //! The phases of a step (`step` says what each reads and writes).
 
-use super::strikes::strike;
+use super::strikes::apply_pushes_and_ergons;
 use super::{Matter, Script, State, delayed_ports, glide, live_strikes, real_hands, sounds_in};
 use crate::guard;
-use crate::island::written_hand::voice::{Scene, Voice, VoiceScript};
+use crate::island::written_hand::voice::{Voice, VoiceScene, VoiceScript};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
 
 /// Sets the inputs of this frame: gliding parameters, open gates, positions of real hands.
-pub(super) fn set_values(script: &Script, state: &mut State, mut scheme: Option<&mut Scheme>, n: u64) {
+pub(super) fn set_inputs(script: &Script, state: &mut State, mut scheme: Option<&mut Scheme>, n: u64) {
     let State {
-        values,
+        parameters,
         matter,
-        hands,
-        watch,
+        players,
+        monitors,
         ..
     } = state;
     if let Some(scheme) = scheme.as_deref_mut() {
         glide::apply_glides(&script.glides, &script.scheme, scheme, n);
-        glide::apply_leads(&script.led, &script.scheme, scheme, &mut matter.fine, n);
-        if let Some(fine_state) = &mut matter.fine {
-            glide::pass_to_fine(&script.glides, &script.scheme, fine_state, n);
+        glide::apply_leads(&script.led_links, &script.scheme, scheme, &mut matter.fine_links, n);
+        if let Some(fine_links) = &mut matter.fine_links {
+            glide::set_fine_coefficients(&script.glides, &script.scheme, fine_links, n);
         }
     }
-    values.open(&script.gates, n);
-    if values.damped < 1.0 {
-        matter.body.d.iter_mut().for_each(|d| *d *= values.damped);
-        if let Some(guard) = &mut watch.guard {
-            guard.scale_velocities(values.damped);
+    parameters.set_gates(&script.gates, n);
+    if parameters.step_decay < 1.0 {
+        matter.body.d.iter_mut().for_each(|d| *d *= parameters.step_decay);
+        if let Some(guard) = &mut monitors.guard {
+            guard.scale_velocities(parameters.step_decay);
         }
-        matter.place(); // bodies are damped by themselves
+        matter.set_ports(); // bodies are damped by themselves
     }
-    let hand_states = &mut hands.hand_states;
+    let hand_states = &mut players.hand_states;
     real_hands::move_hands(&script.hand_bindings, hand_states, n, &mut matter.body);
-    delayed_ports::follow(&script.port_bindings, &mut matter.body);
+    delayed_ports::follow_keys(&script.port_bindings, &mut matter.body);
     if let Some(scheme) = scheme {
         glide::apply_following_masses(&script.scheme, scheme, &matter.body.x);
     }
@@ -73,49 +73,49 @@ impl Frame<'_, '_> {
     pub(super) fn apply_links(&mut self) -> LinksApplied {
         let (n, script, scheme) = (self.n, self.script, self.scheme);
         let State {
-            values,
+            parameters,
             matter,
-            hands,
-            watch,
+            players,
+            monitors,
             ..
         } = &mut *self.state;
         let Matter {
             body,
             laws,
-            fine,
+            fine_links,
             targets,
             ..
         } = matter;
-        kernel::compute_link_forces(scheme, &values.gates, body, laws, self.team);
+        kernel::compute_link_forces(scheme, &parameters.gate_openings, body, laws, self.team);
         targets.clear();
         for drive in &script.drives {
             drive.apply(n, scheme.rate, body, targets);
         }
-        delayed_ports::push_keys(&script.port_bindings, &hands.port_states, body);
-        sounds_in::apply(&script.sound_drives, &hands.played, n, body, targets);
-        if let Some(energy_rise) = &mut watch.energy_rise
-            && hands.is_struck()
+        delayed_ports::push_keys(&script.port_bindings, &players.port_states, body);
+        sounds_in::apply_inputs(&script.sound_drives, &players.input_signals, n, body, targets);
+        if let Some(energy_rise) = &mut monitors.energy_rise
+            && players.has_pending_strikes()
         {
             energy_rise.restart();
         }
-        live_strikes::apply(&script.strike_points, &mut hands.pending, scheme, body);
+        live_strikes::apply_strikes(&script.strike_points, &mut players.pending_strikes, scheme, body);
         kernel::proxies::record_positions(scheme, body);
         kernel::proxies::distribute_forces(scheme, body);
-        if let Some(fine) = fine {
-            fine.record_steady_forces(scheme, body);
-            fine.apply_carried_forces(body);
+        if let Some(fine_links) = fine_links {
+            fine_links.record_steady_forces(scheme, body);
+            fine_links.apply_carried_forces(body);
         }
         LinksApplied(())
     }
 
     /// Applies the strikes of written hands, pushes and ergons, also to the bodies.
-    pub(super) fn strike(&mut self, _: LinksApplied) -> StrikesApplied {
+    pub(super) fn apply_strikes(&mut self, _: LinksApplied) -> StrikesApplied {
         self.sum_layers();
         self.for_each_voice(Voice::step);
-        strike(self.script, self.scheme, self.state, self.n);
+        apply_pushes_and_ergons(self.script, self.scheme, self.state, self.n);
         let Matter { body, bodies, .. } = &mut self.state.matter;
         for running_body in bodies {
-            running_body.strike(self.n, body);
+            running_body.apply_strikes(self.n, body);
         }
         StrikesApplied(())
     }
@@ -123,20 +123,20 @@ impl Frame<'_, '_> {
     /// Solves contacts and friction, which need all other forces. Then written hands compute their forces.
     pub(super) fn solve_contacts(&mut self, _: StrikesApplied) -> ForcesComplete {
         let scheme = self.scheme;
-        let State { values, matter, .. } = &mut *self.state;
+        let State { parameters, matter, .. } = &mut *self.state;
         let Matter {
             body,
             bodies,
-            fine,
+            fine_links,
             targets,
             ..
         } = matter;
-        kernel::solve_exact_contacts(scheme, &values.gates, targets, body);
-        if let Some(fine) = fine {
-            fine.step(scheme, &values.gates, targets, bodies, body);
-            kernel::solve_friction(scheme, &values.gates, targets, body);
+        kernel::solve_exact_contacts(scheme, &parameters.gate_openings, targets, body);
+        if let Some(fine_links) = fine_links {
+            fine_links.step(scheme, &parameters.gate_openings, targets, bodies, body);
+            kernel::solve_friction(scheme, &parameters.gate_openings, targets, body);
         }
-        self.for_each_voice(Voice::settle);
+        self.for_each_voice(Voice::record_tracked_ergon);
         ForcesComplete(())
     }
 
@@ -144,31 +144,31 @@ impl Frame<'_, '_> {
     pub(super) fn observe(&mut self, _: &ForcesComplete, out: Option<&mut [f64]>) {
         let (n, script, scheme) = (self.n, self.script, self.scheme);
         let State {
-            values,
+            parameters,
             matter,
-            hands,
-            watch,
+            players,
+            monitors,
             ..
         } = &mut *self.state;
         let Matter {
             body, bodies, targets, ..
         } = matter;
-        real_hands::add_hand_forces(&script.hand_bindings, &mut hands.hand_states, n, body);
-        delayed_ports::record_forces(&script.port_bindings, &mut hands.port_states, body);
-        delayed_ports::lead(&script.port_bindings, scheme, targets, body);
-        watch.touches.step(n, &body.link);
+        real_hands::add_hand_forces(&script.hand_bindings, &mut players.hand_states, n, body);
+        delayed_ports::record_port_forces(&script.port_bindings, &mut players.port_states, body);
+        delayed_ports::set_port_targets(&script.port_bindings, scheme, targets, body);
+        monitors.contact_peaks.note_forces(n, &body.link);
         if let Some(out) = out {
             kernel::write_outputs(scheme, body, out);
             bodies.iter().for_each(|running_body| running_body.add_outputs(out));
-            watch.mutes.fade(n, scheme, out);
+            monitors.muted_parts.fade(n, scheme, out);
         }
-        if let Some(gains) = &mut watch.gains
-            && !watch.guard.as_ref().is_some_and(|guard| guard.is_finer())
+        if let Some(gains) = &mut monitors.energy_gains
+            && !monitors.guard.as_ref().is_some_and(|guard| guard.is_finer())
         {
-            gains.step(scheme, &values.gates, targets, body);
+            gains.step(scheme, &parameters.gate_openings, targets, body);
         }
-        if let Some(ledger) = &mut watch.ledger {
-            ledger.before(scheme, targets, body);
+        if let Some(ledger) = &mut monitors.ledger {
+            ledger.begin_frame(scheme, targets, body);
         }
     }
 
@@ -195,17 +195,20 @@ impl Frame<'_, '_> {
         kernel::proxies::move_to_masses(scheme, body);
         let finer_plausible = recompute_finer(scheme, self.state, self.team);
         let State {
-            values, matter, watch, ..
+            parameters,
+            matter,
+            monitors,
+            ..
         } = &mut *self.state;
-        if finer_plausible.is_some() || values.damped < 1.0 {
-            watch.gains.iter_mut().for_each(|gains| gains.restart());
-            let fine_state = matter.fine.iter_mut();
-            fine_state.for_each(|fine_state| fine_state.stepped_points_mut().restart());
+        if finer_plausible.is_some() || parameters.step_decay < 1.0 {
+            monitors.energy_gains.iter_mut().for_each(|gains| gains.restart());
+            let fine_links = matter.fine_links.iter_mut();
+            fine_links.for_each(|fine_links| fine_links.stepped_points_mut().restart());
         }
         kernel::slide_bristles(scheme, &mut matter.body);
         kernel::stop_resting_masses(scheme, &mut matter.body);
-        if let Some(fine_state) = &matter.fine {
-            fine_state.rest_held(scheme, &mut matter.body);
+        if let Some(fine_links) = &matter.fine_links {
+            fine_links.stop_held_masses(scheme, &mut matter.body);
         }
         Moved {
             is_plausible: finer_plausible.unwrap_or(is_plausible) && are_bodies_bounded,
@@ -214,18 +217,21 @@ impl Frame<'_, '_> {
     }
 
     /// The ledger of the energy, if it is kept.
-    pub(super) fn account(&mut self, moved: &Moved) {
+    pub(super) fn account(&mut self, motion: &Moved) {
         let State {
-            values, matter, watch, ..
+            parameters,
+            matter,
+            monitors,
+            ..
         } = &mut *self.state;
-        let Some(ledger) = &mut watch.ledger else {
+        let Some(ledger) = &mut monitors.ledger else {
             return;
         };
-        values.open_next(&self.script.gates, self.n + 1);
-        let guard = watch.guard.as_ref().filter(|_| moved.is_finer);
-        ledger.after(
+        parameters.set_next_gates(&self.script.gates, self.n + 1);
+        let guard = monitors.guard.as_ref().filter(|_| motion.is_finer);
+        ledger.end_frame(
             self.scheme,
-            [&values.gates, &values.gates_next],
+            [&parameters.gate_openings, &parameters.next_gate_openings],
             &matter.targets,
             &matter.body,
             guard.map(|guard| guard.force_travel()),
@@ -234,29 +240,29 @@ impl Frame<'_, '_> {
 
     /// Sums the deviations that layers add to each key at this frame.
     fn sum_layers(&mut self) {
-        let hands = &mut self.state.hands;
-        hands.layers.fill(0.0);
-        for (voice, voice_script) in hands.voices.iter().zip(&self.script.voices) {
+        let players = &mut self.state.players;
+        players.layer_deviations.fill(0.0);
+        for (voice, voice_script) in players.voices.iter().zip(&self.script.voices) {
             if voice_script.is_layer {
-                hands.layers[voice_script.key] += voice.deviation(voice_script);
+                players.layer_deviations[voice_script.key_index] += voice.deviation(voice_script);
             }
         }
     }
 
     /// Run one phase of the frame for every voice.
-    fn for_each_voice(&mut self, phase: fn(&mut Voice, &VoiceScript, &mut Scene<'_>, u64)) {
-        let State { matter, hands, .. } = &mut *self.state;
-        let mut voice_scene = Scene {
+    fn for_each_voice(&mut self, phase: fn(&mut Voice, &VoiceScript, &mut VoiceScene<'_>, u64)) {
+        let State { matter, players, .. } = &mut *self.state;
+        let mut voice_scene = VoiceScene {
             scheme: self.scheme,
             gestures: &self.script.gestures,
             body: &mut matter.body,
             targets: &mut matter.targets,
-            reports: &mut hands.reports,
-            stream: &mut hands.stream,
+            reports: &mut players.reports,
+            ergon_stream: &mut players.ergon_stream,
             bodies: &mut matter.bodies,
-            layers: &hands.layers,
+            layer_deviations: &players.layer_deviations,
         };
-        for (voice, voice_script) in hands.voices.iter_mut().zip(&self.script.voices) {
+        for (voice, voice_script) in players.voices.iter_mut().zip(&self.script.voices) {
             if voice.is_awake(voice_script, voice_scene.gestures, self.n) {
                 phase(voice, voice_script, &mut voice_scene, self.n);
             }
@@ -268,9 +274,12 @@ impl Frame<'_, '_> {
 /// plausible; `None` if the frame was not computed again.
 fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
     let State {
-        values, matter, watch, ..
+        parameters,
+        matter,
+        monitors,
+        ..
     } = state;
-    let (guard, body) = (watch.guard.as_mut()?, &mut matter.body);
+    let (guard, body) = (monitors.guard.as_mut()?, &mut matter.body);
     if !guard.needs_finer(&body.x, &body.d, &scheme.w) {
         return None;
     }
@@ -281,7 +290,7 @@ fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>
     guard.set_imposed_paths(imposed_mats, |mat| (x[mat], previous[mat]));
     let is_plausible = guard.compute_finer(&mut guard::KernelStage {
         scheme,
-        gates: &values.gates,
+        gates: &parameters.gate_openings,
         body,
         laws: &mut matter.laws,
         team,
@@ -289,7 +298,7 @@ fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>
     if let Some(state_before) = &body.previous {
         guard.restore_unrelated(state_before, &mut body.x, &mut body.d);
     }
-    matter.place();
+    matter.set_ports();
     kernel::proxies::move_to_masses(scheme, &mut matter.body);
     Some(is_plausible)
 }

@@ -14,12 +14,12 @@ pub(crate) struct HandBinding {
 #[derive(Clone, Debug, Default)]
 pub(super) struct HandState {
     /// Position that a device has sent for the next tick, and its last step if the device knows it [m].
-    sent: Option<(f64, Option<f64>)>,
+    sent_motion: Option<(f64, Option<f64>)>,
     /// Positions at the last tick and at the end of this one [m].
-    from: f64,
-    to: f64,
+    tick_start: f64,
+    tick_end: f64,
     /// Sum of the forces in this tick [N].
-    sum: f64,
+    force_sum: f64,
     /// Mean force over the last complete tick [N].
     mean_force: f64,
 }
@@ -27,10 +27,10 @@ pub(super) struct HandState {
 crate::archive::option!((f64, Option<f64>), optional);
 
 crate::archive::state!(HandState {
-    sent,
-    from,
-    to,
-    sum,
+    sent_motion,
+    tick_start,
+    tick_end,
+    force_sum,
     mean_force
 });
 
@@ -44,7 +44,7 @@ impl HandBinding {
 /// Set the hands to the timeline's positions in the frame before `n`.
 pub(super) fn seek(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
-        state.to = binding.hand.position(n.saturating_sub(1));
+        state.tick_end = binding.hand.position(n.saturating_sub(1));
     }
 }
 
@@ -66,9 +66,9 @@ pub(super) fn move_hands(hand_bindings: &[HandBinding], hand_states: &mut [HandS
         let tick_frames = u64::from(binding.hand.tick_frames);
         let frame_in_tick = n % tick_frames;
         if frame_in_tick == 0 {
-            let (end_position, sent_step) = state.sent.unwrap_or_else(|| (binding.hand.position(n), None));
-            let start_position = if n == 0 { end_position } else { state.to };
-            (state.from, state.to) = (start_position, end_position);
+            let (end_position, sent_step) = state.sent_motion.unwrap_or_else(|| (binding.hand.position(n), None));
+            let start_position = if n == 0 { end_position } else { state.tick_end };
+            (state.tick_start, state.tick_end) = (start_position, end_position);
             if tick_frames == 1 || binding.hand.interpolation == HandInterpolation::Hold {
                 *mat_step = sent_step.unwrap_or(end_position - start_position);
                 *mat_position = end_position;
@@ -76,9 +76,9 @@ pub(super) fn move_hands(hand_bindings: &[HandBinding], hand_states: &mut [HandS
             }
         }
         if binding.hand.interpolation == HandInterpolation::Line {
-            let distance = state.to - state.from;
+            let distance = state.tick_end - state.tick_start;
             *mat_step = distance / tick_frames as f64;
-            *mat_position = state.from + distance * ((frame_in_tick + 1) as f64 / tick_frames as f64);
+            *mat_position = state.tick_start + distance * ((frame_in_tick + 1) as f64 / tick_frames as f64);
         }
     }
 }
@@ -86,28 +86,33 @@ pub(super) fn move_hands(hand_bindings: &[HandBinding], hand_states: &mut [HandS
 /// Add the summed forces of frame `n` to the mean of the tick.
 pub(super) fn add_hand_forces(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64, body: &Body) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
-        state.sum += body.force[binding.mat];
+        state.force_sum += body.force[binding.mat];
         let tick_frames = u64::from(binding.hand.tick_frames);
         if (n + 1).is_multiple_of(tick_frames) {
-            state.mean_force = state.sum / tick_frames as f64;
-            state.sum = 0.0;
+            state.mean_force = state.force_sum / tick_frames as f64;
+            state.force_sum = 0.0;
         }
     }
 }
 
 impl super::Island {
     /// Set the position of a hand of the scene from the next tick on, and its last step [m].
-    pub(crate) fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
-        for (binding, state) in self.script.hand_bindings.iter().zip(&mut self.state.hands.hand_states) {
+    pub(crate) fn set_hand_position(&mut self, hand: usize, x: f64, step: Option<f64>) {
+        for (binding, state) in self
+            .script
+            .hand_bindings
+            .iter()
+            .zip(&mut self.state.players.hand_states)
+        {
             if binding.hand.index == hand {
-                state.sent = Some((x, step));
+                state.sent_motion = Some((x, step));
             }
         }
     }
 
     /// Mean force on a hand of the scene over the last complete tick [N].
     pub(crate) fn hand_force(&self, hand: usize) -> f64 {
-        let hand_pairs = self.script.hand_bindings.iter().zip(&self.state.hands.hand_states);
+        let hand_pairs = self.script.hand_bindings.iter().zip(&self.state.players.hand_states);
         let hand_states = hand_pairs.filter(|(binding, _)| binding.hand.index == hand);
         hand_states.map(|(_, state)| state.mean_force).sum()
     }

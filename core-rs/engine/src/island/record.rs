@@ -5,7 +5,7 @@ const MASS_RATIO: f64 = 1e-4;
 
 /// One ergon.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Record {
+pub struct ErgonRecord {
     /// Instant of the strike [s].
     pub time: f64,
     /// The struck MAT.
@@ -20,7 +20,7 @@ pub struct Record {
     pub impulse: f64,
 }
 
-impl Record {
+impl ErgonRecord {
     /// An event ergon: v = V + p(m + M)/(2mM) (elastic collision of m and M, momentum p).
     pub(crate) fn event(time: f64, mat: usize, source: u32, struck_mass: f64, velocity: f64, impulse: f64) -> Self {
         let mass = MASS_RATIO * struck_mass;
@@ -40,19 +40,19 @@ impl Record {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FramedErgon {
     pub(crate) frame: u64,
-    pub(crate) record: Record,
+    pub(crate) record: ErgonRecord,
 }
 
 /// Ergons kept since the last `take`, if any are kept.
 #[derive(Clone, Debug)]
-pub(crate) struct Stream(Option<Vec<FramedErgon>>);
+pub(crate) struct ErgonStream(Option<Vec<FramedErgon>>);
 
-impl Stream {
-    pub(crate) fn new(kept: bool) -> Self {
-        Self(kept.then(Vec::new))
+impl ErgonStream {
+    pub(crate) fn new(is_enabled: bool) -> Self {
+        Self(is_enabled.then(Vec::new))
     }
 
-    pub(crate) fn is_kept(&self) -> bool {
+    pub(crate) fn is_recording(&self) -> bool {
         self.0.is_some()
     }
 
@@ -61,13 +61,13 @@ impl Stream {
         self.0.as_ref().map_or(0, Vec::len)
     }
 
-    pub(crate) fn push(&mut self, frame: u64, record: Record) {
+    pub(crate) fn add(&mut self, frame: u64, record: ErgonRecord) {
         if let Some(records) = &mut self.0 {
             records.push(FramedErgon { frame, record });
         }
     }
 
-    pub(crate) fn take(&mut self) -> Vec<FramedErgon> {
+    pub(crate) fn take_all(&mut self) -> Vec<FramedErgon> {
         self.0.as_mut().map(std::mem::take).unwrap_or_default()
     }
 }

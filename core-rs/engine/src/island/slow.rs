@@ -4,8 +4,8 @@
 //! Springs in space kick once every R frames; these MATs then move in a straight line from kick to kick.
 
 mod block;
-mod blocks;
-mod led;
+mod block_flow;
+mod led_port;
 mod springs;
 
 use std::sync::Arc;
@@ -13,9 +13,9 @@ use std::sync::Arc;
 use crate::kernel::is_bounded;
 use crate::network::Network;
 use crate::state::Body;
-pub(crate) use blocks::{BlockFlow, Interface, MASSES_MAX, Present, Weights, best_block};
+pub(crate) use block_flow::{BlockFlow, Interface, MASSES_MAX, PresentState, Weights, best_block_length};
 use springs::RunningSprings;
-pub(crate) use springs::Springs;
+pub(crate) use springs::SpringMethod;
 
 /// The plan of a slow body.
 #[derive(Clone, Debug)]
@@ -25,16 +25,16 @@ pub(crate) struct Slow {
     /// The part to which the whole body belongs.
     pub(crate) part: usize,
     /// Its MATs that move, by their index in the network   (n)
-    pub(crate) free: Vec<usize>,
+    pub(crate) free_mats: Vec<usize>,
     /// R, the frames of one step at its own rate.
     pub(crate) macrostep: u32,
     /// Frames from one kick to the next: 1 for linear springs, else R.
-    pub(crate) kick_every: u32,
-    pub(crate) springs: Springs,
+    pub(crate) kick_interval: u32,
+    pub(crate) springs: SpringMethod,
     /// Phase of its fastest mode from kick to kick [rad].
-    pub(crate) turn: f64,
+    pub(crate) kick_phase: f64,
     /// Positions at which linear springs balance [m]   (n)
-    pub(crate) rest: Vec<f64>,
+    pub(crate) rest_positions: Vec<f64>,
     /// Its first positions [m] and steps [m a frame]   (n)
     pub(crate) x0: Vec<f64>,
     pub(crate) v0: Vec<f64>,
@@ -43,7 +43,7 @@ pub(crate) struct Slow {
     /// MATs that other modules or hands touch: index in the body, and MAT in the island.
     pub(crate) ports: Vec<(usize, usize)>,
     /// The other MATs; and for every MAT 1 if it is one of those, 0 if it is a port   (n)
-    pub(crate) inner: Vec<usize>,
+    pub(crate) inner_mats: Vec<usize>,
     pub(crate) inner_mask: Vec<f64>,
     /// Whether it is computed as the discrete network, and not as continuous motion.
     pub(crate) is_discrete: bool,
@@ -60,51 +60,51 @@ pub(crate) struct RunningSlow {
     x: Vec<f64>,
     v: Vec<f64>,
     /// What the last kick of springs in space added to the velocities   (n)
-    kick: Vec<f64>,
+    last_kick: Vec<f64>,
     /// Positions of the ports one frame ago   (n_ports)
-    previous: Vec<f64>,
+    previous_positions: Vec<f64>,
     /// Frames since the last kick.
-    since: u32,
+    frames_since_kick: u32,
     /// Frames from the last kick to the frame at which it began.
-    first: u32,
+    start_offset: u32,
     springs: RunningSprings,
     /// Velocities that hands give its ports at the end of this frame [m a frame]   (n_ports)
     hand_velocities: Vec<f64>,
     /// Factor on all velocities at each kick.
-    damped: f64,
+    velocity_factor: f64,
 }
 
 crate::archive::state!(RunningSlow {
     x,
     v,
-    kick,
-    previous,
-    since,
-    first,
+    last_kick,
+    previous_positions,
+    frames_since_kick,
+    start_offset,
     springs,
     hand_velocities,
-    damped
+    velocity_factor
 });
 
 impl Slow {
     /// Whether its springs are linear, and pull by their exact flow.
     pub(crate) fn is_linear(&self) -> bool {
-        matches!(self.springs, Springs::Exact(_))
+        matches!(self.springs, SpringMethod::Exact(_))
     }
 
     /// The same body in the free copy of its key; `mat` gives the MATs of its ports there.
-    pub(crate) fn alone(&self, mat: impl Fn(usize) -> Option<usize>) -> Self {
+    pub(crate) fn in_free_key(&self, mat: impl Fn(usize) -> Option<usize>) -> Self {
         let ports = self.ports.iter();
         let ports: Vec<(usize, usize)> = ports
             .filter_map(|&(mat_index, island_mat)| Some((mat_index, mat(island_mat)?)))
             .collect();
         let springs = match &self.springs {
-            Springs::Exact(flow) => {
-                let interface = self.interface(&ports);
-                let n_frames = best_block(self.free.len(), ports.len());
-                Springs::Exact(Arc::new(flow.with_interface(interface, n_frames)))
+            SpringMethod::Exact(flow) => {
+                let interface = self.port_interface(&ports);
+                let n_frames = best_block_length(self.free_mats.len(), ports.len());
+                SpringMethod::Exact(Arc::new(flow.with_interface(interface, n_frames)))
             }
-            Springs::Stepped(scheme) => Springs::Stepped(scheme.clone()),
+            SpringMethod::Stepped(scheme) => SpringMethod::Stepped(scheme.clone()),
         };
         Self {
             ports,
@@ -117,11 +117,11 @@ impl Slow {
     /// The same body in blocks of one frame, without outputs.
     pub(crate) fn frame_by_frame(&self) -> Self {
         let springs = match &self.springs {
-            Springs::Exact(flow) => {
-                let interface = self.interface(&self.ports);
-                Springs::Exact(Arc::new(flow.with_interface(interface, 1)))
+            SpringMethod::Exact(flow) => {
+                let interface = self.port_interface(&self.ports);
+                SpringMethod::Exact(Arc::new(flow.with_interface(interface, 1)))
             }
-            Springs::Stepped(scheme) => Springs::Stepped(scheme.clone()),
+            SpringMethod::Stepped(scheme) => SpringMethod::Stepped(scheme.clone()),
         };
         Self {
             springs,
@@ -131,9 +131,9 @@ impl Slow {
     }
 
     /// Ports alone, without strikes.
-    fn interface(&self, ports: &[(usize, usize)]) -> Interface<'_> {
+    fn port_interface(&self, ports: &[(usize, usize)]) -> Interface<'_> {
         Interface {
-            w: &self.w,
+            inverse_masses: &self.w,
             ports: ports.iter().map(|port| (port.0, None)).collect(),
             outputs: Vec::new(),
         }
@@ -144,7 +144,7 @@ impl Slow {
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let port_indices = |slow: &Self| slow.ports.iter().map(|port| port.0).collect::<Vec<_>>();
         let mat_names = |slow: &Self| -> Vec<String> {
-            let free_mats = slow.free.iter();
+            let free_mats = slow.free_mats.iter();
             free_mats.map(|&mat| slow.network.mat_name(mat)).collect()
         };
         self.macrostep == other.macrostep
@@ -153,10 +153,10 @@ impl Slow {
     }
 
     /// The same body with positions as displacements from another motion: at rest at 0, where its springs do not pull.
-    pub(crate) fn deviation(&self) -> Self {
-        let free_count = self.free.len();
+    pub(crate) fn layer_body(&self) -> Self {
+        let free_count = self.free_mats.len();
         Self {
-            rest: vec![0.0; free_count],
+            rest_positions: vec![0.0; free_count],
             x0: vec![0.0; free_count],
             v0: vec![0.0; free_count],
             ..self.clone()
@@ -167,44 +167,44 @@ impl Slow {
 impl RunningSlow {
     /// Whether its springs are linear, and pull by their exact flow.
     pub(crate) fn is_linear(&self) -> bool {
-        self.springs.block().is_some()
+        self.springs.exact_block().is_some()
     }
 
     /// The body at frame 0, where the steps of its ports in `body` already contain all but the slow springs.
     pub(crate) fn new(plan: &Slow, body: &Body) -> Self {
-        let mut springs = plan.springs.running(plan);
-        let mut v = springs.start(plan);
+        let mut springs = plan.springs.start(plan);
+        let mut v = springs.start_velocities(plan);
         // Half a kick lies between the velocity at the start and that of the straight motion.
         let kick: Vec<f64> = difference(&v, &plan.v0).iter().map(|dv| 2.0 * dv).collect();
-        let half_share = 0.5 / f64::from(plan.kick_every);
-        let mut previous = Vec::with_capacity(plan.ports.len());
+        let half_share = 0.5 / f64::from(plan.kick_interval);
+        let mut previous_positions = Vec::with_capacity(plan.ports.len());
         let mut x = plan.x0.clone();
         for &(port, mat) in &plan.ports {
             x[port] = body.x[mat];
             v[port] += body.d[mat] - plan.v0[port];
             let curve_step = if plan.is_discrete { 0.0 } else { half_share * kick[port] };
-            previous.push(x[port] - (body.d[mat] - curve_step));
+            previous_positions.push(x[port] - (body.d[mat] - curve_step));
         }
         if let RunningSprings::Exact(spring_block) = &mut springs {
             let mat_count = x.len();
-            spring_block.state_mut()[..mat_count].copy_from_slice(&difference(&x, &plan.rest));
+            spring_block.state_mut()[..mat_count].copy_from_slice(&difference(&x, &plan.rest_positions));
             spring_block.state_mut()[mat_count..].copy_from_slice(&v);
             spring_block.begin();
         }
         Self {
-            kick: if springs.block().is_some() {
+            last_kick: if springs.exact_block().is_some() {
                 vec![0.0; x.len()]
             } else {
                 kick
             },
             x,
             v,
-            previous,
-            since: 0,
-            first: 0,
+            previous_positions,
+            frames_since_kick: 0,
+            start_offset: 0,
             springs,
             hand_velocities: vec![0.0; plan.ports.len()],
-            damped: 1.0,
+            velocity_factor: 1.0,
             plan: Arc::new(plan.clone()),
         }
     }
@@ -213,9 +213,9 @@ impl RunningSlow {
     pub(crate) fn copy_motion(&mut self, other: &Self) {
         self.x.copy_from_slice(&other.x);
         self.v.copy_from_slice(&other.v);
-        self.kick.copy_from_slice(&other.kick);
-        self.previous.copy_from_slice(&other.previous);
-        self.since = other.since;
+        self.last_kick.copy_from_slice(&other.last_kick);
+        self.previous_positions.copy_from_slice(&other.previous_positions);
+        self.frames_since_kick = other.frames_since_kick;
         if let (RunningSprings::Exact(spring_block), RunningSprings::Exact(other)) = (&mut self.springs, &other.springs)
         {
             spring_block.copy_motion(other);
@@ -223,42 +223,46 @@ impl RunningSlow {
     }
 
     /// The motion of all its MATs at this frame, for [`Self::motion`].
-    pub(crate) fn present(&self) -> Present {
-        let spring_block = self.springs.block();
-        spring_block.map_or_else(Present::default, |spring_block| spring_block.present())
+    pub(crate) fn present_state(&self) -> PresentState {
+        let spring_block = self.springs.exact_block();
+        spring_block.map_or_else(PresentState::default, |spring_block| spring_block.present_state())
     }
 
     /// Position of one of its MATs, and its step in a frame [m]; `present` is that of this frame.
-    pub(crate) fn motion(&self, present: &Present, index: usize) -> (f64, f64) {
-        if let Some(spring_block) = self.springs.block() {
+    pub(crate) fn motion(&self, present: &PresentState, index: usize) -> (f64, f64) {
+        if let Some(spring_block) = self.springs.exact_block() {
             let (displacement, step) = spring_block.motion(present, index);
-            return (self.plan.rest[index] + displacement, step);
+            return (self.plan.rest_positions[index] + displacement, step);
         }
-        let kick_per_frame = self.kick[index] / f64::from(self.plan.kick_every);
-        let frames_since = f64::from(self.since) * self.plan.inner_mask[index];
+        let kick_per_frame = self.last_kick[index] / f64::from(self.plan.kick_interval);
+        let frames_since = f64::from(self.frames_since_kick) * self.plan.inner_mask[index];
         (
             self.x[index] + frames_since * self.v[index],
-            self.v[index] - kick_per_frame * self.ahead(self.since),
+            self.v[index] - kick_per_frame * self.velocity_lead(self.frames_since_kick),
         )
     }
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
-        self.first = (n % u64::from(self.plan.kick_every)) as u32;
+        self.start_offset = (n % u64::from(self.plan.kick_interval)) as u32;
     }
 
     /// Set positions and steps of all its MATs (own, (x, step)), as if its springs had pulled at their regular frames.
-    pub(crate) fn put(&mut self, mat_motions: &[(usize, (f64, f64))]) {
+    pub(crate) fn set_motions(&mut self, mat_motions: &[(usize, (f64, f64))]) {
         for &(mat_index, (x, step)) in mat_motions {
             (self.x[mat_index], self.v[mat_index]) = (x, step);
         }
-        self.record_previous();
+        self.estimate_previous_positions();
         let Self { springs, plan, .. } = self;
         let RunningSprings::Exact(spring_block) = springs else {
-            return self.settle();
+            return self.find_last_kick();
         };
         let mat_count = self.x.len();
-        let state_pairs = spring_block.state_mut().iter_mut().zip(&self.x).zip(&plan.rest);
+        let state_pairs = spring_block
+            .state_mut()
+            .iter_mut()
+            .zip(&self.x)
+            .zip(&plan.rest_positions);
         state_pairs.for_each(|((u, x), rest)| *u = x - rest);
         spring_block.set_velocities(&self.v[..mat_count]);
         spring_block.begin();
@@ -266,18 +270,18 @@ impl RunningSlow {
     }
 
     /// Set positions and steps of its ports from MATs of a network; the other MATs stay.
-    pub(crate) fn put_ports(&mut self, body: &Body) {
+    pub(crate) fn set_motion_of_ports(&mut self, body: &Body) {
         for &(port_index, mat) in &self.plan.ports {
             (self.x[port_index], self.v[port_index]) = (body.x[mat], body.d[mat]);
         }
-        self.record_previous();
+        self.estimate_previous_positions();
         let Self { springs, plan, .. } = self;
         let RunningSprings::Exact(spring_block) = springs else {
-            return self.settle();
+            return self.find_last_kick();
         };
-        spring_block.end_here();
+        spring_block.end_at_present();
         for &(port_index, _) in &plan.ports {
-            spring_block.state_mut()[port_index] = self.x[port_index] - plan.rest[port_index];
+            spring_block.state_mut()[port_index] = self.x[port_index] - plan.rest_positions[port_index];
         }
         for &(port_index, _) in &plan.ports {
             spring_block.set_velocity(port_index, self.v[port_index]);
@@ -287,24 +291,24 @@ impl RunningSlow {
     }
 
     /// Find the positions of ports one frame ago from their steps.
-    fn record_previous(&mut self) {
-        for (&(mat, _), previous) in self.plan.ports.iter().zip(&mut self.previous) {
+    fn estimate_previous_positions(&mut self) {
+        for (&(mat, _), previous) in self.plan.ports.iter().zip(&mut self.previous_positions) {
             *previous = self.x[mat] - self.v[mat];
         }
     }
 
     /// When all MATs are set: find the kick of springs in space at their last regular frame.
-    fn settle(&mut self) {
-        self.since = self.first;
-        std::mem::swap(&mut self.v, &mut self.kick);
+    fn find_last_kick(&mut self) {
+        self.frames_since_kick = self.start_offset;
+        std::mem::swap(&mut self.v, &mut self.last_kick);
         self.spring_kick(false);
-        std::mem::swap(&mut self.v, &mut self.kick);
-        let ahead_share = self.ahead(self.since) / f64::from(self.plan.kick_every);
-        for (v, kick) in self.v.iter_mut().zip(&self.kick) {
+        std::mem::swap(&mut self.v, &mut self.last_kick);
+        let ahead_share = self.velocity_lead(self.frames_since_kick) / f64::from(self.plan.kick_interval);
+        for (v, kick) in self.v.iter_mut().zip(&self.last_kick) {
             *v += kick * ahead_share;
         }
-        for &mat_index in &self.plan.inner {
-            self.x[mat_index] -= f64::from(self.since) * self.v[mat_index];
+        for &mat_index in &self.plan.inner_mats {
+            self.x[mat_index] -= f64::from(self.frames_since_kick) * self.v[mat_index];
         }
     }
 
@@ -314,19 +318,19 @@ impl RunningSlow {
             return;
         };
         if spring_block.is_first() {
-            for ((x, rest), u) in self.x.iter_mut().zip(&plan.rest).zip(spring_block.state()) {
-                *x = rest + u;
+            for ((x, rest_position), u) in self.x.iter_mut().zip(&plan.rest_positions).zip(spring_block.state()) {
+                *x = rest_position + u;
             }
         }
         for (index, &(port, _)) in plan.ports.iter().enumerate() {
-            self.x[port] = plan.rest[port] + spring_block.position(index);
+            self.x[port] = plan.rest_positions[port] + spring_block.position(index);
             self.v[port] = spring_block.velocity(index);
         }
     }
 
     /// Number of frames between two kicks.
-    pub(crate) fn kick_every(&self) -> u32 {
-        self.plan.kick_every
+    pub(crate) fn kick_interval(&self) -> u32 {
+        self.plan.kick_interval
     }
 
     /// For a body at rest: advance by `frames`, which may be negative.
@@ -334,38 +338,42 @@ impl RunningSlow {
         if let RunningSprings::Exact(spring_block) = &mut self.springs {
             return spring_block.shift_frames(frames);
         }
-        let frames_since = i64::from(self.since) + frames;
-        self.since = frames_since.rem_euclid(i64::from(self.kick_every())) as u32;
+        let frames_since = i64::from(self.frames_since_kick) + frames;
+        self.frames_since_kick = frames_since.rem_euclid(i64::from(self.kick_interval())) as u32;
     }
 
     /// Make its motion decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, decay_factor: f64) {
-        let spring_block = self.springs.block();
-        let block_frames = spring_block.map_or(self.plan.kick_every, |spring_block| spring_block.n_frames());
-        self.damped = (0..2 * block_frames).fold(1.0, |block_factor, _| block_factor * decay_factor);
+        let spring_block = self.springs.exact_block();
+        let block_frames = spring_block.map_or(self.plan.kick_interval, |spring_block| spring_block.n_frames());
+        self.velocity_factor = (0..2 * block_frames).fold(1.0, |block_factor, _| block_factor * decay_factor);
     }
 
     /// Take over the state of an equal body.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
-        let damped = self.damped;
+        let velocity_factor = self.velocity_factor;
         std::mem::swap(self, old);
         std::mem::swap(&mut self.plan, &mut old.plan);
         std::mem::swap(&mut self.springs, &mut old.springs);
-        self.damped = damped;
-        // After the swap, the old springs stand in `old` where the new ones were.
-        let (RunningSprings::Exact(spring_block), RunningSprings::Exact(before)) =
+        self.velocity_factor = velocity_factor;
+        // After the swap, `old` holds the old springs again.
+        let (RunningSprings::Exact(spring_block), RunningSprings::Exact(old_block)) =
             (&mut self.springs, &mut old.springs)
         else {
             return;
         };
-        if spring_block.is_alike(before) && self.plan.rest == old.plan.rest {
-            return spring_block.copy_motion(before);
+        if spring_block.has_same_numbers(old_block) && self.plan.rest_positions == old.plan.rest_positions {
+            return spring_block.copy_motion(old_block);
         }
-        before.end_here();
+        old_block.end_at_present();
         let block_state = spring_block.state_mut();
-        block_state.copy_from_slice(before.state());
-        for ((u, before), rest) in block_state.iter_mut().zip(&old.plan.rest).zip(&self.plan.rest) {
-            *u += before - rest;
+        block_state.copy_from_slice(old_block.state());
+        for ((u, old_rest_position), rest) in block_state
+            .iter_mut()
+            .zip(&old.plan.rest_positions)
+            .zip(&self.plan.rest_positions)
+        {
+            *u += old_rest_position - rest;
         }
         spring_block.begin();
         self.read_block();
@@ -373,12 +381,12 @@ impl RunningSlow {
 
     /// Add its outputs now to `out` (n_out).
     pub(crate) fn add_outputs(&self, out: &mut [f64]) {
-        let frames_since = f64::from(self.since);
+        let frames_since = f64::from(self.frames_since_kick);
         for (index, (output, row)) in self.plan.outputs.iter().enumerate() {
-            if let Some(spring_block) = self.springs.block() {
+            if let Some(spring_block) = self.springs.exact_block() {
                 let rest_terms = row
                     .iter()
-                    .map(|&(mat_index, weight)| weight * self.plan.rest[mat_index]);
+                    .map(|&(mat_index, weight)| weight * self.plan.rest_positions[mat_index]);
                 out[*output as usize] += rest_terms.sum::<f64>() + spring_block.output(index);
                 continue;
             }
@@ -390,8 +398,8 @@ impl RunningSlow {
     }
 
     /// Set positions, steps and free motion of the ports in the island.
-    pub(crate) fn place(&self, body: &mut Body) {
-        for (&(port, mat), previous) in self.plan.ports.iter().zip(&self.previous) {
+    pub(crate) fn set_ports(&self, body: &mut Body) {
+        for (&(port, mat), previous) in self.plan.ports.iter().zip(&self.previous_positions) {
             let port_step = self.x[port] - previous;
             body.x[mat] = self.x[port];
             body.d[mat] = port_step;
@@ -400,10 +408,10 @@ impl RunningSlow {
     }
 
     /// Take note of a strike on a MAT of the island in this frame [N]: linear springs answer it from its instant on.
-    pub(crate) fn strike(&mut self, mat: usize, force: f64) {
+    pub(crate) fn note_strike(&mut self, mat: usize, force: f64) {
         let port = self.plan.ports.iter().position(|port| port.1 == mat);
         if let (Some(port), RunningSprings::Exact(spring_block)) = (port, &mut self.springs) {
-            spring_block.strike(port, force);
+            spring_block.note_strike(port, force);
         }
     }
 
@@ -416,7 +424,7 @@ impl RunningSlow {
             }
             return self.step_flow();
         }
-        for (&(port, mat), previous) in plan.ports.iter().zip(&mut self.previous) {
+        for (&(port, mat), previous) in plan.ports.iter().zip(&mut self.previous_positions) {
             *previous = self.x[port];
             self.v[port] += plan.w[port] * force[mat];
             self.x[port] += self.v[port];
@@ -424,22 +432,22 @@ impl RunningSlow {
         for (&(port, _), hand_velocity) in plan.ports.iter().zip(&mut self.hand_velocities) {
             self.v[port] += std::mem::take(hand_velocity);
         }
-        self.since += 1;
-        let kick_frames = plan.kick_every;
-        if !(n + 1).is_multiple_of(u64::from(kick_frames)) {
+        self.frames_since_kick += 1;
+        let kick_interval = plan.kick_interval;
+        if !(n + 1).is_multiple_of(u64::from(kick_interval)) {
             return;
         }
-        for &mat in &plan.inner {
+        for &mat in &plan.inner_mats {
             // The frames since the last kick: the first interval may be shorter.
-            self.x[mat] += f64::from(self.since) * self.v[mat];
+            self.x[mat] += f64::from(self.frames_since_kick) * self.v[mat];
         }
-        self.since = 0;
-        if self.damped < 1.0 {
-            self.v.iter_mut().for_each(|v| *v *= self.damped);
+        self.frames_since_kick = 0;
+        if self.velocity_factor < 1.0 {
+            self.v.iter_mut().for_each(|v| *v *= self.velocity_factor);
         }
-        self.kick.copy_from_slice(&self.v);
+        self.last_kick.copy_from_slice(&self.v);
         self.spring_kick(true);
-        for (kick, v) in self.kick.iter_mut().zip(&self.v) {
+        for (kick, v) in self.last_kick.iter_mut().zip(&self.v) {
             *kick = v - *kick;
         }
     }
@@ -450,40 +458,40 @@ impl RunningSlow {
         let RunningSprings::Exact(spring_block) = &mut self.springs else {
             return;
         };
-        for (&(port, _), previous) in self.plan.ports.iter().zip(&mut self.previous) {
+        for (&(port, _), previous) in self.plan.ports.iter().zip(&mut self.previous_positions) {
             *previous = self.x[port];
         }
-        spring_block.step(self.damped);
+        spring_block.step(self.velocity_factor);
         self.read_block();
     }
 
     /// Set velocities to those after springs in space pull at the present positions, from those in `kick`, or from
     /// rest.
     fn spring_kick(&mut self, is_moving: bool) {
-        let velocities_before = is_moving.then_some(&self.kick[..]);
+        let velocities_before = is_moving.then_some(&self.last_kick[..]);
         if let RunningSprings::Stepped(stepped) = &mut self.springs {
-            stepped.pull(&self.plan, &self.x, velocities_before, &mut self.v);
+            stepped.velocities_after_pull(&self.plan, &self.x, velocities_before, &mut self.v);
         }
     }
 
     /// Number of state variables at the beginning of a block.
     pub(crate) fn n_state(&self) -> usize {
-        2 * self.x.len() + self.previous.len()
+        2 * self.x.len() + self.previous_positions.len()
     }
 
     /// Visit each of these variables.
-    pub(crate) fn each(&mut self, visit: &mut impl FnMut(&mut f64)) {
+    pub(crate) fn visit_state(&mut self, visit: &mut impl FnMut(&mut f64)) {
         if let RunningSprings::Exact(spring_block) = &mut self.springs {
             spring_block.state_mut().iter_mut().for_each(&mut *visit);
             spring_block.begin();
         }
-        self.previous.iter_mut().for_each(visit);
+        self.previous_positions.iter_mut().for_each(visit);
         self.read_block();
     }
 
     /// Set all displacements to 0, and each velocity to a random one, scaled to equal energy.
     pub(crate) fn randomise(&mut self, mut random: impl FnMut() -> f64) {
-        self.previous.fill(0.0);
+        self.previous_positions.fill(0.0);
         if let RunningSprings::Exact(spring_block) = &mut self.springs {
             let (u, v) = spring_block.state_mut().split_at_mut(self.plan.w.len());
             u.fill(0.0);
@@ -497,8 +505,8 @@ impl RunningSlow {
 
     /// Energy of linear springs and their masses at the beginning of the block [in units of a frame]; infinite if its
     /// springs are not linear.
-    pub(crate) fn energy(&self) -> f64 {
-        let spring_block = self.springs.block();
+    pub(crate) fn spring_energy(&self) -> f64 {
+        let spring_block = self.springs.exact_block();
         spring_block.map_or(f64::INFINITY, |spring_block| spring_block.energy(&self.plan.w))
     }
 
@@ -518,16 +526,16 @@ impl RunningSlow {
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.
-    pub(crate) fn diverged(&self) -> Option<(String, usize)> {
+    pub(crate) fn diverged_mat(&self) -> Option<(String, usize)> {
         let mat_index = self.x.iter().position(|&x| !is_bounded(x))?;
-        let mat_name = self.plan.network.mat_name(self.plan.free[mat_index]);
+        let mat_name = self.plan.network.mat_name(self.plan.free_mats[mat_index]);
         Some((mat_name, self.plan.part))
     }
 
     /// Whether all positions are finite and plausible.
     pub(crate) fn is_bounded(&self) -> bool {
         // Between the beginnings of two blocks only ports are known.
-        let is_partial = self.springs.block().is_some_and(|block| !block.is_first());
+        let is_partial = self.springs.exact_block().is_some_and(|block| !block.is_first());
         if is_partial {
             let mut ports = self.plan.ports.iter();
             return ports.all(|&(port, _)| is_bounded(self.x[port]));

@@ -1,61 +1,63 @@
-//! Inputs in an island: samples of a sound card tick by tick, or values that are told; before any arrive, those of a
-//! file.
+//! Inputs in an island: samples of a sound card tick by tick, or single values to which an input glides. Before any
+//! arrive, an input plays its file.
 
 use crate::state::{Body, Target};
 use crate::timeline::{Drive, DriveKind, DriveSource, InputSource, SoundIn};
 
 /// Most frames that are handed over at once.
-pub(crate) const FRAMES_MAX: usize = 4_096;
+pub(crate) const INPUT_FRAMES_MAX: usize = 4_096;
 
 /// A MAT that an input moves or pushes.
 #[derive(Clone, Debug)]
 pub(super) struct SoundDrive {
     pub(super) mat: usize,
     kind: DriveKind,
-    sound: SoundIn,
+    input: SoundIn,
     scale: f64,
     /// Steps in a frame of the score.
-    steps: u64,
+    steps_per_frame: u64,
 }
 
 /// What an input received.
 #[derive(Clone, Debug)]
-pub(super) enum Played {
+pub(super) enum InputSignal {
     /// Samples of a sound card.
     Samples(Samples),
-    /// The ramp to the last value that was told; `None`: none was.
+    /// The ramp to the last value that was set; `None`: none was.
     Ramp(Option<Ramp>),
 }
 
-impl Played {
+impl InputSignal {
     /// The value at a frame of the score [m or N].
     fn value(&self, frame: u64, sound: &SoundIn) -> f64 {
         match self {
             Self::Samples(samples) => samples.value(frame, sound),
-            Self::Ramp(Some(ramp)) if frame + 1 >= ramp.start => sound.settings.gained_and_clamped(ramp.value(frame)),
+            Self::Ramp(Some(ramp)) if frame + 1 >= ramp.start_frame => {
+                sound.settings.gained_and_clamped(ramp.value(frame))
+            }
             Self::Ramp(_) => sound.value(frame),
         }
     }
 }
 
-/// A linear ramp of an input to a value that was told, full scale 1.
+/// A linear ramp of an input to a value, full scale 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ramp {
-    from: f64,
-    to: f64,
+    start_value: f64,
+    stop_value: f64,
     /// First frame of the ramp, and its number of frames.
-    start: u64,
-    length: u64,
+    start_frame: u64,
+    length_frames: u64,
 }
 
 impl Ramp {
     /// The value at a frame, which is at the earliest the one before `start`.
     fn value(&self, frame: u64) -> f64 {
-        let frames_done = frame + 1 - self.start;
-        if frames_done >= self.length {
-            return self.to;
+        let frames_done = frame + 1 - self.start_frame;
+        if frames_done >= self.length_frames {
+            return self.stop_value;
         }
-        self.from + (self.to - self.from) * (frames_done as f64 / self.length as f64)
+        self.start_value + (self.stop_value - self.start_value) * (frames_done as f64 / self.length_frames as f64)
     }
 }
 
@@ -63,48 +65,51 @@ impl Ramp {
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
     /// Frame of the score of the first sample; `None`: no samples have arrived.
-    from: Option<u64>,
+    first_frame: Option<u64>,
     /// The value in the frame before `from`.
-    before: f64,
-    n: usize,
+    value_before: f64,
+    sample_count: usize,
     /// (FRAMES_MAX), of which the first `n` are valid.
     values: Box<[f64]>,
 }
 
 impl Samples {
     fn value(&self, frame: u64, sound: &SoundIn) -> f64 {
-        match self.from {
+        match self.first_frame {
             Some(first_frame) if frame >= first_frame => {
                 let sample_index = usize::try_from(frame - first_frame).unwrap_or(usize::MAX);
-                self.values[..self.n].get(sample_index).copied().unwrap_or(0.0)
+                self.values[..self.sample_count]
+                    .get(sample_index)
+                    .copied()
+                    .unwrap_or(0.0)
             }
-            Some(first_frame) if frame + 1 == first_frame => self.before,
+            Some(first_frame) if frame + 1 == first_frame => self.value_before,
             _ => sound.value(frame),
         }
     }
 }
 
 /// The MATs that inputs drive, each with an input that has received nothing.
-pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
+pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<InputSignal>) {
     let sound_drive = |drive: &Drive| match &drive.source {
         DriveSource::SoundIn { sound, scale, steps } => Some(SoundDrive {
             mat: drive.mat,
             kind: drive.kind,
-            sound: sound.clone(),
+            input: sound.clone(),
             scale: *scale,
-            steps: u64::from(*steps),
+            steps_per_frame: u64::from(*steps),
         }),
         _ => None,
     };
     let all_drives: Vec<SoundDrive> = drives.iter().filter_map(sound_drive).collect();
-    let new_input = |drive: &SoundDrive| match drive.sound.settings.source {
-        InputSource::Channel(_) => Played::Samples(Samples {
-            from: None,
-            before: 0.0,
-            n: 0,
-            values: vec![0.0; FRAMES_MAX].into(),
+    let new_input = |drive: &SoundDrive| match drive.input.settings.source {
+        InputSource::Channel(_) => InputSignal::Samples(Samples {
+            first_frame: None,
+            value_before: 0.0,
+            sample_count: 0,
+            values: vec![0.0; INPUT_FRAMES_MAX].into(),
         }),
-        InputSource::Value { .. } => Played::Ramp(None),
+        InputSource::Value { .. } => InputSignal::Ramp(None),
     };
     let played = all_drives.iter().map(new_input).collect();
     (all_drives, played)
@@ -113,22 +118,28 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
 /// Add the forces of step `n`, and impose the positions at its end.
 ///
 /// Between frames of the score a force is held, and a position moves linearly.
-pub(super) fn apply(drives: &[SoundDrive], played: &[Played], n: u64, body: &mut Body, targets: &mut Vec<Target>) {
-    for (drive, played) in drives.iter().zip(played) {
-        let score_frame = n / drive.steps;
-        let value_now = played.value(score_frame, &drive.sound);
+pub(super) fn apply_inputs(
+    drives: &[SoundDrive],
+    input_signals: &[InputSignal],
+    n: u64,
+    body: &mut Body,
+    targets: &mut Vec<Target>,
+) {
+    for (drive, played) in drives.iter().zip(input_signals) {
+        let score_frame = n / drive.steps_per_frame;
+        let value_now = played.value(score_frame, &drive.input);
         if drive.kind == DriveKind::Force {
             body.push(drive.mat, drive.scale * value_now);
             continue;
         }
-        let steps_done = n % drive.steps + 1;
-        let ramped_value = if steps_done == drive.steps {
+        let steps_done = n % drive.steps_per_frame + 1;
+        let ramped_value = if steps_done == drive.steps_per_frame {
             value_now
         } else {
             let value_before = score_frame
                 .checked_sub(1)
-                .map_or(0.0, |score_frame| played.value(score_frame, &drive.sound));
-            value_before + (value_now - value_before) * (steps_done as f64 / drive.steps as f64)
+                .map_or(0.0, |score_frame| played.value(score_frame, &drive.input));
+            value_before + (value_now - value_before) * (steps_done as f64 / drive.steps_per_frame as f64)
         };
         targets.push(Target {
             mat: drive.mat,
@@ -141,21 +152,26 @@ pub(super) fn apply(drives: &[SoundDrive], played: &[Played], n: u64, body: &mut
 impl super::Island {
     /// Take the values of an input for the frames of the score from `first_frame` on [m or N]; `value_before` is the
     /// value in the frame before.
-    pub(crate) fn hear(&mut self, index: usize, first_frame: u64, value_before: f64, values: &[f64]) {
-        let input_pairs = self.script.sound_drives.iter().zip(&mut self.state.hands.played);
-        for (_, played) in input_pairs.filter(|(drive, _)| drive.sound.index == index) {
-            let Played::Samples(samples) = played else {
+    pub(crate) fn receive_samples(&mut self, index: usize, first_frame: u64, value_before: f64, values: &[f64]) {
+        let input_pairs = self
+            .script
+            .sound_drives
+            .iter()
+            .zip(&mut self.state.players.input_signals);
+        for (_, played) in input_pairs.filter(|(drive, _)| drive.input.index == index) {
+            let InputSignal::Samples(samples) = played else {
                 continue;
             };
-            let sample_count = values.len().min(FRAMES_MAX);
+            let sample_count = values.len().min(INPUT_FRAMES_MAX);
             samples.values[..sample_count].copy_from_slice(&values[..sample_count]);
-            (samples.from, samples.before, samples.n) = (Some(first_frame), value_before, sample_count);
+            (samples.first_frame, samples.value_before, samples.sample_count) =
+                (Some(first_frame), value_before, sample_count);
         }
     }
 
     /// Let the input `number` ramp to `value` (full scale 1) from frame `start` of the score on; false if it is not in
     /// this island.
-    pub(crate) fn set_input(&mut self, number: u64, start: u64, value: f64) -> bool {
+    pub(crate) fn set_input(&mut self, number: u64, start_frame: u64, value: f64) -> bool {
         let mut has_input = false;
         for (sound, ramp) in self.value_inputs(number) {
             let clamp_limit = sound.settings.clamp_start();
@@ -164,10 +180,10 @@ impl super::Island {
                 None => sound.value(frame) / sound.settings.gain,
             };
             *ramp = Some(Ramp {
-                from: start.checked_sub(1).map_or(0.0, value_before),
-                to: value.clamp(-clamp_limit, clamp_limit),
-                start,
-                length: sound.glide_frames,
+                start_value: start_frame.checked_sub(1).map_or(0.0, value_before),
+                stop_value: value.clamp(-clamp_limit, clamp_limit),
+                start_frame,
+                length_frames: sound.glide_frames,
             });
             has_input = true;
         }
@@ -176,23 +192,27 @@ impl super::Island {
 
     /// The inputs with this number, and their ramps.
     fn value_inputs(&mut self, number: u64) -> impl Iterator<Item = (&SoundIn, &mut Option<Ramp>)> {
-        let input_pairs = self.script.sound_drives.iter().zip(&mut self.state.hands.played);
-        input_pairs.filter_map(move |(drive, played)| match (drive.sound.settings.source, played) {
+        let input_pairs = self
+            .script
+            .sound_drives
+            .iter()
+            .zip(&mut self.state.players.input_signals);
+        input_pairs.filter_map(move |(drive, played)| match (drive.input.settings.source, played) {
             (
                 InputSource::Value {
                     number: input_number, ..
                 },
-                Played::Ramp(ramp),
-            ) if input_number == number => Some((&drive.sound, ramp)),
+                InputSignal::Ramp(ramp),
+            ) if input_number == number => Some((&drive.input, ramp)),
             _ => None,
         })
     }
 
-    /// The ramps of inputs that were told a value, with their numbers.
+    /// The ramps of inputs whose value was set, with their numbers.
     pub(crate) fn input_ramps(&self) -> impl Iterator<Item = (u64, Ramp)> {
-        let input_pairs = self.script.sound_drives.iter().zip(&self.state.hands.played);
-        input_pairs.filter_map(|(drive, played)| match (drive.sound.settings.source, played) {
-            (InputSource::Value { number, .. }, Played::Ramp(Some(ramp))) => Some((number, *ramp)),
+        let input_pairs = self.script.sound_drives.iter().zip(&self.state.players.input_signals);
+        input_pairs.filter_map(|(drive, played)| match (drive.input.settings.source, played) {
+            (InputSource::Value { number, .. }, InputSignal::Ramp(Some(ramp))) => Some((number, *ramp)),
             _ => None,
         })
     }

@@ -1,27 +1,19 @@
 //! One step of an island, in phases whose order is the physics:
 //!
-//! | phase     | reads                                             | writes
-//! |
-//! |-----------|---------------------------------------------------|---------------------------------------------------|
-//! | `values`  | glides, leads, gates, hands at frame n            | scheme of the frame, open gates, imposed positions
-//! |
-//! | `pull`    | x, d                                              | forces of links and of all that is imposed
-//! |
-//! | `strike`  | forces without hands                              | ergons and pushes, as forces
-//! |
-//! | `press`   | forces that are complete but for contacts         | forces of exact and fine contacts, of friction
-//! |
-//! | `observe` | complete forces, x, d                             | outputs, what hands feel, accounts
-//! |
-//! | `advance` | complete forces                                   | x, d of frame n + 1; a frame in finer steps
-//! |
-//! | `account` | x, d of frame n + 1                               | ledger, frame
-//! |
+//! | phase            | reads                                         | writes                                      |
+//! |------------------|-----------------------------------------------|---------------------------------------------|
+//! | `set_inputs`     | glides, leads, gates, real hands at frame n   | scheme of the frame, gates, imposed motions |
+//! | `apply_links`    | x, d                                          | forces of links, drives and inputs          |
+//! | `apply_strikes`  | forces without written hands                  | ergons and pushes, as forces                |
+//! | `solve_contacts` | all forces but those of contacts and friction | forces of contacts and friction             |
+//! | `observe`        | all forces, x, d                              | outputs, forces on hands, energy accounts   |
+//! | `advance`        | all forces                                    | x, d of frame n + 1; a frame in finer steps |
+//! | `account`        | x, d of frame n + 1                           | ledger                                      |
 //!
-//! Each phase takes what only the phase before it makes, so that no other order compiles. A step does not allocate (but
-//! for a recorded stream of ergons), lock or panic.
+//! Each phase takes a value that only the phase before it returns, so no other order compiles. A step does not lock or
+//! panic, and it allocates only to record ergons.
 
-use super::phases::{Frame, set_values};
+use super::phases::{Frame, set_inputs};
 use super::{Fault, Island, energy_account};
 use crate::interrupt;
 use crate::kernel::thread_team::ThreadTeam;
@@ -34,7 +26,7 @@ const POLL_MODULES: usize = 1 << 17;
 /// Output buffer of the steps of a frame; only the first step of a frame is heard.
 pub(super) struct StepOutputs<'a> {
     /// (n_frames · n_out)
-    out: &'a mut [f64],
+    outputs: &'a mut [f64],
     n_out: usize,
     oversampling: usize,
 }
@@ -43,7 +35,7 @@ impl StepOutputs<'_> {
     /// The output row of a step, counted from the first step of the first frame, if the step is heard.
     pub(super) fn row(&mut self, step: usize) -> Option<&mut [f64]> {
         let is_heard = step.is_multiple_of(self.oversampling);
-        is_heard.then(|| &mut self.out[step / self.oversampling * self.n_out..][..self.n_out])
+        is_heard.then(|| &mut self.outputs[step / self.oversampling * self.n_out..][..self.n_out])
     }
 }
 
@@ -51,12 +43,12 @@ impl Island {
     /// Compute `n_frames` frames, as [`Island::process`] plays them.
     pub(crate) fn compute(&mut self, out: &mut [f64], n_frames: usize, team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
         let mut outputs = StepOutputs {
-            out,
+            outputs: out,
             n_out: self.n_out(),
             oversampling: self.oversampling as usize,
         };
-        let (step_count, may_coast) = (n_frames * outputs.oversampling, self.may_coast());
-        let may_skip_events = self.may_skip_events();
+        let (step_count, may_coast) = (n_frames * outputs.oversampling, self.can_coast());
+        let may_skip_events = self.can_skip_events();
         let (mut steps_done, mut poll_at) = (0, 0);
         let module_count = self.script.scheme.n_mat() + self.script.scheme.n_lia;
         let poll_interval = (POLL_MODULES / module_count.max(1)).clamp(1, POLL_STEPS);
@@ -66,7 +58,7 @@ impl Island {
                 poll_at = steps_done + poll_interval;
             }
             if may_coast {
-                steps_done += self.coast(&mut outputs, steps_done, step_count)?;
+                steps_done += self.coast(&mut outputs, steps_done..step_count)?;
             }
             if may_skip_events {
                 let skip_span = (steps_done, step_count.min(steps_done + poll_interval));
@@ -85,31 +77,31 @@ impl Island {
     }
 
     /// One step.
-    fn step(&mut self, out: Option<&mut [f64]>, team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
+    fn step(&mut self, outputs: Option<&mut [f64]>, team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let n = state.frame;
-        let mut changed = state.values.scheme.take();
-        set_values(script, state, changed.as_deref_mut(), n);
+        let mut changing_scheme = state.parameters.changing_scheme.take();
+        set_inputs(script, state, changing_scheme.as_deref_mut(), n);
         let mut frame = Frame {
             n,
             script,
-            scheme: changed.as_deref().unwrap_or(&script.scheme),
+            scheme: changing_scheme.as_deref().unwrap_or(&script.scheme),
             state,
             team,
         };
-        let pulled = frame.apply_links();
-        let struck = frame.strike(pulled);
-        let complete = frame.solve_contacts(struck);
-        frame.observe(&complete, out);
-        let moved = frame.advance(complete);
+        let links_applied = frame.apply_links();
+        let strikes_applied = frame.apply_strikes(links_applied);
+        let forces_complete = frame.solve_contacts(strikes_applied);
+        frame.observe(&forces_complete, outputs);
+        let moved = frame.advance(forces_complete);
         frame.account(&moved);
-        state.values.scheme = changed;
+        state.parameters.changing_scheme = changing_scheme;
         state.frame += 1;
         if !moved.is_plausible {
-            return self.fault();
+            return self.handle_fault();
         }
         if n.is_multiple_of(energy_account::CHECK_STEPS) {
-            return self.check_gains();
+            return self.check_energy_gains();
         }
         Ok(())
     }

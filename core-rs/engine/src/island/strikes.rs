@@ -1,33 +1,37 @@
 //! Pushes and ergons of a timeline.
 
-use super::{Matter, Record, Script, State};
+use super::{ErgonRecord, Matter, Script, State};
 use crate::kernel;
 use crate::scheme::Scheme;
 
 /// Applies the pushes and ergons that fall on frame `n`.
-pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64) {
+pub(super) fn apply_pushes_and_ergons(script: &Script, scheme: &Scheme, state: &mut State, n: u64) {
     let time_step = 1.0 / scheme.rate;
-    let State { matter, hands, .. } = state;
+    let State { matter, players, .. } = state;
     let Matter { body, bodies, .. } = matter;
-    while let Some(due_push) = script.pushes.get(hands.pushed).filter(|due_push| due_push.frame <= n) {
-        hands.pushed += 1;
+    while let Some(due_push) = script
+        .pushes
+        .get(players.next_push)
+        .filter(|due_push| due_push.frame <= n)
+    {
+        players.next_push += 1;
         let mat = due_push.mat as usize;
         if scheme.w[mat] == 0.0 {
             continue; // the part was muted
         }
-        if due_push.impulse != 0.0 && hands.stream.is_kept() {
+        if due_push.impulse != 0.0 && players.ergon_stream.is_recording() {
             let velocity = kernel::centred_velocity(scheme, body, mat);
             let mass = time_step * time_step / scheme.w[mat];
-            hands.stream.push(
+            players.ergon_stream.add(
                 n,
-                Record::event(due_push.instant, mat, due_push.source, mass, velocity, due_push.impulse),
+                ErgonRecord::event(due_push.instant, mat, due_push.source, mass, velocity, due_push.impulse),
             );
         }
         body.push(mat, due_push.force);
         bodies.iter_mut().for_each(|body| body.note_strike(mat, due_push.force));
     }
-    while let Some((_, due_ergon)) = script.ergons.get(hands.ergons).filter(|(frame, _)| *frame <= n) {
-        hands.ergons += 1;
+    while let Some((_, due_ergon)) = script.ergons.get(players.next_ergon).filter(|(frame, _)| *frame <= n) {
+        players.next_ergon += 1;
         let mat = due_ergon.mat as usize;
         if scheme.w[mat] == 0.0 {
             continue;
@@ -42,9 +46,9 @@ pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64
         body.push(mat, ergon_force);
         bodies.iter_mut().for_each(|body| body.note_strike(mat, ergon_force));
         let (mass, speed, source) = (due_ergon.mass, due_ergon.speed, due_ergon.source);
-        hands.stream.push(
+        players.ergon_stream.add(
             n,
-            Record {
+            ErgonRecord {
                 time: n as f64 / scheme.rate,
                 mat: due_ergon.mat,
                 source,

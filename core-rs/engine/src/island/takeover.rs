@@ -31,16 +31,20 @@ pub(crate) enum ItemTakeover {
 impl State {
     /// The memory of a link [m]; infinite if the link is broken.
     pub(super) fn memory_of(&self, link: usize) -> f64 {
-        let fine = self.matter.fine.as_ref().and_then(|fine| fine.bristle_deflection(link));
-        let stepped = self.matter.body.memory.get(link).copied();
-        fine.or(stepped).unwrap_or(0.0)
+        let bristle_deflection = self
+            .matter
+            .fine_links
+            .as_ref()
+            .and_then(|fine_links| fine_links.bristle_deflection(link));
+        let stepped_memory = self.matter.body.memory.get(link).copied();
+        bristle_deflection.or(stepped_memory).unwrap_or(0.0)
     }
 
     fn set_memory(&mut self, link: usize, memory: f64) {
         if let Some(link_memory) = self.matter.body.memory.get_mut(link) {
             *link_memory = memory;
         }
-        if let Some(fine_state) = &mut self.matter.fine {
+        if let Some(fine_state) = &mut self.matter.fine_links {
             fine_state.set_bristle_deflection(link, memory);
         }
     }
@@ -48,14 +52,14 @@ impl State {
 
 impl Island {
     /// Begin at a frame of the scene instead of 0: events before it are skipped.
-    pub(crate) fn seek(&mut self, frame_of_scene: u64) {
-        let start_step = self.step_at(frame_of_scene);
+    pub(crate) fn seek(&mut self, scene_frame: u64) {
+        let start_step = self.step_at(scene_frame);
         let (script, state) = (&*self.script, &mut self.state);
         let step_rate = script.scheme.rate;
         state.frame = start_step;
-        state.hands.pushed = script.pushes.partition_point(|push| push.frame < start_step);
-        state.hands.ergons = script.ergons.partition_point(|(frame, _)| *frame < start_step);
-        for (voice, voice_script) in state.hands.voices.iter_mut().zip(&script.voices) {
+        state.players.next_push = script.pushes.partition_point(|push| push.frame < start_step);
+        state.players.next_ergon = script.ergons.partition_point(|(frame, _)| *frame < start_step);
+        for (voice, voice_script) in state.players.voices.iter_mut().zip(&script.voices) {
             voice.seek(voice_script, &script.gestures, start_step);
         }
         for body in &mut state.matter.bodies {
@@ -68,22 +72,22 @@ impl Island {
                 state.matter.body.d[drive.mat] = path_position - drive.value(start_step - 1, step_rate);
             }
         }
-        super::real_hands::seek(&script.hand_bindings, &mut state.hands.hand_states, start_step);
-        self.begin_again();
+        super::real_hands::seek(&script.hand_bindings, &mut state.players.hand_states, start_step);
+        self.resume_computing();
     }
 
     /// Take over, to the last bit, the state of an island of the same network and bodies with the same number of steps
     /// a frame.
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
-        self.begin_again();
-        if old.n_muted() > 0 {
+        self.resume_computing();
+        if old.n_muted_parts() > 0 {
             // Muted parts were removed from the old island's lists, so only positions and steps are sure to match.
             self.state.matter.body.x.copy_from_slice(&old.state.matter.body.x);
             self.state.matter.body.d.copy_from_slice(&old.state.matter.body.d);
-            if let Some(guard) = &mut self.state.watch.guard {
+            if let Some(guard) = &mut self.state.monitors.guard {
                 guard.reset();
             }
-            self.place();
+            self.set_ports();
             return;
         }
         let (matter, old_matter) = (&mut self.state.matter, &mut old.state.matter);
@@ -97,47 +101,52 @@ impl Island {
         for (running_body, old_running) in matter.bodies.iter_mut().zip(&mut old_matter.bodies) {
             running_body.continue_from(old_running);
         }
-        if let (Some(fine), Some(old_fine)) = (&mut matter.fine, &mut old_matter.fine) {
+        if let (Some(fine), Some(old_fine)) = (&mut matter.fine_links, &mut old_matter.fine_links) {
             fine.continue_from(old_fine);
         }
-        let (watch, old_watch) = (&mut self.state.watch, &mut old.state.watch);
-        watch.mutes.continue_from(&old_watch.mutes);
+        let (watch, old_watch) = (&mut self.state.monitors, &mut old.state.monitors);
+        watch.muted_parts.continue_from(&old_watch.muted_parts);
         std::mem::swap(&mut watch.guard, &mut old_watch.guard);
-        std::mem::swap(&mut self.state.hands.stream, &mut old.state.hands.stream);
+        std::mem::swap(
+            &mut self.state.players.ergon_stream,
+            &mut old.state.players.ergon_stream,
+        );
         if watch.ledger.is_some() && old_watch.ledger.is_some() {
             std::mem::swap(&mut watch.ledger, &mut old_watch.ledger);
         }
-        if self.quiet.is_some() && old.quiet.is_some() {
-            std::mem::swap(&mut self.quiet, &mut old.quiet);
-            self.begin_again();
+        if self.sleep_monitor.is_some() && old.sleep_monitor.is_some() {
+            std::mem::swap(&mut self.sleep_monitor, &mut old.sleep_monitor);
+            self.resume_computing();
         }
     }
 
     /// Take the state of one item over from an island of another version.
     pub(crate) fn take_over(&mut self, item: &ItemTakeover, old: &mut Self) {
-        self.begin_again();
-        let is_whole = old.n_muted() == 0;
+        self.resume_computing();
+        let has_all_parts = old.n_muted_parts() == 0;
         match *item {
-            ItemTakeover::Voice(ref takeover) if is_whole => {
+            ItemTakeover::Voice(ref takeover) if has_all_parts => {
                 let script = &self.script;
-                let voice = &mut self.state.hands.voices[takeover.to];
+                let voice = &mut self.state.players.voices[takeover.new_voice];
                 let (old_voice, old_script) = (
-                    &mut old.state.hands.voices[takeover.from],
-                    &old.script.voices[takeover.from],
+                    &mut old.state.players.voices[takeover.old_voice],
+                    &old.script.voices[takeover.old_voice],
                 );
-                voice.continue_from(&script.voices[takeover.to], old_voice, old_script, takeover);
+                voice.continue_from(&script.voices[takeover.new_voice], old_voice, old_script, takeover);
             }
-            ItemTakeover::Gate(from, to) => {
+            ItemTakeover::Gate(old_index, new_index) => {
                 let island_step = self.state.frame;
-                let new_gate = &self.script.gates[to];
+                let new_gate = &self.script.gates[new_index];
                 let old_step = old.state.frame;
-                self.state.values.gate_continuations[to] = match from {
+                self.state.parameters.gate_continuations[new_index] = match old_index {
                     // A gate that glides has its own start value.
                     _ if new_gate.has_ramp() => None,
                     None => GateContinuation::new(new_gate, 1.0, island_step),
-                    Some(from) => {
-                        let (old_gate, continuation) =
-                            (&old.script.gates[from], &old.state.values.gate_continuations[from]);
+                    Some(old_index) => {
+                        let (old_gate, continuation) = (
+                            &old.script.gates[old_index],
+                            &old.state.parameters.gate_continuations[old_index],
+                        );
                         if old_gate.on_links(new_gate.first_link, new_gate.n_links) == *new_gate {
                             *continuation
                         } else {
@@ -150,47 +159,52 @@ impl Island {
                     }
                 };
             }
-            ItemTakeover::Hand(from, to) => {
-                self.state.hands.hand_states[to] = old.state.hands.hand_states[from].clone();
-                let (mat, old_mat) = (
-                    self.script.hand_bindings[to].mat(),
-                    old.script.hand_bindings[from].mat(),
-                );
+            ItemTakeover::Hand(old_index, new_index) => {
+                self.state.players.hand_states[new_index] = old.state.players.hand_states[old_index].clone();
+                let mat = self.script.hand_bindings[new_index].mat();
+                let old_mat = old.script.hand_bindings[old_index].mat();
                 self.state.matter.body.x[mat] = old.state.matter.body.x[old_mat];
                 self.state.matter.body.d[mat] = old.state.matter.body.d[old_mat];
             }
-            ItemTakeover::Port(from, to) => {
-                self.state.hands.port_states[to].take_over(&old.state.hands.port_states[from]);
+            ItemTakeover::Port(old_index, new_index) => {
+                self.state.players.port_states[new_index].take_over(&old.state.players.port_states[old_index]);
             }
-            ItemTakeover::Report(from, to, is_same) => {
-                let new_report = &mut self.state.hands.reports[to];
-                *new_report = old.state.hands.reports[from];
-                new_report.pushed_by_mat = new_report.pushed_by_mat.filter(|_| is_same);
+            ItemTakeover::Report(old_index, new_index, has_same_mats) => {
+                let new_report = &mut self.state.players.reports[new_index];
+                *new_report = old.state.players.reports[old_index];
+                new_report.pushed_by_mat = new_report.pushed_by_mat.filter(|_| has_same_mats);
             }
-            ItemTakeover::Body(from, to) if is_whole => {
-                self.state.matter.bodies[to].continue_from(&mut old.state.matter.bodies[from]);
+            ItemTakeover::Body(old_index, new_index) if has_all_parts => {
+                self.state.matter.bodies[new_index].continue_from(&mut old.state.matter.bodies[old_index]);
             }
-            ItemTakeover::Memory(from, to) => {
-                let link_memory = old.state.memory_of(from);
-                self.state.set_memory(to, link_memory);
+            ItemTakeover::Memory(old_index, new_index) => {
+                let link_memory = old.state.memory_of(old_index);
+                self.state.set_memory(new_index, link_memory);
             }
-            ItemTakeover::History(from, to) => {
-                let history_rooms = (old.script.scheme.slot_of(from), self.script.scheme.slot_of(to));
-                if let (Some(from), Some(to)) = history_rooms {
-                    let history = &mut self.state.matter.body.histories[to];
-                    history.copy_from(&old.state.matter.body.histories[from]);
+            ItemTakeover::History(old_index, new_index) => {
+                let history_slots = (
+                    old.script.scheme.slot_of(old_index),
+                    self.script.scheme.slot_of(new_index),
+                );
+                if let (Some(old_slot), Some(new_slot)) = history_slots {
+                    let history = &mut self.state.matter.body.histories[new_slot];
+                    history.copy_from(&old.state.matter.body.histories[old_slot]);
                 }
             }
-            ItemTakeover::Part(from, to) => {
-                let part_is_mute =
-                    |island: &Self, part| island.state.watch.mutes.list().any(|(muted, _)| muted == part);
-                if part_is_mute(old, from) && !part_is_mute(self, to) {
+            ItemTakeover::Part(old_index, new_index) => {
+                if old.has_muted(old_index) && !self.has_muted(new_index) {
                     // A muted part stays muted in the next version.
-                    self.mute(to, self.state.frame);
+                    self.mute(new_index, self.state.frame);
                 }
             }
             ItemTakeover::Voice(_) | ItemTakeover::Body(..) => {}
         }
+    }
+
+    /// Whether a part is muted.
+    fn has_muted(&self, part: usize) -> bool {
+        let mut muted_parts = self.state.monitors.muted_parts.iter();
+        muted_parts.any(|(muted_part, _)| muted_part == part)
     }
 
     /// Position of a MAT [m], and its step in a frame of the scene [m].
@@ -201,34 +215,34 @@ impl Island {
 
     /// Set position and step in a frame of the scene [m] of a MAT; values that are not finite or plausible are ignored.
     pub(crate) fn set_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
-        self.begin_again();
+        self.resume_computing();
         if kernel::is_bounded(x) && step.is_finite() {
             self.state.matter.body.x[mat] = x;
             self.state.matter.body.d[mat] = step / self.steps_per_frame();
-            if let Some(guard) = &mut self.state.watch.guard {
+            if let Some(guard) = &mut self.state.monitors.guard {
                 guard.reset();
             }
         }
     }
 
     /// One of the bodies; `None` if any part of the island is muted.
-    pub(crate) fn body(&mut self, body: usize) -> Option<&mut super::inside::RunningBody> {
-        self.begin_again();
-        if self.n_muted() > 0 {
+    pub(crate) fn body_mut(&mut self, body_index: usize) -> Option<&mut super::bodies::RunningBody> {
+        self.resume_computing();
+        if self.n_muted_parts() > 0 {
             return None;
         }
-        self.state.matter.bodies.get_mut(body)
+        self.state.matter.bodies.get_mut(body_index)
     }
 
     /// Set the ports to where their bodies have them.
-    pub(crate) fn place(&mut self) {
-        self.begin_again();
+    pub(crate) fn set_ports(&mut self) {
+        self.resume_computing();
         for body in &self.state.matter.bodies {
             body.set_ports(&mut self.state.matter.body);
         }
-        let scheme_now = self.state.values.scheme.as_deref();
-        let scheme_now = scheme_now.unwrap_or(&self.script.scheme);
-        kernel::proxies::set_from_masses(scheme_now, &mut self.state.matter.body);
+        let changing_scheme = self.state.parameters.changing_scheme.as_deref();
+        let frame_scheme = changing_scheme.unwrap_or(&self.script.scheme);
+        kernel::proxies::set_from_masses(frame_scheme, &mut self.state.matter.body);
     }
 
     /// The script, whose voices, gates, hands and parts are matched with those of another version.

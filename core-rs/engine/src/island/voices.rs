@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::inside::BodyPlan;
-use super::origin::start;
+use super::bodies::BodyPlan;
+use super::origin::initial_motion;
 use super::written_hand::framed::FramedGesture;
 use super::written_hand::free::{FreeKey, FreeMotion};
 use super::written_hand::voice::{Voice, VoiceScript};
@@ -16,7 +16,7 @@ use crate::units::{Rate, frame};
 /// Links that join a MAT to other parts, each with the MAT at its other end.
 fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
     let mat_parts = &network.mats().part;
-    let mut link_ends = Vec::new();
+    let mut outer_links = Vec::new();
     for run in network.runs() {
         if run.pairwise().is_some() {
             let pair_links =
@@ -24,7 +24,7 @@ fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
             for (link_offset, (first_mat, second_mat)) in
                 pair_links.filter(|&(_, (first_mat, second_mat))| first_mat == mat || second_mat == mat)
             {
-                link_ends.push((
+                outer_links.push((
                     run.first + link_offset,
                     if first_mat == mat { second_mat } else { first_mat },
                 ));
@@ -33,19 +33,19 @@ fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
         }
         for axis in 0..run.n_axes() {
             let (first_mat, second_mat) = run.pair(0, axis);
-            for (end, other) in [(first_mat, second_mat), (second_mat, first_mat)] {
-                if let Some(link_offset) = mat.checked_sub(end).filter(|link_offset| *link_offset < run.len) {
-                    link_ends.push((run.first + link_offset, other + link_offset));
+            for (near_end, far_end) in [(first_mat, second_mat), (second_mat, first_mat)] {
+                if let Some(link_offset) = mat.checked_sub(near_end).filter(|link_offset| *link_offset < run.len) {
+                    outer_links.push((run.first + link_offset, far_end + link_offset));
                 }
             }
         }
     }
-    link_ends.retain(|&(_, other)| mat_parts[other] != mat_parts[mat]);
-    link_ends
+    outer_links.retain(|&(_, other)| mat_parts[other] != mat_parts[mat]);
+    outer_links
 }
 
 /// The gestures of a timeline at its rate.
-pub(super) fn framed(timeline: &Timeline) -> Vec<FramedGesture> {
+pub(super) fn framed_gestures(timeline: &Timeline) -> Vec<FramedGesture> {
     let (frame_rate, oversampling) = (timeline.rate.hertz(), timeline.oversampling);
     let gestures = timeline.gestures.iter();
     gestures
@@ -63,22 +63,23 @@ pub(super) fn build_voices(
     let mut scripts = Vec::new();
     let mut voices = Vec::new();
     for (key_index, played_key) in timeline.keys.iter().enumerate() {
-        let (free, free_motion) = free_key(network, timeline, played_key, bodies)?;
-        let mut ordered: Vec<usize> = (0..gestures.len())
+        let (free_key, free_motion) = free_key(network, timeline, played_key, bodies)?;
+        let mut ordered_gestures: Vec<usize> = (0..gestures.len())
             .filter(|&i| gestures[i].gesture.key == key_index)
             .collect();
         let start = |i: usize| gestures[i].gesture.start;
-        ordered.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
-        for &i in &ordered {
-            check_playable(&gestures[i], &free, played_key, timeline.rate)?;
+        ordered_gestures.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
+        for &i in &ordered_gestures {
+            check_playable(&gestures[i], &free_key, played_key, timeline.rate)?;
         }
-        let (layer_gestures, key_gestures): (Vec<usize>, Vec<usize>) =
-            ordered.into_iter().partition(|&i| gestures[i].gesture.manner.is_layer);
+        let (layer_gestures, key_gestures): (Vec<usize>, Vec<usize>) = ordered_gestures
+            .into_iter()
+            .partition(|&i| gestures[i].gesture.manner.is_layer);
         let voice_script = VoiceScript {
-            key: key_index,
-            struck: played_key.struck_mat,
-            free,
-            gestures: key_gestures,
+            key_index,
+            struck_mat: played_key.struck_mat,
+            free_key,
+            gesture_indices: key_gestures,
             is_layer: false,
             outer_links: outer_links(network, played_key.struck_mat),
         };
@@ -86,12 +87,12 @@ pub(super) fn build_voices(
         scripts.push(voice_script.clone());
         for gesture_index in layer_gestures {
             let layer_script = VoiceScript {
-                free: voice_script.free.deviation(),
-                gestures: vec![gesture_index],
+                free_key: voice_script.free_key.layer_key(),
+                gesture_indices: vec![gesture_index],
                 is_layer: true,
                 ..voice_script.clone()
             };
-            voices.push(Voice::new(&layer_script, layer_script.free.motion_at_rest()));
+            voices.push(Voice::new(&layer_script, layer_script.free_key.motion_at_rest()));
             scripts.push(layer_script);
         }
     }
@@ -116,11 +117,11 @@ pub(super) fn free_key(
     // Links that close by the end are left out: a gesture is written for the key as it is in the end.
     let closing = timeline.gates.iter().filter(|gate| gate.ends_closed());
     let key_network = network.subset_of_part(key_part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
-    let inside = |mat: usize| key_network.mat(mat);
+    let key_mat = |mat: usize| key_network.mat(mat);
     let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
     for link in couplings.map(|gate| gate.first_link) {
         let link_run = network.run_of(link);
-        if link_run.is_some_and(|link_run| inside(link_run.a).is_some() && inside(link_run.b).is_some()) {
+        if link_run.is_some_and(|link_run| key_mat(link_run.a).is_some() && key_mat(link_run.b).is_some()) {
             return Err(Error::Refused {
                 module: network.link_name(link),
                 message: "a coupling cannot join two modules of one key, because gestures are computed for the key \
@@ -133,35 +134,35 @@ pub(super) fn free_key(
         .drives
         .iter()
         .filter(|drive| drive.acts_on_free_key)
-        .filter_map(|drive| inside(drive.mat).map(|mat| Drive { mat, ..drive.clone() }))
+        .filter_map(|drive| key_mat(drive.mat).map(|mat| Drive { mat, ..drive.clone() }))
         .collect();
     let scheme = Arc::new(Scheme::new(&key_network.network, timeline.rate)?);
-    let body = start(
+    let body = initial_motion(
         &key_network.network,
         &scheme,
         &Timeline::new(timeline.rate),
         &drives,
         &|_| true,
     );
-    let free = FreeKey {
-        struck: inside(key.struck_mat).unwrap_or(0),
-        members: key_network.mats.iter().map(|&mat| mat as usize).collect(),
-        slow: bodies
+    let free_key = FreeKey {
+        struck_mat: key_mat(key.struck_mat).unwrap_or(0),
+        scene_mats: key_network.mats.iter().map(|&mat| mat as usize).collect(),
+        slow_bodies: bodies
             .iter()
             .filter_map(|body| match body {
-                BodyPlan::Slow(slow) if slow.part == key_part => Some(slow.alone(inside)),
+                BodyPlan::Slow(slow) if slow.part == key_part => Some(slow.in_free_key(key_mat)),
                 _ => None,
             })
             .collect(),
         scheme,
         drives,
     };
-    let free_motion = free.start(body);
-    Ok((free, free_motion))
+    let free_motion = free_key.start_motion(body);
+    Ok((free_key, free_motion))
 }
 
 /// Refuses a gesture that its key cannot play.
-fn check_playable(gesture: &FramedGesture, free: &FreeKey, key: &Key, rate: Rate) -> Result<(), Error> {
+fn check_playable(gesture: &FramedGesture, free_key: &FreeKey, key: &Key, rate: Rate) -> Result<(), Error> {
     let manner = gesture.gesture.manner;
     let refuse = |message| {
         Err(Error::Refused {
@@ -170,10 +171,10 @@ fn check_playable(gesture: &FramedGesture, free: &FreeKey, key: &Key, rate: Rate
         })
     };
     // No flight lasts longer than the gesture.
-    let frames_max = gesture.last().saturating_sub(gesture.first);
+    let frames_max = gesture.last_frame().saturating_sub(gesture.first_frame);
     let flight_frames = |grain: &f64| frame(*grain, rate.hertz()).min(frames_max);
-    let is_long = |grain: &f64| free.is_past_quarter(flight_frames(grain));
-    if let Some(grain) = manner.grain.filter(is_long) {
+    let is_past_quarter = |grain: &f64| free_key.is_past_quarter(flight_frames(grain));
+    if let Some(grain) = manner.grain.filter(is_past_quarter) {
         return refuse(format!(
             "a grain of {:.1} ms is longer than a quarter of the key's own period: between \
              ergons the key would swing back",

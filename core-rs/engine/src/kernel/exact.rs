@@ -30,7 +30,7 @@ const FORCE_ROUNDING_RATIO: f64 = 4.0 * f64::EPSILON;
 /// Solve all exact contacts and all dry friction, after all other forces are summed. Those that share a MAT are solved
 /// in turn until they converge (Gauss-Seidel; the problem is convex, so that this converges).
 pub(crate) fn solve_exact_contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
-    for run in &scheme.exact {
+    for run in &scheme.exact_runs {
         body.link[run.first] = 0.0;
     }
     solve(scheme, gates, targets, body, |_| true);
@@ -44,21 +44,21 @@ pub(crate) fn solve_friction(scheme: &Scheme, gates: &[f64], targets: &[Target],
 
 /// Solve those exact runs for which `is_solved` holds, in turn until they converge.
 fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is_solved: impl Fn(&Run) -> bool) {
-    if scheme.exact.is_empty() {
+    if scheme.exact_runs.is_empty() {
         return;
     }
     let is_solved = |run: &&Run| is_solved(run);
-    let round_limit = if scheme.has_coupled_exact { ROUNDS_MAX } else { 1 };
+    let round_limit = if scheme.has_coupled_exact_runs { ROUNDS_MAX } else { 1 };
     let mut force_mixing = std::mem::take(&mut body.mixing);
-    if scheme.has_coupled_exact {
-        force_mixing.start(scheme.exact.iter().filter(is_solved).count());
+    if scheme.has_coupled_exact_runs {
+        force_mixing.start(scheme.exact_runs.iter().filter(is_solved).count());
     }
     for round in 0..round_limit {
         let (mut change_max, mut force_max) = (0.0_f64, 0.0_f64);
-        if scheme.has_coupled_exact {
+        if scheme.has_coupled_exact_runs {
             force_mixing.next_round();
         }
-        for (index, run) in scheme.exact.iter().filter(is_solved).enumerate() {
+        for (index, run) in scheme.exact_runs.iter().filter(is_solved).enumerate() {
             body.exact_work.n_resolved += u64::from(round > 0);
             let force_before = body.link[run.first];
             // Subtract the force of the last round, so that the run is solved given all other forces.
@@ -71,7 +71,7 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
             let force_now = body.link[run.first];
             change_max = change_max.max((force_now - force_before).abs() - FORCE_TOLERANCE * force_now.abs());
             force_max = force_max.max(force_now.abs());
-            if scheme.has_coupled_exact {
+            if scheme.has_coupled_exact_runs {
                 force_mixing.record(index, force_before, force_now);
             }
         }
@@ -79,7 +79,7 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
             break;
         }
         if round >= UNACCELERATED_ROUNDS && round + 1 < round_limit {
-            let solved_runs = scheme.exact.iter().filter(is_solved);
+            let solved_runs = scheme.exact_runs.iter().filter(is_solved);
             for (run, &guess) in solved_runs.zip(force_mixing.guess()) {
                 body.link[run.first] = guess - body.link[run.first];
                 scatter(run, body);

@@ -6,7 +6,7 @@ use super::space::SpaceScratch;
 use super::springs::{ForcePart, SpringPass};
 use super::thread_team::ThreadTeam;
 use crate::law::{Law, Scratch};
-use crate::scheme::{Kind, Scheme, Spring, Springs};
+use crate::scheme::{FusedSprings, Kind, Scheme, Spring};
 
 /// Scratch memory in which the laws of a scheme are evaluated.
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ impl KernelScratch {
     pub(crate) fn spring_forces(
         &mut self,
         part: ForcePart,
-        springs: &Springs,
+        springs: &FusedSprings,
         motion: [&[f64]; 2],
         force: &mut [f64],
         team: &mut ThreadTeam<'_>,
@@ -60,7 +60,7 @@ impl KernelScratch {
         let mut laws = Self {
             elongations: Vec::new(),
             elongation_rates: Vec::new(),
-            spring_pass: SpringPass::new(&scheme.fused, scheme.n_mat()),
+            spring_pass: SpringPass::new(&scheme.fused_springs, scheme.n_mat()),
             mesh_partition: None,
             law_scratch: Vec::new(),
             following_laws: following_laws(scheme),
@@ -97,10 +97,15 @@ pub(crate) fn following_laws(scheme: &Scheme) -> Vec<Law> {
     let scheme_runs = scheme.runs.iter();
     let mut followed_laws: Vec<Law> = Vec::new();
     for run in scheme_runs {
-        if let Kind::Followed { by, slot, .. } = &run.kind {
+        if let Kind::Followed {
+            law: followed_law,
+            slot,
+            ..
+        } = &run.kind
+        {
             // Entries below this index belong to runs that the scheme no longer has; they get any law.
-            followed_laws.resize(followed_laws.len().max(slot + 1), by.law().clone());
-            followed_laws[*slot] = by.law().clone();
+            followed_laws.resize(followed_laws.len().max(slot + 1), followed_law.law().clone());
+            followed_laws[*slot] = followed_law.law().clone();
         }
     }
     followed_laws

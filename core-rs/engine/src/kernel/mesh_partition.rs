@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::springs::{ForcePart, SpringPass};
 use super::thread_team::ThreadTeam;
-use crate::scheme::{ForceEnds, Spring, Springs};
+use crate::scheme::{ForceEnds, FusedSprings, Spring};
 
 /// Largest number of ranges.
 const RANGES_MAX: usize = 8;
@@ -28,7 +28,7 @@ struct MeshRange {
     /// The MATs of the range.
     mats: Range<usize>,
     /// Pieces of the runs that pull on these MATs; each adds to forces of this range only.
-    springs: Springs,
+    springs: FusedSprings,
     pass: SpringPass,
 }
 
@@ -132,16 +132,16 @@ impl MeshRange {
             let local_mat = |end: usize, i: usize| end + i - mats.start;
             // A MAT that is an end a of one link and an end b of another adds its force as end a first, as in the
             // undivided run.
-            run_ranges.extend(run.part_of_run(links_only_at_a, |i| ForceEnds::A(local_mat(run.a, i))));
-            run_ranges.extend(run.part_of_run(links_at_both, |i| {
+            run_ranges.extend(run.links_of_run(links_only_at_a, |i| ForceEnds::A(local_mat(run.a, i))));
+            run_ranges.extend(run.links_of_run(links_at_both, |i| {
                 ForceEnds::Both(local_mat(run.a, i), local_mat(run.b, i))
             }));
-            run_ranges.extend(run.part_of_run(links_only_at_b, |i| ForceEnds::B(local_mat(run.b, i))));
+            run_ranges.extend(run.links_of_run(links_only_at_b, |i| ForceEnds::B(local_mat(run.b, i))));
         }
         Self {
             pass: SpringPass::new(&run_ranges, mats.len()),
             mats,
-            springs: Springs::new(run_ranges),
+            springs: FusedSprings::new(run_ranges),
         }
     }
 }
@@ -196,7 +196,7 @@ mod tests {
     fn partitioned_forces_have_the_same_bits() {
         let (x, v) = (numbers("x"), numbers("v"));
         for seed in 0..50 {
-            let springs = Springs::new(springs(seed));
+            let springs = FusedSprings::new(springs(seed));
             let mut full_force = vec![f64::NAN; N_MAT];
             SpringPass::new(&springs, N_MAT).compute_forces(ForcePart::Total, &springs, [&x, &v], &mut full_force);
             for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (RANGES_MAX, 1)] {

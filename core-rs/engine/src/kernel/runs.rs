@@ -22,14 +22,14 @@ pub(crate) fn compute_link_forces(
     body.outside.fill(0.0);
     body.pair_force.fill(0.0);
     let Body { x, d, force, .. } = body;
-    if scheme.fused.is_empty() {
+    if scheme.fused_springs.is_empty() {
         let (weighted_forces, weightless_forces) = force.split_at_mut(scheme.weight.len());
         for (force, weight) in weighted_forces.iter_mut().zip(&scheme.weight) {
             *force = 0.0 + weight;
         }
         weightless_forces.fill(0.0);
     } else {
-        laws.spring_forces(ForcePart::Total, &scheme.fused, [x, d], force, team);
+        laws.spring_forces(ForcePart::Total, &scheme.fused_springs, [x, d], force, team);
         for (force, weight) in force.iter_mut().zip(&scheme.weight) {
             *force += weight;
         }
@@ -72,12 +72,12 @@ pub(crate) fn compute_link_forces(
                     }
                 }
             }
-            Kind::Followed { by, rate, slot } => {
-                let law = &mut laws.following_laws[*slot];
-                by.update_law(law, |mat| body.x[mat]);
+            Kind::Followed { law, rate, slot } => {
+                let current_law = &mut laws.following_laws[*slot];
+                law.update_law(current_law, |mat| body.x[mat]);
                 let EndMotions { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
-                    link_force[i] = law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
+                    link_force[i] = current_law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
                 }
             }
             // Dry friction is solved later, with the exact contacts; links in space are already computed above.
@@ -149,34 +149,12 @@ impl<'a> EndMotions<'a> {
     }
 }
 
-wide! {
-    pub(super) fn set_spring_forces(k: f64, z: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) {
-        let n = f.len();
-        let [xa, xb, da, db] = ends.equal_slices(n);
-        for i in 0..n {
-            f[i] = k * (xb[i] - xa[i] - rest) + z * (db[i] - da[i]);
-        }
-    }
-}
+wide! { pub(super) fn set_spring_forces(k: f64, z: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) { let n = f.len(); let [xa, xb, da, db] = ends.equal_slices(n); for i in 0..n { f[i] = k * (xb[i] - xa[i] - rest) + z * (db[i] - da[i]); } } }
 
 wide! {
-    /// Hardening springs without the interpreter; the operations have the order of the interpreted law, so that the
-    /// bits are the same.
-    pub(super) fn set_hardening_forces(law: Hardening, rate: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) {
-        let n = f.len();
-        let [xa, xb, da, db] = ends.equal_slices(n);
-        let Hardening { k, q, z } = law;
-        for i in 0..n {
-            let e = xb[i] - xa[i] - rest;
-            f[i] = k * e + q * (e * e * e);
-        }
-        if let Some(z) = z {
-            for i in 0..n {
-                f[i] += z * ((db[i] - da[i]) * rate);
-            }
-        }
-    }
-}
+/// Hardening springs without the interpreter; the operations have the order of the interpreted law, so that the
+/// bits are the same.
+pub(super) fn set_hardening_forces(law: Hardening, rate: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) { let n = f.len(); let [xa, xb, da, db] = ends.equal_slices(n); let Hardening { k, q, z } = law; for i in 0..n { let e = xb[i] - xa[i] - rest; f[i] = k * e + q * (e * e * e); } if let Some(z) = z { for i in 0..n { f[i] += z * ((db[i] - da[i]) * rate); } } } }
 
 /// Add a run's forces to its two ends: F_a += f, F_b −= f.
 pub(super) fn scatter(run: &Run, body: &mut Body) {

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use super::pull::add_link_forces;
 use crate::maths::wide::wide;
-use crate::scheme::{ForceEnds, Spring, Springs};
+use crate::scheme::{ForceEnds, FusedSprings, Spring};
 use rows::{CacheLine, Rows};
 
 /// Which part of the forces is computed.
@@ -52,7 +52,7 @@ impl SpringPass {
     pub(crate) fn compute_forces(
         &mut self,
         part: ForcePart,
-        springs: &Springs,
+        springs: &FusedSprings,
         motion: [&[f64]; 2],
         force: &mut [f64],
     ) {
@@ -133,60 +133,16 @@ fn add_to_both_ends(fa: &mut [f64], fb: &mut [f64], link_force: impl Fn(usize) -
 }
 
 wide! {
-    /// Add the elastic forces at positions `x`; `run_forces` is as long as the longest run.
-    fn add_elastic_forces(runs: &[Spring], x: &[f64], run_forces: &mut [f64], force: &mut [f64]) {
-        for run in runs {
-            let ((xa, xb), Spring { len, k, q, rest, .. }) = (end_values(run, x), *run);
-            let (xa, xb) = (&xa[..len], &xb[..len]);
-            if q == 0.0 {
-                add_run_forces(run, run_forces, force, |i| k * (xb[i] - xa[i] - rest));
-            } else {
-                add_run_forces(run, run_forces, force, |i| {
-                    let e = xb[i] - xa[i] - rest;
-                    k * e + q * (e * e * e)
-                });
-            }
-        }
-    }
-}
+/// Add the elastic forces at positions `x`; `run_forces` is as long as the longest run.
+fn add_elastic_forces(runs: &[Spring], x: &[f64], run_forces: &mut [f64], force: &mut [f64]) { for run in runs { let ((xa, xb), Spring { len, k, q, rest, .. }) = (end_values(run, x), *run); let (xa, xb) = (&xa[..len], &xb[..len]); if q == 0.0 { add_run_forces(run, run_forces, force, |i| k * (xb[i] - xa[i] - rest)); } else { add_run_forces(run, run_forces, force, |i| { let e = xb[i] - xa[i] - rest; k * e + q * (e * e * e) }); } } } }
 
 wide! {
-    /// Add the dampers' forces at velocities `v` (per step).
-    fn add_viscous_forces(runs: &[Spring], v: &[f64], run_forces: &mut [f64], force: &mut [f64]) {
-        for run in runs.iter().filter(|run| run.z != 0.0) {
-            let ((va, vb), Spring { len, z, .. }) = (end_values(run, v), *run);
-            let (va, vb) = (&va[..len], &vb[..len]);
-            add_run_forces(run, run_forces, force, |i| z * (vb[i] - va[i]));
-        }
-    }
-}
+/// Add the dampers' forces at velocities `v` (per step).
+fn add_viscous_forces(runs: &[Spring], v: &[f64], run_forces: &mut [f64], force: &mut [f64]) { for run in runs.iter().filter(|run| run.z != 0.0) { let ((va, vb), Spring { len, z, .. }) = (end_values(run, v), *run); let (va, vb) = (&va[..len], &vb[..len]); add_run_forces(run, run_forces, force, |i| z * (vb[i] - va[i])); } } }
 
 wide! {
-    /// Add all forces at positions `x` and velocities `v` (per step).
-    fn add_total_forces(
-        runs: &[Spring],
-        x: &[f64],
-        v: &[f64],
-        run_forces: &mut [f64],
-        force: &mut [f64],
-    ) {
-        for run in runs {
-            let Spring { len, k, q, z, rest, .. } = *run;
-            let ((xa, xb), (va, vb)) = (end_values(run, x), end_values(run, v));
-            let (xa, xb, va, vb) = (&xa[..len], &xb[..len], &va[..len], &vb[..len]);
-            if q == 0.0 {
-                add_run_forces(run, run_forces, force, |i| {
-                    k * (xb[i] - xa[i] - rest) + z * (vb[i] - va[i])
-                });
-            } else {
-                add_run_forces(run, run_forces, force, |i| {
-                    let e = xb[i] - xa[i] - rest;
-                    k * e + q * (e * e * e) + z * (vb[i] - va[i])
-                });
-            }
-        }
-    }
-}
+/// Add all forces at positions `x` and velocities `v` (per step).
+fn add_total_forces( runs: &[Spring], x: &[f64], v: &[f64], run_forces: &mut [f64], force: &mut [f64], ) { for run in runs { let Spring { len, k, q, z, rest, .. } = *run; let ((xa, xb), (va, vb)) = (end_values(run, x), end_values(run, v)); let (xa, xb, va, vb) = (&xa[..len], &xb[..len], &va[..len], &vb[..len]); if q == 0.0 { add_run_forces(run, run_forces, force, |i| { k * (xb[i] - xa[i] - rest) + z * (vb[i] - va[i]) }); } else { add_run_forces(run, run_forces, force, |i| { let e = xb[i] - xa[i] - rest; k * e + q * (e * e * e) + z * (vb[i] - va[i]) }); } } } }
 
 #[cfg(test)]
 mod tests;

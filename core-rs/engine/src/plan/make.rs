@@ -22,7 +22,7 @@ use crate::assembly::solved_modes::{ModeCache, ModeStore};
 use crate::assembly::split::{LocalTimeline, split};
 use crate::assembly::unit::ComputationUnit;
 use crate::body_modes::linear::NoModes;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
 use crate::plan::constants::ISLAND_SHARE_MIN;
 use crate::plan::row::{self, Computation, MeasuredError, Row};
@@ -373,7 +373,7 @@ impl<'a> PlanBuilder<'a> {
             (report_row.oversampling, report_row.error) = (island_plan.oversampling, error);
             if let (Computation::Slow { .. }, Some(growth)) = (report_row.computation, growth) {
                 report_row.error = slow_error;
-                report_row.stability = Some(multirate::stability_with_growth(growth, certificate.word));
+                report_row.stability = Some(multirate::stability_with_growth(growth, certificate.guarantee));
                 report_row.kick_growth_factor = (growth.growth_per_kick > 0.0).then_some(growth.growth_per_kick);
                 report_row.is_slow_by_plan = is_offered;
             }

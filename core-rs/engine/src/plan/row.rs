@@ -10,7 +10,7 @@ use crate::assembly::unit::{BankPlan, IslandPlan};
 use crate::hearing::Audible;
 use crate::integrate::certify;
 use crate::island::ContactOrder;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::{Network, Subset};
 use crate::plan::constants::{ESTIMATE_MARGIN_DB, PRESERVED_LIMITS};
 use crate::scheme::{Certificate, StabilityGuarantee};
@@ -201,7 +201,7 @@ impl Row {
             ..Self::for_network(&island_plan.network, Computation::Stepped).with_cost(
                 frame_cost,
                 timeline,
-                certificate.word,
+                certificate.guarantee,
             )
         }
     }
@@ -209,7 +209,7 @@ impl Row {
     /// The row of a body inside an island.
     pub(in crate::plan) fn ported(ported: &PortedBody, timeline: &Timeline) -> Self {
         let computed_as = match &ported.plan {
-            BodyPlan::Modal(modal) => match &modal.answers {
+            BodyPlan::Modal(modal) => match &modal.complex_responses {
                 Some(answers) => Computation::Modes {
                     kind: ModeKind::Complex,
                     n_modes: answers.n_modes,
@@ -282,7 +282,7 @@ fn guarantee(inside: &BodyPlan) -> StabilityGuarantee {
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => StabilityGuarantee::Guarded,
         BodyPlan::Mesh(mesh) => {
             let certificate = certify(&mesh.network, mesh.rate, mesh.method, mesh.substeps);
-            certificate.map_or(StabilityGuarantee::Tried, |certificate| certificate.word)
+            certificate.map_or(StabilityGuarantee::Tried, |certificate| certificate.guarantee)
         }
     }
 }

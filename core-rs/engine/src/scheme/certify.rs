@@ -45,9 +45,9 @@ pub struct Certificate {
     /// Upper bound of λmax(M⁻¹(K + c·Z)); c = 2 for CA.
     pub lambda_max: f64,
     /// Method of the bound.
-    pub means: BoundMethod,
+    pub bound_method: BoundMethod,
     /// What the certificate guarantees.
-    pub word: StabilityGuarantee,
+    pub guarantee: StabilityGuarantee,
 }
 
 impl Certificate {
@@ -62,7 +62,7 @@ fn oversampling(lambda: f64) -> u32 {
 }
 
 /// K + c·Z of one link in its stiffest known state.
-fn weight(run: &Run, c: f64) -> f64 {
+fn weighted_stiffness(run: &Run, c: f64) -> f64 {
     match &run.kind {
         Kind::Ref | Kind::Hardening(_) => run.k + c * run.z,
         Kind::Dry { .. } => 0.0, // solved implicitly: it stops a motion, but never reverses it
@@ -70,14 +70,18 @@ fn weight(run: &Run, c: f64) -> f64 {
         // (f/ℓ)(1 − nnᵀ), with f/ℓ ≤ K. So springs with this stiffness along all axes are an upper bound in any
         // position.
         Kind::Space(SpaceLink { law, .. }) => space_weight(law, run, c),
-        Kind::Pairwise { by, .. } => space_weight(&by.link.law, run, c),
+        Kind::Pairwise { pairs, .. } => space_weight(&pairs.link.law, run, c),
         Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
         Kind::But(_) => c * run.z,
-        Kind::Bristle { by, rate } => run.k + c * by.with_stiffness_and_level(run.k, run.z).steepest_damping() * rate,
+        Kind::Bristle { law, rate } => run.k + c * law.with_stiffness_and_level(run.k, run.z).steepest_damping() * rate,
         Kind::Lnl { law, rate, .. } => law_weight(law, *rate, c),
         // The stiffest law that it can become: each constant at one end of its range.
-        Kind::Followed { by, rate, .. } => {
-            let weights = by.end_value_laws().map(|law| law_weight(&law, *rate, c));
+        Kind::Followed {
+            law: followed_law,
+            rate,
+            ..
+        } => {
+            let weights = followed_law.end_value_laws().map(|law| law_weight(&law, *rate, c));
             weights.fold(0.0, |greatest, corner_weight| {
                 if corner_weight > greatest || corner_weight.is_nan() {
                     corner_weight
@@ -95,25 +99,18 @@ fn law_weight(law: &Law, rate: f64, c: f64) -> f64 {
 
 fn space_weight(law: &SpaceLaw, run: &Run, c: f64) -> f64 {
     match law {
-        // An attraction is stiffest, along its line and across, if its two ends are at the same position.
-        SpaceLaw::Spring
-        | SpaceLaw::Yielding { .. }
-        | SpaceLaw::Attraction { .. }
-        | SpaceLaw::Lnl { .. }
-        // While a contact pulls, it is softer than K along its line. It is softer across, too, as long as the depth at
-        // which it rests is less than the distance of touch.
-        | SpaceLaw::Cohesive { exponent: 1.0, .. }
-        | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z,
-        SpaceLaw::Contact { .. } | SpaceLaw::Cohesive { .. } => c * run.z,
-        SpaceLaw::Gauge => 0.0,
-    }
+// An attraction is stiffest, along its line and across, if its two ends are at the same position.
+SpaceLaw::Spring | SpaceLaw::Yielding { .. } | SpaceLaw::Attraction { .. } | SpaceLaw::Lnl { .. }
+// While a contact pulls, it is softer than K along its line. It is softer across, too, as long as the depth at
+// which it rests is less than the distance of touch.
+| SpaceLaw::Cohesive { exponent: 1.0, .. } | SpaceLaw::Contact { exponent: 1.0, .. } => run.k + c * run.z, SpaceLaw::Contact { .. } | SpaceLaw::Cohesive { .. } => c * run.z, SpaceLaw::Gauge => 0.0, }
 }
 
 /// The MATs of points in contacts between all pairs, axis by axis, each with an upper bound of the sum of K + c·Z of
 /// the contacts on it.
 fn pairwise_weights(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
     let point_pairs = match &run.kind {
-        Kind::Pairwise { by, .. } => Some(by),
+        Kind::Pairwise { pairs, .. } => Some(pairs),
         _ => None,
     };
     let point_count = run.len;
@@ -142,9 +139,9 @@ const DENSE_MAX: usize = 200;
 /// The largest eigenvalue of M⁻¹(K + c·Z), or an upper bound of it.
 pub(crate) struct LargestEigenvalue {
     pub(crate) lambda: f64,
-    pub(crate) means: BoundMethod,
+    pub(crate) bound_method: BoundMethod,
     /// The MAT with the largest amplitude in the mode of `lambda`; 0 if only sums were computed.
-    pub(crate) worst: usize,
+    pub(crate) worst_mat: usize,
 }
 
 /// λmax(M⁻¹(K + c·Z)): Gershgorin's bound if it is below `sufficient_bound`, else an eigenvalue. Fails if a force at
@@ -166,13 +163,13 @@ pub(crate) fn largest_eigenvalue_up_to(
     sufficient_bound: f64,
     search_limit: f64,
 ) -> Result<LargestEigenvalue, Error> {
-    let weights: Vec<f64> = scheme.runs.iter().map(|run| weight(run, c)).collect();
+    let weights: Vec<f64> = scheme.runs.iter().map(|run| weighted_stiffness(run, c)).collect();
     let lambda = gershgorin_bound(scheme, network, c, &weights)?;
     if lambda < sufficient_bound {
         return Ok(LargestEigenvalue {
             lambda,
-            means: BoundMethod::Gershgorin,
-            worst: 0,
+            bound_method: BoundMethod::Gershgorin,
+            worst_mat: 0,
         });
     }
     Ok(exact_largest_eigenvalue(scheme, network, c, &weights, search_limit))
@@ -311,8 +308,8 @@ fn exact_largest_eigenvalue(
         let largest = spectrum::largest_up_to(mat_count, &mut apply_matrix, search_limit);
         return LargestEigenvalue {
             lambda: largest.theta + largest.residual,
-            means: BoundMethod::Lanczos,
-            worst: largest_entry(&|i| largest.vector[i]),
+            bound_method: BoundMethod::Lanczos,
+            worst_mat: largest_entry(&|i| largest.vector[i]),
         };
     }
     let mut dense_matrix = DMatrix::zeros(mat_count, mat_count);
@@ -327,18 +324,18 @@ fn exact_largest_eigenvalue(
     let largest_index = eigensystem.eigenvalues.imax();
     LargestEigenvalue {
         lambda: eigensystem.eigenvalues[largest_index],
-        means: BoundMethod::Dense,
-        worst: largest_entry(&|i| eigensystem.eigenvectors[(i, largest_index)]),
+        bound_method: BoundMethod::Dense,
+        worst_mat: largest_entry(&|i| eigensystem.eigenvectors[(i, largest_index)]),
     }
 }
 
 /// How much is computed for a scheme that is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Refusal {
+pub(crate) enum RefusalDetail {
     /// The largest eigenvalue, and the module that would move most.
-    Explained,
+    Full,
     /// Only the fact that it is refused, which is much quicker for a large network.
-    Bare,
+    VerdictOnly,
 }
 
 /// The lowest multiple of the rate at which the scheme is stable. Springs need a factor of √(λmax/4), dampers of
@@ -380,41 +377,41 @@ fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u3
 }
 
 /// Whether the scheme is stable without its damping.
-pub(super) fn bears_springs(scheme: &Scheme, network: &Network) -> bool {
+pub(super) fn is_stable_undamped(scheme: &Scheme, network: &Network) -> bool {
     largest_eigenvalue_up_to(scheme, network, 0.0, STABILITY_LIMIT, STABILITY_LIMIT)
-        .is_ok_and(|top| top.lambda < STABILITY_LIMIT)
+        .is_ok_and(|largest| largest.lambda < STABILITY_LIMIT)
 }
 
-pub(super) fn certify(scheme: &Scheme, network: &Network, refusal: Refusal) -> Result<Certificate, Error> {
+pub(super) fn certify(scheme: &Scheme, network: &Network, refusal_detail: RefusalDetail) -> Result<Certificate, Error> {
     let guarantee = if scheme.is_linear {
         StabilityGuarantee::Proved
     } else {
         StabilityGuarantee::Guarded
     };
-    let search_limit = match refusal {
-        Refusal::Explained => f64::INFINITY,
-        Refusal::Bare => STABILITY_LIMIT,
+    let search_limit = match refusal_detail {
+        RefusalDetail::Full => f64::INFINITY,
+        RefusalDetail::VerdictOnly => STABILITY_LIMIT,
     };
     let largest_eigen = largest_eigenvalue_up_to(scheme, network, 2.0, STABILITY_LIMIT, search_limit)?;
     // The eigenvalue holds for the initial position of a proxy only.
     let has_moving_proxy = scheme.proxies.iter().any(Proxy::is_moving);
-    let guarantee = match largest_eigen.means {
+    let guarantee = match largest_eigen.bound_method {
         BoundMethod::Dense | BoundMethod::Lanczos if has_moving_proxy => StabilityGuarantee::Tried,
         _ => guarantee,
     };
     if largest_eigen.lambda < STABILITY_LIMIT {
         return Ok(Certificate {
             lambda_max: largest_eigen.lambda,
-            means: largest_eigen.means,
-            word: guarantee,
+            bound_method: largest_eigen.bound_method,
+            guarantee,
         });
     }
     Err(Error::Unstable {
-        module: network.mat_name(largest_eigen.worst),
+        module: network.mat_name(largest_eigen.worst_mat),
         lambda: largest_eigen.lambda,
-        oversampling: match refusal {
-            Refusal::Explained => lowest_stable_multiple(scheme, network, largest_eigen.lambda),
-            Refusal::Bare => oversampling(largest_eigen.lambda),
+        oversampling: match refusal_detail {
+            RefusalDetail::Full => lowest_stable_multiple(scheme, network, largest_eigen.lambda),
+            RefusalDetail::VerdictOnly => oversampling(largest_eigen.lambda),
         },
     })
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Kind, Run, Scheme, Springs};
+use super::{FusedSprings, Kind, Run, Scheme};
 use crate::cell::{self, Cell, Ratios};
 use crate::law::Law;
 use crate::network::forest::Forest;
@@ -11,24 +11,28 @@ use crate::units::Rate;
 
 /// How κ and ζ of a CEL are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Ties {
+pub(super) enum TieDiscretisation {
     /// From the poles of its continuous motion, which the CA scheme then has exactly.
     Poles,
     /// From its stiffness and viscosity.
     Physical,
 }
 
-pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme, Error> {
-    let mut scheme = without_numbers(network, rate);
-    set_masses(&mut scheme, network, rate, ties)?;
+pub(super) fn build_scheme(
+    network: &Network,
+    rate: Rate,
+    tie_discretisation: TieDiscretisation,
+) -> Result<Scheme, Error> {
+    let mut scheme = scheme_without_coefficients(network, rate);
+    set_masses(&mut scheme, network, rate, tie_discretisation)?;
     add_links(&mut scheme, network, rate)?;
-    scheme.has_coupled_exact = shares_moving_mass(&scheme);
+    scheme.has_coupled_exact_runs = shares_moving_mass(&scheme);
     scheme.equal_ranges = scheme.equal_ranges();
     Ok(scheme)
 }
 
 /// A scheme with what does not depend on the rate: MATs that do not move, no links.
-fn without_numbers(network: &Network, rate: Rate) -> Scheme {
+fn scheme_without_coefficients(network: &Network, rate: Rate) -> Scheme {
     let mat_count = network.n_mat();
     let mats = network.mats();
     Scheme {
@@ -36,17 +40,17 @@ fn without_numbers(network: &Network, rate: Rate) -> Scheme {
         kappa: vec![0.0; mat_count],
         zeta: vec![0.0; mat_count],
         w: vec![0.0; mat_count],
-        ground: mats.k.clone(),
+        tie_stiffness: mats.k.clone(),
         rest: mats.rest.clone(),
         equal_ranges: Vec::new(),
         weight: mats.weight.clone(),
         part: mats.part.clone(),
         proxies: network.proxies().to_vec(),
         following_masses: network.following_masses().to_vec(),
-        fused: Springs::default(),
+        fused_springs: FusedSprings::default(),
         runs: Vec::new(),
-        exact: Vec::new(),
-        has_coupled_exact: false,
+        exact_runs: Vec::new(),
+        has_coupled_exact_runs: false,
         outputs: network.outputs().to_vec(),
         taps: (network.outputs().iter())
             .map(|output| super::taps::taps(network, output))
@@ -58,15 +62,20 @@ fn without_numbers(network: &Network, rate: Rate) -> Scheme {
 }
 
 /// The inverse masses, and κ and ζ of each CEL. Refuses those above half the rate, all at once.
-fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) -> Result<(), Error> {
-    let cancels = mats_with_negative_stiffness(network);
+fn set_masses(
+    scheme: &mut Scheme,
+    network: &Network,
+    rate: Rate,
+    tie_discretisation: TieDiscretisation,
+) -> Result<(), Error> {
+    let has_negative_stiffness = mats_with_negative_stiffness(network);
     let mats = network.mats();
-    let mut too_high = Vec::new();
+    let mut nyquist_errors = Vec::new();
     for i in (0..network.n_mat()).filter(|&i| mats.kind[i].moves()) {
         let (m, k, z) = (mats.m[i], mats.k[i], mats.z[i]);
         let cell_ratios;
         (scheme.w[i], cell_ratios) = match ca_rate(network, mats.part[i] as usize) {
-            None if ties == Ties::Physical || cancels[i] => {
+            None if tie_discretisation == TieDiscretisation::Physical || has_negative_stiffness[i] => {
                 let w = rate.step() * rate.step() / m;
                 let cell_ratios = Ratios {
                     kappa: k * w,
@@ -76,7 +85,7 @@ fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) ->
             }
             None => {
                 let cell = Cell::new(m, k, z);
-                too_high.extend(check_below_nyquist(network, i, cell.frequency(), rate));
+                nyquist_errors.extend(check_below_nyquist(network, i, cell.frequency(), rate));
                 (rate.step() * rate.step() / m, cell.ratios(rate))
             }
             Some(design_rate) => {
@@ -89,7 +98,7 @@ fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) ->
                 let cell_frequency = design_ratios
                     .pitch(design_rate)
                     .map_or(0.0, |(cell_frequency, _)| cell_frequency);
-                too_high.extend(check_below_nyquist(network, i, cell_frequency, rate));
+                nyquist_errors.extend(check_below_nyquist(network, i, cell_frequency, rate));
                 (rate_ratio * rate_ratio / m, resampled(design_ratios, design_rate, rate))
             }
         };
@@ -97,19 +106,19 @@ fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) ->
             (scheme.kappa[i], scheme.zeta[i]) = (cell_ratios.kappa, cell_ratios.zeta);
         }
     }
-    Error::combined(too_high).map_or(Ok(()), Err)
+    Error::combined(nyquist_errors).map_or(Ok(()), Err)
 }
 
 /// The links: those whose force is explicit, and those whose force is solved for, friction last.
 fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), Error> {
-    let mut scratch = ScratchSlots::default();
+    let mut scratch_slots = ScratchSlots::default();
     let mut dry_runs = Vec::new();
     for run in network.runs() {
         let design_rate = ca_rate(network, run.part);
         // z = Z·T_ca under `ca`; then Z = z/T. Without `ca`, Z = z/T.
-        let per_step = rate.hertz() / design_rate.map_or(1.0, Rate::hertz);
+        let velocity_factor = rate.hertz() / design_rate.map_or(1.0, Rate::hertz);
         let mut scheme_run = Run {
-            kind: scratch.kind(&run.kind, per_step),
+            kind: scratch_slots.run_kind(&run.kind, velocity_factor),
             a: run.a,
             b: run.b,
             len: run.len,
@@ -117,7 +126,7 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
             k: run.k,
             z: match run.kind {
                 LinkKind::Bristle(_) | LinkKind::Dry(_) => run.z,
-                _ => run.z * per_step,
+                _ => run.z * velocity_factor,
             },
             rest: run.rest,
             gate: None,
@@ -127,7 +136,7 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
             LinkKind::Dry(_) if on_proxy() => return Err(refuse_proxy(network, run)),
             LinkKind::Dry(_) => &mut dry_runs,
             // With a proxy the force is explicit: it has no single mass for which it could be solved.
-            LinkKind::But(but) if but.contact == Contact::Exact && !on_proxy() => &mut scheme.exact,
+            LinkKind::But(but) if but.contact == Contact::Exact && !on_proxy() => &mut scheme.exact_runs,
             LinkKind::But(but) if but.contact == Contact::Magic => {
                 if on_proxy() {
                     return Err(refuse_proxy(network, run));
@@ -139,7 +148,7 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
         };
         target_runs.push(scheme_run);
     }
-    scheme.exact.extend(dry_runs);
+    scheme.exact_runs.extend(dry_runs);
     Ok(())
 }
 
@@ -153,32 +162,32 @@ struct ScratchSlots {
 
 impl ScratchSlots {
     /// The kind of a link, with its coefficients for one step.
-    fn kind(&mut self, kind: &LinkKind, per_step: f64) -> Kind {
+    fn run_kind(&mut self, kind: &LinkKind, velocity_factor: f64) -> Kind {
         match kind {
             LinkKind::Ref => Kind::Ref,
             LinkKind::But(but) => Kind::But(*but),
-            LinkKind::Space(space) => Kind::Space(space.resampled(per_step)),
+            LinkKind::Space(space) => Kind::Space(space.resampled(velocity_factor)),
             LinkKind::Pairwise(pairs) => Kind::Pairwise {
-                by: pairs.clone(),
-                slot: next(&mut self.n_pairwise),
+                pairs: pairs.clone(),
+                slot: next_slot(&mut self.n_pairwise),
             },
             LinkKind::Lnl(law) => Kind::Lnl {
                 law: law.clone(),
-                rate: per_step,
+                rate: velocity_factor,
                 slot: self.slot_of(law),
             },
             LinkKind::Followed(followed) => Kind::Followed {
-                by: followed.clone(),
-                rate: per_step,
-                slot: next(&mut self.n_followed),
+                law: followed.clone(),
+                rate: velocity_factor,
+                slot: next_slot(&mut self.n_followed),
             },
             LinkKind::Bristle(bristle) => Kind::Bristle {
-                by: *bristle,
-                rate: per_step,
+                law: *bristle,
+                rate: velocity_factor,
             },
             LinkKind::Dry(dry) => Kind::Dry {
-                by: *dry,
-                rate: per_step,
+                law: *dry,
+                rate: velocity_factor,
             },
         }
     }
@@ -194,7 +203,7 @@ impl ScratchSlots {
 }
 
 /// The count before it is increased by one.
-fn next(count: &mut usize) -> usize {
+fn next_slot(count: &mut usize) -> usize {
     *count += 1;
     *count - 1
 }
@@ -216,7 +225,7 @@ fn magic_numbers(scheme: &Scheme, network: &Network, run: &LinkRun, but: But) ->
 
 /// Whether a mass that moves is an end of several links that are solved for.
 fn shares_moving_mass(scheme: &Scheme) -> bool {
-    let mut exact_ends: Vec<usize> = scheme.exact.iter().flat_map(|run| [run.a, run.b]).collect();
+    let mut exact_ends: Vec<usize> = scheme.exact_runs.iter().flat_map(|run| [run.a, run.b]).collect();
     exact_ends.sort_unstable();
     let end_pairs = &mut exact_ends.windows(2);
     end_pairs.any(|pair| pair[0] == pair[1] && scheme.w[pair[0]] > 0.0)
@@ -239,11 +248,13 @@ fn mats_with_negative_stiffness(network: &Network) -> Vec<bool> {
     }
     let tie_stiffness = network.mats().k.iter().enumerate();
     negative_mats.extend(tie_stiffness.filter(|&(_, &k)| k < 0.0).map(|(mat, _)| mat));
-    let mut cancels = vec![false; network.n_mat()];
+    let mut has_negative_stiffness = vec![false; network.n_mat()];
     for mat in negative_mats {
-        cancels[joined_mats.root(mat)] = true;
+        has_negative_stiffness[joined_mats.root(mat)] = true;
     }
-    (0..cancels.len()).map(|mat| cancels[joined_mats.root(mat)]).collect()
+    (0..has_negative_stiffness.len())
+        .map(|mat| has_negative_stiffness[joined_mats.root(mat)])
+        .collect()
 }
 
 fn ca_rate(network: &Network, part: usize) -> Option<Rate> {

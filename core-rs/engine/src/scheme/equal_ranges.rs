@@ -21,9 +21,9 @@ impl Scheme {
     /// All MATs as ranges with equal coefficients; empty if the ranges are too short to save time.
     pub(super) fn equal_ranges(&self) -> Vec<EqualRange> {
         let mat_count = self.n_mat();
-        let (mut alike_ranges, mut range_start) = (Vec::new(), 0);
+        let (mut equal_ranges, mut range_start) = (Vec::new(), 0);
         while range_start < mat_count {
-            if (alike_ranges.len() + 1) * MATS_PER_RANGE_MIN > mat_count {
+            if (equal_ranges.len() + 1) * MATS_PER_RANGE_MIN > mat_count {
                 return Vec::new();
             }
             let is_alike_mat = |mat: &usize| {
@@ -32,13 +32,13 @@ impl Scheme {
                     .all(|coefficients| have_same_bits(coefficients[*mat], coefficients[range_start]))
             };
             let range_end = range_start + (range_start..mat_count).take_while(is_alike_mat).count();
-            alike_ranges.push(EqualRange {
+            equal_ranges.push(EqualRange {
                 mats: range_start..range_end,
                 coefficients: self.mat_coefficients().map(|coefficients| coefficients[range_start]),
             });
             range_start = range_end;
         }
-        alike_ranges
+        equal_ranges
     }
 
     /// A copy in which the coefficients of MATs may change: without ranges of equal ones.

@@ -1,6 +1,6 @@
-//! What one link of a run answers, kind by kind: its force, its energy, its slope, and what may be done with it.
+//! One link of a run, kind by kind: its force, its energy, its slope, and the methods that can compute it.
 //!
-//! A new kind of link is told here what it is; `kernel::runs` computes whole runs of it.
+//! A new kind of link is defined here; `kernel::runs` computes whole runs of it.
 
 use super::{ForceEnds, Kind, Run, Spring};
 use crate::law::Hardening;
@@ -21,7 +21,7 @@ impl Run {
     }
 
     /// The elastic part of a link's force [N], also where a clamp holds it back.
-    pub(crate) fn elastic(&self, e: f64) -> f64 {
+    pub(crate) fn elastic_force(&self, e: f64) -> f64 {
         match &self.kind {
             Kind::Ref => self.k * e,
             Kind::Hardening(q) => self.k * e + q * (e * e * e),
@@ -37,7 +37,7 @@ impl Run {
     }
 
     /// The force that a law's damping adds when the link stretches by `step` [m] a frame [N].
-    pub(crate) fn drag(&self, e: f64, step: f64) -> f64 {
+    pub(crate) fn damping_force(&self, e: f64, step: f64) -> f64 {
         match &self.kind {
             Kind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
             Kind::Hardening(_) => self.z * step,
@@ -53,7 +53,7 @@ impl Run {
 
     /// Potential energy of one link at elongation `e` [m], in joules, without that of a shared tension; 0 where the
     /// force is no function of the elongation alone.
-    pub(crate) fn potential(&self, e: f64) -> f64 {
+    pub(crate) fn potential_energy(&self, e: f64) -> f64 {
         match &self.kind {
             Kind::Ref => 0.5 * self.k * e * e,
             Kind::Hardening(q) => 0.5 * self.k * e * e + 0.25 * q * (e * e * e * e),
@@ -67,7 +67,7 @@ impl Run {
             }
             Kind::Lnl { law, .. } => law.potential(e),
             Kind::Space(space) => space.law.potential(self.k, e),
-            Kind::Pairwise { by, .. } => by.link.law.potential(self.k, e), // of one pair
+            Kind::Pairwise { pairs, .. } => pairs.link.law.potential(self.k, e), // of one pair
             Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
         }
     }
@@ -100,10 +100,14 @@ impl Run {
             Kind::Ref | Kind::Hardening(_) => Some([self.k, self.z]),
             Kind::But(but) if but.exponent == 1.0 => Some([self.k, self.z]),
             Kind::But(_) => Some([0.0, self.z]),
-            Kind::Bristle { by, rate } => Some([self.k, by.damping_at_rest() * rate]),
+            Kind::Bristle { law, rate } => Some([self.k, law.damping_at_rest() * rate]),
             Kind::Lnl { law, rate, .. } => Some([law.slope(0.0), law.damping_slope(0.0) * rate]),
-            Kind::Followed { by, rate, .. } => {
-                let law = by.law();
+            Kind::Followed {
+                law: followed_law,
+                rate,
+                ..
+            } => {
+                let law = followed_law.law();
                 Some([law.slope(0.0), law.damping_slope(0.0) * rate])
             }
             Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => None,

@@ -44,9 +44,9 @@ pub(crate) struct LinkGroup {
 /// What a loop over links computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LinkForm {
-    pub(crate) hardens: bool,
+    pub(crate) is_hardening: bool,
     pub(crate) is_damped: bool,
-    pub(crate) pulls: PulledEnds,
+    pub(crate) pulled_ends: PulledEnds,
 }
 
 /// The ends to which links add their forces.
@@ -60,11 +60,11 @@ pub(crate) enum PulledEnds {
 impl LoneLinks {
     /// The links of some runs; `None` if the runs are so long that loops over them are faster.
     pub(super) fn new(springs: &[Spring]) -> Option<Self> {
-        are_lone(springs.iter().map(|run| run.len)).then(|| Self::for_any(springs))
+        are_lone(springs.iter().map(|run| run.len)).then(|| Self::from_runs(springs))
     }
 
     /// [`Self::new`] for any runs.
-    pub(crate) fn for_any(springs: &[Spring]) -> Self {
+    pub(crate) fn from_runs(springs: &[Spring]) -> Self {
         let mut lone_links = Self {
             groups: Vec::new(),
             first_links: vec![0],
@@ -92,20 +92,20 @@ impl LoneLinks {
 
     /// Set stiffness and damping of all links of a run.
     pub(super) fn set_k_and_z(&mut self, run: usize, k_and_z: [f64; 2]) {
-        let [first, end] = [run, run + 1].map(|number| self.first_links[number] as usize);
-        self.k_and_z[first..end].fill(k_and_z);
+        let [first_link, stop_link] = [run, run + 1].map(|number| self.first_links[number] as usize);
+        self.k_and_z[first_link..stop_link].fill(k_and_z);
     }
 
-    fn push(&mut self, run: &Spring, pulls: PulledEnds, first_ends: [usize; 2]) {
+    fn push(&mut self, run: &Spring, pulled_ends: PulledEnds, force_starts: [usize; 2]) {
         let form = LinkForm {
-            hardens: run.q != 0.0,
+            is_hardening: run.q != 0.0,
             is_damped: run.z != 0.0,
-            pulls,
+            pulled_ends,
         };
         let links = self.mats.len()..self.mats.len() + run.len;
         for i in 0..run.len {
             self.mats.push([run.a, run.b].map(|mat| (mat + i) as u32));
-            self.force_ends.push(first_ends.map(|end| (end + i) as u32));
+            self.force_ends.push(force_starts.map(|end| (end + i) as u32));
             self.k_and_z.push([run.k, run.z]);
             self.q.push(run.q);
             self.rest.push(run.rest);

@@ -30,12 +30,12 @@ pub(crate) enum ForceEnds {
 
 impl Spring {
     /// Some links of the run, adding their forces to the ends that `force_ends` gives; `None` if `links` is empty.
-    pub(crate) fn part_of_run(&self, links: Range<usize>, pull: impl Fn(usize) -> ForceEnds) -> Option<Self> {
+    pub(crate) fn links_of_run(&self, links: Range<usize>, force_ends: impl Fn(usize) -> ForceEnds) -> Option<Self> {
         (!links.is_empty()).then(|| Self {
             a: self.a + links.start,
             b: self.b + links.start,
             len: links.len(),
-            force_ends: pull(links.start),
+            force_ends: force_ends(links.start),
             ..*self
         })
     }

@@ -7,12 +7,12 @@ use super::spring::Spring;
 
 /// Springs that are computed in one pass: run by run, and link by link where most runs are single links.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Springs {
+pub(crate) struct FusedSprings {
     runs: Vec<Spring>,
     lone_links: Option<LoneLinks>,
 }
 
-impl Springs {
+impl FusedSprings {
     pub(crate) fn new(runs: Vec<Spring>) -> Self {
         Self {
             lone_links: LoneLinks::new(&runs),
@@ -41,7 +41,7 @@ impl Springs {
     }
 }
 
-impl Deref for Springs {
+impl Deref for FusedSprings {
     type Target = [Spring];
 
     fn deref(&self) -> &[Spring] {

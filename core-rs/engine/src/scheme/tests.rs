@@ -56,7 +56,7 @@ fn certify_of_a_single_mass_at_its_limit() {
     for (k, z) in [(4.0, 0.0), (2.0, 1.0), (0.0, 2.0)] {
         let certificate = certify(&single_mass(k * (1.0 - 1e-12), z * (1.0 - 1e-12))).unwrap();
         assert_eq!(
-            (certificate.word, certificate.oversampling()),
+            (certificate.guarantee, certificate.oversampling()),
             (StabilityGuarantee::Proved, 1)
         );
         assert!(certificate.lambda_max < 4.0 && certificate.lambda_max > 4.0 - 1e-10);
@@ -75,9 +75,9 @@ fn certify_by_eigenvalue_beyond_coarse_sums() {
     let row_cosine = crate::maths::cos(std::f64::consts::PI / (2 * mass_count) as f64);
     let limit_stiffness = 1.0 / (row_cosine * row_cosine);
     let coarse_bound = certify(&row(mass_count, 1.0 - 1e-12)).unwrap();
-    assert_eq!(coarse_bound.means, BoundMethod::Gershgorin);
+    assert_eq!(coarse_bound.bound_method, BoundMethod::Gershgorin);
     let certificate = certify(&row(mass_count, limit_stiffness * (1.0 - 1e-9))).unwrap();
-    assert_ne!(certificate.means, BoundMethod::Gershgorin);
+    assert_ne!(certificate.bound_method, BoundMethod::Gershgorin);
     assert!((certificate.lambda_max - 4.0).abs() < 1e-8 && certificate.lambda_max < 4.0);
     let (module, lambda, _) = unstable(&row(mass_count, limit_stiffness * (1.0 + 1e-9)));
     assert!((4.0..4.0 + 1e-7).contains(&lambda));
@@ -141,7 +141,7 @@ fn certify_of_non_linear_links_is_guarded() {
         network.mas("m", 1.0, 0.0, 0.0).unwrap();
         network.sol("s", 0.0).unwrap();
         join(&mut network);
-        certify(&network).map(|it| (it.word, it.lambda_max))
+        certify(&network).map(|it| (it.guarantee, it.lambda_max))
     };
     let plain_contact = |k: f64| But {
         k,
@@ -181,7 +181,7 @@ fn certify_of_an_empty_network() {
     assert_eq!(certify(&Network::new()).unwrap().lambda_max, 0.0);
     let mut network = discrete();
     network.sol("s", 1.0).unwrap();
-    assert_eq!(certify(&network).unwrap().means, BoundMethod::Gershgorin);
+    assert_eq!(certify(&network).unwrap().bound_method, BoundMethod::Gershgorin);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use super::{RunningUnit, Simulation};
 use crate::body_modes::complex_modes::ComplexPart;
 use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
 use crate::body_modes::state_projection::StateProjection;
-use crate::island::inside::{self, BodyPlan};
+use crate::island::bodies::{self, BodyPlan};
 use crate::network::Network;
 use crate::units::Rate;
 
@@ -111,9 +111,9 @@ impl<'a> BodyCandidate<'a> {
                 let (network, body_mats, mass_source) = match body {
                     BodyPlan::Modal(modal) => {
                         let network = &*modal.network;
-                        let mode_selection = (&modal.computed[..], modal.turned.as_deref());
-                        let mass_source = match &modal.answers {
-                            Some(answers) => MassSource::ComplexModes(network, &answers.places, modal.rate),
+                        let mode_selection = (&modal.mode_numbers[..], modal.alignment_mats.as_deref());
+                        let mass_source = match &modal.complex_responses {
+                            Some(answers) => MassSource::ComplexModes(network, &answers.mode_parts, modal.rate),
                             None => MassSource::Modes(network, mode_selection, modal.rate),
                         };
                         (network, moving_mats(network), mass_source)
@@ -123,8 +123,8 @@ impl<'a> BodyCandidate<'a> {
                         (&*mesh.network, mats.clone(), MassSource::Masses(mats))
                     }
                     BodyPlan::Slow(slow) => {
-                        let mass_source = MassSource::Masses((0..slow.free.len()).collect());
-                        (&*slow.network, slow.free.clone(), mass_source)
+                        let mass_source = MassSource::Masses((0..slow.free_mats.len()).collect());
+                        (&*slow.network, slow.free_mats.clone(), mass_source)
                     }
                 };
                 candidates.push(Self::new(body_place, network, &body_mats, mass_source, time_step));
@@ -258,10 +258,10 @@ impl TransferredBody {
                         }
                     }
                     (RunningUnit::Island(island), Some(body)) => {
-                        let Some(inside::RunningBody::Modal(modal_body)) = island.body(body) else {
+                        let Some(bodies::RunningBody::Modal(modal_body)) = island.body_mut(body) else {
                             return;
                         };
-                        modal_body.amplitudes(amplitudes_now, amplitudes_before);
+                        modal_body.write_amplitudes(amplitudes_now, amplitudes_before);
                     }
                     (RunningUnit::Island(_), None) => return,
                 }
@@ -276,14 +276,14 @@ impl TransferredBody {
                     return;
                 };
                 let mats = workspace.mass_motions[self.first_slot..].iter_mut().zip(masses);
-                match island.body(body) {
-                    Some(inside::RunningBody::Mesh(mesh)) => {
+                match island.body_mut(body) {
+                    Some(bodies::RunningBody::Mesh(mesh)) => {
                         mats.for_each(|(mat, &(mass_index, _))| {
                             *mat = with_step_scaled(mesh.motion(mass_index), frame_steps)
                         });
                     }
-                    Some(inside::RunningBody::Slow(slow)) => {
-                        let present = slow.present();
+                    Some(bodies::RunningBody::Slow(slow)) => {
+                        let present = slow.present_state();
                         let mass_motion =
                             |mass_index: usize| with_step_scaled(slow.motion(&present, mass_index), frame_steps);
                         mats.for_each(|(mat, &(mass_index, _))| *mat = mass_motion(mass_index));
@@ -323,9 +323,9 @@ impl TransferredBody {
                 for ((_, motion), mat) in masses.iter_mut().zip(&workspace.mass_motions[self.first_slot..]) {
                     *motion = with_step_scaled(*mat, frames_per_step);
                 }
-                match island.body(body) {
-                    Some(inside::RunningBody::Mesh(mesh)) => mesh.put(masses),
-                    Some(inside::RunningBody::Slow(slow)) => slow.put(masses),
+                match island.body_mut(body) {
+                    Some(bodies::RunningBody::Mesh(mesh)) => mesh.set_motions(masses),
+                    Some(bodies::RunningBody::Slow(slow)) => slow.set_motions(masses),
                     _ => {}
                 }
             }
@@ -342,7 +342,7 @@ fn set_amplitudes(running_unit: &mut RunningUnit, body: Option<usize>, [now, bef
             }
         }
         (RunningUnit::Island(island), Some(body)) => {
-            if let Some(inside::RunningBody::Modal(modal_body)) = island.body(body) {
+            if let Some(bodies::RunningBody::Modal(modal_body)) = island.body_mut(body) {
                 modal_body.set_amplitudes(now, before);
             }
         }

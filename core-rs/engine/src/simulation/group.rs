@@ -214,7 +214,7 @@ impl RunningUnit {
                     }
                     source.record(sound);
                 }
-                if !island.is_slow() {
+                if !island.is_decimated() {
                     add_island_sound(sound, n_island_out, island_plan, out, outputs);
                 }
             }
@@ -233,7 +233,7 @@ impl RunningUnit {
 
     /// Whether a thread team can share its work.
     fn can_share_work(&self) -> bool {
-        matches!(self, Self::Island(island) if island.is_shared())
+        matches!(self, Self::Island(island) if island.can_share_work())
     }
 }
 

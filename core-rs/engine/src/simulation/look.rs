@@ -9,8 +9,8 @@ use std::sync::Arc;
 use super::Simulation;
 use super::group::RunningUnit;
 use crate::assembly::unit::{ComputationUnit, to_network_index};
-use crate::island::inside::RunningBody;
-use crate::island::{Island, Record};
+use crate::island::bodies::RunningBody;
+use crate::island::{ErgonRecord, Island};
 use crate::network::Network;
 use crate::plan::Plan;
 use crate::timeline::Timeline;
@@ -157,7 +157,7 @@ impl Simulation {
     /// The ergons that a timeline holds, by rising instant. The speed of a strike, and the impulse of an ergon, are
     /// computed for a mass at rest. Gestures are not included: [`Self::take_sparks`] reports their ergons.
     /// Nor are real hands, which give forces.
-    pub fn written_ergons(&self, timeline: &Timeline) -> Vec<Record> {
+    pub fn written_ergons(&self, timeline: &Timeline) -> Vec<ErgonRecord> {
         let network = &*self.plan.network;
         let mass_of = |struck_mat: u32| {
             let scaled_mass = network.mats().m[struck_mat as usize];
@@ -167,7 +167,7 @@ impl Simulation {
         };
         let strikes = timeline.strikes.iter().map(|strike| {
             let (struck_mass, struck_mat) = (mass_of(strike.mat), strike.mat as usize);
-            Record::event(
+            ErgonRecord::event(
                 strike.instant,
                 struck_mat,
                 strike.source,
@@ -176,7 +176,7 @@ impl Simulation {
                 strike.impulse,
             )
         });
-        let ergon_records = timeline.ergons.iter().map(|ergon| Record {
+        let ergon_records = timeline.ergons.iter().map(|ergon| ErgonRecord {
             time: ergon.instant,
             mat: ergon.mat,
             source: ergon.source,
@@ -184,7 +184,7 @@ impl Simulation {
             speed: ergon.speed,
             impulse: 2.0 * ergon.mass * mass_of(ergon.mat) / (ergon.mass + mass_of(ergon.mat)) * ergon.speed,
         });
-        let mut all_records: Vec<Record> = strikes.chain(ergon_records).collect();
+        let mut all_records: Vec<ErgonRecord> = strikes.chain(ergon_records).collect();
         all_records.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.mat.cmp(&b.mat)));
         all_records
     }
@@ -231,7 +231,7 @@ impl Simulation {
     pub fn start_watching(&mut self) {
         for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let RunningUnit::Island(island) = running {
-                island.watch();
+                island.start_watching();
             }
         }
     }
@@ -241,7 +241,7 @@ impl Simulation {
     pub fn take_contacts(&mut self, look: &Look, mut report: impl FnMut(usize, u64, f64)) {
         for (unit, contacts) in &look.contacts_by_unit {
             if let RunningUnit::Island(island) = self.running_unit_mut(*unit) {
-                island.take_touches(|link, frame, force| {
+                island.take_contact_peaks(|link, frame, force| {
                     if let Some(contact) = contacts[link] {
                         report(contact as usize, frame, force);
                     }
@@ -279,12 +279,12 @@ impl Simulation {
     /// Calls `report` for the ergons of written gestures since the last call, as they are drawn. A throw or a grain is
     /// reported by itself; ergons that lead along a path are gathered by sign, and one is reported with the impulse of
     /// all. If too many strike to be reported one by one, the others are gathered as well.
-    pub fn take_sparks(&mut self, look: &Look, mut report: impl FnMut(Record)) {
+    pub fn take_sparks(&mut self, look: &Look, mut report: impl FnMut(ErgonRecord)) {
         for (unit, mats) in &look.gestures_by_unit {
             if let RunningUnit::Island(island) = self.running_unit_mut(*unit) {
                 island.take_sparks(|spark| {
                     let mat = to_network_index(mats, spark.mat as usize) as u32;
-                    report(Record { mat, ..spark });
+                    report(ErgonRecord { mat, ..spark });
                 });
             }
         }
@@ -313,14 +313,14 @@ impl TrackSource {
         displacements: &mut [f64],
         previous_displacements: &mut [f64],
     ) {
-        let frames_ahead = island.ahead(frame);
+        let frames_ahead = island.frames_ahead(frame);
         let steps_ahead = f64::from(frames_ahead) * island.steps_per_frame();
         let traced_back = |x: f64, step: f64| {
             if frames_ahead == 0 { x } else { x - steps_ahead * step }
         };
         match self {
             Self::Masses(mat_tracks) => {
-                let (x, step) = (island.positions(), island.steps());
+                let (x, step) = (island.positions(), island.backward_steps());
                 for &(index, track, rest) in mat_tracks {
                     displacements[track as usize] = traced_back(x[index as usize], step[index as usize]) - rest;
                 }
@@ -335,7 +335,7 @@ impl TrackSource {
             }
             Self::Slow(body, mat_tracks) => {
                 if let Some(RunningBody::Slow(slow)) = island.bodies().get(*body) {
-                    let present = slow.present();
+                    let present = slow.present_state();
                     for &(index, track, rest) in mat_tracks {
                         let (x, step) = slow.motion(&present, index as usize);
                         displacements[track as usize] = traced_back(x, step) - rest;
@@ -351,7 +351,7 @@ impl TrackSource {
                             return;
                         };
                         let track = *track as usize;
-                        (displacements[track], previous_displacements[track]) = if island.is_slow() {
+                        (displacements[track], previous_displacements[track]) = if island.is_decimated() {
                             let oscillation = look.oscillation(track);
                             let phase = oscillation.coefficients(x, x_before, step_time);
                             let position = |t: f64| oscillation.coefficients_after(phase, t).0;

@@ -5,7 +5,7 @@ use super::group::RunningUnit;
 use crate::assembly::cost;
 use crate::assembly::unit::{ComputationUnit, to_network_index};
 use crate::gesture::report::GestureReport;
-use crate::island::{Energy, FramedErgon, Island, Record};
+use crate::island::{Energy, ErgonRecord, FramedErgon, Island};
 
 impl Simulation {
     /// Reports of all gestures, in the timeline's order.
@@ -24,7 +24,7 @@ impl Simulation {
     }
 
     /// Records of the ergons since the last call, by rising frame.
-    pub fn take_ergons(&mut self) -> Vec<Record> {
+    pub fn take_ergons(&mut self) -> Vec<ErgonRecord> {
         let mut framed_ergons = Vec::new();
         let running_units = self.groups.iter_mut().flat_map(|group| &mut group.units);
         for (running, unit) in running_units.zip(&self.plan.units) {
@@ -33,11 +33,11 @@ impl Simulation {
             };
             let island_ergons = island.take_ergons().into_iter();
             framed_ergons.extend(island_ergons.map(|record| FramedErgon {
-                record: Record {
+                record: ErgonRecord {
                     mat: to_network_index(&island_plan.network_indices.mats, record.record.mat as usize) as u32,
                     ..record.record
                 },
-                frame: island.frame_at(record.frame),
+                frame: island.scene_frame_at(record.frame),
             }));
         }
         // Sorted by the frame of the strike; ergons of one frame stay in the order of the islands.
@@ -79,12 +79,12 @@ impl Simulation {
     /// Names of the muted parts, with the frame at which each was muted.
     pub fn muted_parts(&self) -> Vec<(String, u64)> {
         let islands = self.islands();
-        islands.flat_map(|(island, _)| island.muted()).collect()
+        islands.flat_map(|(island, _)| island.muted_parts()).collect()
     }
 
     /// Number of island steps so far that were skipped because the island was at rest. A snapshot keeps its own count.
     pub fn steps_at_rest(&self) -> u64 {
-        self.islands().map(|(island, _)| island.passed()).sum()
+        self.islands().map(|(island, _)| island.skipped_steps()).sum()
     }
 
     /// Work so far whose amount depends on the motion, by the table of costs: that of contacts and laws between frames,
@@ -97,14 +97,14 @@ impl Simulation {
 
     /// Number of muted parts; does not allocate.
     pub fn n_muted(&self) -> usize {
-        self.islands().map(|(island, _)| island.n_muted()).sum()
+        self.islands().map(|(island, _)| island.n_muted_parts()).sum()
     }
 
     /// Parts whose links stiffened so much that frames were computed in finer steps: name, number of such frames, and
     /// the largest number of steps a frame.
     pub fn finer_parts(&self) -> Vec<(String, u64, u32)> {
         let mut finer_parts: Vec<(String, u64, u32)> = Vec::new();
-        for (part, frames, finest) in self.islands().flat_map(|(island, _)| island.finer()) {
+        for (part, frames, finest) in self.islands().flat_map(|(island, _)| island.finer_parts()) {
             match finer_parts.iter_mut().find(|other| other.0 == part) {
                 Some(other) => (other.1, other.2) = (other.1.max(frames), other.2.max(finest)),
                 None => finer_parts.push((part.to_owned(), frames, finest)),
@@ -117,9 +117,9 @@ impl Simulation {
     pub fn energy_gains(&self) -> Vec<(String, u64, String)> {
         let gains_of = |island: &Island| {
             let step_rate = self.rate() * island.steps_per_frame();
-            let named_gains = island.gains().map(move |(module, gain)| {
-                let sentence = gain.sentence(&module, gain.frame as f64 / step_rate);
-                (module, island.frame_at(gain.frame), sentence)
+            let named_gains = island.energy_gains().map(move |(module, gain)| {
+                let sentence = gain.sentence(&module, gain.step as f64 / step_rate);
+                (module, island.scene_frame_at(gain.step), sentence)
             });
             named_gains.collect::<Vec<_>>()
         };
@@ -134,12 +134,12 @@ impl Simulation {
 
     /// Number of links and meshes that created energy; does not allocate.
     pub fn n_energy_gains(&self) -> usize {
-        self.islands().map(|(island, _)| island.n_gains()).sum()
+        self.islands().map(|(island, _)| island.n_energy_gains()).sum()
     }
 
     /// Number of meshes with frames computed in finer steps; does not allocate.
     pub fn n_finer(&self) -> usize {
         let islands = self.islands();
-        islands.map(|(island, _)| island.finer().count()).sum()
+        islands.map(|(island, _)| island.finer_parts().count()).sum()
     }
 }

@@ -2,7 +2,7 @@
 //! that [`Simulation::set_input`] gives.
 
 use super::{RunningUnit, Simulation};
-use crate::island::{FRAMES_MAX, Island};
+use crate::island::{INPUT_FRAMES_MAX, Island};
 use crate::plan::Plan;
 use crate::timeline::{Conditioner, InputSource};
 
@@ -18,7 +18,7 @@ impl SoundsIn {
         let frame_rate = plan.timeline_rate.hertz();
         let new_conditioner = |settings| Conditioner::new(settings, frame_rate);
         let conditioners: Vec<Conditioner> = plan.sounds_in.iter().copied().map(new_conditioner).collect();
-        let buffer_size = if conditioners.is_empty() { 0 } else { FRAMES_MAX };
+        let buffer_size = if conditioners.is_empty() { 0 } else { INPUT_FRAMES_MAX };
         Self {
             conditioners,
             input_values: vec![0.0; buffer_size].into(),
@@ -82,7 +82,7 @@ impl Simulation {
     /// the timeline before the first call, and are silent after it.
     pub fn sound_in(&mut self, frames: &[f32], n_channels: usize) {
         let n_channels = n_channels.max(1);
-        let frame_count = (frames.len() / n_channels).min(FRAMES_MAX);
+        let frame_count = (frames.len() / n_channels).min(INPUT_FRAMES_MAX);
         let first_frame = self.frame;
         let SoundsIn {
             conditioners,
@@ -99,7 +99,7 @@ impl Simulation {
             }
             for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
                 if let RunningUnit::Island(island) = running {
-                    island.hear(index, first_frame, last_input, &input_values[..frame_count]);
+                    island.receive_samples(index, first_frame, last_input, &input_values[..frame_count]);
                 }
             }
         }

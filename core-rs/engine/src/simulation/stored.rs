@@ -97,7 +97,7 @@ impl Simulation {
             return Ok(Vec::new());
         };
         let n_outputs = running_island.n_out();
-        let team = if running_island.is_shared() { team } else { 1 };
+        let team = if running_island.can_share_work() { team } else { 1 };
         let mut island_sound = vec![0.0; n_outputs * n_frames];
         with_denormals_flushed(|| {
             ThreadTeam::with(team, |team| {

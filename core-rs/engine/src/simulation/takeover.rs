@@ -159,7 +159,7 @@ impl Takeover {
             let mut is_matched = false;
             for (body_index, body) in island_plan.bodies.iter().enumerate() {
                 let old_body = unmatched(&old_side.islands, &same[0]).find_map(|(&(old_unit, _, other), _)| {
-                    let is_same_body = |old_body_plan: &crate::island::inside::BodyPlan| {
+                    let is_same_body = |old_body_plan: &crate::island::bodies::BodyPlan| {
                         let new_mat_name = |mat| island_plan.network.mat_name(mat);
                         body.is_same(old_body_plan, new_mat_name, |mat| other.network.mat_name(mat))
                     };

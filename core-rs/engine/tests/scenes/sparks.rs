@@ -8,7 +8,7 @@ use ergon_engine::gesture::script::{ErgonKind, Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{Glance, Look, OnFault, Options, Record, Simulation};
+use ergon_engine::simulation::{ErgonRecord, Glance, Look, OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -64,7 +64,7 @@ fn simulation(network: Network, timeline: &Timeline) -> Simulation {
 }
 
 /// For each look: the ergons that struck, and the sparks that are seen.
-fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<Record>, Vec<Record>)> {
+fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<ErgonRecord>, Vec<ErgonRecord>)> {
     let look = simulation.make_look();
     simulation.start_watching();
     let mut glance = Glance::new(simulation, &look);
@@ -79,17 +79,17 @@ fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<Recor
 /// Expected sparks of a stream: for each run of ergons of one sign without a gap, the impulse and the mean instant and
 /// speed. A particle that is 1e-4 times as heavy as the key gives the impulse p to a key at rest if its speed is p (1 +
 /// 1e-4)/(2e-4 M).
-fn gathered(struck: &[Record]) -> Vec<[f64; 3]> {
+fn gathered(struck: &[ErgonRecord]) -> Vec<[f64; 3]> {
     let mut all = Vec::new();
     for sign in [1.0, -1.0] {
-        let same: Vec<&Record> = (struck.iter()).filter(|ergon| ergon.impulse * sign > 0.0).collect();
+        let same: Vec<&ErgonRecord> = (struck.iter()).filter(|ergon| ergon.impulse * sign > 0.0).collect();
         for run in same.chunk_by(|a, b| b.time - a.time <= TOGETHER) {
             let impulse: f64 = run.iter().map(|ergon| ergon.impulse).sum();
-            let mean = |source: fn(&Record) -> f64| {
+            let mean = |source: fn(&ErgonRecord) -> f64| {
                 let all = run.iter().map(|ergon| ergon.impulse / impulse * source(ergon));
                 all.sum::<f64>()
             };
-            let speed = |ergon: &Record| ergon.impulse * 1.0001 / (2e-4 * KEY);
+            let speed = |ergon: &ErgonRecord| ergon.impulse * 1.0001 / (2e-4 * KEY);
             all.push([impulse, mean(|ergon| ergon.time), mean(speed)]);
         }
     }
@@ -154,7 +154,7 @@ fn sparks_of_throws_and_grains_are_single() {
     for (method, manner) in [(Approach::Throw, Manner::OPEN), (smooth, grains)] {
         let mut n = 0;
         for (struck, seen) in looks(&mut played(method, manner), 12, LOOK) {
-            let output = |all: &[Record]| -> Vec<(u64, u64)> {
+            let output = |all: &[ErgonRecord]| -> Vec<(u64, u64)> {
                 let each = all.iter();
                 each.map(|ergon| (ergon.time.to_bits(), ergon.impulse.to_bits()))
                     .collect()
@@ -184,7 +184,7 @@ fn sparks_beyond_the_limit_are_gathered_by_sign() {
         assert_eq!((seen.time, seen.impulse), (struck.time, struck.impulse));
     }
     for up in [true, false] {
-        let sum = |all: &[Record]| -> f64 {
+        let sum = |all: &[ErgonRecord]| -> f64 {
             let single = all.iter().filter(|ergon| (ergon.impulse > 0.0) == up);
             single.map(|ergon| ergon.impulse).sum()
         };
@@ -194,7 +194,7 @@ fn sparks_beyond_the_limit_are_gathered_by_sign() {
 }
 
 /// Sum of the impulses for each MAT and sign.
-fn impulses<'a>(all: impl Iterator<Item = &'a Record>) -> HashMap<(u32, bool), f64> {
+fn impulses<'a>(all: impl Iterator<Item = &'a ErgonRecord>) -> HashMap<(u32, bool), f64> {
     let mut sums = HashMap::new();
     for ergon in all.filter(|ergon| ergon.impulse != 0.0) {
         *sums.entry((ergon.mat, ergon.impulse > 0.0)).or_default() += ergon.impulse;

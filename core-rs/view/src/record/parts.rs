@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use ergon_engine::network::Network;
-use ergon_engine::simulation::{Look, Oscillation, PointMotion, Record};
+use ergon_engine::simulation::{ErgonRecord, Look, Oscillation, PointMotion};
 
 use crate::payload::NONE;
 
@@ -94,7 +94,7 @@ pub(super) fn strike_times(
     look: &Look,
     network: &Network,
     points: &HashMap<usize, usize>,
-    ergons: &[Record],
+    ergons: &[ErgonRecord],
     rate: f64,
 ) -> Vec<Vec<f64>> {
     let point_count = look.points.len();

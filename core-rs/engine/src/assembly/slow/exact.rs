@@ -10,7 +10,7 @@ use crate::assembly::constants::{FLOW_MASSES_MAX, LOOSE_STIFFNESS_RATIO};
 use crate::assembly::wiring::Body;
 use crate::integrate::flow::{Flow, frame_map};
 use crate::integrate::square::SquareMatrix;
-use crate::island::slow::{BlockFlow, Interface, Slow, Springs, Weights, best_block};
+use crate::island::slow::{BlockFlow, Interface, Slow, SpringMethod, Weights, best_block_length};
 use crate::maths;
 use crate::network::Subset;
 use crate::scheme::Scheme;
@@ -70,12 +70,12 @@ pub(super) fn slow_body_of_springs(
         let ports = ports.iter();
         let ports = ports.map(|&(local, mat)| (local, is_struck(mat).then(|| missing(local))));
         let interface = Interface {
-            w: &matrices.inverse_masses,
+            inverse_masses: &matrices.inverse_masses,
             ports: ports.collect(),
             outputs: outputs.to_vec(),
         };
-        let n_frames = best_block(mass_count, interface.ports.len());
-        Springs::Exact(Arc::new(BlockFlow::new(frame_flow.clone(), interface, n_frames)))
+        let n_frames = best_block_length(mass_count, interface.ports.len());
+        SpringMethod::Exact(Arc::new(BlockFlow::new(frame_flow.clone(), interface, n_frames)))
     };
     let slow_body = solution.into_slow_body(rate, (part, macrostep), body, subset, springs)?;
     Ok(slow_body)
@@ -112,16 +112,16 @@ impl Matrices {
         let free = moving_mats(body, subset);
         let free_count = free.len();
         let slot_of_mat = |mat: usize| free.binary_search(&mat).ok();
-        let w: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();
-        let (mut k, mut z, mut force) = (
+        let inverse_masses: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();
+        let (mut stiffness, mut z, mut force) = (
             SquareMatrix::zero(free_count),
             SquareMatrix::zero(free_count),
             vec![0.0; free_count],
         );
         for (local, &i) in free.iter().enumerate() {
-            *k.entry_mut(local, local) += scheme.kappa[i];
+            *stiffness.entry_mut(local, local) += scheme.kappa[i];
             *z.entry_mut(local, local) += scheme.zeta[i];
-            force[local] += scheme.kappa[i] / w[local] * scheme.rest[i];
+            force[local] += scheme.kappa[i] / inverse_masses[local] * scheme.rest[i];
         }
         for run in &scheme.runs {
             for i in 0..run.len {
@@ -130,13 +130,13 @@ impl Matrices {
                     let Some(row) = slot_of_mat(mat) else {
                         continue;
                     };
-                    *k.entry_mut(row, row) += w[row] * run.k;
-                    *z.entry_mut(row, row) += w[row] * run.z;
+                    *stiffness.entry_mut(row, row) += inverse_masses[row] * run.k;
+                    *z.entry_mut(row, row) += inverse_masses[row] * run.z;
                     force[row] -= sign * run.k * run.rest;
                     match slot_of_mat(other) {
                         Some(column) => {
-                            *k.entry_mut(row, column) -= w[row] * run.k;
-                            *z.entry_mut(row, column) -= w[row] * run.z;
+                            *stiffness.entry_mut(row, column) -= inverse_masses[row] * run.k;
+                            *z.entry_mut(row, column) -= inverse_masses[row] * run.z;
                         }
                         None => force[row] += run.k * mats.x0[other],
                     }
@@ -145,8 +145,8 @@ impl Matrices {
         }
         Self {
             moving_mats: free,
-            inverse_masses: w,
-            stiffness: k,
+            inverse_masses,
+            stiffness,
             viscosity: z,
             force_at_origin: force,
         }

@@ -12,7 +12,7 @@ use crate::assembly::constants::{
 use crate::assembly::cost_table::Costs;
 use crate::assembly::unit::IslandPlan;
 use crate::interrupt;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::modal::Modal;
 use crate::island::slow::{RunningSlow, Slow};
 use crate::scheme::{Kind, Run, Scheme};
@@ -136,7 +136,7 @@ impl<'a> KickMap<'a> {
             _ => None,
         };
         let slow: Vec<&Slow> = body_plans().filter_map(linear_slow).collect();
-        let kick_periods: Vec<u64> = slow.iter().map(|slow| slow.kick_every.into()).collect();
+        let kick_periods: Vec<u64> = slow.iter().map(|slow| slow.kick_interval.into()).collect();
         let frames = kick_periods.iter().copied().fold(1, lcm);
         let shortest_period = kick_periods.iter().copied().min()?;
         // A body without a linear map is replaced by the masses of its ports.
@@ -149,7 +149,7 @@ impl<'a> KickMap<'a> {
         for mat in body_plans().filter(has_no_map).flat_map(BodyPlan::ports) {
             is_port_mat[mat] = false;
         }
-        let start_slow = |slow: &&Slow| RunningSlow::new(&slow.frame_by_frame().deviation(), &body);
+        let start_slow = |slow: &&Slow| RunningSlow::new(&slow.frame_by_frame().layer_body(), &body);
         let running_slow: Vec<RunningSlow> = slow.iter().map(start_slow).collect();
         (frames <= COMMON_FRAMES_MAX).then(|| Self {
             slow_bodies: running_slow,
@@ -188,7 +188,9 @@ impl<'a> KickMap<'a> {
             visit(&mut self.body.x[i]);
             visit(&mut self.body.d[i]);
         }
-        self.slow_bodies.iter_mut().for_each(|slow| slow.each(&mut visit));
+        self.slow_bodies
+            .iter_mut()
+            .for_each(|slow| slow.visit_state(&mut visit));
         for modes in &mut self.modes {
             modes.amplitudes.iter_mut().for_each(&mut visit);
             modes.previous_amplitudes.iter_mut().for_each(&mut visit);
@@ -213,7 +215,7 @@ impl<'a> KickMap<'a> {
 
     fn set_port_positions(&mut self) {
         for slow in &self.slow_bodies {
-            slow.place(&mut self.body);
+            slow.set_ports(&mut self.body);
         }
         for modes in &self.modes {
             for port in &modes.modal.ports {
@@ -240,15 +242,16 @@ impl<'a> KickMap<'a> {
         for modes in &mut self.modes {
             let ModalState {
                 modal,
-                amplitudes: now,
-                previous_amplitudes: before,
+                amplitudes,
+                previous_amplitudes,
             } = modes;
             for (mode, mode_plan) in modal.modes.iter().enumerate() {
                 let add_push =
                     |port_push: f64, port: &crate::island::modal::Port| port_push + port.shape[mode] * force[port.mat];
                 let port_push = modal.ports.iter().fold(0.0, add_push);
-                let next_amplitude = mode_plan.a * now[mode] - mode_plan.b * before[mode] + mode_plan.gain * port_push;
-                before[mode] = std::mem::replace(&mut now[mode], next_amplitude);
+                let next_amplitude = mode_plan.a * amplitudes[mode] - mode_plan.b * previous_amplitudes[mode]
+                    + mode_plan.displacement_per_newton * port_push;
+                previous_amplitudes[mode] = std::mem::replace(&mut amplitudes[mode], next_amplitude);
             }
         }
         let Scheme { w, kappa, zeta, .. } = &self.scheme;
@@ -361,7 +364,7 @@ impl<'a> KickMap<'a> {
         for modes in &mut self.modes {
             modes.previous_amplitudes.fill(0.0);
             for (now, mode_plan) in modes.amplitudes.iter_mut().zip(&modes.modal.modes) {
-                *now = next_random() * mode_plan.gain.sqrt();
+                *now = next_random() * mode_plan.displacement_per_newton.sqrt();
             }
         }
     }
@@ -374,14 +377,15 @@ impl<'a> KickMap<'a> {
         let stepped_energy: f64 = entries.map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i]).sum();
         let elongation_squared = |link: &LinearLink| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
         let link_energy: f64 = self.links.iter().map(|link| link.k * elongation_squared(link)).sum();
-        let slow_energy: f64 = self.slow_bodies.iter().map(RunningSlow::energy).sum();
+        let slow_energy: f64 = self.slow_bodies.iter().map(RunningSlow::spring_energy).sum();
         let energy_of = |modes: &ModalState<'_>| -> f64 {
             let amplitude_pairs = modes.amplitudes.iter().zip(&modes.previous_amplitudes);
             let entries = amplitude_pairs.zip(&modes.modal.modes);
             entries
                 .map(|((now, before), mode_plan)| {
                     let amplitude_step = now - before;
-                    (amplitude_step * amplitude_step + (1.0 - mode_plan.a + mode_plan.b) * now * now) / mode_plan.gain
+                    (amplitude_step * amplitude_step + (1.0 - mode_plan.a + mode_plan.b) * now * now)
+                        / mode_plan.displacement_per_newton
                 })
                 .sum()
         };

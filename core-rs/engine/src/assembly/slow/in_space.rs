@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{Solution, moving_mats, resolves_turn};
 use crate::assembly::wiring::Body;
-use crate::island::slow::{Slow, Springs};
+use crate::island::slow::{Slow, SpringMethod};
 use crate::maths;
 use crate::network::{Error, Subset};
 use crate::scheme::Scheme;
@@ -41,6 +41,6 @@ pub(super) fn slow_body_in_space(
         moving_mats: free,
         is_discrete: false,
     };
-    let springs = Springs::Stepped(Arc::new(macro_scheme));
+    let springs = SpringMethod::Stepped(Arc::new(macro_scheme));
     solution.into_slow_body(rate, (part, macrostep), body, subset, |_, _| springs)
 }

@@ -245,7 +245,7 @@ impl IeqLinks {
                 let (e, de) = elongation(run, x, d, i);
                 let potential = |e: f64| match run_index.checked_sub(mesh.springs.len()) {
                     None => 0.25 * run.q * (e * e * e * e),
-                    Some(other) => mesh.other_runs[other].potential(e),
+                    Some(other) => mesh.other_runs[other].potential_energy(e),
                 };
                 0.5 * (potential(e) + potential(e - de))
             })

@@ -6,7 +6,7 @@ use super::super::conjugate::ConjugateGradients;
 use super::super::passes;
 use crate::chance::Chance;
 use crate::kernel::springs::{ForcePart, SpringPass};
-use crate::scheme::{ForceEnds, Spring, Springs};
+use crate::scheme::{ForceEnds, FusedSprings, Spring};
 
 /// Numbers between -1 and 1.
 fn numbers(n: usize, seed: u64) -> Vec<f64> {
@@ -66,7 +66,7 @@ fn passes_have_the_bits_of_their_formulas() {
     let damper_force = |run: &Spring, a: usize, b: usize| black_box(run.z * black_box(v[b] - v[a]));
     let pass_forces = |part: ForcePart| {
         let mut mat_force = vec![f64::NAN; 70];
-        SpringPass::new(&runs(), 70).compute_forces(part, &Springs::new(runs()), [&x, &v], &mut mat_force);
+        SpringPass::new(&runs(), 70).compute_forces(part, &FusedSprings::new(runs()), [&x, &v], &mut mat_force);
         mat_force
     };
     assert_eq!(pass_forces(ForcePart::Elastic), plainly(spring_force));

@@ -19,7 +19,7 @@ fn single_mass(kappa: f64, zeta: f64) -> Network {
 }
 
 fn word(network: &Network, way: MeshMethod) -> Option<StabilityGuarantee> {
-    certify(network, rate(), way, 1).ok().map(|it| it.word)
+    certify(network, rate(), way, 1).ok().map(|it| it.guarantee)
 }
 
 /// Whether the motion stays below a hundred times its initial displacement: near its stability limit CA2P swings slowly

@@ -9,7 +9,7 @@ pub(super) const POLYNOMIALS_MAX: usize = 24;
 const POLYNOMIALS_MIN: usize = 4;
 /// Error of the sum, relative to the function.
 pub(super) const RELATIVE_ERROR: f64 = 1e-10;
-/// The same for dry friction: the motion of what it holds is small beside where that stands.
+/// The same for dry friction: the motion of a held mass is small against its position.
 pub(super) const RELATIVE_ERROR_OF_FRICTION: f64 = 1e-15;
 
 /// Polynomials of a frame and the instants at which a function is sampled for them.
@@ -33,8 +33,8 @@ pub(super) struct Instant {
 impl Basis {
     /// A basis for motions e^(λs) with |λ| up to `fastest_rate` [1/frame], to an error relative to them.
     pub(super) fn new(fastest_rate: f64, error_max: f64) -> Self {
-        let n_instants =
-            (POLYNOMIALS_MIN..POLYNOMIALS_MAX).find(|&n_instants| error(fastest_rate, n_instants) <= error_max);
+        let n_instants = (POLYNOMIALS_MIN..POLYNOMIALS_MAX)
+            .find(|&n_instants| relative_error(fastest_rate, n_instants) <= error_max);
         let n_instants = n_instants.unwrap_or(POLYNOMIALS_MAX);
         let node_angle = |m: usize| PI * ((n_instants - 1 - m) as f64 + 0.5) / n_instants as f64;
         let fit_factor = |k: usize| if k == 0 { 1.0 } else { 2.0 } / n_instants as f64;
@@ -47,27 +47,27 @@ impl Basis {
         }
     }
 
-    pub(super) fn n(&self) -> usize {
+    pub(super) fn n_polynomials(&self) -> usize {
         self.instants.len()
     }
 
     /// Coefficients of a function from its values at the instants   (n each)
     pub(super) fn fit(&self, values: &[f64], coefficients: &mut [f64]) {
-        for (coefficient, row) in coefficients.iter_mut().zip(self.fit.chunks(self.n())) {
+        for (coefficient, row) in coefficients.iter_mut().zip(self.fit.chunks(self.n_polynomials())) {
             *coefficient = dot(row, values);
         }
     }
 
     /// Weights of the values at the instants in a sum of the polynomials with given factors   (n)
     pub(super) fn weights(&self, factors: &[f64]) -> Vec<f64> {
-        let n_instants = self.n();
+        let n_instants = self.n_polynomials();
         let instant_weight = |m: usize| (0..n_instants).map(|k| factors[k] * self.fit[k * n_instants + m]).sum();
         (0..n_instants).map(instant_weight).collect()
     }
 
     /// Replace the values of a function of two instants by its coefficients   (n·n)
     pub(super) fn fit_both(&self, pair_values: &mut [f64]) {
-        let n_instants = self.n();
+        let n_instants = self.n_polynomials();
         let (mut column_values, mut coefficients) = ([0.0; POLYNOMIALS_MAX], [0.0; POLYNOMIALS_MAX]);
         for row in pair_values.chunks_mut(n_instants) {
             self.fit(row, &mut coefficients[..n_instants]);
@@ -86,7 +86,7 @@ impl Basis {
 }
 
 /// The relative error of n polynomials of e^(λs), |λ| = `reach`: 2(|λ|/4)^n / n!.
-fn error(reach: f64, n: usize) -> f64 {
+fn relative_error(reach: f64, n: usize) -> f64 {
     (1..=n).fold(2.0, |error, k| error * 0.25 * reach / k as f64)
 }
 
@@ -175,7 +175,7 @@ mod tests {
     fn basis_fit_of_a_swing_between_instants() {
         for reach in [0.3, 2.0, 6.0, 12.0] {
             let basis = Basis::new(reach, RELATIVE_ERROR);
-            let n_instants = basis.n();
+            let n_instants = basis.n_polynomials();
             let sine_values: Vec<f64> = basis.instants.iter().map(|s| sin(reach * s)).collect();
             let mut coefficients = vec![0.0; n_instants];
             basis.fit(&sine_values, &mut coefficients);

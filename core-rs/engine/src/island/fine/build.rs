@@ -5,19 +5,19 @@ use std::sync::Arc;
 
 use super::basis::{Basis, Instant, RELATIVE_ERROR, RELATIVE_ERROR_OF_FRICTION, dot};
 use super::crowded::{CrowdedBody, crowded_bodies};
-use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, joint, path_responses};
+use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, new_joint, path_responses};
 use super::laws::LawScript;
 use super::slides::Frictions;
 use super::stepped_points::SteppedPoints;
-use super::{Fine, FineWork, Script};
+use super::{FineLinks, FineWork, Script};
 use crate::island::StepNumbers;
-use crate::island::inside::RunningBody;
+use crate::island::bodies::RunningBody;
 use crate::island::modal::RunningModal;
 use crate::network::Network;
 use crate::scheme::{Run, Scheme};
 use crate::timeline::{DriveKind, Timeline};
 
-impl Fine {
+impl FineLinks {
     /// `links` were taken out of the scheme: single contacts and laws whose ends are masses or ports.
     pub(in crate::island) fn new(
         links: Vec<Run>,
@@ -36,18 +36,18 @@ impl Fine {
             false => RELATIVE_ERROR,
         };
         let basis = Basis::new(fastest_rate(&joint_mats, network, scheme, bodies, timeline), fit_error);
-        let n_instants = basis.n();
+        let n_instants = basis.n_polynomials();
         let is_imposed = |mat: usize| {
             let mut timeline_drives = timeline.drives.iter();
             timeline_drives.any(|drive| drive.mat == mat && drive.kind == DriveKind::Position)
         };
-        let new_joint = |&mat: &usize| joint(mat, is_imposed(mat), network, scheme, bodies, (&basis, rate));
+        let new_joint = |&mat: &usize| new_joint(mat, is_imposed(mat), network, scheme, bodies, (&basis, rate));
         let joints: Vec<Joint> = joint_mats.iter().map(new_joint).collect();
         let joint_slot = |mat: usize| joint_mats.binary_search(&mat).unwrap_or(0);
-        let ends = links.iter().map(|run| (joint_slot(run.a), joint_slot(run.b))).collect();
+        let link_joints = links.iter().map(|run| (joint_slot(run.a), joint_slot(run.b))).collect();
         let n_joints = joints.len();
         let crowded = crowded_bodies(&links, &joints, bodies, (&basis, rate));
-        let is_crowded = |owner: usize| crowded.iter().any(|body| body.owner() == owner);
+        let is_crowded = |owner: usize| crowded.iter().any(|body| body.body_index() == owner);
         // Number of modes that give the position of a joint; 1 for a mass.
         let mode_count = |joint: &Joint| {
             let body = joint.port.and_then(|(owner, _)| bodies[owner].modal());
@@ -83,12 +83,12 @@ impl Fine {
         let start_responses = start_responses(&path_responses, &joints, &basis);
         let mut script = Script {
             is_coupled: false,
-            steps: steps.contact_substeps,
-            order: steps.contact_order,
+            steps_min: steps.contact_substeps,
+            contact_order: steps.contact_order,
             rate,
             basis,
             links,
-            ends,
+            link_joints,
             crowded_rows: CrowdedBody::joint_rows(&crowded, n_joints),
             crowded,
             joints,
@@ -105,30 +105,30 @@ impl Fine {
         Self {
             paths: vec![0.0; n_joints * n_instants],
             impulse_sums: vec![0.0; n_joints * n_instants],
-            saved: [vec![0.0; n_joints * n_instants], vec![0.0; n_joints * n_instants]],
+            saved_paths_and_sums: [vec![0.0; n_joints * n_instants], vec![0.0; n_joints * n_instants]],
             free_paths: vec![0.0; n_joints * n_instants],
             frame_impulses: vec![0.0; n_joints * n_instants],
             crowded: script.crowded.iter().map(CrowdedBody::motion).collect(),
             next_frame_forces: vec![0.0; n_joints],
             steady_forces: vec![0.0; n_joints],
             may_close: vec![false; n_links],
-            pushes: vec![false; n_links],
-            rests: vec![false; n_links],
+            is_pushing: vec![false; n_links],
+            is_resting: vec![false; n_links],
             is_located: vec![false; n_links],
             forces: vec![0.0; n_links],
-            depths: vec![0.0; n_links],
+            penetrations: vec![0.0; n_links],
             link_constants: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
             joint_constants: script.joints.iter().map(|joint| joint.constants).collect(),
             has_glided: vec![false; n_joints],
             stepped_points,
             stages: &[],
-            has_touched: false,
+            has_closed: false,
             work: FineWork {
                 instants: 0,
                 products: response_products + crowded_products,
                 couplings: 0,
             },
-            laws: law_script.states(&script),
+            laws: law_script.build_states(&script),
             law_script: Arc::new(law_script),
             frictions: Frictions::new(&script),
             script: Arc::new(script),
@@ -139,7 +139,7 @@ impl Fine {
 /// Displacement of one joint at the instants of a frame by an impulse at another at its start, from `path_responses`
 /// (n_joints²)
 fn start_responses(path_responses: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
-    let (n_instants, start_instant) = (basis.n(), Instant::new(basis.n(), 0.0));
+    let (n_instants, start_instant) = (basis.n_polynomials(), Instant::new(basis.n_polynomials(), 0.0));
     let response = |(pair, pair_response): (usize, &Vec<f64>)| {
         if joints[pair / joints.len()].port.is_none() || pair_response.is_empty() {
             return Vec::new();

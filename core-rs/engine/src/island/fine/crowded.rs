@@ -1,14 +1,14 @@
 //! Bodies that many contacts touch: impulses on them are kept as amplitudes of their modes.
 //!
 //! An impulse changes the paths of all joints of a body. Computed path by path, that takes n² products for each joint.
-//! If there are many joints, it takes less to add the impulse to the modes, and to sum over the modes where a joint is
-//! looked at.
+//! If there are many joints, it takes less to add the impulse to the modes, and to sum over the modes when the motion
+//! of a joint is needed.
 
 use super::basis::{Basis, Instant, dot};
 use super::joint::Joint;
-use super::{Fine, Script};
+use super::{FineLinks, Script};
 use crate::cell::Cell;
-use crate::island::inside::RunningBody;
+use crate::island::bodies::RunningBody;
 use crate::kernel::bank::SUM_LANES;
 use crate::kernel::pushed_modes::{
     ModeTables, ModeValues, PushedGroup, add_all_impulses, move_to_instant, point_motion, push_point,
@@ -28,21 +28,21 @@ const LOSS_MAX: f64 = 0.5;
 /// The constant data of such a body.
 #[derive(Clone, Debug)]
 pub(super) struct CrowdedBody {
-    owner: usize,
+    body_index: usize,
     n_modes: usize,
-    tables: ModeTables,
+    mode_tables: ModeTables,
     /// Joints on the body, and the shares of the modes in the position of each   (n_groups each)
-    rows: Vec<(usize, Vec<ModeValues>)>,
+    share_rows: Vec<(usize, Vec<ModeValues>)>,
 }
 
 /// The motion that impulses add to such a body in a frame.
 #[derive(Clone, Debug)]
 pub(super) struct CrowdedMotion {
-    groups: Vec<PushedGroup>,
+    pushed_groups: Vec<PushedGroup>,
     /// Amplitudes before a step that may be repeated   (n_groups)
-    saved: Vec<[ModeValues; 2]>,
+    saved_amplitudes: Vec<[ModeValues; 2]>,
     /// The instant of the frame to which the groups are brought, 0 to 1.
-    brought_to: Option<f64>,
+    instant: Option<f64>,
 }
 
 /// All bodies of which the modes are to be pushed.
@@ -63,15 +63,15 @@ pub(super) fn crowded_bodies(
 
 impl CrowdedBody {
     /// `None` if the paths of pairs take less, or if its modes are complex or discrete.
-    fn new(owner: usize, joints: &[Joint], bodies: &[RunningBody], (basis, rate): (&Basis, Rate)) -> Option<Self> {
+    fn new(body_index: usize, joints: &[Joint], bodies: &[RunningBody], (basis, rate): (&Basis, Rate)) -> Option<Self> {
         let joint_ports: Vec<(usize, usize)> = (joints.iter().enumerate())
             .filter_map(|(joint_index, joint)| match joint.port {
-                Some((joint_owner, port)) if joint_owner == owner => Some((joint_index, port)),
+                Some((joint_owner, port)) if joint_owner == body_index => Some((joint_index, port)),
                 _ => None,
             })
             .collect();
-        let modal_body = bodies[owner].modal()?;
-        let (n_instants, n_modes) = (basis.n(), modal_body.n_modes());
+        let modal_body = bodies[body_index].modal()?;
+        let (n_instants, n_modes) = (basis.n_polynomials(), modal_body.n_modes());
         if !is_crowded(joint_ports.len(), n_modes, n_instants) {
             return None;
         }
@@ -89,10 +89,10 @@ impl CrowdedBody {
             share_row
         };
         Some(Self {
-            owner,
+            body_index,
             n_modes,
-            tables: tables(&mode_cells, basis, rate),
-            rows: joint_ports
+            mode_tables: build_tables(&mode_cells, basis, rate),
+            share_rows: joint_ports
                 .iter()
                 .map(|&(joint, port)| (joint, share_row(port)))
                 .collect(),
@@ -102,9 +102,9 @@ impl CrowdedBody {
     /// The motion at rest.
     pub(super) fn motion(&self) -> CrowdedMotion {
         CrowdedMotion {
-            groups: vec![PushedGroup::START; self.tables.kappa_and_zeta.len()],
-            saved: vec![[[0.0; SUM_LANES]; 2]; self.tables.kappa_and_zeta.len()],
-            brought_to: Some(0.0),
+            pushed_groups: vec![PushedGroup::START; self.mode_tables.kappa_and_zeta.len()],
+            saved_amplitudes: vec![[[0.0; SUM_LANES]; 2]; self.mode_tables.kappa_and_zeta.len()],
+            instant: Some(0.0),
         }
     }
 
@@ -112,15 +112,15 @@ impl CrowdedBody {
     pub(super) fn joint_rows(bodies: &[Self], n_joints: usize) -> Vec<Option<(usize, usize)>> {
         let mut joint_places = vec![None; n_joints];
         for (body, crowded) in bodies.iter().enumerate() {
-            for (row, &(joint, _)) in crowded.rows.iter().enumerate() {
+            for (row, &(joint, _)) in crowded.share_rows.iter().enumerate() {
                 joint_places[joint] = Some((body, row));
             }
         }
         joint_places
     }
 
-    pub(super) fn owner(&self) -> usize {
-        self.owner
+    pub(super) fn body_index(&self) -> usize {
+        self.body_index
     }
 
     pub(super) fn n_modes(&self) -> usize {
@@ -141,8 +141,8 @@ fn is_crowded(n_joints: usize, n_modes: usize, n_instants: usize) -> bool {
 
 /// The tables of modes with these motions. A group that is not full is filled with copies of a mode, which have no
 /// share in any position.
-fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
-    let (n, time_step) = (basis.n(), rate.step());
+fn build_tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
+    let (n, time_step) = (basis.n_polynomials(), rate.step());
     let n_groups = cells.len().div_ceil(SUM_LANES);
     let mut motions = vec![[[0.0; SUM_LANES]; 2]; n_groups * n];
     let mut rates = vec![[[0.0; SUM_LANES]; 2]; n_groups];
@@ -181,26 +181,26 @@ fn unit_motion(cell: &Cell, t: f64, coordinate: usize, step: f64) -> f64 {
 impl CrowdedMotion {
     /// Begin a frame.
     fn begin(&mut self) {
-        self.groups.fill(PushedGroup::START);
-        self.brought_to = Some(0.0);
+        self.pushed_groups.fill(PushedGroup::START);
+        self.instant = Some(0.0);
     }
 
     fn save(&mut self, body: &CrowdedBody) {
-        add_all_impulses(&body.tables, &mut self.groups);
-        for (saved, group) in self.saved.iter_mut().zip(&self.groups) {
+        add_all_impulses(&body.mode_tables, &mut self.pushed_groups);
+        for (saved, group) in self.saved_amplitudes.iter_mut().zip(&self.pushed_groups) {
             *saved = group.amplitudes;
         }
     }
 
     fn restore(&mut self) {
-        for (saved, group) in self.saved.iter().zip(&mut self.groups) {
+        for (saved, group) in self.saved_amplitudes.iter().zip(&mut self.pushed_groups) {
             group.restore(*saved);
         }
-        self.brought_to = None;
+        self.instant = None;
     }
 }
 
-impl Fine {
+impl FineLinks {
     /// Begin a frame.
     pub(super) fn begin_crowded(&mut self) {
         self.crowded.iter_mut().for_each(CrowdedMotion::begin);
@@ -218,29 +218,32 @@ impl Fine {
         self.crowded.iter_mut().for_each(CrowdedMotion::restore);
     }
 
-    /// An instant of this frame, 0 to 1. From now on joints are looked at, and pushed, at this instant.
-    pub(super) fn instant(&mut self, script: &Script, s: f64) -> Instant {
-        let instant = Instant::new(script.basis.n(), s);
+    /// An instant of this frame, 0 to 1. From now on the motion of joints is read, and joints are pushed, at this
+    /// instant.
+    pub(super) fn set_instant(&mut self, script: &Script, s: f64) -> Instant {
+        let instant = Instant::new(script.basis.n_polynomials(), s);
         for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
-            if motion.brought_to != Some(s) {
-                move_to_instant(&body.tables, &instant.value, &mut motion.groups);
-                motion.brought_to = Some(s);
-                self.work.products += ((2 * body.tables.n_polynomials + 8) * body.n_modes) as u64;
+            if motion.instant != Some(s) {
+                move_to_instant(&body.mode_tables, &instant.value, &mut motion.pushed_groups);
+                motion.instant = Some(s);
+                self.work.products += ((2 * body.mode_tables.n_polynomials + 8) * body.n_modes) as u64;
             }
         }
         instant
     }
 
     /// Position [m] and velocity [m/frame] of a joint at this instant.
-    pub(super) fn see(&self, script: &Script, joint: usize, instant: &Instant) -> [f64; 2] {
-        let n_instants = script.basis.n();
+    pub(super) fn joint_motion(&self, script: &Script, joint: usize, instant: &Instant) -> [f64; 2] {
+        let n_instants = script.basis.n_polynomials();
         let joint_path = &self.paths[joint * n_instants..(joint + 1) * n_instants];
         let [x, v] = [&instant.value, &instant.slope].map(|polynomials| dot(joint_path, polynomials));
         match script.crowded_rows[joint] {
             None => [x, v],
             Some((body, row)) => {
-                let [crowded_x, crowded_v] =
-                    point_motion(&script.crowded[body].rows[row].1, &self.crowded[body].groups);
+                let [crowded_x, crowded_v] = point_motion(
+                    &script.crowded[body].share_rows[row].1,
+                    &self.crowded[body].pushed_groups,
+                );
                 [x + crowded_x, v + crowded_v]
             }
         }
@@ -253,11 +256,11 @@ impl Fine {
         };
         let (crowded, body_motion) = (&script.crowded[body_index], &mut self.crowded[body_index]);
         push_point(
-            &crowded.rows[row_index].1,
+            &crowded.share_rows[row_index].1,
             impulse * script.rate.step(),
-            &mut body_motion.groups,
+            &mut body_motion.pushed_groups,
         );
-        // What it changes, and what is seen of it.
+        // The change of the modes, and the read-out of the joint.
         self.work.products += 3 * crowded.n_modes as u64;
         true
     }
@@ -283,7 +286,7 @@ mod tests {
             .collect();
         let reach = cells.iter().map(Cell::pole_magnitude_max).fold(0.0, f64::max) * rate.step();
         let basis = Basis::new(reach, RELATIVE_ERROR);
-        let tables = tables(&cells, &basis, rate);
+        let tables = build_tables(&cells, &basis, rate);
         let mode_share = |row: usize, mode: usize| sin((7 * row + 3 * mode + 1) as f64);
         let share_rows: Vec<Vec<ModeValues>> = (0..3)
             .map(|row| {
@@ -298,7 +301,7 @@ mod tests {
         let mut instant_now = 0.0;
         for &(s, row, impulse) in &push_list {
             if s != instant_now {
-                move_to_instant(&tables, &Instant::new(basis.n(), s).value, &mut groups);
+                move_to_instant(&tables, &Instant::new(basis.n_polynomials(), s).value, &mut groups);
                 instant_now = s;
             }
             push_point(&share_rows[row], impulse * rate.step(), &mut groups);
@@ -306,7 +309,7 @@ mod tests {
         for end in [0.85, 0.9, 1.0] {
             // At the instant of the last impulse the velocity has changed already.
             if end != instant_now {
-                move_to_instant(&tables, &Instant::new(basis.n(), end).value, &mut groups);
+                move_to_instant(&tables, &Instant::new(basis.n_polynomials(), end).value, &mut groups);
             }
             for (seen, row_seen) in share_rows.iter().enumerate() {
                 let [x, v] = point_motion(row_seen, &groups);

@@ -3,13 +3,13 @@
 use super::basis::Instant;
 use super::script::Script;
 use super::slides::Frame;
-use super::{Fine, penetration_bound};
-use crate::island::inside::RunningBody;
+use super::{FineLinks, penetration_bound};
+use crate::island::bodies::RunningBody;
 use crate::kernel;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 
-impl Fine {
+impl FineLinks {
     /// Compute one frame of all laws and of every contact that may be closed, once all other forces are summed.
     pub(in crate::island) fn step(
         &mut self,
@@ -33,14 +33,14 @@ impl Fine {
             body.link[run.first] = 0.0;
         }
         if !any_may_close && self.frictions.is_empty() {
-            self.rests.fill(false);
+            self.is_resting.fill(false);
         }
         if !any_may_close && self.laws.is_empty() && self.frictions.is_empty() {
             return;
         }
         self.retune();
         if any_may_close {
-            self.spread();
+            self.mark_reached_contacts();
         }
         let (script, law_script) = (self.script.clone(), self.law_script.clone());
         self.work.products += script.free_path_products;
@@ -51,7 +51,7 @@ impl Fine {
         self.start_laws(&script, &law_script, gates, !is_located);
         if is_located {
             self.impulse_sums.fill(0.0);
-            let n_instants = script.basis.n();
+            let n_instants = script.basis.n_polynomials();
             for (free_path, path) in self
                 .free_paths
                 .chunks(n_instants)
@@ -65,10 +65,10 @@ impl Fine {
                 let slide_script = self.frictions.script.clone();
                 let slide_frame = Frame {
                     script: &script,
-                    slides: &slide_script,
+                    slide_script: &slide_script,
                     gates,
                 };
-                self.slide(slide_frame, body);
+                self.compute_frictions(slide_frame, body);
             }
             // Impulses at the instants of the frame that have the same effect on any smooth function as those between
             // them.
@@ -94,9 +94,9 @@ impl Fine {
 
     /// Mark more contacts as ones that may close: each that pushes may push points off their free paths, and with them
     /// other contacts.
-    fn spread(&mut self) {
+    fn mark_reached_contacts(&mut self) {
         let script = &*self.script;
-        let is_moved_by = |mover: usize, moved: usize| {
+        let is_moved_by = |pushing_link: usize, moved_link: usize| {
             let n_joints = script.joints.len();
             let both_ends = |(a, b): (usize, usize)| [a, b];
             let is_coupled = |from: usize, to: usize| {
@@ -104,7 +104,10 @@ impl Fine {
                 let on_same_body = crowded_body(from).is_some() && crowded_body(from) == crowded_body(to);
                 on_same_body || !script.path_responses[from * n_joints + to].is_empty()
             };
-            let (mover_joints, moved_joints) = (both_ends(script.ends[mover]), both_ends(script.ends[moved]));
+            let (mover_joints, moved_joints) = (
+                both_ends(script.link_joints[pushing_link]),
+                both_ends(script.link_joints[moved_link]),
+            );
             mover_joints
                 .iter()
                 .any(|&from| moved_joints.iter().any(|&to| is_coupled(from, to)))
@@ -128,9 +131,9 @@ impl Fine {
         scheme: &Scheme,
         bodies: &mut [RunningBody],
         body: &Body,
-        next: &dyn Fn(usize, &Body) -> f64,
+        next_position: &dyn Fn(usize, &Body) -> f64,
     ) {
-        let (n_instants, n_joints) = (script.basis.n(), script.joints.len());
+        let (n_instants, n_joints) = (script.basis.n_polynomials(), script.joints.len());
         for (joint_index, joint) in script.joints.iter().enumerate() {
             let free_path = &mut self.free_paths[joint_index * n_instants..(joint_index + 1) * n_instants];
             // Lasting forces act throughout the frame, but are applied as impulses at its start. Both lead to the same
@@ -144,11 +147,14 @@ impl Fine {
                 }
                 None => {
                     // From where it rests, its path is exact to the last bit if it does not move.
-                    let rest_position = joint.rest.unwrap_or(body.x[joint.mat]);
-                    let free_step = next(joint.mat, body) - body.x[joint.mat];
-                    let (x, next_x) = (body.x[joint.mat] - rest_position, next(joint.mat, body) - rest_position);
-                    for (x_at, (from, to)) in free_path.iter_mut().zip(&joint.frame_weights) {
-                        *x_at = rest_position + (x * from + next_x * to);
+                    let rest_position = joint.rest_position.unwrap_or(body.x[joint.mat]);
+                    let free_step = next_position(joint.mat, body) - body.x[joint.mat];
+                    let (x, next_x) = (
+                        body.x[joint.mat] - rest_position,
+                        next_position(joint.mat, body) - rest_position,
+                    );
+                    for (x_at, (weight_now, weight_next)) in free_path.iter_mut().zip(&joint.frame_weights) {
+                        *x_at = rest_position + (x * weight_now + next_x * weight_next);
                     }
                     if joint.cell.is_some() {
                         // The forces inside a mesh also bend the path of its port throughout the frame.
@@ -177,11 +183,11 @@ impl Fine {
                 continue;
             }
             for (other, free_path) in self.free_paths.chunks_mut(n_instants).enumerate() {
-                for (x, by) in free_path
+                for (x, response) in free_path
                     .iter_mut()
                     .zip(&script.start_responses[joint_index * n_joints + other])
                 {
-                    *x += impulse * by;
+                    *x += impulse * response;
                 }
             }
         }
@@ -189,7 +195,7 @@ impl Fine {
 
     /// Push a joint [N·s].
     pub(super) fn push_joint(&mut self, script: &Script, joint: usize, impulse: f64, instant: &Instant) {
-        let n_instants = script.basis.n();
+        let n_instants = script.basis.n_polynomials();
         let impulses = &mut self.impulse_sums[joint * n_instants..(joint + 1) * n_instants];
         for (impulse_sum, value) in impulses.iter_mut().zip(&instant.value) {
             *impulse_sum += impulse * value;
@@ -202,7 +208,7 @@ impl Fine {
 
     /// Apply the impulses of a frame to bodies and MATs.
     fn apply_impulses(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
-        let n_instants = script.basis.n();
+        let n_instants = script.basis.n_polynomials();
         for (joint_index, joint) in script.joints.iter().enumerate() {
             let joint_impulses = &self.frame_impulses[joint_index * n_instants..(joint_index + 1) * n_instants];
             if joint_impulses.iter().all(|impulse| *impulse == 0.0) {
@@ -211,13 +217,13 @@ impl Fine {
             match (joint.port, &joint.cell) {
                 (Some((owner, port)), _) => {
                     if let Some(modal_body) = bodies[owner].modal_mut() {
-                        modal_body.take_impulses(port, joint_impulses, body);
+                        modal_body.apply_impulses(port, joint_impulses, body);
                     }
                 }
                 (None, Some(_)) => {
-                    for (impulse, [now, later]) in joint_impulses.iter().zip(&joint.split) {
-                        body.push(joint.mat, impulse * now);
-                        self.next_frame_forces[joint_index] += impulse * later;
+                    for (impulse, [force_now, force_later]) in joint_impulses.iter().zip(&joint.impulse_split) {
+                        body.push(joint.mat, impulse * force_now);
+                        self.next_frame_forces[joint_index] += impulse * force_later;
                     }
                 }
                 // The motion of such a MAT is imposed; a hand that holds it feels the force.

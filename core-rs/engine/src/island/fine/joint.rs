@@ -3,7 +3,7 @@
 use super::Script;
 use super::basis::{Basis, POLYNOMIALS_MAX};
 use crate::cell::{Cell, Ratios};
-use crate::island::inside::RunningBody;
+use crate::island::bodies::RunningBody;
 use crate::network::{MatKind, Network};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
@@ -21,13 +21,13 @@ pub(super) struct Joint {
     /// For a MAT that is stepped: its free motion.
     pub(super) cell: Option<Cell>,
     /// The position where a CEL is at rest [m]. What has none rests where it is.
-    pub(super) rest: Option<f64>,
+    pub(super) rest_position: Option<f64>,
     /// 1/M, κ and ζ of its cell, in this frame and in the next.
     pub(super) constants: [[f64; 3]; 2],
     /// Weights of its position now and at the next frame in its position at each instant   (n)
     pub(super) frame_weights: Vec<(f64, f64)>,
     /// Forces in this frame and in the next [N] that replace an impulse at each instant [N·s]   (n)
-    pub(super) split: Vec<[f64; 2]>,
+    pub(super) impulse_split: Vec<[f64; 2]>,
 }
 
 /// The fastest motion of the points: |λ| of e^(λs) [1/frame].
@@ -42,8 +42,8 @@ pub(super) fn fastest_rate(
     let rate_of = |mat: usize| {
         let body = bodies.iter().filter_map(RunningBody::modal);
         match body.into_iter().find(|body| body.ports().any(|port| port == mat)) {
-            Some(body) => body.reach(),
-            None => cell(mat, network, scheme).map_or(0.0, |cell| cell.pole_magnitude_max()),
+            Some(body) => body.pole_magnitude_max(),
+            None => free_cell(mat, network, scheme).map_or(0.0, |cell| cell.pole_magnitude_max()),
         }
     };
     let timeline_glides = timeline.glides.iter();
@@ -70,8 +70,11 @@ impl Script {
         // Each of the two forces that replace an impulse acts on the mass of its own frame.
         let mass_ratios = [w / constants_now[0], w / constants_next[0]];
         let step_response = mean_cell.response(time_step);
-        for ((instant_weights, split), &instant) in
-            (stepped_joint.frame_weights.iter_mut().zip(&mut stepped_joint.split)).zip(&self.basis.instants)
+        for ((instant_weights, split), &instant) in (stepped_joint
+            .frame_weights
+            .iter_mut()
+            .zip(&mut stepped_joint.impulse_split))
+        .zip(&self.basis.instants)
         {
             let (weights, split_forces) = mean_cell.within_step(instant, rate, step_response);
             *instant_weights = weights;
@@ -79,12 +82,12 @@ impl Script {
         }
         let pair_index = joint * n_joints + joint;
         self.velocity_steps[pair_index] = time_step * mean_cell.velocity_step();
-        let (n_instants, pair_responses) = (self.basis.n() as u64, &mut self.path_responses[pair_index]);
+        let (n_instants, pair_responses) = (self.basis.n_polynomials() as u64, &mut self.path_responses[pair_index]);
         if mean_cell.has_impulse_response_factors(time_step) {
-            answers_by_factors(&self.basis, pair_responses, &mean_cell, time_step);
+            fit_responses_by_factors(&self.basis, pair_responses, &mean_cell, time_step);
             return Some(8 * RESPONSE_PRODUCTS * n_instants + 6 * n_instants * n_instants);
         }
-        answers(&self.basis, pair_responses, &|time_between| {
+        fit_responses(&self.basis, pair_responses, &|time_between| {
             mean_cell.impulse_response_around(time_between * time_step)
         });
         Some(RESPONSE_PRODUCTS * n_instants * n_instants + 2 * n_instants * n_instants * n_instants)
@@ -93,10 +96,10 @@ impl Script {
 
 /// Write the coefficients of the response of a path at one instant to an impulse at another, which `answer` gives by
 /// the time between them [frames]   (n·n)
-fn answers(basis: &Basis, coefficients: &mut [f64], answer: &dyn Fn(f64) -> f64) {
-    for (row, from_instant) in coefficients.chunks_mut(basis.n()).zip(&basis.instants) {
+fn fit_responses(basis: &Basis, coefficients: &mut [f64], response: &dyn Fn(f64) -> f64) {
+    for (row, from_instant) in coefficients.chunks_mut(basis.n_polynomials()).zip(&basis.instants) {
         for (value, to_instant) in row.iter_mut().zip(&basis.instants) {
-            *value = answer(to_instant - from_instant);
+            *value = response(to_instant - from_instant);
         }
     }
     basis.fit_both(coefficients);
@@ -104,8 +107,8 @@ fn answers(basis: &Basis, coefficients: &mut [f64], answer: &dyn Fn(f64) -> f64)
 
 /// The same for a cell whose answer is a sum of two products of a function of each instant: fitted apart, they take n
 /// sines instead of n², and products in proportion to n² instead of n³.
-fn answers_by_factors(basis: &Basis, coefficients: &mut [f64], cell: &Cell, step: f64) {
-    let n_instants = basis.n();
+fn fit_responses_by_factors(basis: &Basis, coefficients: &mut [f64], cell: &Cell, step: f64) {
+    let n_instants = basis.n_polynomials();
     let (mut factor_values, mut factor_fits) = ([[[0.0; POLYNOMIALS_MAX]; 2]; 2], [[[0.0; POLYNOMIALS_MAX]; 2]; 2]);
     for (m, instant) in basis.instants.iter().enumerate() {
         let factors = cell.impulse_response_factors((instant - 0.5) * step);
@@ -126,7 +129,7 @@ fn answers_by_factors(basis: &Basis, coefficients: &mut [f64], cell: &Cell, step
     }
 }
 
-fn cell(mat: usize, network: &Network, scheme: &Scheme) -> Option<Cell> {
+fn free_cell(mat: usize, network: &Network, scheme: &Scheme) -> Option<Cell> {
     let mats = network.mats();
     match mats.kind[mat] {
         _ if scheme.w[mat] == 0.0 => None,
@@ -135,9 +138,9 @@ fn cell(mat: usize, network: &Network, scheme: &Scheme) -> Option<Cell> {
     }
 }
 
-pub(super) fn joint(
+pub(super) fn new_joint(
     mat: usize,
-    is_held: bool,
+    is_imposed: bool,
     network: &Network,
     scheme: &Scheme,
     bodies: &[RunningBody],
@@ -147,7 +150,7 @@ pub(super) fn joint(
         let port = running_body.modal()?.ports().position(|port| port == mat)?;
         Some((owner, port))
     });
-    let cell = cell(mat, network, scheme).filter(|_| port.is_none() && !is_held);
+    let cell = free_cell(mat, network, scheme).filter(|_| port.is_none() && !is_imposed);
     let instants = basis.instants.iter();
     let path_weights = match &cell {
         Some(cell) => instants
@@ -161,10 +164,10 @@ pub(super) fn joint(
     Joint {
         mat,
         port,
-        rest: has_spring.then(|| network.mats().rest[mat]),
+        rest_position: has_spring.then(|| network.mats().rest[mat]),
         constants: [[scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]]; 2],
         frame_weights: path_weights,
-        split: cell.as_ref().map(split_impulse).unwrap_or_default(),
+        impulse_split: cell.as_ref().map(split_impulse).unwrap_or_default(),
         cell,
     }
 }
@@ -179,7 +182,7 @@ pub(super) fn path_responses(
     (basis, rate): (&Basis, Rate),
     is_crowded: impl Fn(usize) -> bool,
 ) -> Vec<(Vec<f64>, f64)> {
-    let (n_instants, time_step) = (basis.n(), rate.step());
+    let (n_instants, time_step) = (basis.n_polynomials(), rate.step());
     let modal_body = |owner: usize| bodies[owner].modal();
     let modal_responses = from_joint.port.and_then(|(owner, port)| {
         if is_crowded(owner) {
@@ -195,24 +198,24 @@ pub(super) fn path_responses(
                     .map(move |to_instant| (to_instant - from_instant) * time_step)
             })
             .collect();
-        Some(modal_body(owner)?.responses(port, &time_spans))
+        Some(modal_body(owner)?.mode_responses(port, &time_spans))
     });
     let response_of = |to_joint: &Joint| match (from_joint.port, to_joint.port) {
         (Some((owner, from_port)), Some((to_owner, to_port))) if owner == to_owner => {
             let Some(modal) = modal_body(owner) else {
                 return (Vec::new(), 0.0);
             };
-            let velocity_jump = time_step * modal.jump(from_port, to_port);
+            let velocity_jump = time_step * modal.velocity_step(from_port, to_port);
             let Some(modal_responses) = &modal_responses else {
                 return (Vec::new(), velocity_jump);
             };
             let mut pair_response = vec![0.0; n_instants * n_instants];
             for (row, weight) in modal_responses
                 .chunks(n_instants * n_instants)
-                .zip(modal.weights(from_port, to_port))
+                .zip(modal.response_weights(from_port, to_port))
             {
-                for (value, answer) in pair_response.iter_mut().zip(row) {
-                    *value += weight * answer;
+                for (value, response) in pair_response.iter_mut().zip(row) {
+                    *value += weight * response;
                 }
             }
             basis.fit_both(&mut pair_response);
@@ -221,7 +224,7 @@ pub(super) fn path_responses(
         (None, None) if from_joint.mat == to_joint.mat => match &from_joint.cell {
             Some(cell) => {
                 let mut pair_response = vec![0.0; n_instants * n_instants];
-                answers(basis, &mut pair_response, &|time_between| {
+                fit_responses(basis, &mut pair_response, &|time_between| {
                     cell.impulse_response_around(time_between * time_step)
                 });
                 (pair_response, time_step * cell.velocity_step())

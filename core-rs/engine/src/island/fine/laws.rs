@@ -7,22 +7,22 @@ mod state;
 mod tables;
 
 use super::basis::{Instant, dot};
-use super::{Fine, Script};
+use super::{FineLinks, Script};
 use crate::maths::pow;
 use crate::state::Body;
-use root::{inverse, root};
-use state::LawNow;
+use root::{find_root, inverse};
+use state::InstantLaw;
 pub(super) use state::LawState;
 use tables::Division;
 pub(super) use tables::LawScript;
-pub(super) use tables::shares;
+pub(super) use tables::lagrange_weights;
 
 /// Number of Gauss points of a part of a frame.
 pub(super) const STAGES: usize = 3;
 /// Gauss points of a part of a frame, 0 to 1.
-pub(super) const POINTS: [f64; STAGES] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
+pub(super) const GAUSS_POINTS: [f64; STAGES] = [0.112_701_665_379_258_31, 0.5, 0.887_298_334_620_741_7];
 /// Their weights.
-pub(super) const WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
+pub(super) const GAUSS_WEIGHTS: [f64; STAGES] = [5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0];
 /// Most rounds until all forces agree.
 const ROUNDS_MAX: usize = 60;
 /// Most rounds over a whole frame if it may be divided into parts.
@@ -37,31 +37,31 @@ const FORCE_TOLERANCE: f64 = 1e-9;
 const DEVIATION_MAX: f64 = 1e-6;
 /// Above this number of parts `DEVIATION_MAX` shrinks with the cube of the number. Otherwise a finer trial would divide
 /// no frame further, and find no error.
-const PARTS_PLAIN: usize = 32;
+const PARTS_UNSCALED_MAX: usize = 32;
 /// Newton's method has failed if forces still change by more than this share of the largest.
 const DIVERGED_CHANGE: f64 = 1e-3;
 /// Rounds over laws that are solved by bisection.
-const BRACKET_ROUNDS: usize = 20;
+const BISECTION_ROUNDS: usize = 20;
 /// Share of the largest force that is kept from frame to frame.
-const LARGEST_DECAY: f64 = 0.999;
+const LARGEST_FORCE_DECAY: f64 = 0.999;
 
-pub(super) type Stages = [f64; STAGES];
-pub(super) type Square = [Stages; STAGES];
+pub(super) type StageValues = [f64; STAGES];
+pub(super) type StageMatrix = [StageValues; STAGES];
 
-impl Fine {
+impl FineLinks {
     /// Compute the laws of a frame in which no contact is near.
     pub(super) fn collocate(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) {
-        self.laws.iter_mut().for_each(|state| state.look_ahead(laws));
+        self.laws.iter_mut().for_each(|state| state.extrapolate_forces(laws));
         let finest_index = laws.divisions.len() - 1;
         let round_limit = if finest_index == 0 {
             ROUNDS_MAX
         } else {
             FRAME_ROUNDS_MAX
         };
-        let change_left = self.solve(script, laws, (gates, 0), (0, round_limit));
+        let change_left = self.solve_law_forces(script, laws, (gates, 0), (0, round_limit));
         if finest_index == 0 {
             if change_left > DIVERGED_CHANGE {
-                self.bracket(script, laws, (gates, 0, 0));
+                self.solve_by_bisection(script, laws, (gates, 0, 0));
             }
             return self.apply_law_forces(script, laws, (0, 0));
         }
@@ -71,21 +71,21 @@ impl Fine {
         } else {
             1.0
         };
-        if deviation <= laws.smooth {
+        if deviation <= laws.deviation_max {
             return self.apply_law_forces(script, laws, (0, 0));
         }
         // The deviation falls with the cube of the number of parts.
-        let parts_wanted = pow(deviation / laws.smooth, 1.0 / 3.0);
+        let parts_wanted = pow(deviation / laws.deviation_max, 1.0 / 3.0);
         let finer_index = laws
             .divisions
             .partition_point(|division| (division.parts as f64) < parts_wanted);
         let division_index = finer_index.clamp(1, finest_index);
         let division = &laws.divisions[division_index];
         for state in &mut self.laws {
-            let stage_shares = [0, 1, 2].map(|stage: usize| shares(division.s[stage]));
-            state.before = None;
-            state.force = if laws_agree {
-                stage_shares.map(|row| dot(&row, &state.force))
+            let stage_shares = [0, 1, 2].map(|stage: usize| lagrange_weights(division.gauss_instants[stage]));
+            state.previous_forces = None;
+            state.stage_forces = if laws_agree {
+                stage_shares.map(|row| dot(&row, &state.stage_forces))
             } else {
                 [state.start_force; STAGES]
             };
@@ -93,25 +93,25 @@ impl Fine {
         for part in 0..division.parts {
             if part > 0 {
                 for state in &mut self.laws {
-                    state.look_ahead(laws);
+                    state.extrapolate_forces(laws);
                 }
             }
             for state in &mut self.laws {
-                state.see(division, part);
+                state.compute_stage_motion(division, part);
             }
-            if self.solve(script, laws, (gates, division_index), (part, ROUNDS_MAX)) > DIVERGED_CHANGE {
-                self.bracket(script, laws, (gates, division_index, part));
+            if self.solve_law_forces(script, laws, (gates, division_index), (part, ROUNDS_MAX)) > DIVERGED_CHANGE {
+                self.solve_by_bisection(script, laws, (gates, division_index, part));
             }
             self.apply_law_forces(script, laws, (division_index, part));
-            self.push_paths(script, division, part);
+            self.push_later_paths(script, division, part);
         }
         // Forces of parts of different lengths are not extrapolated together.
-        self.laws.iter_mut().for_each(|state| state.before = None);
+        self.laws.iter_mut().for_each(|state| state.previous_forces = None);
     }
 
     /// Solve for the forces of all laws in a part of a frame; returns their last change, relative to the largest, or 0
     /// if they agree.
-    fn solve(
+    fn solve_law_forces(
         &mut self,
         script: &Script,
         laws: &LawScript,
@@ -144,48 +144,59 @@ impl Fine {
 
     /// Find one force for each law over a part of a frame, equal to the law halfway, for laws so steep that Newton's
     /// method does not converge. It is of order 2; the force does not exceed the law, and its slope is not needed.
-    fn bracket(&mut self, script: &Script, laws: &LawScript, (gates, division_index, part): (&[f64], usize, usize)) {
+    fn solve_by_bisection(
+        &mut self,
+        script: &Script,
+        laws: &LawScript,
+        (gates, division_index, part): (&[f64], usize, usize),
+    ) {
         const MIDDLE: usize = 1;
         let (n_laws, division) = (laws.links.len(), &laws.divisions[division_index]);
-        let middle_instant = division.s[STAGES * part + MIDDLE];
+        let middle_instant = division.gauss_instants[STAGES * part + MIDDLE];
         for state in &mut self.laws {
             // The last forces of Newton's method may be arbitrary.
-            (state.force, state.before) = ([state.start_force; STAGES], None);
+            (state.stage_forces, state.previous_forces) = ([state.start_force; STAGES], None);
         }
-        for _ in 0..BRACKET_ROUNDS {
+        for _ in 0..BISECTION_ROUNDS {
             self.work.couplings += (n_laws * (n_laws - 1)) as u64;
             let mut round_change = 0.0_f64;
             for law in 0..n_laws {
                 let state = &self.laws[law];
-                let (mut e, mut v) = (state.elongation[MIDDLE], state.rate[MIDDLE]);
+                let (mut e, mut v) = (state.stage_elongations[MIDDLE], state.stage_rates[MIDDLE]);
                 let mut self_response = [0.0; 2];
-                let state_moves = self.laws.iter().zip(&division.moves[law * n_laws..]);
+                let state_moves = self.laws.iter().zip(&division.force_responses[law * n_laws..]);
                 for (other, (state, [by_x, by_v])) in state_moves.enumerate() {
-                    let [e_response, v_response] = [by_x, by_v].map(|by| by[MIDDLE].iter().sum::<f64>());
+                    let [e_response, v_response] = [by_x, by_v].map(|response| response[MIDDLE].iter().sum::<f64>());
                     if other == law {
                         self_response = [e_response, v_response];
                     } else {
-                        e += e_response * state.force[MIDDLE];
-                        v += v_response * state.force[MIDDLE];
+                        e += e_response * state.stage_forces[MIDDLE];
+                        v += v_response * state.stage_forces[MIDDLE];
                     }
                 }
-                let law_now = self.law(script, laws, gates, (law, middle_instant));
+                let law_now = self.law_at(script, laws, gates, (law, middle_instant));
                 let part_length = 1.0 / division.parts as f64;
-                let halfway = |f: f64| (e + self_response[0] * f, (v + self_response[1] * f) * law_now.rate());
-                let unmet_force = |f: f64| {
-                    let (e, v) = halfway(f);
-                    f - law_now.halfway(e, v, part_length)
+                let halfway = |f: f64| {
+                    (
+                        e + self_response[0] * f,
+                        (v + self_response[1] * f) * law_now.rate_factor(),
+                    )
                 };
-                let old_force = state.force[MIDDLE];
-                let (force, evaluations) = root(&unmet_force, old_force);
+                let force_residual = |f: f64| {
+                    let (e, v) = halfway(f);
+                    f - law_now.force_halfway(e, v, part_length)
+                };
+                let old_force = state.stage_forces[MIDDLE];
+                let (force, evaluations) = find_root(&force_residual, old_force);
                 self.work.instants += evaluations / STAGES as u64;
                 round_change = round_change.max((force - old_force).abs() - FORCE_TOLERANCE * force.abs());
-                if let Some(by) = law_now.bristle() {
+                if let Some(bristle_law) = law_now.bristle() {
                     let (_, v) = halfway(force);
-                    let bristle = by.midpoint_deflection(law_now.bristle, v, part_length / law_now.rate());
+                    let bristle =
+                        bristle_law.midpoint_deflection(law_now.bristle, v, part_length / law_now.rate_factor());
                     self.laws[law].bristle_at_end = 2.0 * bristle - law_now.bristle;
                 }
-                self.laws[law].force = [force; STAGES];
+                self.laws[law].stage_forces = [force; STAGES];
             }
             if round_change <= 0.0 {
                 break;
@@ -195,48 +206,49 @@ impl Fine {
 
     /// Push by the forces that were found for a part of a frame.
     fn apply_law_forces(&mut self, script: &Script, laws: &LawScript, (division_index, part): (usize, usize)) {
-        let (n_instants, division) = (script.basis.n(), &laws.divisions[division_index]);
+        let (n_instants, division) = (script.basis.n_polynomials(), &laws.divisions[division_index]);
         let part_seconds = script.rate.step() / division.parts as f64;
         for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
-            let (first_joint, second_joint) = script.ends[link];
+            let (first_joint, second_joint) = script.link_joints[link];
             let first_stage = 3 * part;
-            let stage_forces = WEIGHTS.iter().zip(&state.force);
+            let stage_forces = GAUSS_WEIGHTS.iter().zip(&state.stage_forces);
             for (stage, (weight, force)) in stage_forces.enumerate() {
                 let impulse = weight * part_seconds * force;
                 let value_row =
-                    &division.value[(first_stage + stage) * n_instants..(first_stage + stage + 1) * n_instants];
+                    &division.interpolation[(first_stage + stage) * n_instants..(first_stage + stage + 1) * n_instants];
                 for (instant, share) in value_row.iter().enumerate() {
                     self.frame_impulses[first_joint * n_instants + instant] += impulse * share;
                     self.frame_impulses[second_joint * n_instants + instant] -= impulse * share;
                 }
             }
             let greatest = state
-                .force
+                .stage_forces
                 .iter()
                 .fold(0.0_f64, |greatest, force| greatest.max(force.abs()));
-            state.bristle = state.bristle_at_end;
-            state.largest_force = greatest.max(if part == 0 { LARGEST_DECAY } else { 1.0 } * state.largest_force);
+            state.bristle_at_start = state.bristle_at_end;
+            state.largest_force = greatest.max(if part == 0 { LARGEST_FORCE_DECAY } else { 1.0 } * state.largest_force);
         }
     }
 
     /// Add the effect of a part's forces to the paths of the laws in later parts.
-    fn push_paths(&mut self, script: &Script, division: &Division, part: usize) {
-        let (n_instants, n_laws) = (script.basis.n(), self.laws.len());
+    fn push_later_paths(&mut self, script: &Script, division: &Division, part: usize) {
+        let (n_instants, n_laws) = (script.basis.n_polynomials(), self.laws.len());
         let part_seconds = script.rate.step() / division.parts as f64;
         self.work.products += (n_laws * n_laws * STAGES * n_instants) as u64;
         for to_law in 0..n_laws {
-            let mut law_path = std::mem::take(&mut self.laws[to_law].path);
+            let mut law_path = std::mem::take(&mut self.laws[to_law].relative_path);
             for (from_law, other) in self.laws.iter().enumerate() {
                 let later_index = (to_law * n_laws + from_law) * division.parts + part;
-                let later_rows = &division.later[3 * later_index * n_instants..3 * (later_index + 1) * n_instants];
+                let later_rows =
+                    &division.later_responses[3 * later_index * n_instants..3 * (later_index + 1) * n_instants];
                 for (stage, row) in later_rows.chunks(n_instants).enumerate() {
-                    let impulse = WEIGHTS[stage] * part_seconds * other.force[stage];
+                    let impulse = GAUSS_WEIGHTS[stage] * part_seconds * other.stage_forces[stage];
                     for (x, response) in law_path.iter_mut().zip(row) {
                         *x += impulse * response;
                     }
                 }
             }
-            self.laws[to_law].path = law_path;
+            self.laws[to_law].relative_path = law_path;
         }
     }
 
@@ -246,21 +258,21 @@ impl Fine {
         let mut deviation_max = 0.0_f64;
         for law_index in 0..n_laws {
             let state = &self.laws[law_index];
-            let [motion, mut v] = [0, 1].map(|order| dot(&laws.end[order], &state.path));
-            let mut e = state.origin + motion;
-            for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[law_index * n_laws..]) {
-                e += dot(by_x, &other.force);
-                v += dot(by_v, &other.force);
+            let [path_end, mut v] = [0, 1].map(|order| dot(&laws.end_interpolation[order], &state.relative_path));
+            let mut e = state.elongation_offset + path_end;
+            for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.end_responses[law_index * n_laws..]) {
+                e += dot(by_x, &other.stage_forces);
+                v += dot(by_v, &other.stage_forces);
             }
-            let law_at_end = LawNow {
+            let law_at_end = InstantLaw {
                 bristle: state.bristle_at_end,
-                ..self.law(script, laws, gates, (law_index, 1.0))
+                ..self.law_at(script, laws, gates, (law_index, 1.0))
             };
-            let end_forces = [state.start_force, law_at_end.force(e, v * law_at_end.rate())];
-            let largest = (state.force.iter().chain(&end_forces))
+            let end_forces = [state.start_force, law_at_end.force(e, v * law_at_end.rate_factor())];
+            let largest = (state.stage_forces.iter().chain(&end_forces))
                 .fold(state.largest_force, |largest_yet, force| largest_yet.max(force.abs()));
-            for (row, force) in laws.end_weights.iter().zip(end_forces) {
-                let end_deviation = (dot(row, &state.force) - force).abs();
+            for (row, force) in laws.end_extrapolation.iter().zip(end_forces) {
+                let end_deviation = (dot(row, &state.stage_forces) - force).abs();
                 deviation_max = deviation_max.max(end_deviation / largest.max(f64::MIN_POSITIVE));
             }
         }
@@ -280,27 +292,28 @@ impl Fine {
     ) -> f64 {
         let n_laws = laws.links.len();
         let division = &laws.divisions[division_index];
-        let (mut e, mut v) = (self.laws[law].elongation, self.laws[law].rate);
-        for (other, [by_x, by_v]) in self.laws.iter().zip(&division.moves[law * n_laws..]) {
+        let (mut e, mut v) = (self.laws[law].stage_elongations, self.laws[law].stage_rates);
+        for (other, [by_x, by_v]) in self.laws.iter().zip(&division.force_responses[law * n_laws..]) {
             for stage in 0..STAGES {
-                e[stage] += dot(&by_x[stage], &other.force);
-                v[stage] += dot(&by_v[stage], &other.force);
+                e[stage] += dot(&by_x[stage], &other.stage_forces);
+                v[stage] += dot(&by_v[stage], &other.stage_forces);
             }
         }
-        let laws_now = [0, 1, 2].map(|stage| self.law(script, laws, gates, (law, division.s[3 * part + stage])));
+        let stage_laws =
+            [0, 1, 2].map(|stage| self.law_at(script, laws, gates, (law, division.gauss_instants[3 * part + stage])));
         let part_length = 1.0 / division.parts as f64;
         self.work.instants += 1;
         self.work.couplings += n_laws as u64 - 1;
-        let rate = laws_now[0].rate();
+        let rate = stage_laws[0].rate_factor();
         let v = v.map(|v| v * rate);
         let state = &mut self.laws[law];
-        let law_moves = &division.moves[law * n_laws + law];
-        let (law_forces, unmet_slopes) = state.answer(&laws_now, (&e, &v), (part_length, law_moves));
-        let unmet_forces: Stages = std::array::from_fn(|stage| law_forces[stage] - state.force[stage]);
+        let law_moves = &division.force_responses[law * n_laws + law];
+        let (law_forces, unmet_slopes) = state.forces_and_slopes(&stage_laws, (&e, &v), (part_length, law_moves));
+        let unmet_forces: StageValues = std::array::from_fn(|stage| law_forces[stage] - state.stage_forces[stage]);
         let newton_step = inverse(&unmet_slopes).map(|row| dot(&row, &unmet_forces));
         let (mut force_change, mut largest) = (0.0_f64, f64::MIN_POSITIVE);
         for stage in 0..STAGES {
-            state.force[stage] += newton_step[stage];
+            state.stage_forces[stage] += newton_step[stage];
             force_change = force_change.max(newton_step[stage].abs());
             largest = largest.max(law_forces[stage].abs());
         }
@@ -310,20 +323,20 @@ impl Fine {
     /// Compute elongation, rate and force of each law at the start of the frame, but not the force of an expression if
     /// the frame is collocated: `collocate` computes it together with those at the Gauss points.
     pub(super) fn start_laws(&mut self, script: &Script, laws: &LawScript, gates: &[f64], is_collocated: bool) {
-        let n_instants = script.basis.n();
+        let n_instants = script.basis.n_polynomials();
         for (law_index, &link) in laws.links.iter().enumerate() {
-            let ((a, b), rest_length) = (script.ends[link], script.links[link].rest);
+            let ((a, b), rest_length) = (script.link_joints[link], script.links[link].rest);
             let [a, b] = [a, b].map(|end| &self.free_paths[end * n_instants..(end + 1) * n_instants]);
-            let law_now = self.law(script, laws, gates, (law_index, 0.0));
+            let law_now = self.law_at(script, laws, gates, (law_index, 0.0));
             let state = &mut self.laws[law_index];
-            state.origin = b[0] - a[0] - rest_length;
-            for ((x, a), b) in state.path.iter_mut().zip(a).zip(b) {
-                *x = b - a - rest_length - state.origin;
+            state.elongation_offset = b[0] - a[0] - rest_length;
+            for ((x, a), b) in state.relative_path.iter_mut().zip(a).zip(b) {
+                *x = b - a - rest_length - state.elongation_offset;
             }
-            let [e, v] = state.see(&laws.divisions[0], 0);
-            state.start = [e, v * law_now.rate()];
+            let [e, v] = state.compute_stage_motion(&laws.divisions[0], 0);
+            state.start_motion = [e, v * law_now.rate_factor()];
             if !(is_collocated && law_now.is_expression()) {
-                state.start_force = law_now.force(state.start[0], state.start[1]);
+                state.start_force = law_now.force(state.start_motion[0], state.start_motion[1]);
             }
         }
     }
@@ -336,16 +349,22 @@ impl Fine {
     }
 
     /// A law as it is at an instant of this frame.
-    fn law<'a>(&self, script: &'a Script, laws: &LawScript, gates: &[f64], (law_index, s): (usize, f64)) -> LawNow<'a> {
+    fn law_at<'a>(
+        &self,
+        script: &'a Script,
+        laws: &LawScript,
+        gates: &[f64],
+        (law_index, s): (usize, f64),
+    ) -> InstantLaw<'a> {
         let law_link = laws.links[law_index];
         let link_run = &script.links[law_link];
         let [k, z] = self.link_constants_at(law_link, s);
-        LawNow {
+        InstantLaw {
             kind: &link_run.kind,
             gate_opening: link_run.gate.map_or(1.0, |gate| gates[gate]),
             k,
             z,
-            bristle: self.laws[law_index].bristle,
+            bristle: self.laws[law_index].bristle_at_start,
         }
     }
 
@@ -357,19 +376,22 @@ impl Fine {
         (instant, h): (&Instant, f64),
     ) {
         for law_index in 0..laws.links.len() {
-            let law_now = self.law(script, laws, gates, (law_index, instant.s));
+            let law_now = self.law_at(script, laws, gates, (law_index, instant.s));
             if let Some(bristle_law) = law_now.bristle() {
                 let [_, elongation_rate] = self.elongation(script, laws.links[law_index], instant);
-                self.laws[law_index].bristle =
-                    bristle_law.slide(law_now.bristle, elongation_rate * law_now.rate(), h / law_now.rate());
+                self.laws[law_index].bristle_at_start = bristle_law.slide(
+                    law_now.bristle,
+                    elongation_rate * law_now.rate_factor(),
+                    h / law_now.rate_factor(),
+                );
             }
         }
     }
 
     /// Elongation of a link [m] and its rate [m/frame].
     pub(super) fn elongation(&self, script: &Script, link: usize, instant: &Instant) -> [f64; 2] {
-        let n_instants = script.basis.n();
-        let (a, b) = script.ends[link];
+        let n_instants = script.basis.n_polynomials();
+        let (a, b) = script.link_joints[link];
         let [a, b] = [a, b].map(|end| &self.paths[end * n_instants..(end + 1) * n_instants]);
         let e = dot(b, &instant.value) - dot(a, &instant.value) - script.links[link].rest;
         [e, dot(b, &instant.slope) - dot(a, &instant.slope)]
@@ -386,14 +408,14 @@ impl Fine {
         let law_link = laws.links[law];
         const KICK_ROUNDS: usize = 4;
         let [e, v] = self.elongation(script, law_link, instant);
-        let (first_joint, second_joint) = script.ends[law_link];
+        let (first_joint, second_joint) = script.link_joints[law_link];
         let pair_jump = script.velocity_step(first_joint, second_joint);
-        let (law_now, time_step) = (self.law(script, laws, gates, (law, instant.s)), script.rate.step());
+        let (law_now, time_step) = (self.law_at(script, laws, gates, (law, instant.s)), script.rate.step());
         let mut impulse = 0.0;
         for _ in 0..KICK_ROUNDS {
             // The rate halfway through the kick.
             let v = v - 0.5 * pair_jump * impulse;
-            impulse = duration * time_step * law_now.force(e, v * law_now.rate());
+            impulse = duration * time_step * law_now.force(e, v * law_now.rate_factor());
         }
         self.work.instants += 1;
         self.push_joint(script, first_joint, impulse, instant);

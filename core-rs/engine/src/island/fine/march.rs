@@ -8,8 +8,8 @@ use std::f64::consts::PI;
 
 use super::basis::Instant;
 use super::laws::{LawScript, LawState};
-use super::order::{Rates, Stages};
-use super::{Fine, Script};
+use super::order::{ContactRates, Stages};
+use super::{FineLinks, Script};
 use crate::kernel::ExactContact;
 use crate::maths::{expm1, sqrt};
 use crate::network::ContactLaw;
@@ -33,7 +33,7 @@ const ROUNDS_MAX: usize = 50;
 const FORCE_TOLERANCE: f64 = 1e-12;
 /// A clamped contact whose force has ended pushes again when the force exceeds this share of its elastic and damping
 /// terms.
-const PULL: f64 = 1e-9;
+const PUSH_AGAIN_SHARE: f64 = 1e-9;
 
 /// A contact in this frame.
 #[derive(Clone, Copy)]
@@ -69,10 +69,10 @@ impl LinkContact {
     }
 
     /// Whether an open contact begins to push.
-    fn closes(&self, [g, v]: [f64; 2]) -> bool {
+    fn begins_to_push(&self, [g, v]: [f64; 2]) -> bool {
         if self.is_pulled_off() {
             let (elastic, damping_force) = (self.law.odd_elastic(g), self.law.z * v);
-            g > 0.0 && elastic + damping_force > PULL * (elastic + damping_force.abs())
+            g > 0.0 && elastic + damping_force > PUSH_AGAIN_SHARE * (elastic + damping_force.abs())
         } else {
             g > 0.0 && v > 0.0
         }
@@ -106,20 +106,20 @@ impl LinkContact {
     }
 }
 
-impl Fine {
+impl FineLinks {
     /// Compute the pushes of a frame.
     pub(super) fn march(&mut self, script: &Script, laws: &LawScript, gates: &[f64], body: &mut Body) {
-        let start_instant = self.instant(script, 0.0);
+        let start_instant = self.set_instant(script, 0.0);
         let mut rests_fast = false;
         for index in 0..script.links.len() {
-            let has_rested = std::mem::take(&mut self.rests[index]);
-            self.pushes[index] = false;
-            let Some(contact) = self.contact_now(script, gates, (index, 0.0)) else {
+            let has_rested = std::mem::take(&mut self.is_resting[index]);
+            self.is_pushing[index] = false;
+            let Some(contact) = self.contact_at(script, gates, (index, 0.0)) else {
                 continue;
             };
             let contact_state = self.contact_state(script, &contact, &start_instant);
             let is_pushing = contact.pushing_criterion(contact_state) > 0.0;
-            (self.pushes[index], self.rests[index]) = (is_pushing, is_pushing);
+            (self.is_pushing[index], self.is_resting[index]) = (is_pushing, is_pushing);
             if is_pushing {
                 body.link[script.links[index].first] =
                     contact.side * contact.law.unlimited(contact_state[0], contact_state[1]);
@@ -127,32 +127,32 @@ impl Fine {
             }
         }
         if rests_fast {
-            self.has_touched = true;
-            self.finish(script, laws, gates, 0.0);
+            self.has_closed = true;
+            self.finish_implicitly(script, laws, gates, 0.0);
             return;
         }
         let (mut instant_now, mut steps_left) = (0.0, STEPS_MAX);
         while instant_now < 1.0 {
-            if laws.links.is_empty() && !self.pushes.contains(&true) {
+            if laws.links.is_empty() && !self.is_pushing.contains(&true) {
                 match self.next_closing(script, gates, instant_now) {
                     Some((close_at, index)) => {
                         instant_now = close_at;
-                        self.pushes[index] = true;
+                        self.is_pushing[index] = true;
                     }
                     None => return,
                 }
             }
-            self.has_touched |= self.pushes.contains(&true);
+            self.has_closed |= self.is_pushing.contains(&true);
             if steps_left == 0 {
-                self.finish(script, laws, gates, instant_now);
+                self.finish_implicitly(script, laws, gates, instant_now);
                 return;
             }
-            instant_now = self.advance(script, (laws, gates), instant_now, &mut steps_left);
+            instant_now = self.advance_step(script, (laws, gates), instant_now, &mut steps_left);
         }
     }
 
     /// The contact `index` at the instant `s` of this frame; `None` if it cannot be closed in this frame.
-    fn contact_now(&self, script: &Script, gates: &[f64], (index, s): (usize, f64)) -> Option<LinkContact> {
+    fn contact_at(&self, script: &Script, gates: &[f64], (index, s): (usize, f64)) -> Option<LinkContact> {
         let link_run = &script.links[index];
         let Kind::But(but) = &link_run.kind else {
             return None;
@@ -161,7 +161,7 @@ impl Fine {
         if !self.may_close[index] || gate_opening == 0.0 {
             return None;
         }
-        let (first_joint, second_joint) = script.ends[index];
+        let (first_joint, second_joint) = script.link_joints[index];
         let [k, z] = self.link_constants_at(index, s);
         Some(LinkContact {
             law: but.law(gate_opening * k, gate_opening * z),
@@ -175,28 +175,28 @@ impl Fine {
     /// Penetration [m] and how fast it grows [m/frame].
     fn contact_state(&self, script: &Script, contact: &LinkContact, instant: &Instant) -> [f64; 2] {
         let (first_joint, second_joint) = contact.ends;
-        let [[x_a, v_a], [x_b, v_b]] = [first_joint, second_joint].map(|end| self.see(script, end, instant));
+        let [[x_a, v_a], [x_b, v_b]] = [first_joint, second_joint].map(|end| self.joint_motion(script, end, instant));
         [contact.side * (x_b - x_a - contact.rest), contact.side * (v_b - v_a)]
     }
 
     /// Push both ends of a contact [N·s].
-    fn push(&mut self, script: &Script, contact: &LinkContact, impulse: f64, instant: &Instant) {
+    fn push_contact_ends(&mut self, script: &Script, contact: &LinkContact, impulse: f64, instant: &Instant) {
         let (first_joint, second_joint) = contact.ends;
         self.push_joint(script, first_joint, contact.side * impulse, instant);
         self.push_joint(script, second_joint, -contact.side * impulse, instant);
     }
 
     /// Advance from `s` by a step, or up to where a contact closes or opens in it; returns the instant reached.
-    fn advance(
+    fn advance_step(
         &mut self,
         script: &Script,
         laws_and_gates: (&LawScript, &[f64]),
         s: f64,
         steps_left: &mut usize,
     ) -> f64 {
-        let (stages, step_length) = self.next_step(script, laws_and_gates.1, s);
+        let (stages, step_length) = self.choose_step(script, laws_and_gates.1, s);
         self.stages = stages;
-        let [saved_paths, impulses] = &mut self.saved;
+        let [saved_paths, impulses] = &mut self.saved_paths_and_sums;
         saved_paths.copy_from_slice(&self.paths);
         impulses.copy_from_slice(&self.impulse_sums);
         self.save_crowded(script);
@@ -210,13 +210,13 @@ impl Fine {
         // for ever.
         self.is_located.fill(false);
         while let Some(link_index) = self.first_switched(script, laws_and_gates.1, s + length_taken) {
-            length_taken = self.locate(script, laws_and_gates, (s, length_taken, link_index), steps_left);
+            length_taken = self.locate_switch(script, laws_and_gates, (s, length_taken, link_index), steps_left);
             self.is_located[link_index] = true;
             last_located = Some(link_index);
         }
         if let Some(link_index) = last_located {
-            self.pushes[link_index] = !self.pushes[link_index];
-            self.rests[link_index] &= self.pushes[link_index];
+            self.is_pushing[link_index] = !self.is_pushing[link_index];
+            self.is_resting[link_index] &= self.is_pushing[link_index];
         }
         if s + length_taken > 1.0 - CLOSING_TOLERANCE * step_length {
             1.0
@@ -227,27 +227,25 @@ impl Fine {
 
     /// Contact `index` closes or opens within a step of `h` from `s`: repeat the step up to that instant; returns its
     /// length.
-    fn locate(
+    fn locate_switch(
         &mut self,
         script: &Script,
         laws_and_gates: (&LawScript, &[f64]),
         (s, h, index): (f64, f64, usize),
         steps_left: &mut usize,
     ) -> f64 {
-        let Some(contact) = self.contact_now(script, laws_and_gates.1, (index, s)) else {
+        let Some(contact) = self.contact_at(script, laws_and_gates.1, (index, s)) else {
             return h;
         };
-        let state_at = |fine: &mut Self, s: f64| {
-            let instant = fine.instant(script, s);
-            let contact = fine
-                .contact_now(script, laws_and_gates.1, (index, s))
-                .unwrap_or(contact);
+        let contact_state_at = |fine: &mut Self, s: f64| {
+            let instant = fine.set_instant(script, s);
+            let contact = fine.contact_at(script, laws_and_gates.1, (index, s)).unwrap_or(contact);
             (contact, fine.contact_state(script, &contact, &instant))
         };
-        let end_state = state_at(self, s + h);
-        self.restore();
-        let start_state = state_at(self, s);
-        let mut uses_gap = !contact.is_pulled_off() || (!self.pushes[index] && start_state.1[0] <= 0.0);
+        let end_state = contact_state_at(self, s + h);
+        self.restore_step();
+        let start_state = contact_state_at(self, s);
+        let mut uses_gap = !contact.is_pulled_off() || (!self.is_pushing[index] && start_state.1[0] <= 0.0);
         let signs_differ = |uses_gap: bool| {
             let [start_criterion, end_criterion] = [start_state, end_state]
                 .map(|(contact, contact_state)| contact.closing_criterion(contact_state, uses_gap));
@@ -274,13 +272,13 @@ impl Fine {
             };
             let length_change = (next_length - length_taken).abs();
             length_taken = next_length;
-            self.restore();
+            self.restore_step();
             *steps_left = steps_left.saturating_sub(1);
             self.step_contacts(script, laws_and_gates, s, length_taken);
             if length_change <= CLOSING_TOLERANCE * h || *steps_left == 0 {
                 break;
             }
-            let reached_state = state_at(self, s + length_taken);
+            let reached_state = contact_state_at(self, s + length_taken);
             contact_state = reached_state.1;
             let reached_criterion = criterion(reached_state);
             // Halving the value at the end that stays keeps the secant from approaching from one side only.
@@ -294,24 +292,24 @@ impl Fine {
     }
 
     /// Undo the last step.
-    fn restore(&mut self) {
-        self.paths.copy_from_slice(&self.saved[0]);
-        self.impulse_sums.copy_from_slice(&self.saved[1]);
+    fn restore_step(&mut self) {
+        self.paths.copy_from_slice(&self.saved_paths_and_sums[0]);
+        self.impulse_sums.copy_from_slice(&self.saved_paths_and_sums[1]);
         self.restore_crowded();
         self.laws.iter_mut().for_each(LawState::restore);
     }
 
     /// Stages and length of the step from `s`.
-    fn next_step(&mut self, script: &Script, gates: &[f64], s: f64) -> (Stages, f64) {
+    fn choose_step(&mut self, script: &Script, gates: &[f64], s: f64) -> (Stages, f64) {
         let time_step = script.rate.step();
-        let instant = self.instant(script, s);
-        let mut rates = Rates::default();
-        for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
-            if let Some(contact) = self.contact_now(script, gates, (index, s)) {
+        let instant = self.set_instant(script, s);
+        let mut rates = ContactRates::default();
+        for index in (0..script.links.len()).filter(|&index| self.is_pushing[index]) {
+            if let Some(contact) = self.contact_at(script, gates, (index, s)) {
                 rates.add(contact.rate_bound(self.contact_state(script, &contact, &instant), time_step));
             }
         }
-        let (stages, least_steps) = script.order.stages(script.steps as f64, rates);
+        let (stages, least_steps) = script.contact_order.stages(script.steps_min as f64, rates);
         let frame_left = 1.0 - s;
         (stages, frame_left / (frame_left * least_steps).ceil().max(1.0))
     }
@@ -319,45 +317,49 @@ impl Fine {
     /// One step of the contacts that push, and of all laws.
     fn step_contacts(&mut self, script: &Script, laws_and_gates: (&LawScript, &[f64]), s: f64, h: f64) {
         // Half of the motion of bristles comes before all else, and half after it.
-        self.slide_bristles(script, laws_and_gates, (&Instant::new(script.basis.n(), s), 0.5 * h));
-        let mut stage_time = 0.0;
-        let stages = self.stages;
-        for (stage, [kick, drift]) in stages.iter().enumerate() {
-            let is_back = 2 * stage > stages.len();
-            self.kick(script, laws_and_gates, (s + stage_time * h, kick * h), is_back);
-            stage_time += drift;
-        }
-        self.kick(script, laws_and_gates, (s + h, stages[0][0] * h), true);
         self.slide_bristles(
             script,
             laws_and_gates,
-            (&Instant::new(script.basis.n(), s + h), 0.5 * h),
+            (&Instant::new(script.basis.n_polynomials(), s), 0.5 * h),
+        );
+        let mut stage_time = 0.0;
+        let stages = self.stages;
+        for (stage, [kick, drift]) in stages.iter().enumerate() {
+            let is_reversed = 2 * stage > stages.len();
+            self.apply_kicks(script, laws_and_gates, (s + stage_time * h, kick * h), is_reversed);
+            stage_time += drift;
+        }
+        self.apply_kicks(script, laws_and_gates, (s + h, stages[0][0] * h), true);
+        self.slide_bristles(
+            script,
+            laws_and_gates,
+            (&Instant::new(script.basis.n_polynomials(), s + h), 0.5 * h),
         );
     }
 
     /// Kicks of all contacts that push, and of all laws. If they change velocities on which losses depend, half of each
     /// kick is given in one order and half in the reverse order: then the whole is symmetric.
-    fn kick(
+    fn apply_kicks(
         &mut self,
         script: &Script,
         laws_and_gates: (&LawScript, &[f64]),
         (s, duration): (f64, f64),
-        is_back: bool,
+        is_reversed: bool,
     ) {
-        let instant = self.instant(script, s);
+        let instant = self.set_instant(script, s);
         // In a step of one stage the last kick, in reverse order, makes up for the first.
         if script.is_coupled && self.stages.len() > 1 && self.order_matters(laws_and_gates.0) {
             self.kick_in_order(script, laws_and_gates, (&instant, 0.5 * duration), false);
             self.kick_in_order(script, laws_and_gates, (&instant, 0.5 * duration), true);
         } else {
-            self.kick_in_order(script, laws_and_gates, (&instant, duration), is_back);
+            self.kick_in_order(script, laws_and_gates, (&instant, duration), is_reversed);
         }
     }
 
     /// Whether the order of kicks matters: several act, and at least one depends on a velocity.
     fn order_matters(&self, laws: &LawScript) -> bool {
         let pushing = || {
-            self.pushes
+            self.is_pushing
                 .iter()
                 .zip(&self.link_constants)
                 .filter(|(pushes, _)| **pushes)
@@ -387,10 +389,10 @@ impl Fine {
             } else {
                 order_index
             };
-            if !self.pushes[link_index] {
+            if !self.is_pushing[link_index] {
                 continue;
             }
-            let Some(contact) = self.contact_now(script, gates, (link_index, instant.s)) else {
+            let Some(contact) = self.contact_at(script, gates, (link_index, instant.s)) else {
                 continue;
             };
             self.work.instants += 1;
@@ -399,7 +401,7 @@ impl Fine {
                 duration,
                 script.rate.step(),
             );
-            self.push(script, &contact, impulse, instant);
+            self.push_contact_ends(script, &contact, impulse, instant);
         }
         if !is_back {
             for law in 0..laws.links.len() {
@@ -410,15 +412,15 @@ impl Fine {
 
     /// A contact that stops or begins to push at `s`, and was not located in this step.
     fn first_switched(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
-        let instant = self.instant(script, s);
+        let instant = self.set_instant(script, s);
         let unlocated_links = (0..script.links.len()).filter(|&index| !self.is_located[index]);
         unlocated_links.into_iter().find(|&index| {
-            self.contact_now(script, gates, (index, s)).is_some_and(|contact| {
+            self.contact_at(script, gates, (index, s)).is_some_and(|contact| {
                 let contact_state = self.contact_state(script, &contact, &instant);
-                if self.pushes[index] {
+                if self.is_pushing[index] {
                     contact.pushing_criterion(contact_state) < 0.0
                 } else {
-                    contact.closes(contact_state)
+                    contact.begins_to_push(contact_state)
                 }
             })
         })
@@ -432,9 +434,10 @@ impl Fine {
             let mut first_closing: Option<(f64, usize)> = None;
             for index in 0..script.links.len() {
                 let mut closes = |s: f64| {
-                    let instant = self.instant(script, s);
-                    let contact = self.contact_now(script, gates, (index, s));
-                    contact.is_some_and(|contact| contact.closes(self.contact_state(script, &contact, &instant)))
+                    let instant = self.set_instant(script, s);
+                    let contact = self.contact_at(script, gates, (index, s));
+                    contact
+                        .is_some_and(|contact| contact.begins_to_push(self.contact_state(script, &contact, &instant)))
                 };
                 if !closes(search_to) {
                     continue;
@@ -463,21 +466,21 @@ impl Fine {
     }
 
     /// The rest of a frame that would take too many steps: by the discrete gradient, stable at any step length.
-    fn finish(&mut self, script: &Script, laws: &LawScript, gates: &[f64], from: f64) {
-        let step_length = (1.0 - from) / script.steps as f64;
+    fn finish_implicitly(&mut self, script: &Script, laws: &LawScript, gates: &[f64], start_instant: f64) {
+        let step_length = (1.0 - start_instant) / script.steps_min as f64;
         let time_step = script.rate.step();
-        for step_index in 0..script.steps {
-            let step_start = from + step_index as f64 * step_length;
+        for step_index in 0..script.steps_min {
+            let step_start = start_instant + step_index as f64 * step_length;
             let instants = [step_start, step_start + 0.5 * step_length, step_start + step_length];
-            let start_instant = self.instant(script, instants[0]);
+            let start_instant = self.set_instant(script, instants[0]);
             for index in 0..script.links.len() {
-                let link_contact = self.contact_now(script, gates, (index, instants[1]));
-                self.depths[index] = link_contact.map_or(0.0, |link_contact| {
+                let link_contact = self.contact_at(script, gates, (index, instants[1]));
+                self.penetrations[index] = link_contact.map_or(0.0, |link_contact| {
                     self.contact_state(script, &link_contact, &start_instant)[0]
                 });
             }
             self.slide_bristles(script, (laws, gates), (&start_instant, 0.5 * step_length));
-            let middle_instant = self.instant(script, instants[1]);
+            let middle_instant = self.set_instant(script, instants[1]);
             for law in 0..laws.links.len() {
                 self.kick_law(script, (laws, gates), law, (&middle_instant, step_length));
             }
@@ -485,20 +488,20 @@ impl Fine {
             for _ in 0..ROUNDS_MAX {
                 let mut force_change = 0.0_f64;
                 for index in 0..script.links.len() {
-                    let Some(link_contact) = self.contact_now(script, gates, (index, middle_instant.s)) else {
+                    let Some(link_contact) = self.contact_at(script, gates, (index, middle_instant.s)) else {
                         continue;
                     };
                     self.work.instants += 1;
-                    let depth_before = self.depths[index];
+                    let depth_before = self.penetrations[index];
                     // Remove the force of the last round.
-                    let middle_instant = self.instant(script, instants[1]);
-                    self.push(
+                    let middle_instant = self.set_instant(script, instants[1]);
+                    self.push_contact_ends(
                         script,
                         &link_contact,
                         -self.forces[index] * step_length * time_step,
                         &middle_instant,
                     );
-                    let end_instant = self.instant(script, instants[2]);
+                    let end_instant = self.set_instant(script, instants[2]);
                     let [free_depth, _] = self.contact_state(script, &link_contact, &end_instant);
                     let contact = ExactContact {
                         law: ContactLaw {
@@ -508,8 +511,8 @@ impl Fine {
                         beta: 0.5 * step_length * step_length * link_contact.velocity_per_impulse * time_step,
                     };
                     let contact_force = contact.push(free_depth, depth_before, depth_before.max(free_depth));
-                    let middle_instant = self.instant(script, instants[1]);
-                    self.push(
+                    let middle_instant = self.set_instant(script, instants[1]);
+                    self.push_contact_ends(
                         script,
                         &link_contact,
                         contact_force * step_length * time_step,
@@ -523,9 +526,9 @@ impl Fine {
                     break;
                 }
             }
-            let end_instant = self.instant(script, instants[2]);
+            let end_instant = self.set_instant(script, instants[2]);
             self.slide_bristles(script, (laws, gates), (&end_instant, 0.5 * step_length));
-            for (rests, contact_force) in self.rests.iter_mut().zip(&self.forces) {
+            for (rests, contact_force) in self.is_resting.iter_mut().zip(&self.forces) {
                 *rests &= *contact_force != 0.0;
             }
         }

@@ -24,17 +24,17 @@ pub(super) type Stages = &'static [[f64; 2]];
 
 /// How fast the contacts that push may swing.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Rates {
+pub(super) struct ContactRates {
     /// The quickest of them alone [rad/frame].
     pub(super) quickest: f64,
     /// The sum of their squares: on one mass their stiffness adds up.
-    squares: f64,
+    square_sum: f64,
 }
 
-impl Rates {
+impl ContactRates {
     pub(super) fn add(&mut self, rate: f64) {
         self.quickest = self.quickest.max(rate);
-        self.squares += rate * rate;
+        self.square_sum += rate * rate;
     }
 }
 
@@ -56,9 +56,9 @@ impl ContactOrder {
 
     /// The stages of a step, and the least number of steps in a frame. Order 4 takes at least `steps` in a frame, and as
     /// many in a radian of the quickest contact.
-    pub(super) fn stages(self, steps: f64, rates: Rates) -> (Stages, f64) {
+    pub(super) fn stages(self, steps: f64, rates: ContactRates) -> (Stages, f64) {
         match self {
-            Self::Second if sqrt(rates.squares) <= SLOW_RATE => (&STRANG, 1.0),
+            Self::Second if sqrt(rates.square_sum) <= SLOW_RATE => (&STRANG, 1.0),
             Self::Second | Self::Fourth => (&STAGES, steps * rates.quickest.max(1.0)),
         }
     }

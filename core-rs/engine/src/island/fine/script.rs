@@ -14,14 +14,14 @@ const UNCOUPLED_SHARE_MAX: f64 = 1e-6;
 #[derive(Clone, Debug)]
 pub(super) struct Script {
     /// Least number of steps a frame, and of steps per radian of a contact's own oscillation, for splitting of order 4.
-    pub(super) steps: usize,
+    pub(super) steps_min: usize,
     /// The order of the splitting that steps closed contacts.
-    pub(super) order: ContactOrder,
+    pub(super) contact_order: ContactOrder,
     pub(super) rate: Rate,
     pub(super) basis: Basis,
     pub(super) links: Vec<Run>,
     /// The two joints of each link.
-    pub(super) ends: Vec<(usize, usize)>,
+    pub(super) link_joints: Vec<(usize, usize)>,
     pub(super) joints: Vec<Joint>,
     /// Bodies of which the modes are pushed.
     pub(super) crowded: Vec<CrowdedBody>,
@@ -58,9 +58,9 @@ impl Script {
     /// Whether a push of one link changes the velocity of another at once, by more than `UNCOUPLED_SHARE_MAX` of what
     /// it changes its own.
     pub(super) fn has_coupled_links(&self) -> bool {
-        let link_ends = self.ends.iter().enumerate();
-        let mut link_pairs =
-            link_ends.flat_map(|(first_index, first)| self.ends[..first_index].iter().map(move |other| (first, other)));
+        let link_ends = self.link_joints.iter().enumerate();
+        let mut link_pairs = link_ends
+            .flat_map(|(first_index, first)| self.link_joints[..first_index].iter().map(move |other| (first, other)));
         link_pairs.any(|(first, other)| {
             let self_jumps = [*first, *other].map(|link| self.velocity_step_between(link, link));
             self.velocity_step_between(*first, *other).abs() > UNCOUPLED_SHARE_MAX * self_jumps[0].min(self_jumps[1])
@@ -69,7 +69,7 @@ impl Script {
 
     /// Change the paths of all joints by an impulse on one of them [N·s].
     pub(super) fn add_impulse(&self, joint: usize, impulse: f64, instant: &Instant, path: &mut [f64]) {
-        let (n_instants, n_joints) = (self.basis.n(), self.joints.len());
+        let (n_instants, n_joints) = (self.basis.n_polynomials(), self.joints.len());
         let impulse_shares = instant.value.map(|value| impulse * value);
         let joint_responses = &self.path_responses[joint * n_joints..(joint + 1) * n_joints];
         for (joint_responses, path) in joint_responses.iter().zip(path.chunks_mut(n_instants)) {

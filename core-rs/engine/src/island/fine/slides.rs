@@ -12,8 +12,8 @@ mod script;
 use std::sync::Arc;
 
 use super::basis::{Instant, dot};
-use super::laws::{STAGES, Square, Stages, shares};
-use super::{Fine, Script};
+use super::laws::{STAGES, StageMatrix, StageValues, lagrange_weights};
+use super::{FineLinks, Script};
 use crate::network::Dry;
 use crate::scheme::Scheme;
 use crate::state::Body;
@@ -31,7 +31,8 @@ const SKIPPED_SHARE: f64 = 1e-9;
 /// velocity of a held mass to a small part of that.
 const STILL_SHARE: f64 = 1e-4;
 /// The same for a link that held at the end of the last frame: a hold has no velocity at the Gauss points of its last
-/// step, but some after them. A string that held a mass had 1e-3; without this it slid and stopped anew in every frame.
+/// step, but some after them. A string that held a mass had 1e-3; without this it slid and stopped again in every
+/// frame.
 const STILL_SHARE_HELD: f64 = 1e-2;
 /// A hold ends if it needs more than its level by this share.
 const EXCESS_SHARE: f64 = 1e-9;
@@ -41,27 +42,27 @@ const EXCESS_SHARE: f64 = 1e-9;
 pub(super) struct Frictions {
     pub(super) script: Arc<SlideScript>,
     /// The links as they are in this step   (n_dry)
-    slides: Vec<Slide>,
+    friction_links: Vec<FrictionLink>,
     /// Responses of the velocities to the forces in this step, as in [`script::EvenSteps::velocity_responses`]
     /// (n_dry²)
-    velocity_responses: Vec<Square>,
+    velocity_responses: Vec<StageMatrix>,
     /// Equations for the forces in this step   (3·n_dry, 3·n_dry + 1)
-    system: Vec<f64>,
+    equations: Vec<f64>,
 }
 
 /// One link in a step.
 #[derive(Clone, Copy, Debug, Default)]
-struct Slide {
+struct FrictionLink {
     /// The sign of its velocity; 0: it holds.
     direction: f64,
     /// Forces at the Gauss points [N].
-    force: Stages,
+    stage_forces: StageValues,
     /// Velocities at the Gauss points without friction in this step [m/frame].
-    free: Stages,
+    free_velocities: StageValues,
     /// Whether the instant of its event in this step is known.
     is_located: bool,
     /// Whether it has held since the start of the frame, and the positions of its ends at that time [m].
-    holds: bool,
+    has_held: bool,
     start_positions: [f64; 2],
 }
 
@@ -69,15 +70,15 @@ struct Slide {
 #[derive(Clone, Copy)]
 pub(super) struct Frame<'a> {
     pub(super) script: &'a Script,
-    pub(super) slides: &'a SlideScript,
+    pub(super) slide_script: &'a SlideScript,
     pub(super) gates: &'a [f64],
 }
 
 /// The friction of a link at an instant.
 struct Friction {
-    by: Dry,
+    dry_law: Dry,
     /// Frames a second.
-    rate: f64,
+    frame_rate: f64,
     /// How far its gate is open.
     gate_opening: f64,
 }
@@ -85,12 +86,12 @@ struct Friction {
 impl Friction {
     /// Level at a velocity [m/frame].
     fn level(&self, v: f64) -> f64 {
-        self.gate_opening * self.by.level_at(v * self.rate)
+        self.gate_opening * self.dry_law.level_at(v * self.frame_rate)
     }
 
     /// Change of the level with the velocity [N·frame/m].
     fn slope(&self, v: f64) -> f64 {
-        self.gate_opening * self.rate * self.by.slope_at(v * self.rate)
+        self.gate_opening * self.frame_rate * self.dry_law.slope_at(v * self.frame_rate)
     }
 }
 
@@ -100,26 +101,26 @@ impl Frictions {
         let n_dry = slide_script.links.len();
         let n_forces = STAGES * n_dry;
         Self {
-            slides: vec![Slide::default(); n_dry],
-            velocity_responses: vec![Square::default(); n_dry * n_dry],
-            system: vec![0.0; n_forces * (n_forces + 1)],
+            friction_links: vec![FrictionLink::default(); n_dry],
+            velocity_responses: vec![StageMatrix::default(); n_dry * n_dry],
+            equations: vec![0.0; n_forces * (n_forces + 1)],
             script: Arc::new(slide_script),
         }
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        self.slides.is_empty()
+        self.friction_links.is_empty()
     }
 }
 
-impl Fine {
+impl FineLinks {
     /// Compute the frictions of a frame.
-    pub(super) fn slide(&mut self, frame: Frame<'_>, body: &mut Body) {
-        self.has_touched = true;
-        self.start_frame(frame, body);
+    pub(super) fn compute_frictions(&mut self, frame: Frame<'_>, body: &mut Body) {
+        self.has_closed = true;
+        self.begin_frame(frame, body);
         self.slide_to_end(frame);
-        for (slide, &link) in self.frictions.slides.iter().zip(&frame.slides.links) {
-            self.rests[link] = slide.direction == 0.0;
+        for (slide, &link) in self.frictions.friction_links.iter().zip(&frame.slide_script.links) {
+            self.is_resting[link] = slide.direction == 0.0;
         }
     }
 
@@ -131,17 +132,17 @@ impl Fine {
                 self.finish_frame(frame, instant_now);
                 return;
             }
-            let [saved_paths, impulses] = &mut self.saved;
+            let [saved_paths, impulses] = &mut self.saved_paths_and_sums;
             saved_paths.copy_from_slice(&self.paths);
             impulses.copy_from_slice(&self.impulse_sums);
             let mut length_taken = self.even_steps(frame).length(instant_now);
             self.step_frictions(frame, (instant_now, length_taken), &mut steps_left);
-            let slides = &mut self.frictions.slides;
+            let slides = &mut self.frictions.friction_links;
             slides.iter_mut().for_each(|slide| slide.is_located = false);
             let mut first_ended = None;
-            while let Some(ended_slide) = self.ended(frame, instant_now + length_taken) {
+            while let Some(ended_slide) = self.first_ended(frame, instant_now + length_taken) {
                 length_taken = self.locate_end(frame, (instant_now, length_taken, ended_slide), &mut steps_left);
-                self.frictions.slides[ended_slide].is_located = true;
+                self.frictions.friction_links[ended_slide].is_located = true;
                 first_ended = Some(ended_slide);
             }
             instant_now += length_taken;
@@ -149,24 +150,24 @@ impl Fine {
                 return;
             }
             if let Some(ended_slide) = first_ended {
-                let slide = &mut self.frictions.slides[ended_slide];
-                slide.holds = false;
+                let slide = &mut self.frictions.friction_links[ended_slide];
+                slide.has_held = false;
                 slide.direction = match slide.direction {
-                    0.0 => dot(&shares(1.0), &slide.force).signum(),
+                    0.0 => dot(&lagrange_weights(1.0), &slide.stage_forces).signum(),
                     _ => 0.0,
                 };
-                self.settle(frame, instant_now);
+                self.settle_holds(frame, instant_now);
             }
         }
     }
 
     /// Let masses rest exactly that a fixed point has held throughout the frame: rounding alone would leave a step.
-    pub(in crate::island) fn rest_held(&self, scheme: &Scheme, body: &mut Body) {
+    pub(in crate::island) fn stop_held_masses(&self, scheme: &Scheme, body: &mut Body) {
         let dry_links = self.frictions.script.links.iter();
-        let slides = self.frictions.slides.iter().zip(dry_links);
-        for (slide, &link) in slides.filter(|(slide, _)| slide.holds) {
+        let slides = self.frictions.friction_links.iter().zip(dry_links);
+        for (slide, &link) in slides.filter(|(slide, _)| slide.has_held) {
             let link_run = &self.script.links[link];
-            let (first_joint, second_joint) = self.script.ends[link];
+            let (first_joint, second_joint) = self.script.link_joints[link];
             let [x_a, x_b] = slide.start_positions;
             for (mass, joint, other, x) in [
                 (link_run.a, first_joint, link_run.b, x_a),
@@ -181,96 +182,97 @@ impl Fine {
     }
 
     /// Find the direction of every link at the start of a frame, and note the forces for outputs.
-    fn start_frame(&mut self, frame: Frame<'_>, body: &mut Body) {
-        let (script, start_instant) = (frame.script, Instant::new(frame.script.basis.n(), 0.0));
-        for (slide_index, &link) in frame.slides.links.iter().enumerate() {
+    fn begin_frame(&mut self, frame: Frame<'_>, body: &mut Body) {
+        let (script, start_instant) = (frame.script, Instant::new(frame.script.basis.n_polynomials(), 0.0));
+        for (slide_index, &link) in frame.slide_script.links.iter().enumerate() {
             let [_, v] = self.elongation(script, link, &start_instant);
             let friction = self.friction(frame, (slide_index, 0.0));
-            let (first_joint, second_joint) = script.ends[link];
+            let (first_joint, second_joint) = script.link_joints[link];
             let velocity_taken =
                 friction.level(0.0) * script.velocity_step(first_joint, second_joint) * script.rate.step();
-            let still_share = if self.rests[link] {
+            let still_share = if self.is_resting[link] {
                 STILL_SHARE_HELD
             } else {
                 STILL_SHARE
             };
             let is_still = v.abs() <= still_share * velocity_taken;
             let direction = if is_still { 0.0 } else { v.signum() };
-            let slide = &mut self.frictions.slides[slide_index];
-            (slide.direction, slide.force) = (direction, [direction * friction.level(v); STAGES]);
+            let slide = &mut self.frictions.friction_links[slide_index];
+            (slide.direction, slide.stage_forces) = (direction, [direction * friction.level(v); STAGES]);
         }
-        self.settle(frame, 0.0);
-        let slides = self.frictions.slides.iter_mut();
-        for (slide, &link) in slides.zip(&frame.slides.links) {
+        self.settle_holds(frame, 0.0);
+        let slides = self.frictions.friction_links.iter_mut();
+        for (slide, &link) in slides.zip(&frame.slide_script.links) {
             let link_run = &script.links[link];
-            (slide.holds, slide.start_positions) = (slide.direction == 0.0, [body.x[link_run.a], body.x[link_run.b]]);
-            body.link[link_run.first] = dot(&shares(0.0), &slide.force);
+            (slide.has_held, slide.start_positions) =
+                (slide.direction == 0.0, [body.x[link_run.a], body.x[link_run.b]]);
+            body.link[link_run.first] = dot(&lagrange_weights(0.0), &slide.stage_forces);
         }
     }
 
-    /// Of the links that stand still at an instant, let those hold whose level suffices, and the others slide.
-    fn settle(&mut self, frame: Frame<'_>, s: f64) {
-        let stands_still = |slide: &Slide| slide.direction == 0.0;
-        while self.frictions.slides.iter().any(stands_still) {
+    /// Of the links at rest at an instant, let those hold whose level suffices, and the others slide.
+    fn settle_holds(&mut self, frame: Frame<'_>, s: f64) {
+        let stands_still = |slide: &FrictionLink| slide.direction == 0.0;
+        while self.frictions.friction_links.iter().any(stands_still) {
             let step_length = self.even_steps(frame).length(s);
             self.solve_forces(frame, (s, step_length));
             let force_excess = |slide_index: usize| {
-                let slide = &self.frictions.slides[slide_index];
+                let slide = &self.frictions.friction_links[slide_index];
                 let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
-                let needed_force = dot(&shares(0.0), &slide.force);
+                let needed_force = dot(&lagrange_weights(0.0), &slide.stage_forces);
                 let is_too_weak = stands_still(slide) && needed_force.abs() > friction_level * (1.0 + EXCESS_SHARE);
                 is_too_weak.then_some((slide_index, needed_force.abs() - friction_level, needed_force.signum()))
             };
-            let weak_holds = (0..frame.slides.links.len()).filter_map(force_excess);
+            let weak_holds = (0..frame.slide_script.links.len()).filter_map(force_excess);
             let Some((slide_index, _, direction)) =
                 weak_holds.max_by(|hold, other_hold| hold.1.total_cmp(&other_hold.1))
             else {
                 return;
             };
-            self.frictions.slides[slide_index].direction = direction;
+            self.frictions.friction_links[slide_index].direction = direction;
         }
     }
 
     /// The even steps of a frame in the present state: only a slide whose level falls needs short ones.
     fn even_steps<'a>(&self, frame: Frame<'a>) -> &'a EvenSteps {
-        let mut dry_slides = self.frictions.slides.iter().zip(&frame.slides.dry);
+        let mut dry_slides = self.frictions.friction_links.iter().zip(&frame.slide_script.dry_laws);
         frame
-            .slides
+            .slide_script
             .even_steps(dry_slides.any(|(slide, (dry, _))| slide.direction != 0.0 && dry.falls()))
     }
 
     /// The friction of a link at an instant of this frame.
     fn friction(&self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> Friction {
-        let dry_link = frame.slides.links[slide_index];
-        let (dry_law, rate) = frame.slides.dry[slide_index];
+        let dry_link = frame.slide_script.links[slide_index];
+        let (dry_law, frame_rate) = frame.slide_script.dry_laws[slide_index];
         let [_, friction_level] = self.link_constants_at(dry_link, s);
         let link_gate = frame.script.links[dry_link].gate;
         Friction {
-            by: dry_law.with(friction_level),
-            rate,
+            dry_law: dry_law.with(friction_level),
+            frame_rate,
             gate_opening: link_gate.map_or(1.0, |link_gate| frame.gates[link_gate]),
         }
     }
 
     /// A value that is positive while a link goes on as it does, at the end `s` of a step: of a slide its speed, of a
     /// hold the force that its level leaves.
-    fn margin(&self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> f64 {
-        let slide = &self.frictions.slides[slide_index];
+    fn event_margin(&self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> f64 {
+        let slide = &self.frictions.friction_links[slide_index];
         if slide.direction == 0.0 {
             return self.hold_margin(frame, (slide_index, s), 1.0);
         }
-        let instant = Instant::new(frame.script.basis.n(), s);
-        slide.direction * self.elongation(frame.script, frame.slides.links[slide_index], &instant)[1]
+        let instant = Instant::new(frame.script.basis.n_polynomials(), s);
+        slide.direction * self.elongation(frame.script, frame.slide_script.links[slide_index], &instant)[1]
     }
 
     /// The same at the start `s` of a step that was taken.
-    fn margin_at_start(&mut self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> f64 {
-        if self.frictions.slides[slide_index].direction == 0.0 {
+    fn event_margin_at_start(&mut self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> f64 {
+        if self.frictions.friction_links[slide_index].direction == 0.0 {
             return self.hold_margin(frame, (slide_index, s), 0.0);
         }
-        std::mem::swap(&mut self.paths, &mut self.saved[0]);
-        let start_margin = self.margin(frame, (slide_index, s));
-        std::mem::swap(&mut self.paths, &mut self.saved[0]);
+        std::mem::swap(&mut self.paths, &mut self.saved_paths_and_sums[0]);
+        let start_margin = self.event_margin(frame, (slide_index, s));
+        std::mem::swap(&mut self.paths, &mut self.saved_paths_and_sums[0]);
         start_margin
     }
 
@@ -278,20 +280,24 @@ impl Fine {
     fn hold_margin(&self, frame: Frame<'_>, (slide_index, s): (usize, f64), step_fraction: f64) -> f64 {
         let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
         friction_level * (1.0 + EXCESS_SHARE)
-            - dot(&shares(step_fraction), &self.frictions.slides[slide_index].force).abs()
+            - dot(
+                &lagrange_weights(step_fraction),
+                &self.frictions.friction_links[slide_index].stage_forces,
+            )
+            .abs()
     }
 
     /// A link whose slide or hold has ended by the end `s` of a step, at an instant that is not located yet.
-    fn ended(&self, frame: Frame<'_>, s: f64) -> Option<usize> {
-        let slides = &self.frictions.slides;
+    fn first_ended(&self, frame: Frame<'_>, s: f64) -> Option<usize> {
+        let slides = &self.frictions.friction_links;
         let mut unlocated_links = (0..slides.len()).filter(|&slide_index| !slides[slide_index].is_located);
-        unlocated_links.find(|&slide_index| self.margin(frame, (slide_index, s)) < 0.0)
+        unlocated_links.find(|&slide_index| self.event_margin(frame, (slide_index, s)) < 0.0)
     }
 
     /// Repeat a step of `h` from `s` up to the instant at which a link's slide or hold ends; returns its length.
     fn locate_end(&mut self, frame: Frame<'_>, (s, h, slide_index): (f64, f64, usize), steps_left: &mut usize) -> f64 {
-        let mut high_end = (h, self.margin(frame, (slide_index, s + h)));
-        let mut low_end = (0.0, self.margin_at_start(frame, (slide_index, s)));
+        let mut high_end = (h, self.event_margin(frame, (slide_index, s + h)));
+        let mut low_end = (0.0, self.event_margin_at_start(frame, (slide_index, s)));
         let mut length_taken = h;
         for _ in 0..TRIES_MAX {
             // A step that starts at an event has no margin there: then bisection, else a secant.
@@ -302,18 +308,18 @@ impl Fine {
             };
             let length_change = (next_length - length_taken).abs();
             length_taken = next_length;
-            self.paths.copy_from_slice(&self.saved[0]);
-            self.impulse_sums.copy_from_slice(&self.saved[1]);
+            self.paths.copy_from_slice(&self.saved_paths_and_sums[0]);
+            self.impulse_sums.copy_from_slice(&self.saved_paths_and_sums[1]);
             self.step_frictions(frame, (s, length_taken), steps_left);
-            let margin_then = self.margin(frame, (slide_index, s + length_taken));
-            if length_change <= EVENT_TOLERANCE * h || margin_then == 0.0 || *steps_left == 0 {
+            let margin_reached = self.event_margin(frame, (slide_index, s + length_taken));
+            if length_change <= EVENT_TOLERANCE * h || margin_reached == 0.0 || *steps_left == 0 {
                 break;
             }
             // Illinois rule: halve the value at the end that stays, so that the secant does not creep from one side.
-            if margin_then > 0.0 {
-                (low_end, high_end.1) = ((length_taken, margin_then), 0.5 * high_end.1);
+            if margin_reached > 0.0 {
+                (low_end, high_end.1) = ((length_taken, margin_reached), 0.5 * high_end.1);
             } else {
-                (high_end, low_end.1) = ((length_taken, margin_then), 0.5 * low_end.1);
+                (high_end, low_end.1) = ((length_taken, margin_reached), 0.5 * low_end.1);
             }
         }
         length_taken

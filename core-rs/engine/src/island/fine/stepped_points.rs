@@ -6,7 +6,7 @@
 //! at one end of a link may be lost at the other.
 
 use super::script::Script;
-use crate::island::energy_account::{Account, Gain};
+use crate::island::energy_account::{EnergyAccount, EnergyGain};
 use crate::island::energy_gain::ACCOUNTED_LAWS_MAX;
 use crate::network::{LinkKind, Network};
 use crate::scheme::Scheme;
@@ -18,32 +18,36 @@ struct Point {
     joint: usize,
     mat: usize,
     /// A link between frames that ends there.
-    link: usize,
+    worst_link: usize,
     /// Its velocity at the start of this frame [m/frame] and its acceleration [m/frame²], if no link pushes it.
     free_motion: [f64; 2],
     /// In the step before: the force in the steps that replaces impulses [N], and the last step [m].
-    force: f64,
-    step: f64,
+    impulse_force: f64,
+    last_step: f64,
     /// Energy created at this point alone [J].
-    created: f64,
+    created_energy: f64,
 }
 
-crate::archive::state!(Point { force, step, created });
+crate::archive::state!(Point {
+    impulse_force,
+    last_step,
+    created_energy
+});
 
 /// All stepped points of an island, and their energy account.
 #[derive(Clone, Debug)]
 pub(in crate::island) struct SteppedPoints {
     points: Vec<Point>,
-    account: Account,
+    energy_account: EnergyAccount,
     /// The most energy that was created, and a link at the point where most of it was.
-    worst: Option<Gain>,
+    worst_gain: Option<EnergyGain>,
     link: usize,
 }
 
 crate::archive::state!(SteppedPoints {
     points,
-    account,
-    worst,
+    energy_account,
+    worst_gain,
     link
 });
 
@@ -66,22 +70,22 @@ impl SteppedPoints {
         let stepped_joints =
             indexed_joints.filter(|(_, joint)| joint.port.is_none() && joint.cell.is_some() && is_stepped(joint.mat));
         let new_point = |(index, joint): (usize, &super::Joint)| {
-            let mut link_ends = script.ends.iter();
+            let mut link_ends = script.link_joints.iter();
             let link_index = link_ends.position(|&(a, b)| a == index || b == index)?;
             Some(Point {
                 joint: index,
                 mat: joint.mat,
-                link: script.links[link_index].first,
+                worst_link: script.links[link_index].first,
                 free_motion: [0.0; 2],
-                force: 0.0,
-                step: 0.0,
-                created: 0.0,
+                impulse_force: 0.0,
+                last_step: 0.0,
+                created_energy: 0.0,
             })
         };
         Self {
             points: stepped_joints.filter_map(new_point).collect(),
-            account: Account::default(),
-            worst: None,
+            energy_account: EnergyAccount::default(),
+            worst_gain: None,
             link: 0,
         }
     }
@@ -102,12 +106,12 @@ impl SteppedPoints {
             if w > 0.0 {
                 kinetic_energy += 0.5 * last_step * last_step / w;
             }
-            let point_work = 0.5 * (point.step + last_step) * point.force;
-            point.created += point_work;
+            let point_work = 0.5 * (point.last_step + last_step) * point.impulse_force;
+            point.created_energy += point_work;
             impulse_work += point_work;
         }
         if impulse_work != 0.0 {
-            self.account.take_from_masses(-impulse_work, kinetic_energy);
+            self.energy_account.add_work_of_masses(-impulse_work, kinetic_energy);
         }
     }
 
@@ -115,70 +119,74 @@ impl SteppedPoints {
     /// `carried_forces` has an entry for each joint.
     pub(super) fn record_carried_forces(&mut self, carried_forces: &[f64], body: &Body) {
         for point in &mut self.points {
-            (point.force, point.step) = (carried_forces[point.joint], body.d[point.mat]);
+            (point.impulse_force, point.last_step) = (carried_forces[point.joint], body.d[point.mat]);
         }
     }
 
     /// Count the work of this frame's impulses, those on all joints, along the motion within the frame; and note the
     /// forces that replace them.
     pub(super) fn record_impulses(&mut self, script: &Script, joint_impulses: &[f64], scheme: &Scheme) {
-        let (n_instants, frame_rate) = (script.basis.n(), script.rate.hertz());
+        let (n_instants, frame_rate) = (script.basis.n_polynomials(), script.rate.hertz());
         for point in &mut self.points {
             let joint_impulses = &joint_impulses[point.joint * n_instants..(point.joint + 1) * n_instants];
-            let split_shares = script.joints[point.joint].split.iter();
+            let split_shares = script.joints[point.joint].impulse_split.iter();
             let instants = script.basis.instants.iter();
             let (mut force_sum, mut force_moment) = (0.0, 0.0);
             for ((impulse, s), [share_now, _]) in joint_impulses.iter().zip(instants).zip(split_shares) {
                 force_sum += impulse * frame_rate;
                 force_moment += impulse * frame_rate * s;
-                point.force += impulse * share_now;
+                point.impulse_force += impulse * share_now;
             }
             let [velocity, acceleration] = point.free_motion;
             let mean_velocity = velocity + 0.5 * scheme.w[point.mat] * force_sum;
             let frame_work = force_sum * mean_velocity + force_moment * acceleration;
-            point.created -= frame_work;
-            self.account.take(frame_work);
+            point.created_energy -= frame_work;
+            self.energy_account.add_work(frame_work);
         }
     }
 
-    /// Begin the account anew.
+    /// Restart the account.
     pub(in crate::island) fn restart(&mut self) {
-        self.account = Account::default();
+        self.energy_account = EnergyAccount::default();
         for point in &mut self.points {
-            (point.force, point.created) = (0.0, 0.0);
+            (point.impulse_force, point.created_energy) = (0.0, 0.0);
         }
     }
 
     /// The energy created by frame `n`, if it is worth reporting: a link and the MAT where most of it was created, and
-    /// the energy. `moving_energy` gives the energy of everything that moves, `hand_work` the work of hands.
-    pub(in crate::island) fn check(
+    /// the energy. `motion_energy` gives the energy of everything that moves, `hand_work` the work of hands.
+    pub(in crate::island) fn check_energy(
         &mut self,
-        (moving_energy, hand_work): (impl Fn() -> f64, f64),
+        (motion_energy, hand_work): (impl Fn() -> f64, f64),
         n: u64,
-    ) -> Option<(usize, usize, Gain)> {
-        if !self.account.is_overdrawn() {
+    ) -> Option<(usize, usize, EnergyGain)> {
+        if !self.energy_account.is_overdrawn() {
             return None;
         }
-        let gain = self.account.gain(0.0, moving_energy(), n).with_reference_min(hand_work);
+        let gain = self
+            .energy_account
+            .energy_gain(0.0, motion_energy(), n)
+            .with_reference_energy_min(hand_work);
         let points = self.points.iter();
-        let worst_point = points.max_by(|point, other_point| point.created.total_cmp(&other_point.created))?;
+        let worst_point =
+            points.max_by(|point, other_point| point.created_energy.total_cmp(&other_point.created_energy))?;
         if !gain.is_reportable() {
             return None;
         }
-        let worst_gain = gain.worse_of(self.worst);
-        if self.worst != Some(worst_gain) {
-            (self.worst, self.link) = (Some(worst_gain), worst_point.link);
+        let worst_gain = gain.worse_of(self.worst_gain);
+        if self.worst_gain != Some(worst_gain) {
+            (self.worst_gain, self.link) = (Some(worst_gain), worst_point.worst_link);
         }
-        Some((worst_point.link, worst_point.mat, gain))
+        Some((worst_point.worst_link, worst_point.mat, gain))
     }
 
     /// The most energy that was created, and a link where most of it was.
-    pub(in crate::island) fn worst(&self) -> Option<(usize, Gain)> {
-        Some((self.link, self.worst?))
+    pub(in crate::island) fn worst_gain(&self) -> Option<(usize, EnergyGain)> {
+        Some((self.link, self.worst_gain?))
     }
 
     /// Remove the points that are among the marked MATs (n_mat).
-    pub(super) fn release(&mut self, mats: &[bool]) {
+    pub(super) fn remove_points(&mut self, mats: &[bool]) {
         self.points.retain(|point| !mats[point.mat]);
         self.restart();
     }

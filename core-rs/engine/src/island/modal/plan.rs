@@ -24,7 +24,7 @@ pub(crate) struct StruckPoint {
     /// Weight of a strike on each mode   (n_modes)
     pub(crate) shape: Vec<f64>,
     /// Frame, part of a frame after it, impulse [N·s]; rising.
-    pub(crate) blows: Vec<(u64, f64, f64)>,
+    pub(crate) strikes: Vec<(u64, f64, f64)>,
 }
 
 /// κ = (ω₀T)² below which a mode has no restoring force but rounding: all others have 1e-8 and more.
@@ -37,9 +37,9 @@ pub(crate) struct Mode {
     pub(crate) a: f64,
     pub(crate) b: f64,
     /// Displacement at the next frame by 1 N during one frame [m].
-    pub(crate) gain: f64,
-    pub(crate) now: f64,
-    pub(crate) before: f64,
+    pub(crate) displacement_per_newton: f64,
+    pub(crate) start_amplitude: f64,
+    pub(crate) previous_amplitude: f64,
     /// Its continuous motion; `None` if a strike acts in one step.
     pub(crate) cell: Option<Cell>,
 }
@@ -50,11 +50,11 @@ pub(crate) struct ComplexResponses {
     /// Number of complex modes.
     pub(crate) n_modes: usize,
     /// The part of a complex mode that each mode is   (n_modes of the body)
-    pub(crate) places: Vec<ComplexPart>,
+    pub(crate) mode_parts: Vec<ComplexPart>,
     /// Responses to 1 N·s at each port   (n_ports, n_modes)
-    pub(crate) ports: Vec<Vec<Response>>,
+    pub(crate) port_responses: Vec<Vec<Response>>,
     /// Responses to 1 N·s at each point that is struck   (n_struck, n_modes)
-    pub(crate) struck: Vec<Vec<Response>>,
+    pub(crate) struck_responses: Vec<Vec<Response>>,
 }
 
 /// The plan of a body.
@@ -62,46 +62,49 @@ pub(crate) struct ComplexResponses {
 pub(crate) struct Modal {
     /// The network of the body, and which of its modes these are.
     pub(crate) network: Arc<Network>,
-    pub(crate) computed: Vec<u32>,
+    pub(crate) mode_numbers: Vec<u32>,
     /// MATs towards which modes of one frequency were turned; `None`: the modes are as they were found.
-    pub(crate) turned: Option<Vec<usize>>,
+    pub(crate) alignment_mats: Option<Vec<usize>>,
     pub(crate) modes: Vec<Mode>,
     pub(crate) ports: Vec<Port>,
     /// Outputs that hear it, each with weights of the modes   (n_modes)
     pub(crate) outputs: Vec<(u32, Vec<f64>)>,
     /// Constant part of each of these outputs, from the rest position.
-    pub(crate) still: Vec<f64>,
-    pub(crate) struck: Vec<StruckPoint>,
+    pub(crate) rest_outputs: Vec<f64>,
+    pub(crate) struck_points: Vec<StruckPoint>,
     pub(crate) rate: Rate,
     /// Responses, if the modes are parts of complex ones; ports and outputs see them by their shapes.
-    pub(crate) answers: Option<ComplexResponses>,
+    pub(crate) complex_responses: Option<ComplexResponses>,
 }
 
 impl Modal {
     /// Whether the modes are those of the discrete network, and not of a continuous motion.
     pub(crate) fn is_discrete(&self) -> bool {
-        self.answers.is_none() && self.modes.first().is_some_and(|mode| mode.cell.is_none())
+        self.complex_responses.is_none() && self.modes.first().is_some_and(|mode| mode.cell.is_none())
     }
 
     /// Displacement of a mode by 1 N during one frame at a port [m]: at the next frame, and at this one, so that the
     /// free motion from there on is that of the response.
-    pub(crate) fn gain(&self, port: usize, mode: usize) -> [f64; 2] {
-        match &self.answers {
-            Some(answers) => {
-                let (response, time_step) = (&answers.ports[port][mode], self.rate.step());
+    pub(crate) fn port_gain(&self, port: usize, mode: usize) -> [f64; 2] {
+        match &self.complex_responses {
+            Some(complex_responses) => {
+                let (response, time_step) = (&complex_responses.port_responses[port][mode], self.rate.step());
                 [
                     response.displacement(time_step) * time_step,
                     response.displacement(0.0) * time_step,
                 ]
             }
-            None => [self.modes[mode].gain * self.ports[port].shape[mode], 0.0],
+            None => [
+                self.modes[mode].displacement_per_newton * self.ports[port].shape[mode],
+                0.0,
+            ],
         }
     }
 
     /// The continuous motion of a mode between two frames; `None` for modes of the discrete network.
     pub(crate) fn response(&self, mode: usize) -> Option<Response> {
-        match &self.answers {
-            Some(answers) => answers.ports.first().map(|port| port[mode]),
+        match &self.complex_responses {
+            Some(complex_responses) => complex_responses.port_responses.first().map(|port| port[mode]),
             None => self.modes[mode].cell.map(Response::Cell),
         }
     }
@@ -109,28 +112,28 @@ impl Modal {
     /// The continuous motion of a mode after an impulse at a port, which contains the share of that port if the modes
     /// are complex; `None` for modes of the discrete network.
     pub(crate) fn port_response(&self, port: usize, mode: usize) -> Option<Response> {
-        match &self.answers {
-            Some(answers) => Some(answers.ports[port][mode]),
+        match &self.complex_responses {
+            Some(complex_responses) => Some(complex_responses.port_responses[port][mode]),
             None => self.response(mode),
         }
     }
 
     /// The body started against forces that act on its ports at frame 0 (n_mat of the island): as for any MAT, the
     /// position of each mode one frame earlier is shifted by ½·F·gain.
-    pub(crate) fn pushed(&self, force: &[f64]) -> Self {
+    pub(crate) fn started_against(&self, force: &[f64]) -> Self {
         let mut pushed_plan = self.clone();
-        if let Some(answers) = &self.answers {
+        if let Some(complex_responses) = &self.complex_responses {
             let time_step = self.rate.step();
-            for (port_responses, port) in answers.ports.iter().zip(&self.ports) {
+            for (port_responses, port) in complex_responses.port_responses.iter().zip(&self.ports) {
                 let impulse = 0.5 * time_step * force[port.mat];
-                for (mode, answer) in pushed_plan.modes.iter_mut().zip(port_responses) {
+                for (mode, response) in pushed_plan.modes.iter_mut().zip(port_responses) {
                     // The response to half the impulse of a frame is subtracted from both positions.
-                    mode.now -= impulse * answer.displacement(0.0);
-                    mode.before -= impulse
+                    mode.start_amplitude -= impulse * response.displacement(0.0);
+                    mode.previous_amplitude -= impulse
                         * if mode.b == 0.0 {
                             0.0
                         } else {
-                            answer.displacement(-time_step)
+                            response.displacement(-time_step)
                         };
                 }
             }
@@ -139,7 +142,7 @@ impl Modal {
         for port in &self.ports {
             for (mode, share) in pushed_plan.modes.iter_mut().zip(&port.shape) {
                 if mode.cell.is_some() {
-                    mode.before += 0.5 * mode.gain * share * force[port.mat];
+                    mode.previous_amplitude += 0.5 * mode.displacement_per_newton * share * force[port.mat];
                 }
             }
         }
@@ -165,14 +168,19 @@ impl Modal {
 
     /// Static displacement of a mode under 1 N [m]; `None` if it has no restoring force.
     pub(crate) fn compliance(&self, mode: usize) -> Option<f64> {
-        let Mode { a, b, gain, .. } = self.modes[mode];
+        let Mode {
+            a,
+            b,
+            displacement_per_newton,
+            ..
+        } = self.modes[mode];
         let restoring_factor = 1.0 - a + b;
-        (restoring_factor > FREE_KAPPA_MAX).then(|| gain / restoring_factor)
+        (restoring_factor > FREE_KAPPA_MAX).then(|| displacement_per_newton / restoring_factor)
     }
 
     /// Whether another body has the same modes and shapes; its strikes may differ.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        let numbers = |mode: &Mode| (mode.a, mode.b, mode.gain, mode.cell);
+        let numbers = |mode: &Mode| (mode.a, mode.b, mode.displacement_per_newton, mode.cell);
         let ports = |ports: &[Port]| -> Vec<(f64, Vec<f64>)> {
             ports.iter().map(|port| (port.rest, port.shape.clone())).collect()
         };
@@ -181,19 +189,25 @@ impl Modal {
         self.rate.hertz() == other.rate.hertz()
             && self.modes.iter().map(numbers).eq(other.modes.iter().map(numbers))
             && ports(&self.ports) == ports(&other.ports)
-            && self.still == other.still
+            && self.rest_outputs == other.rest_outputs
             && output_shapes(self) == output_shapes(other)
-            && self.answers.as_ref().map(|answers| &answers.ports)
-                == other.answers.as_ref().map(|answers| &answers.ports)
+            && self
+                .complex_responses
+                .as_ref()
+                .map(|complex_responses| &complex_responses.port_responses)
+                == other
+                    .complex_responses
+                    .as_ref()
+                    .map(|complex_responses| &complex_responses.port_responses)
     }
 
     /// The body with some of its modes only.
-    pub(crate) fn only(&self, modes_kept: &[usize]) -> Self {
+    pub(crate) fn with_modes(&self, modes_kept: &[usize]) -> Self {
         let select_modes = |shape: &[f64]| modes_kept.iter().map(|&mode| shape[mode]).collect();
         Self {
             network: self.network.clone(),
-            computed: modes_kept.iter().map(|&mode| self.computed[mode]).collect(),
-            turned: self.turned.clone(),
+            mode_numbers: modes_kept.iter().map(|&mode| self.mode_numbers[mode]).collect(),
+            alignment_mats: self.alignment_mats.clone(),
             modes: modes_kept.iter().map(|&mode| self.modes[mode]).collect(),
             ports: self
                 .ports
@@ -208,17 +222,17 @@ impl Modal {
                 .iter()
                 .map(|(output, shape)| (*output, select_modes(shape)))
                 .collect(),
-            still: self.still.clone(),
-            struck: self
-                .struck
+            rest_outputs: self.rest_outputs.clone(),
+            struck_points: self
+                .struck_points
                 .iter()
                 .map(|struck| StruckPoint {
                     shape: select_modes(&struck.shape),
-                    blows: struck.blows.clone(),
+                    strikes: struck.strikes.clone(),
                 })
                 .collect(),
             rate: self.rate,
-            answers: self.answers.as_ref().map(|answers| {
+            complex_responses: self.complex_responses.as_ref().map(|complex_responses| {
                 let select_modes = |responses: &Vec<Vec<Response>>| -> Vec<Vec<Response>> {
                     let point_responses = responses.iter();
                     point_responses
@@ -226,10 +240,13 @@ impl Modal {
                         .collect()
                 };
                 ComplexResponses {
-                    n_modes: answers.n_modes,
-                    places: modes_kept.iter().map(|&mode| answers.places[mode]).collect(),
-                    ports: select_modes(&answers.ports),
-                    struck: select_modes(&answers.struck),
+                    n_modes: complex_responses.n_modes,
+                    mode_parts: modes_kept
+                        .iter()
+                        .map(|&mode| complex_responses.mode_parts[mode])
+                        .collect(),
+                    port_responses: select_modes(&complex_responses.port_responses),
+                    struck_responses: select_modes(&complex_responses.struck_responses),
                 }
             }),
         }
@@ -237,11 +254,15 @@ impl Modal {
 
     /// Displacement of a port at the next frame by 1 N on it during one frame [m].
     pub(crate) fn port_compliance(&self, port: usize) -> f64 {
-        if self.answers.is_some() {
+        if self.complex_responses.is_some() {
             let shape_terms = self.ports[port].shape.iter().enumerate();
-            return shape_terms.map(|(mode, share)| share * self.gain(port, mode)[0]).sum();
+            return shape_terms
+                .map(|(mode, share)| share * self.port_gain(port, mode)[0])
+                .sum();
         }
         let shape_terms = self.modes.iter().zip(&self.ports[port].shape);
-        shape_terms.map(|(mode, share)| mode.gain * share * share).sum()
+        shape_terms
+            .map(|(mode, share)| mode.displacement_per_newton * share * share)
+            .sum()
     }
 }

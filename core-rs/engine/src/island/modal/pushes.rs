@@ -2,7 +2,7 @@
 //! the rest of the window by their responses, and the modes at its end.
 
 use super::script::Script;
-use super::{FRAMES_AHEAD, RunningModal, SEEN_FRAMES};
+use super::{FRAMES_AHEAD, RunningModal, WINDOW_FRAMES};
 use crate::kernel::bank::{GroupMotion, LaneSum, Lanes, advance_and_observe, lane_total};
 use crate::kernel::ports;
 
@@ -31,8 +31,8 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
                 positions: Lanes::ZERO,
                 previous_positions: Lanes::ZERO,
             };
-            script.push(group, &mut group_motion, port, 1.0);
-            let rows = &script.rows[group];
+            script.push_group(group, &mut group_motion, port, 1.0);
+            let rows = &script.row_shapes[group];
             advance_and_observe(
                 rates,
                 &mut group_motion,
@@ -43,7 +43,7 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
             );
         }
         let rows = responses.chunks_mut(FRAMES_AHEAD).zip(sums.chunks(FRAMES_AHEAD));
-        for ((response, sums), row_move) in rows.zip(&script.moves[port]) {
+        for ((response, sums), row_move) in rows.zip(&script.row_moves[port]) {
             response[0] = *row_move;
             for (response, sum) in response[1..].iter_mut().zip(sums) {
                 *response = lane_total(sum);
@@ -55,9 +55,9 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
 
 impl Script {
     /// Move a group that is one frame ahead by a force at a port [N].
-    fn push(&self, group: usize, motion: &mut GroupMotion, port: usize, force: f64) {
-        ports::add_scaled(&mut motion.positions, &self.gains[group][port], force);
-        if let Some(group_gains) = self.back_gains.get(group) {
+    fn push_group(&self, group: usize, motion: &mut GroupMotion, port: usize, force: f64) {
+        ports::add_scaled(&mut motion.positions, &self.port_gains[group][port], force);
+        if let Some(group_gains) = self.present_port_gains.get(group) {
             ports::add_scaled(&mut motion.previous_positions, &group_gains[port], force);
         }
     }
@@ -65,81 +65,83 @@ impl Script {
 
 impl RunningModal {
     /// Add the effect of the forces on the ports in this frame.
-    pub(super) fn push(&mut self) {
-        let n_pushed = self.forces.iter().filter(|force| **force != 0.0).count();
+    pub(super) fn apply_port_forces(&mut self) {
+        let n_pushed = self.port_forces.iter().filter(|force| **force != 0.0).count();
         let n_modes = self.script.plan.modes.len();
         let has_many_pushes = n_pushed >= PUSHED_PORTS_MIN && n_pushed * MODES_PER_PORT > n_modes;
         if self.script.responses.is_empty() || has_many_pushes {
-            self.discard_ahead();
-            self.quiet_frames = 0;
+            self.restart_window();
+            self.contact_free_frames = 0;
         }
         // A clone of the script would be counted up and down by atomics in every frame.
         let Self {
             script,
-            row_history: seen,
-            motions,
-            forces,
+            row_history,
+            furthest_motions,
+            port_forces,
             row_positions,
-            pushes,
-            has_pushes,
-            present,
-            furthest: until,
+            window_forces,
+            has_window_forces,
+            present_index,
+            furthest_index: until,
             ..
         } = self;
-        let (present, until) = (*present, *until);
-        if until - present == 1 && !*has_pushes {
+        let (window_frame, window_end) = (*present_index, *until);
+        if window_end - window_frame == 1 && !*has_window_forces {
             // The motions are those of the next frame.
-            let seen_next = seen.iter_mut().skip(present + 1).step_by(SEEN_FRAMES);
-            for (position, seen) in row_positions.iter_mut().zip(seen_next) {
-                *position = *seen;
+            let next_entries = row_history.iter_mut().skip(window_frame + 1).step_by(WINDOW_FRAMES);
+            for (position, history_entry) in row_positions.iter_mut().zip(next_entries) {
+                *position = *history_entry;
             }
-            for (moves, &force) in script.moves.iter().zip(&*forces) {
+            for (moves, &force) in script.row_moves.iter().zip(&*port_forces) {
                 if force != 0.0 {
                     ports::add_response(row_positions, moves, force);
                 }
             }
-            let seen_next = seen.iter_mut().skip(present + 1).step_by(SEEN_FRAMES);
-            for (position, seen) in row_positions.iter().zip(seen_next) {
-                *seen = *position;
+            let next_entries = row_history.iter_mut().skip(window_frame + 1).step_by(WINDOW_FRAMES);
+            for (position, history_entry) in row_positions.iter().zip(next_entries) {
+                *history_entry = *position;
             }
-            for (group, motion) in motions.iter_mut().enumerate() {
-                for (port, &force) in forces.iter().enumerate() {
+            for (group, motion) in furthest_motions.iter_mut().enumerate() {
+                for (port, &force) in port_forces.iter().enumerate() {
                     if force != 0.0 {
-                        script.push(group, motion, port, force);
+                        script.push_group(group, motion, port, force);
                     }
                 }
             }
             return;
         }
-        let n_ports = forces.len();
-        pushes[present * n_ports..][..n_ports].copy_from_slice(forces);
-        *has_pushes = true;
+        let n_ports = port_forces.len();
+        window_forces[window_frame * n_ports..][..n_ports].copy_from_slice(port_forces);
+        *has_window_forces = true;
         let port_responses = script.responses.chunks(row_positions.len() * FRAMES_AHEAD);
-        for (responses, &force) in port_responses.zip(&*forces) {
+        for (responses, &force) in port_responses.zip(&*port_forces) {
             if force == 0.0 {
                 continue;
             }
-            let seen_rows = seen.chunks_mut(SEEN_FRAMES).zip(responses.chunks(FRAMES_AHEAD));
-            for (seen, response) in seen_rows {
-                ports::add_response(&mut seen[present + 1..=until], response, force);
+            let window_rows = row_history
+                .chunks_mut(WINDOW_FRAMES)
+                .zip(responses.chunks(FRAMES_AHEAD));
+            for (window_row, response) in window_rows {
+                ports::add_response(&mut window_row[window_frame + 1..=window_end], response, force);
             }
         }
     }
 
-    /// Advance a group from frame `from` of the window, one frame ahead of it, to frame `to`, with the pushes in
-    /// between.
-    pub(super) fn replay(&self, group: usize, motion: &mut GroupMotion, from: usize, to: usize) {
+    /// Advance a group from frame `start_frame` of the window, one frame ahead of it, to frame `end_frame`, with the
+    /// pushes in between.
+    pub(super) fn replay(&self, group: usize, motion: &mut GroupMotion, start_frame: usize, end_frame: usize) {
         let group_rates = if self.is_damped {
-            &self.damped
+            &self.damped_rates
         } else {
             &self.script.rates
         };
         let group_rates = &group_rates[group];
-        let mut frames_done = from;
-        if self.has_pushes {
-            let n_ports = self.forces.len();
-            for frame in from..to {
-                let port_forces = &self.pushes[frame * n_ports..][..n_ports];
+        let mut frames_done = start_frame;
+        if self.has_window_forces {
+            let n_ports = self.port_forces.len();
+            for frame in start_frame..end_frame {
+                let port_forces = &self.window_forces[frame * n_ports..][..n_ports];
                 if port_forces.iter().all(|force| *force == 0.0) {
                     continue;
                 }
@@ -147,38 +149,38 @@ impl RunningModal {
                 frames_done = frame + 1;
                 for (port, &force) in port_forces.iter().enumerate() {
                     if force != 0.0 {
-                        self.script.push(group, motion, port, force);
+                        self.script.push_group(group, motion, port, force);
                     }
                 }
             }
         }
-        advance_and_observe(group_rates, motion, &[], to - frames_done, &mut [], 0);
+        advance_and_observe(group_rates, motion, &[], end_frame - frames_done, &mut [], 0);
     }
 
     /// The motion of a group at the end of the window, with all pushes so far.
-    pub(super) fn motion_with_pushes(&self, group: usize) -> GroupMotion {
-        if !self.has_pushes {
-            return self.motions[group].clone();
+    pub(super) fn motion_at_window_end(&self, group: usize) -> GroupMotion {
+        if !self.has_window_forces {
+            return self.furthest_motions[group].clone();
         }
-        let mut group_motion = self.saved[group].clone();
-        self.replay(group, &mut group_motion, 0, self.furthest);
+        let mut group_motion = self.window_start_motions[group].clone();
+        self.replay(group, &mut group_motion, 0, self.furthest_index);
         group_motion
     }
 
     /// Let the modes at the end of the window contain all pushes.
-    pub(super) fn take_pushes(&mut self) {
-        if self.has_pushes {
-            for group in 0..self.motions.len() {
-                self.motions[group] = self.motion_with_pushes(group);
+    pub(super) fn absorb_window_forces(&mut self) {
+        if self.has_window_forces {
+            for group in 0..self.furthest_motions.len() {
+                self.furthest_motions[group] = self.motion_at_window_end(group);
             }
-            self.forget_pushes();
+            self.clear_window_forces();
         }
     }
 
-    pub(super) fn forget_pushes(&mut self) {
-        if self.has_pushes {
-            self.pushes.fill(0.0);
-            self.has_pushes = false;
+    pub(super) fn clear_window_forces(&mut self) {
+        if self.has_window_forces {
+            self.window_forces.fill(0.0);
+            self.has_window_forces = false;
         }
     }
 }
@@ -201,9 +203,9 @@ mod tests {
             Mode {
                 a: 2.0 * r * cos(pole_angle),
                 b: r * r,
-                gain: 1.0 / (1 + i) as f64,
-                now: 0.0,
-                before: 0.0,
+                displacement_per_newton: 1.0 / (1 + i) as f64,
+                start_amplitude: 0.0,
+                previous_amplitude: 0.0,
                 cell: None,
             }
         };
@@ -214,15 +216,15 @@ mod tests {
         };
         Modal {
             network: Arc::new(Network::new()),
-            computed: (0..N_MODES as u32).collect(),
-            turned: None,
+            mode_numbers: (0..N_MODES as u32).collect(),
+            alignment_mats: None,
             modes: (0..N_MODES).map(new_mode).collect(),
             ports: vec![new_port(0), new_port(1)],
             outputs: vec![(0, vec![1.0; N_MODES])],
-            still: vec![0.0],
-            struck: Vec::new(),
+            rest_outputs: vec![0.0],
+            struck_points: Vec::new(),
             rate: Rate::new(44_100.0).unwrap(),
-            answers: None,
+            complex_responses: None,
         }
     }
 
@@ -261,7 +263,7 @@ mod tests {
             }
             if n % 211 == 0 {
                 let (mut x, mut y) = ([0.0; N_MODES], [0.0; N_MODES]);
-                running.amplitudes(&mut x, &mut y);
+                running.write_amplitudes(&mut x, &mut y);
                 let worst_error = (0..N_MODES).map(|i| (x[i] - modes_now[i]).abs()).fold(0.0, f64::max);
                 assert!(worst_error <= 1e-11 * largest(&modes_now), "{n}: {worst_error}");
             }
@@ -271,7 +273,8 @@ mod tests {
                 let mode_push: f64 = (plan.ports.iter().zip(forces))
                     .map(|(port, force)| port.shape[i] * force)
                     .sum();
-                let mode_next = mode.a * modes_now[i] - mode.b * modes_before[i] + mode.gain * mode_push;
+                let mode_next =
+                    mode.a * modes_now[i] - mode.b * modes_before[i] + mode.displacement_per_newton * mode_push;
                 (modes_before[i], modes_now[i]) = (modes_now[i], mode_next);
             }
         }

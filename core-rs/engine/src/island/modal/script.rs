@@ -10,28 +10,28 @@ pub(super) struct Script {
     /// (n_groups)
     pub(super) rates: Vec<GroupCoefficients>,
     /// Weights of each group's modes in each row: ports first, then outputs   (n_groups, n_rows)
-    pub(super) rows: Vec<Vec<Lanes>>,
+    pub(super) row_shapes: Vec<Vec<Lanes>>,
     /// Displacement of each group by 1 N at each port: at the next frame   (n_groups, n_ports)
-    pub(super) gains: Vec<Vec<Lanes>>,
+    pub(super) port_gains: Vec<Vec<Lanes>>,
     /// The same at the present frame, for complex modes   (n_groups, n_ports), else empty
-    pub(super) back_gains: Vec<Vec<Lanes>>,
+    pub(super) present_port_gains: Vec<Vec<Lanes>>,
     /// Displacement of each row at the next frame by 1 N at each port   (n_ports, n_rows)
-    pub(super) moves: Vec<Vec<f64>>,
+    pub(super) row_moves: Vec<Vec<f64>>,
     /// What `pushes::responses` says of it.
     pub(super) responses: Vec<f64>,
     /// By rising frame.
-    pub(super) blows: Vec<Blow>,
+    pub(super) strike_steps: Vec<StrikeStep>,
 }
 
 /// A frame, the index of the struck point, the index of the blow at that point, and whether this is the second of its
 /// two steps.
-pub(super) type Blow = (u64, usize, usize, bool);
+pub(super) type StrikeStep = (u64, usize, usize, bool);
 
 /// One number of each mode of a group.
 pub(super) fn lanes(modes: &[Mode], group: usize, value_of: impl Fn(usize) -> f64) -> Lanes {
     let mut group_lanes = Lanes::ZERO;
-    let members = group * LANES..modes.len().min((group + 1) * LANES);
-    for (lane, mode) in group_lanes.0.iter_mut().zip(members) {
+    let group_modes = group * LANES..modes.len().min((group + 1) * LANES);
+    for (lane, mode) in group_lanes.0.iter_mut().zip(group_modes) {
         *lane = value_of(mode);
     }
     group_lanes
@@ -44,7 +44,11 @@ impl Script {
         let ports = plan.ports.iter().map(|port| &port.shape);
         let row_shapes: Vec<&Vec<f64>> = ports.chain(plan.outputs.iter().map(|(_, shape)| shape)).collect();
         let port_moves = |port: usize| {
-            let row_move = |row: &&Vec<f64>| (0..modes.len()).map(|mode| row[mode] * plan.gain(port, mode)[0]).sum();
+            let row_move = |row: &&Vec<f64>| {
+                (0..modes.len())
+                    .map(|mode| row[mode] * plan.port_gain(port, mode)[0])
+                    .sum()
+            };
             row_shapes.iter().map(row_move).collect()
         };
         let group_rows = |group| {
@@ -53,13 +57,17 @@ impl Script {
                 .map(|row| lanes(modes, group, |mode| row[mode]))
                 .collect()
         };
-        let group_gains = |group, half: usize| -> Vec<Lanes> {
+        let group_gains = |group, step_index: usize| -> Vec<Lanes> {
             let ports = 0..plan.ports.len();
             ports
-                .map(|port| lanes(modes, group, |mode| plan.gain(port, mode)[half]))
+                .map(|port| lanes(modes, group, |mode| plan.port_gain(port, mode)[step_index]))
                 .collect()
         };
-        let n_back_groups = if plan.answers.is_some() { group_range.len() } else { 0 };
+        let n_back_groups = if plan.complex_responses.is_some() {
+            group_range.len()
+        } else {
+            0
+        };
         Self {
             rates: group_range
                 .clone()
@@ -68,25 +76,25 @@ impl Script {
                     b: lanes(modes, group, |mode| modes[mode].b),
                 })
                 .collect(),
-            rows: group_range.clone().map(group_rows).collect(),
-            gains: group_range.map(|group| group_gains(group, 0)).collect(),
-            back_gains: (0..n_back_groups).map(|group| group_gains(group, 1)).collect(),
-            moves: (0..plan.ports.len()).map(port_moves).collect(),
+            row_shapes: group_range.clone().map(group_rows).collect(),
+            port_gains: group_range.map(|group| group_gains(group, 0)).collect(),
+            present_port_gains: (0..n_back_groups).map(|group| group_gains(group, 1)).collect(),
+            row_moves: (0..plan.ports.len()).map(port_moves).collect(),
             responses: Vec::new(),
-            blows: blows(plan),
+            strike_steps: strike_steps(plan),
             plan: plan.clone(),
         }
     }
 
     /// Write the effect of one blow on every mode into `kicks`.
-    pub(super) fn strike(&self, (_, point_index, blow_index, is_second_step): Blow, kicks: &mut [Lanes]) {
-        let struck_point = &self.plan.struck[point_index];
-        let (_, frame_fraction, impulse) = struck_point.blows[blow_index];
+    pub(super) fn add_kicks(&self, (_, point_index, blow_index, is_second_step): StrikeStep, kicks: &mut [Lanes]) {
+        let struck_point = &self.plan.struck_points[point_index];
+        let (_, frame_fraction, impulse) = struck_point.strikes[blow_index];
         let (rate, time_step) = (self.plan.rate, self.plan.rate.step());
-        if let Some(answers) = &self.plan.answers {
-            for (mode, answer) in answers.struck[point_index].iter().enumerate() {
+        if let Some(complex_responses) = &self.plan.complex_responses {
+            for (mode, response) in complex_responses.struck_responses[point_index].iter().enumerate() {
                 let mode_kick =
-                    answer.split(impulse, frame_fraction, rate)[usize::from(is_second_step)] * time_step * time_step;
+                    response.split(impulse, frame_fraction, rate)[usize::from(is_second_step)] * time_step * time_step;
                 kicks[mode / LANES].0[mode % LANES] = mode_kick;
             }
             return;
@@ -104,17 +112,17 @@ impl Script {
     }
 }
 
-fn blows(plan: &Modal) -> Vec<Blow> {
+fn strike_steps(plan: &Modal) -> Vec<StrikeStep> {
     let takes_two_steps = !plan.is_discrete();
-    let mut blow_list = Vec::new();
-    for (point_index, struck) in plan.struck.iter().enumerate() {
-        for (blow, &(frame, _, _)) in struck.blows.iter().enumerate() {
-            blow_list.push((frame, point_index, blow, false));
+    let mut strike_steps = Vec::new();
+    for (point_index, struck) in plan.struck_points.iter().enumerate() {
+        for (blow, &(frame, _, _)) in struck.strikes.iter().enumerate() {
+            strike_steps.push((frame, point_index, blow, false));
             if takes_two_steps {
-                blow_list.push((frame + 1, point_index, blow, true));
+                strike_steps.push((frame + 1, point_index, blow, true));
             }
         }
     }
-    blow_list.sort_by_key(|blow| blow.0);
-    blow_list
+    strike_steps.sort_by_key(|blow| blow.0);
+    strike_steps
 }

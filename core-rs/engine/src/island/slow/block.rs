@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::blocks::{BlockFlow, Present};
+use super::block_flow::{BlockFlow, PresentState};
 use crate::archive;
 use crate::kernel::dense;
 
@@ -16,38 +16,38 @@ pub(super) struct Block {
     flow: Arc<BlockFlow>,
     /// Displacements and velocities at its first frame   (2n)
     state: Vec<f64>,
-    /// What is seen in its frames after the inputs so far   (n_seen, B + 1)
-    seen: Vec<f64>,
+    /// The observed displacements in its frames, after the inputs so far   (n_observed, B + 1)
+    observed: Vec<f64>,
     /// Inputs so far   (n_inputs, B), and which of them are not all 0
     inputs: Vec<f64>,
     is_pushed: Vec<bool>,
     /// Frames since its first.
-    since: u32,
-    /// Nothing moved at its first frame.
-    is_still: bool,
+    frame_index: u32,
+    /// Whether nothing moved at its first frame.
+    starts_at_rest: bool,
     /// (2n)
     buffer: Vec<f64>,
 }
 
 archive::state!(Block {
     state,
-    seen,
+    observed,
     inputs,
     is_pushed,
-    since,
-    is_still
+    frame_index,
+    starts_at_rest
 });
 
 impl Block {
     pub(super) fn new(flow: &Arc<BlockFlow>) -> Self {
-        let (n_state, n_frames, n_inputs) = (flow.frame.n, flow.n_frames, flow.inputs.len());
+        let (n_state, n_frames, n_inputs) = (flow.frame_map.n, flow.n_frames, flow.inputs.len());
         Self {
             state: vec![0.0; n_state],
-            seen: vec![0.0; flow.seen.len() * (n_frames + 1)],
+            observed: vec![0.0; flow.observed.len() * (n_frames + 1)],
             inputs: vec![0.0; n_inputs * n_frames],
             is_pushed: vec![false; n_inputs],
-            since: 0,
-            is_still: true,
+            frame_index: 0,
+            starts_at_rest: true,
             buffer: vec![0.0; n_state],
             flow: flow.clone(),
         }
@@ -64,7 +64,7 @@ impl Block {
 
     /// Whether this is the first frame of a block.
     pub(super) fn is_first(&self) -> bool {
-        self.since == 0
+        self.frame_index == 0
     }
 
     /// Displacements and velocities at the first frame   (2n).
@@ -88,21 +88,21 @@ impl Block {
                 inputs.fill(0.0);
             }
         }
-        self.since = 0;
-        self.seen.fill(0.0);
-        self.is_still = self.state.iter().all(|x| *x == 0.0);
-        if !self.is_still {
-            dense::add_matrix_vector(&self.flow.free, &self.state, &mut self.seen);
+        self.frame_index = 0;
+        self.observed.fill(0.0);
+        self.starts_at_rest = self.state.iter().all(|x| *x == 0.0);
+        if !self.starts_at_rest {
+            dense::add_matrix_vector(&self.flow.free_responses, &self.state, &mut self.observed);
         }
     }
 
     /// Add an input of this frame.
     fn push(&mut self, input: usize, value: f64) {
-        let (n_frames, frame_index) = (self.flow.n_frames, self.since as usize);
+        let (n_frames, frame_index) = (self.flow.n_frames, self.frame_index as usize);
         self.is_pushed[input] = true;
         self.inputs[input * n_frames + frame_index] += value;
-        let responses = self.flow.inputs[input].seen.chunks_exact(n_frames);
-        for (seen, response) in self.seen.chunks_exact_mut(n_frames + 1).zip(responses) {
+        let responses = self.flow.inputs[input].observed_response.chunks_exact(n_frames);
+        for (seen, response) in self.observed.chunks_exact_mut(n_frames + 1).zip(responses) {
             for (seen, response) in seen[frame_index + 1..].iter_mut().zip(response) {
                 *seen += value * response;
             }
@@ -117,27 +117,27 @@ impl Block {
     }
 
     /// Note that a force on a port in this frame is that of a strike [N].
-    pub(super) fn strike(&mut self, port: usize, force: f64) {
-        if let Some(input_index) = self.flow.strikes[port] {
+    pub(super) fn note_strike(&mut self, port: usize, force: f64) {
+        if let Some(input_index) = self.flow.strike_inputs[port] {
             self.push(input_index, force);
         }
     }
 
-    /// Go to the next frame. `damped` is a factor on velocities for each block.
-    pub(super) fn step(&mut self, damped: f64) {
-        self.since += 1;
-        if self.since < self.flow.n_frames as u32 {
+    /// Go to the next frame. `velocity_factor` is a factor on velocities for each block.
+    pub(super) fn step(&mut self, velocity_factor: f64) {
+        self.frame_index += 1;
+        if self.frame_index < self.flow.n_frames as u32 {
             return;
         }
         let is_pushed = self.is_pushed.contains(&true);
-        if self.is_still && !is_pushed {
-            self.since = 0;
+        if self.starts_at_rest && !is_pushed {
+            self.frame_index = 0;
             return;
         }
         self.end_block();
-        if damped < 1.0 {
+        if velocity_factor < 1.0 {
             let mat_count = self.state.len() / 2;
-            self.state[mat_count..].iter_mut().for_each(|v| *v *= damped);
+            self.state[mat_count..].iter_mut().for_each(|v| *v *= velocity_factor);
         }
         if !is_pushed && self.state.iter().all(|x| x.abs() < REST_BOUND) {
             self.state.fill(0.0);
@@ -156,45 +156,45 @@ impl Block {
             ..
         } = self;
         buffer.fill(0.0);
-        dense::add_matrix_vector(&flow.block.entries, state, buffer);
+        dense::add_matrix_vector(&flow.block_map.entries, state, buffer);
         let pushed_inputs = inputs.chunks_exact(flow.n_frames).zip(&*is_pushed);
         for ((pushed_inputs, _), input) in pushed_inputs
             .zip(&flow.inputs)
             .filter(|((_, is_pushed), _)| **is_pushed)
         {
-            dense::add_matrix_vector(&input.end, pushed_inputs, buffer);
+            dense::add_matrix_vector(&input.end_response, pushed_inputs, buffer);
         }
         std::mem::swap(state, buffer);
     }
 
-    /// What is seen at this frame [m]: a port, or an output after them.
+    /// An observed displacement at this frame [m]: of a port, or of an output after the ports.
     pub(super) fn position(&self, seen_row: usize) -> f64 {
-        self.seen[seen_row * (self.flow.n_frames + 1) + self.since as usize]
+        self.observed[seen_row * (self.flow.n_frames + 1) + self.frame_index as usize]
     }
 
     /// By how much it would move to the next frame without further forces [m].
     pub(super) fn velocity(&self, seen_row: usize) -> f64 {
-        let seen_index = seen_row * (self.flow.n_frames + 1) + self.since as usize;
-        self.seen[seen_index + 1] - self.seen[seen_index]
+        let seen_index = seen_row * (self.flow.n_frames + 1) + self.frame_index as usize;
+        self.observed[seen_index + 1] - self.observed[seen_index]
     }
 
-    /// What an output sees at this frame [m].
+    /// Displacement of an output at this frame [m].
     pub(super) fn output(&self, output: usize) -> f64 {
-        self.position(self.flow.strikes.len() + output)
+        self.position(self.flow.strike_inputs.len() + output)
     }
 
     /// Displacements and velocities at this frame.
-    pub(super) fn present(&self) -> Present {
+    pub(super) fn present_state(&self) -> PresentState {
         let n_state = self.state.len();
-        let (mut present, mut next_state) = (Present::default(), Present::default());
+        let (mut present, mut next_state) = (PresentState::default(), PresentState::default());
         present.0[..n_state].copy_from_slice(&self.state);
-        for k in 0..self.since as usize {
+        for k in 0..self.frame_index as usize {
             let next_state = &mut next_state.0[..n_state];
             next_state.fill(0.0);
-            dense::add_matrix_vector(&self.flow.frame.entries, &present.0[..n_state], next_state);
+            dense::add_matrix_vector(&self.flow.frame_map.entries, &present.0[..n_state], next_state);
             let frame_inputs = self.inputs.iter().skip(k).step_by(self.flow.n_frames);
             for (input, value) in self.flow.inputs.iter().zip(frame_inputs) {
-                let state_pairs = next_state.iter_mut().zip(&input.state);
+                let state_pairs = next_state.iter_mut().zip(&input.state_response);
                 state_pairs.for_each(|(next_state, state)| *next_state += value * state);
             }
             present.0[..n_state].copy_from_slice(next_state);
@@ -203,9 +203,9 @@ impl Block {
     }
 
     /// Displacement of a mass at that frame, and its step to there [m].
-    pub(super) fn motion(&self, present: &Present, index: usize) -> (f64, f64) {
+    pub(super) fn motion(&self, present: &PresentState, index: usize) -> (f64, f64) {
         let n_state = self.state.len();
-        let step_row = self.flow.steps.iter().skip(index).step_by(n_state / 2);
+        let step_row = self.flow.step_rows.iter().skip(index).step_by(n_state / 2);
         let mat_step = step_row.zip(&present.0[..n_state]).map(|(a, x)| a * x).sum();
         (present.0[index], mat_step)
     }
@@ -235,32 +235,32 @@ impl Block {
     }
 
     /// End the block at this frame. [`Self::begin`] has to follow.
-    pub(super) fn end_here(&mut self) {
-        let present = self.present();
+    pub(super) fn end_at_present(&mut self) {
+        let present = self.present_state();
         let n_state = self.state.len();
         self.state.copy_from_slice(&present.0[..n_state]);
-        self.since = 0;
+        self.frame_index = 0;
     }
 
     /// Whether another block moves by the same numbers, so that its motion can be continued to the bit.
-    pub(super) fn is_alike(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.flow, &other.flow) || self.flow.is_alike(&other.flow)
+    pub(super) fn has_same_numbers(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.flow, &other.flow) || self.flow.has_same_numbers(&other.flow)
     }
 
     /// Take over another's motion without allocating.
     pub(super) fn copy_motion(&mut self, other: &Self) {
         self.state.copy_from_slice(&other.state);
-        self.seen.copy_from_slice(&other.seen);
+        self.observed.copy_from_slice(&other.observed);
         self.inputs.copy_from_slice(&other.inputs);
         self.is_pushed.copy_from_slice(&other.is_pushed);
-        self.since = other.since;
-        self.is_still = other.is_still;
+        self.frame_index = other.frame_index;
+        self.starts_at_rest = other.starts_at_rest;
     }
 
     /// For a body at rest: advance by `frames`, which may be negative.
     pub(super) fn shift_frames(&mut self, frames: i64) {
-        let frames_since = i64::from(self.since) + frames;
-        self.since = frames_since.rem_euclid(i64::from(self.n_frames())) as u32;
+        let frames_since = i64::from(self.frame_index) + frames;
+        self.frame_index = frames_since.rem_euclid(i64::from(self.n_frames())) as u32;
     }
 
     /// Its energy at the first frame of the block [in units of a frame].
@@ -278,7 +278,7 @@ impl Block {
 
 #[cfg(test)]
 mod tests {
-    use super::super::blocks::Interface;
+    use super::super::block_flow::Interface;
     use super::*;
     use crate::integrate::flow::{Flow, frame_map, row_of_three};
 
@@ -291,7 +291,7 @@ mod tests {
         moved_state[5] = 1.0;
         let missing = flow.push_deficit(2, &frame_map.times_vector(&moved_state));
         let interface = Interface {
-            w: &[0.5, 0.25, 2.0],
+            inverse_masses: &[0.5, 0.25, 2.0],
             ports: vec![(0, None), (2, Some(missing))],
             outputs: vec![vec![(0, 1.0), (1, -0.5)]],
         };
@@ -312,17 +312,17 @@ mod tests {
                     block.push_port(0, port_force);
                     block.push_port(1, if n == 41 { 0.7 } else { 0.0 });
                     if n == 41 {
-                        block.strike(1, 0.7);
+                        block.note_strike(1, 0.7);
                     }
                     block.step(1.0);
                     if n == 95 {
-                        block.end_here();
+                        block.end_at_present();
                         block.begin();
                     }
                 }
                 let seen = [0, 1, 2].map(|seen| (long_blocks.position(seen), single_frames.position(seen)));
                 assert!(seen.iter().all(|(a, b)| (a - b).abs() < 1e-9 * b.abs().max(1.0)));
-                let present = (long_blocks.present(), single_frames.present());
+                let present = (long_blocks.present_state(), single_frames.present_state());
                 for mass in 0..3 {
                     let (x, step) = long_blocks.motion(&present.0, mass);
                     let (x_by_frame, step_by_frame) = single_frames.motion(&present.1, mass);

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use super::Slow;
 use super::block::Block;
-use super::blocks::BlockFlow;
+use super::block_flow::BlockFlow;
 use crate::archive::{Archive, Damaged, State};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::{self, KernelScratch};
@@ -18,16 +18,16 @@ use crate::state::Body;
 
 /// How the springs pull.
 #[derive(Clone, Debug)]
-pub(crate) enum Springs {
+pub(crate) enum SpringMethod {
     /// Linear springs, by their exact flow.
     Exact(Arc<BlockFlow>),
     /// By the CA scheme of the body's own rate: springs in space, which are not linear.
     Stepped(Arc<Scheme>),
 }
 
-impl Springs {
+impl SpringMethod {
     /// The running springs of that body.
-    pub(super) fn running(&self, slow: &Slow) -> RunningSprings {
+    pub(super) fn start(&self, slow: &Slow) -> RunningSprings {
         match self {
             Self::Exact(flow) => RunningSprings::Exact(Box::new(Block::new(flow))),
             Self::Stepped(scheme) => RunningSprings::Stepped(Box::new(SteppedSprings::new(scheme, &slow.network))),
@@ -54,7 +54,7 @@ impl State for RunningSprings {
 
 impl RunningSprings {
     /// Linear springs.
-    pub(super) fn block(&self) -> Option<&Block> {
+    pub(super) fn exact_block(&self) -> Option<&Block> {
         match self {
             Self::Exact(block) => Some(block),
             Self::Stepped(_) => None,
@@ -62,16 +62,16 @@ impl RunningSprings {
     }
 
     /// The velocities of the first straight motion [m a frame]   (n).
-    pub(super) fn start(&mut self, slow: &Slow) -> Vec<f64> {
+    pub(super) fn start_velocities(&mut self, slow: &Slow) -> Vec<f64> {
         match self {
             Self::Exact(block) => {
-                let pairs = slow.x0.iter().zip(&slow.rest);
+                let pairs = slow.x0.iter().zip(&slow.rest_positions);
                 let displacements: Vec<f64> = pairs.map(|(x, rest)| x - rest).collect();
                 block.flow().flow.start_velocities(&displacements, &slow.v0)
             }
             Self::Stepped(stepped) => {
                 let mut velocity_after = slow.v0.clone();
-                stepped.pull(slow, &slow.x0, Some(&slow.v0), &mut velocity_after);
+                stepped.velocities_after_pull(slow, &slow.x0, Some(&slow.v0), &mut velocity_after);
                 let pairs = velocity_after.iter().zip(&slow.v0);
                 pairs.map(|(velocity_after, v0)| 0.5 * (velocity_after + v0)).collect()
             }
@@ -99,7 +99,7 @@ impl SteppedSprings {
     }
 
     /// Velocities after a pull at positions `x`, from those `velocities_before`, or from rest [m a frame] (n each).
-    pub(super) fn pull(
+    pub(super) fn velocities_after_pull(
         &mut self,
         slow: &Slow,
         x: &[f64],
@@ -108,14 +108,14 @@ impl SteppedSprings {
     ) {
         let Self { scheme, body, laws } = self;
         let step_frames = f64::from(slow.macrostep);
-        for (index, &mat) in slow.free.iter().enumerate() {
+        for (index, &mat) in slow.free_mats.iter().enumerate() {
             body.x[mat] = x[index];
             body.d[mat] = velocities_before.map_or(0.0, |velocities_before| step_frames * velocities_before[index]);
         }
         let team = &mut ThreadTeam::alone();
         kernel::compute_link_forces(scheme, &[], body, laws, team);
         kernel::advance_mats(scheme, &mut [], body, None, team);
-        for (index, &mat) in slow.free.iter().enumerate() {
+        for (index, &mat) in slow.free_mats.iter().enumerate() {
             velocities_after[index] = body.d[mat] / step_frames;
         }
     }

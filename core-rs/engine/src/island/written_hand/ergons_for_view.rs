@@ -1,7 +1,7 @@
 //! Sparks: the ergons of a voice as pages draw them. Ergons that lead along a path may come at every frame and are
-//! merged, because nobody sees 44,100 a second.
+//! merged, because 44,100 a second cannot be distinguished.
 
-use crate::island::record::Record;
+use crate::island::record::ErgonRecord;
 
 /// Sparks that may be separate between two calls of [`Sparks::take`], before ergons are merged.
 const SINGLE_SPARKS_MAX: usize = 14;
@@ -14,9 +14,9 @@ const MERGE_SECONDS: f64 = 1e-3;
 /// Ergons of one sign that are shown as one.
 #[derive(Clone, Copy, Debug, Default)]
 struct Spark {
-    first: Record,
+    first_ergon: ErgonRecord,
     /// Instant of the last [s].
-    last: f64,
+    last_instant: f64,
     /// Sum of their impulses [N·s].
     impulse: f64,
     /// Sums of impulse · time since the first [N·s²], and of impulse · (speed − that of the first) [N·m].
@@ -25,41 +25,41 @@ struct Spark {
 }
 
 impl Spark {
-    fn new(ergon: &Record, is_stream: bool) -> Self {
+    fn new(ergon: &ErgonRecord, is_stream: bool) -> Self {
         Self {
-            first: *ergon,
-            last: ergon.time,
+            first_ergon: *ergon,
+            last_instant: ergon.time,
             impulse: ergon.impulse,
             moments: [0.0; 2],
             is_stream,
         }
     }
 
-    fn is_like(&self, ergon: &Record) -> bool {
+    fn has_sign_of(&self, ergon: &ErgonRecord) -> bool {
         (self.impulse > 0.0) == (ergon.impulse > 0.0)
     }
 
     /// Whether an ergon of a stream continues it.
-    fn goes_on(&self, ergon: &Record) -> bool {
-        self.is_stream && self.is_like(ergon) && ergon.time - self.last <= MERGE_SECONDS
+    fn continues(&self, ergon: &ErgonRecord) -> bool {
+        self.is_stream && self.has_sign_of(ergon) && ergon.time - self.last_instant <= MERGE_SECONDS
     }
 
-    fn add(&mut self, ergon: &Record) {
-        let first_ergon = &self.first;
+    fn add(&mut self, ergon: &ErgonRecord) {
+        let first_ergon = &self.first_ergon;
         self.moments[0] += ergon.impulse * (ergon.time - first_ergon.time);
         self.moments[1] += ergon.impulse * (ergon.speed - first_ergon.speed);
         self.impulse += ergon.impulse;
-        self.last = ergon.time;
+        self.last_instant = ergon.time;
     }
 
     /// One ergon with the sum of the impulses; its instant and speed are means weighted by impulse.
-    fn seen(&self) -> Record {
+    fn merged_ergon(&self) -> ErgonRecord {
         let [time_since, speed_offset] = self.moments.map(|moment| moment / self.impulse);
-        Record {
-            time: self.first.time + time_since,
-            speed: self.first.speed + speed_offset,
+        ErgonRecord {
+            time: self.first_ergon.time + time_since,
+            speed: self.first_ergon.speed + speed_offset,
             impulse: self.impulse,
-            ..self.first
+            ..self.first_ergon
         }
     }
 }
@@ -67,48 +67,48 @@ impl Spark {
 /// The sparks of a voice since they were last taken.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sparks {
-    /// (SPARKS_MAX); `None`: nobody watches.
-    room: Option<Box<[Spark; SPARKS_MAX]>>,
-    n: usize,
+    /// (SPARKS_MAX); `None`: sparks are not watched.
+    sparks: Option<Box<[Spark; SPARKS_MAX]>>,
+    spark_count: usize,
 }
 
 impl Sparks {
     /// Whether sparks are watched.
     pub(crate) fn are_watched(&self) -> bool {
-        self.room.is_some()
+        self.sparks.is_some()
     }
 
     /// Note ergons from here on.
-    pub(crate) fn watch(&mut self) {
-        self.room = Some(Box::new([Spark::default(); SPARKS_MAX]));
-        self.n = 0;
+    pub(crate) fn start_watching(&mut self) {
+        self.sparks = Some(Box::new([Spark::default(); SPARKS_MAX]));
+        self.spark_count = 0;
     }
 
     /// Note an ergon: one of a stream, or a single strike.
-    pub(crate) fn add(&mut self, ergon: &Record, is_stream: bool) {
-        let Some(spark_room) = &mut self.room else {
+    pub(crate) fn add(&mut self, ergon: &ErgonRecord, is_stream: bool) {
+        let Some(sparks) = &mut self.sparks else {
             return;
         };
         if ergon.impulse == 0.0 || !ergon.impulse.is_finite() {
             return;
         }
-        let mut newest_first = spark_room[..self.n].iter_mut().enumerate().rev();
+        let mut newest_first = sparks[..self.spark_count].iter_mut().enumerate().rev();
         let joined_spark = newest_first.find(|(spark_index, spark)| {
-            (is_stream && spark.goes_on(ergon)) || (*spark_index >= SINGLE_SPARKS_MAX && spark.is_like(ergon))
+            (is_stream && spark.continues(ergon)) || (*spark_index >= SINGLE_SPARKS_MAX && spark.has_sign_of(ergon))
         });
         match joined_spark {
             Some((_, spark)) => spark.add(ergon),
             None => {
-                spark_room[self.n] = Spark::new(ergon, is_stream);
-                self.n += 1;
+                sparks[self.spark_count] = Spark::new(ergon, is_stream);
+                self.spark_count += 1;
             }
         }
     }
 
-    /// Tell each spark, and begin anew.
-    pub(crate) fn take(&mut self, tell: impl FnMut(Record)) {
-        let spark_count = std::mem::take(&mut self.n);
-        let spark_room = self.room.iter().flat_map(|spark_room| &spark_room[..spark_count]);
-        spark_room.map(Spark::seen).for_each(tell);
+    /// Report each spark, and begin again.
+    pub(crate) fn take(&mut self, report_spark: impl FnMut(ErgonRecord)) {
+        let spark_count = std::mem::take(&mut self.spark_count);
+        let sparks = self.sparks.iter().flat_map(|spark_room| &spark_room[..spark_count]);
+        sparks.map(Spark::merged_ergon).for_each(report_spark);
     }
 }

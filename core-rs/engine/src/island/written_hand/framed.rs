@@ -7,7 +7,7 @@ use crate::gesture::script::{Gesture, GestureSegment};
 use crate::units::{floor_frame, score_frame};
 
 /// An instant this close before a frame [frames] falls on it: dividing beats by a tempo leaves such a rounding error.
-const SLACK: f64 = 1e-6;
+const FRAME_SLACK: f64 = 1e-6;
 /// Added to the instant of a knot [frames], so that one half-way between two frames is rounded up whatever its last
 /// bit.
 const KNOT_SLACK: f64 = 1e-6;
@@ -16,17 +16,26 @@ const KNOT_SLACK: f64 = 1e-6;
 /// the other: a leg's first target is the one after the last of the leg before it.
 #[derive(Clone, Debug)]
 pub(crate) enum Leg {
-    /// Follow a path; the targets end with `last`. After a throw one strike leads onto it, by frame `entered`.
-    Path { path: PlacedPath, entered: u64, last: u64 },
-    /// One strike at frame `from`, then free until the key passes `x` at frame `to`.
-    Throw { from: u64, to: u64, x: f64 },
+    /// Follow a path; the targets end with `last_frame`. After a throw one strike leads onto it, by frame
+    /// `entry_frame`.
+    Path {
+        path: PlacedPath,
+        entry_frame: u64,
+        last_frame: u64,
+    },
+    /// One strike at frame `strike_frame`, then free until the key passes `x` at frame `landing_frame`.
+    Throw {
+        strike_frame: u64,
+        landing_frame: u64,
+        x: f64,
+    },
 }
 
 impl Leg {
-    pub(crate) fn last(&self) -> u64 {
+    pub(crate) fn last_frame(&self) -> u64 {
         match self {
-            Self::Path { last, .. } => *last,
-            Self::Throw { to, .. } => *to,
+            Self::Path { last_frame, .. } => *last_frame,
+            Self::Throw { landing_frame, .. } => *landing_frame,
         }
     }
 }
@@ -37,11 +46,11 @@ pub(crate) struct FramedGesture {
     pub(crate) gesture: Arc<Gesture>,
     pub(crate) legs: Vec<Leg>,
     /// Last frame at or before the start: the gesture takes over there, for the targets after it.
-    pub(crate) first: u64,
+    pub(crate) first_frame: u64,
     /// Frame at which a joining curve begins, to reach the gesture in time.
-    pub(crate) join_from: u64,
+    pub(crate) join_frame: u64,
     /// Frames of the written points, rising.
-    points: Vec<u64>,
+    point_frames: Vec<u64>,
     /// Frames of this rate in a frame of the score.
     oversampling: u32,
 }
@@ -53,21 +62,23 @@ impl FramedGesture {
     pub(crate) fn new(gesture: &Arc<Gesture>, rate: f64, oversampling: u32) -> Self {
         let (start_time, join_time) = (gesture.start, gesture.manner.join_seconds);
         let frame_at = |t: f64| score_frame(t, rate, oversampling);
-        let last = |t: f64| match gesture.manner.grain {
+        let last_frame_at = |t: f64| match gesture.manner.grain {
             None => last_frame(t, rate),
             Some(_) => last_score_frame(t, rate, oversampling),
         };
-        let mut first = last(start_time);
+        let mut first_frame = last_frame_at(start_time);
         let mut legs: Vec<Leg> = Vec::with_capacity(gesture.segments.len());
         for stretch in &gesture.segments {
             let framed_leg = match *stretch {
                 GestureSegment::Path { ref path, stop } => Leg::Path {
                     path: path.clone(),
-                    entered: match legs.last() {
-                        Some(Leg::Throw { to, .. }) if oversampling > 1 => to + u64::from(oversampling),
+                    entry_frame: match legs.last() {
+                        Some(Leg::Throw { landing_frame, .. }) if oversampling > 1 => {
+                            landing_frame + u64::from(oversampling)
+                        }
                         _ => 0,
                     },
-                    last: last(stop),
+                    last_frame: last_frame_at(stop),
                 },
                 GestureSegment::Throw {
                     strike_instant: from,
@@ -75,36 +86,40 @@ impl FramedGesture {
                     arrival_position: x,
                     ..
                 } => {
-                    let (from, to) = (frame_at(from), frame_at(to));
+                    let (strike_frame, landing_frame) = (frame_at(from), frame_at(to));
                     // Rounded to a frame of the score, the strike may come before the end of the path: the path then
                     // ends at the strike.
                     match legs.last_mut() {
-                        Some(Leg::Path { last, .. }) => *last = from.min(*last),
+                        Some(Leg::Path { last_frame, .. }) => *last_frame = strike_frame.min(*last_frame),
                         Some(Leg::Throw { .. }) => {}
-                        None => first = from.min(first),
+                        None => first_frame = strike_frame.min(first_frame),
                     }
-                    Leg::Throw { from, to, x }
+                    Leg::Throw {
+                        strike_frame,
+                        landing_frame,
+                        x,
+                    }
                 }
             };
             legs.push(framed_leg);
         }
         Self {
             legs,
-            first,
-            join_from: floor_frame(((start_time - join_time) * rate - SLACK).ceil()),
-            points: gesture.points.iter().map(|point| frame_at(point.0)).collect(),
+            first_frame,
+            join_frame: floor_frame(((start_time - join_time) * rate - FRAME_SLACK).ceil()),
+            point_frames: gesture.points.iter().map(|point| frame_at(point.0)).collect(),
             oversampling,
             gesture: gesture.clone(),
         }
     }
 
     /// The last frame at which a position is due.
-    pub(crate) fn last(&self) -> u64 {
-        self.legs.last().map_or(self.first, Leg::last)
+    pub(crate) fn last_frame(&self) -> u64 {
+        self.legs.last().map_or(self.first_frame, Leg::last_frame)
     }
 
     /// Frames in a frame of the score.
-    pub(crate) fn score_frame(&self) -> u64 {
+    pub(crate) fn frames_per_score_frame(&self) -> u64 {
         u64::from(self.oversampling)
     }
 
@@ -126,25 +141,25 @@ impl FramedGesture {
             knot_index += 1.0;
         }
         let knot_frame = knot_frame(knot_index);
-        let next_point = self.points.partition_point(|&point| point <= n);
-        self.points
+        let next_point = self.point_frames.partition_point(|&point| point <= n);
+        self.point_frames
             .get(next_point)
             .map_or(knot_frame, |&point| knot_frame.min(point))
     }
 
-    /// Source of an ergon whose target is frame `target`; `cursor` only moves forward.
-    pub(crate) fn source(&self, cursor: &mut usize, target: u64) -> u32 {
-        while *cursor + 1 < self.points.len() && self.points[*cursor] < target {
-            *cursor += 1;
+    /// Source of an ergon whose target is frame `target`; `point_cursor` only moves forward.
+    pub(crate) fn ergon_source(&self, point_cursor: &mut usize, target: u64) -> u32 {
+        while *point_cursor + 1 < self.point_frames.len() && self.point_frames[*point_cursor] < target {
+            *point_cursor += 1;
         }
-        let score_point = self.gesture.points.get(*cursor);
+        let score_point = self.gesture.points.get(*point_cursor);
         score_point.map_or(0, |&(_, source)| source)
     }
 }
 
 /// The last frame at or before an instant [s].
 fn last_frame(t: f64, rate: f64) -> u64 {
-    floor_frame(t * rate + SLACK)
+    floor_frame(t * rate + FRAME_SLACK)
 }
 
 /// The last beginning of a frame of the score at or before an instant [s].

@@ -32,28 +32,28 @@ const EFFECT_MIN: f64 = 1e-9;
 pub(crate) struct FreeKey {
     pub(crate) scheme: Arc<Scheme>,
     /// Index of the struck MAT in the free key.
-    pub(crate) struck: usize,
+    pub(crate) struck_mat: usize,
     /// Index in the scene of each of the free key's MATs.
-    pub(crate) members: Vec<usize>,
+    pub(crate) scene_mats: Vec<usize>,
     /// Forces and imposed points inside the key (its weight, say), with indices of the free key.
     pub(crate) drives: Vec<Drive>,
     /// Its slow bodies, as in the scene's key.
-    pub(crate) slow: Vec<Slow>,
+    pub(crate) slow_bodies: Vec<Slow>,
 }
 
 /// The motion of a free key.
 #[derive(Clone, Debug)]
 pub(crate) struct FreeMotion {
     pub(crate) body: Body,
-    slow: Vec<slow::RunningSlow>,
+    slow_bodies: Vec<slow::RunningSlow>,
 }
 
-crate::archive::state!(FreeMotion { body, slow });
+crate::archive::state!(FreeMotion { body, slow_bodies });
 
 impl FreeKey {
     /// Whether the motion of another free key fits this one; `name_of` and `other_name_of` give the names
     /// of MATs in the two scenes.
-    pub(crate) fn is_like(
+    pub(crate) fn is_compatible_with(
         &self,
         other: &Self,
         name_of: impl Fn(usize) -> String,
@@ -61,13 +61,13 @@ impl FreeKey {
     ) -> bool {
         let same_slow_body = |(a, b): (&Slow, &Slow)| a.is_same(b);
         self.scheme.n_lia == other.scheme.n_lia
-            && self.slow.len() == other.slow.len()
-            && self.slow.iter().zip(&other.slow).all(same_slow_body)
-            && self.members.len() == other.members.len()
+            && self.slow_bodies.len() == other.slow_bodies.len()
+            && self.slow_bodies.iter().zip(&other.slow_bodies).all(same_slow_body)
+            && self.scene_mats.len() == other.scene_mats.len()
             && self
-                .members
+                .scene_mats
                 .iter()
-                .zip(&other.members)
+                .zip(&other.scene_mats)
                 .all(|(&a, &b)| name_of(a) == other_name_of(b))
     }
 }
@@ -111,45 +111,45 @@ impl FreeMotion {
     /// Copy another's motion without allocating.
     fn copy_motion(&mut self, other: &Self) {
         self.body.copy_motion(&other.body);
-        for (mode, other) in self.slow.iter_mut().zip(&other.slow) {
-            mode.copy_motion(other);
+        for (slow_body, other) in self.slow_bodies.iter_mut().zip(&other.slow_bodies) {
+            slow_body.copy_motion(other);
         }
     }
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
-        self.slow.iter_mut().for_each(|slow| slow.seek(n));
+        self.slow_bodies.iter_mut().for_each(|slow| slow.seek(n));
     }
 
     /// For a key at rest: advance by `frames`, which may be negative.
     pub(crate) fn shift_frames(&mut self, frames: i64) {
-        self.slow.iter_mut().for_each(|slow| slow.shift_frames(frames));
+        self.slow_bodies.iter_mut().for_each(|slow| slow.shift_frames(frames));
     }
 
     /// Most frames between two kicks of a slow part.
-    pub(crate) fn kick_every(&self) -> u32 {
-        let kick_intervals = self.slow.iter().map(slow::RunningSlow::kick_every);
+    pub(crate) fn kick_interval(&self) -> u32 {
+        let kick_intervals = self.slow_bodies.iter().map(slow::RunningSlow::kick_interval);
         kick_intervals.max().unwrap_or(1)
     }
 
     /// Set slow bodies from the MATs, after these were set.
-    pub(crate) fn settle(&mut self) {
-        for slow in &mut self.slow {
-            slow.put_ports(&self.body);
-            slow.place(&mut self.body);
+    pub(crate) fn set_slow_bodies(&mut self) {
+        for slow in &mut self.slow_bodies {
+            slow.set_motion_of_ports(&self.body);
+            slow.set_ports(&mut self.body);
         }
     }
 
     /// The velocity that a MAT lacks when a path ends for it [m a frame].
-    fn release(&self, mat: usize) -> f64 {
-        self.slow.iter().map(|slow| slow.release(mat)).sum()
+    fn release_velocity(&self, mat: usize) -> f64 {
+        self.slow_bodies.iter().map(|slow| slow.release_velocity(mat)).sum()
     }
 
     /// Give a MAT that is led along a path the velocity that it lacks, if its springs pull next; returns it [m a
     /// frame].
     pub(crate) fn release_at_pull(&mut self, mat: usize) -> f64 {
         let mut velocity_sum = 0.0;
-        for slow in &mut self.slow {
+        for slow in &mut self.slow_bodies {
             let velocity_change = slow.release_at_pull(mat);
             slow.add_velocity(mat, velocity_change);
             velocity_sum += velocity_change;
@@ -160,7 +160,10 @@ impl FreeMotion {
     /// Corrections of a MAT's velocity [m a frame] and of its change a frame, if both are estimated from successive
     /// frames.
     pub(crate) fn estimate_corrections(&self, mat: usize, is_led: bool) -> [f64; 2] {
-        let corrections = self.slow.iter().map(|slow| slow.estimate_corrections(mat, is_led));
+        let corrections = self
+            .slow_bodies
+            .iter()
+            .map(|slow| slow.estimate_corrections(mat, is_led));
         corrections.fold([0.0; 2], |[v, a], [dv, da]| [v + dv, a + da])
     }
 }
@@ -168,7 +171,7 @@ impl FreeMotion {
 /// Buffers of one voice.
 #[derive(Clone, Debug)]
 pub(crate) struct Buffers {
-    pub(crate) coast: FreeMotion,
+    pub(crate) trial_motion: FreeMotion,
     pub(crate) laws: KernelScratch,
     pub(crate) targets: Vec<Target>,
     /// Whether nothing but the flow of slow bodies moves the key between gestures.
@@ -179,33 +182,33 @@ pub(crate) struct Buffers {
 
 impl FreeKey {
     /// Its motion at frame 0, from that of its MATs.
-    pub(crate) fn start(&self, mut body: Body) -> FreeMotion {
+    pub(crate) fn start_motion(&self, mut body: Body) -> FreeMotion {
         let running_slow = |slow: &Slow| slow::RunningSlow::new(slow, &body);
-        let slow: Vec<slow::RunningSlow> = self.slow.iter().map(running_slow).collect();
-        if !slow.is_empty() {
+        let slow_bodies: Vec<slow::RunningSlow> = self.slow_bodies.iter().map(running_slow).collect();
+        if !slow_bodies.is_empty() {
             body.inner = vec![0.0; body.x.len()];
-            slow.iter().for_each(|slow| slow.place(&mut body));
+            slow_bodies.iter().for_each(|slow| slow.set_ports(&mut body));
         }
-        FreeMotion { body, slow }
+        FreeMotion { body, slow_bodies }
     }
 
     /// The motion of a key at 0, at rest.
     pub(crate) fn motion_at_rest(&self) -> FreeMotion {
         let zero_vector = vec![0.0; self.scheme.n_mat()];
-        self.start(Body::new(&self.scheme, zero_vector.clone(), zero_vector))
+        self.start_motion(Body::new(&self.scheme, zero_vector.clone(), zero_vector))
     }
 
     /// The free key of a layer: its positions are displacements from the motion of the voice below, with contacts open.
-    pub(crate) fn deviation(&self) -> Self {
+    pub(crate) fn layer_key(&self) -> Self {
         let mut scheme = (*self.scheme).clone();
         scheme.rest.fill(0.0);
         scheme.runs.retain(|run| !matches!(run.kind, Kind::But(_)));
-        scheme.exact.clear();
+        scheme.exact_runs.clear();
         scheme.runs.iter_mut().for_each(|run| run.rest = 0.0);
         Self {
             scheme: Arc::new(scheme),
             drives: Vec::new(),
-            slow: self.slow.iter().map(Slow::deviation).collect(),
+            slow_bodies: self.slow_bodies.iter().map(Slow::layer_body).collect(),
             ..self.clone()
         }
     }
@@ -213,43 +216,49 @@ impl FreeKey {
     /// Whether `steps` are more than a quarter of the key's own period. Beyond it, knots are met, but the motion
     /// between them swings far outside. A struck key at rest is back after half a period.
     pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
-        let deviation_key = self.deviation();
+        let deviation_key = self.layer_key();
         let mut free_motion = deviation_key.motion_at_rest();
         let (mut laws, mut targets) = (KernelScratch::new(&deviation_key.scheme), Vec::new());
         // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
-        let test_push = 1e-6 / self.scheme.w[self.struck];
+        let test_push = 1e-6 / self.scheme.w[self.struck_mat];
         (0..2 * steps).any(|n| {
             if n.is_multiple_of(POLL_FRAMES) {
                 interrupt::spend(WORK_PER_STEP * POLL_FRAMES as usize);
             }
-            deviation_key.forces(&mut free_motion, n, &mut laws, &mut targets);
+            deviation_key.sum_forces(&mut free_motion, n, &mut laws, &mut targets);
             let test_push = if n == 0 { test_push } else { 0.0 };
             deviation_key.strike_and_move(&mut free_motion, n, test_push, &mut targets);
-            free_motion.body.x[deviation_key.struck] < 0.0
+            free_motion.body.x[deviation_key.struck_mat] < 0.0
         })
     }
 
     /// Sum the forces at frame `n`, without that of the ergon.
-    pub(crate) fn forces(&self, motion: &mut FreeMotion, n: u64, laws: &mut KernelScratch, targets: &mut Vec<Target>) {
-        let free_body = &mut motion.body;
-        kernel::compute_link_forces(&self.scheme, &[], free_body, laws, &mut ThreadTeam::alone());
+    pub(crate) fn sum_forces(
+        &self,
+        motion: &mut FreeMotion,
+        n: u64,
+        laws: &mut KernelScratch,
+        targets: &mut Vec<Target>,
+    ) {
+        let body = &mut motion.body;
+        kernel::compute_link_forces(&self.scheme, &[], body, laws, &mut ThreadTeam::alone());
         targets.clear();
         for drive in &self.drives {
-            drive.apply(n, self.scheme.rate, free_body, targets);
+            drive.apply(n, self.scheme.rate, body, targets);
         }
     }
 
     /// The ergon's force that brings the struck MAT to x at the next frame [N], once the other forces
     /// are summed; `targets` are the key's own imposed points.
     pub(crate) fn force_to_reach(&self, motion: &FreeMotion, x: f64, targets: &[Target], buffers: &mut Buffers) -> f64 {
-        let (scheme, struck_mat, body) = (&*self.scheme, self.struck, &motion.body);
-        if scheme.exact.is_empty() {
+        let (scheme, struck_mat, body) = (&*self.scheme, self.struck_mat, &motion.body);
+        if scheme.exact_runs.is_empty() {
             return kernel::force_to_reach(scheme, body, struck_mat, x);
         }
         // The force of exact contacts depends on where the ergon takes the MAT, so they are solved for that position.
-        let coast_body = &mut buffers.coast.body;
-        coast_body.copy_motion(body);
-        coast_body.force.copy_from_slice(&body.force);
+        let trial_body = &mut buffers.trial_motion.body;
+        trial_body.copy_motion(body);
+        trial_body.force.copy_from_slice(&body.force);
         buffers.targets.clear();
         buffers.targets.extend_from_slice(targets);
         buffers.targets.push(Target {
@@ -257,14 +266,14 @@ impl FreeKey {
             x,
             previous: 0.0,
         });
-        kernel::solve_exact_contacts(scheme, &[], &buffers.targets, coast_body);
-        let force = kernel::force_to_reach(scheme, coast_body, struck_mat, x);
-        if !scheme.has_dry() {
+        kernel::solve_exact_contacts(scheme, &[], &buffers.targets, trial_body);
+        let force = kernel::force_to_reach(scheme, trial_body, struck_mat, x);
+        if !scheme.has_dry_friction() {
             return force;
         }
         // If friction changes direction within the frame, how much of it acts each way depends on the ergon.
         let mut force_offset = |force: f64| {
-            let coast_body = &mut buffers.coast.body;
+            let coast_body = &mut buffers.trial_motion.body;
             coast_body.copy_motion(body);
             coast_body.force.copy_from_slice(&body.force);
             coast_body.force[struck_mat] += force;
@@ -275,85 +284,103 @@ impl FreeKey {
     }
 
     /// The force on the struck MAT that lets it continue freely where a path ends [N].
-    pub(crate) fn release(&self, motion: &FreeMotion) -> f64 {
-        motion.release(self.struck) / self.scheme.w[self.struck]
+    pub(crate) fn release_force(&self, motion: &FreeMotion) -> f64 {
+        motion.release_velocity(self.struck_mat) / self.scheme.w[self.struck_mat]
     }
 
     /// Whether nothing but the flow of slow bodies moves it between gestures; `motion` is that of its first frame.
     pub(crate) fn has_only_flow(&self, motion: &FreeMotion) -> bool {
         let scheme = &*self.scheme;
-        let has_no_links = scheme.runs.is_empty() && scheme.fused.is_empty() && scheme.exact.is_empty();
+        let has_no_links = scheme.runs.is_empty() && scheme.fused_springs.is_empty() && scheme.exact_runs.is_empty();
         let is_held = |mat: usize| {
             let coefficients = [scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat], motion.body.d[mat]];
             coefficients.iter().all(|value| *value == 0.0)
         };
-        let is_port = |mat: usize| motion.slow.iter().any(|slow| slow.has_port(mat));
+        let is_port = |mat: usize| motion.slow_bodies.iter().any(|slow| slow.has_port(mat));
         has_no_links
             && self.drives.is_empty()
             && scheme.weight.iter().all(|&weight| weight == 0.0)
-            && motion.slow.iter().all(slow::RunningSlow::is_linear)
+            && motion.slow_bodies.iter().all(slow::RunningSlow::is_linear)
             && (0..scheme.n_mat()).all(|mat| is_port(mat) || is_held(mat))
     }
 
     /// Move by the flow of slow bodies alone, with the same result as [`Self::strike_and_move`] without a force.
-    pub(crate) fn flow(motion: &mut FreeMotion) {
-        let FreeMotion { body, slow } = motion;
-        for slow in slow {
+    pub(crate) fn step_flow(motion: &mut FreeMotion) {
+        let FreeMotion { body, slow_bodies } = motion;
+        for slow in slow_bodies {
             slow.step_flow();
-            slow.place(body);
+            slow.set_ports(body);
         }
     }
 
     /// Add a force on the struck MAT and move from frame n to n + 1.
     pub(crate) fn strike_and_move(&self, motion: &mut FreeMotion, n: u64, force: f64, targets: &mut [Target]) {
-        let FreeMotion { body, slow } = motion;
-        body.force[self.struck] += force;
+        let FreeMotion { body, slow_bodies } = motion;
+        body.force[self.struck_mat] += force;
         kernel::solve_exact_contacts(&self.scheme, &[], targets, body);
-        slow.iter_mut().for_each(|slow| slow.step(n, &body.force));
+        slow_bodies.iter_mut().for_each(|slow| slow.step(n, &body.force));
         kernel::advance_mats(&self.scheme, targets, body, None, &mut ThreadTeam::alone());
         kernel::slide_bristles(&self.scheme, body);
         kernel::stop_resting_masses(&self.scheme, body);
-        slow.iter().for_each(|slow| slow.place(body));
+        slow_bodies.iter().for_each(|slow| slow.set_ports(body));
     }
 
-    /// Position of the struck MAT at frame `to`, from `motion` at frame `n`, with one strike at frame `n` [m].
-    fn coast(&self, motion: &FreeMotion, n: u64, to: u64, force: f64, buffers: &mut Buffers) -> f64 {
+    /// Position of the struck MAT at frame `target_frame`, from `motion` at frame `n`, with one strike at frame `n`
+    /// [m].
+    fn position_after_strike(
+        &self,
+        motion: &FreeMotion,
+        n: u64,
+        target_frame: u64,
+        force: f64,
+        buffers: &mut Buffers,
+    ) -> f64 {
         let Buffers {
-            coast,
+            trial_motion,
             laws,
             targets,
             frame_powers,
             ..
         } = buffers;
-        coast.copy_motion(motion);
+        trial_motion.copy_motion(motion);
         let stop_frame = match frame_powers {
-            Some(_) if to - n >= frame_powers::FRAMES_MIN => n + 1,
-            _ => to,
+            Some(_) if target_frame - n >= frame_powers::FRAMES_MIN => n + 1,
+            _ => target_frame,
         };
         for frame in n..stop_frame {
             if (frame - n).is_multiple_of(POLL_FRAMES) {
                 interrupt::spend(WORK_PER_STEP * POLL_FRAMES as usize);
             }
-            self.forces(coast, frame, laws, targets);
-            self.strike_and_move(coast, frame, if frame == n { force } else { 0.0 }, targets);
+            self.sum_forces(trial_motion, frame, laws, targets);
+            self.strike_and_move(trial_motion, frame, if frame == n { force } else { 0.0 }, targets);
         }
-        if let Some(frame_powers) = frame_powers.as_mut().filter(|_| stop_frame < to) {
-            frame_powers.advance(self, coast, to - stop_frame, laws, targets);
+        if let Some(frame_powers) = frame_powers.as_mut().filter(|_| stop_frame < target_frame) {
+            frame_powers.advance(self, trial_motion, target_frame - stop_frame, laws, targets);
         }
-        coast.body.x[self.struck]
+        trial_motion.body.x[self.struck_mat]
     }
 
-    /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 if no force can (after a multiple of
-    /// half the key's period).
-    pub(crate) fn force_to_arrive(&self, motion: &FreeMotion, n: u64, to: u64, x: f64, buffers: &mut Buffers) -> f64 {
-        let (mut f0, mut y0) = (0.0, self.coast(motion, n, to, 0.0, buffers));
+    /// The force at frame `n` that makes the struck MAT pass `x` at frame `target_frame`; 0 if no force can (after a
+    /// multiple of half the key's period).
+    pub(crate) fn force_to_arrive(
+        &self,
+        motion: &FreeMotion,
+        n: u64,
+        target_frame: u64,
+        x: f64,
+        buffers: &mut Buffers,
+    ) -> f64 {
+        let (mut f0, mut y0) = (0.0, self.position_after_strike(motion, n, target_frame, 0.0, buffers));
         // A first guess as for a free mass: F·T²/m·steps = distance.
-        let frame_count = (to - n) as f64;
-        let first_guess = (x - y0) / (frame_count * self.scheme.w[self.struck]);
+        let frame_count = (target_frame - n) as f64;
+        let first_guess = (x - y0) / (frame_count * self.scheme.w[self.struck_mat]);
         if first_guess == 0.0 {
             return 0.0;
         }
-        let (mut f1, mut y1) = (first_guess, self.coast(motion, n, to, first_guess, buffers));
+        let (mut f1, mut y1) = (
+            first_guess,
+            self.position_after_strike(motion, n, target_frame, first_guess, buffers),
+        );
         if (y1 - y0).abs() <= EFFECT_MIN * (x - y0).abs() {
             return 0.0;
         }
@@ -366,7 +393,7 @@ impl FreeKey {
                 return f;
             }
             (f0, y0) = (f1, y1);
-            (f1, y1) = (f, self.coast(motion, n, to, f, buffers));
+            (f1, y1) = (f, self.position_after_strike(motion, n, target_frame, f, buffers));
             if (y1 - x).abs() <= 1e-12 + 4.0 * f64::EPSILON * x.abs() {
                 break;
             }

@@ -15,8 +15,8 @@ const GONE_DISTANCE: f64 = 1e-3;
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Particle {
     /// Penetration into the key (rising: towards it) [m], in the particle's own direction.
-    x: f64,
-    d: f64,
+    position: f64,
+    last_step: f64,
     /// 1/M of the particle [m/N], and stiffness of its contact [N/m]; 0: no particle.
     w: f64,
     k: f64,
@@ -24,28 +24,34 @@ pub(crate) struct Particle {
     sign: f64,
 }
 
-crate::archive::state!(Particle { x, d, w, k, sign });
+crate::archive::state!(Particle {
+    position,
+    last_step,
+    w,
+    k,
+    sign
+});
 
 /// The particles of one voice.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Flight([Particle; PARTICLES_MAX]);
+pub(crate) struct Particles([Particle; PARTICLES_MAX]);
 
-crate::archive::state!(Flight { 0 });
+crate::archive::state!(Particles { 0 });
 
-impl Flight {
+impl Particles {
     /// Step the particles that touch `mat` and push it; forget those that have left.
     pub(crate) fn step(&mut self, body: &mut Body, mat: usize) {
         for particle in &mut self.0 {
             if particle.k > 0.0 {
-                let penetration = particle.sign * (particle.x - body.x[mat]);
+                let penetration = particle.sign * (particle.position - body.x[mat]);
                 let push_force = if penetration > 0.0 {
                     particle.k * penetration
                 } else {
                     0.0
                 };
                 body.push(mat, particle.sign * push_force);
-                particle.d -= particle.sign * push_force * particle.w;
-                particle.x += particle.d;
+                particle.last_step -= particle.sign * push_force * particle.w;
+                particle.position += particle.last_step;
                 if penetration < -GONE_DISTANCE {
                     particle.k = 0.0;
                 }
@@ -54,7 +60,7 @@ impl Flight {
     }
 
     /// Whether no particle is near.
-    pub(crate) fn is_over(&self) -> bool {
+    pub(crate) fn are_gone(&self) -> bool {
         self.0.iter().all(|particle| particle.k == 0.0)
     }
 
@@ -75,16 +81,16 @@ impl Flight {
             return None;
         }
         *free_slot = Particle {
-            x: body.x[mat] + sign * approach_depth,
-            d: approach_speed * time_step,
+            position: body.x[mat] + sign * approach_depth,
+            last_step: approach_speed * time_step,
             w,
             k: 2.0 * mu,
             sign,
         };
         let push_force = free_slot.k * approach_depth;
         body.push(mat, sign * push_force);
-        free_slot.d -= sign * push_force * free_slot.w;
-        free_slot.x += free_slot.d;
+        free_slot.last_step -= sign * push_force * free_slot.w;
+        free_slot.position += free_slot.last_step;
         Some((time_step * time_step / w, approach_speed))
     }
 }

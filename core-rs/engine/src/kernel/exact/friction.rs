@@ -13,7 +13,7 @@ const REST_STEP_RATIO: f64 = 1e-12;
 
 /// Force of one friction, given all other forces [N].
 pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
-    let Kind::Dry { by: dry_law, rate } = &run.kind else {
+    let Kind::Dry { law: dry_law, rate } = &run.kind else {
         return 0.0;
     };
     let (first_mat, second_mat) = (run.a, run.b);
@@ -68,7 +68,7 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
 
 /// Stop masses that friction against a fixed point has brought to rest, if only a step of the size of rounding is left.
 pub(crate) fn stop_resting_masses(scheme: &Scheme, body: &mut Body) {
-    for run in scheme.exact.iter().filter(|run| run.is_dry()) {
+    for run in scheme.exact_runs.iter().filter(|run| run.is_dry()) {
         for (mass, other) in [(run.a, run.b), (run.b, run.a)] {
             let is_fixed = scheme.w[other] == 0.0 && body.d[other] == 0.0;
             let mass_step = body.d[mass];

@@ -82,14 +82,14 @@ fn scattered(seed: u64) -> (usize, Vec<Spring>) {
         let (a, b) = (below(mat_count), below(mat_count - 1));
         let b = b + usize::from(b >= a);
         let len = 1 + below((mat_count - a.max(b)).min(40));
-        let pull = [
+        let force_ends = [
             ForceEnds::Both(a, b),
             ForceEnds::Both(a, b),
             ForceEnds::A(a),
             ForceEnds::B(b),
         ][below(4)];
         Spring {
-            force_ends: pull,
+            force_ends,
             ..spring(a, b, len)
         }
     });
@@ -143,7 +143,7 @@ fn compare(name: &str, (mat_count, springs): &(usize, Vec<Spring>)) {
     add_elastic_forces(springs, &x, &mut run_forces, &mut expected[0]);
     add_viscous_forces(springs, &v, &mut run_forces, &mut expected[1]);
     add_total_forces(springs, &x, &v, &mut run_forces, &mut expected[2]);
-    let lone_links = LoneLinks::for_any(springs);
+    let lone_links = LoneLinks::from_runs(springs);
     for (part, expected) in [ForcePart::Elastic, ForcePart::Viscous, ForcePart::Total]
         .into_iter()
         .zip(&expected)
@@ -203,7 +203,7 @@ fn rows_cover_all_mats() {
 #[test]
 fn pass_without_springs_sets_no_force() {
     let mut force = vec![f64::NAN; 5];
-    SpringPass::new(&[], 5).compute_forces(ForcePart::Total, &Springs::default(), [&[0.0; 5]; 2], &mut force);
+    SpringPass::new(&[], 5).compute_forces(ForcePart::Total, &FusedSprings::default(), [&[0.0; 5]; 2], &mut force);
     assert_eq!(force, [0.0; 5]);
 }
 
@@ -219,9 +219,9 @@ fn rows_for_single_links_are_refused() {
 #[test]
 fn lone_links_follow_changed_stiffness() {
     let runs: Vec<Spring> = (0..50).map(|i| spring(i, i + 1 + i % 3, 1)).collect();
-    let mut springs = Springs::new(runs);
+    let mut springs = FusedSprings::new(runs);
     assert!(springs.lone_links().is_some());
-    assert!(Springs::new(hexagon(7).1).lone_links().is_none());
+    assert!(FusedSprings::new(hexagon(7).1).lone_links().is_none());
     let changed = Spring {
         k: 123.0,
         z: 0.7,

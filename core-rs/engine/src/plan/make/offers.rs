@@ -7,7 +7,7 @@ use crate::assembly::budget::Budget;
 use crate::assembly::choice::{BodyChoice, SteppedChoice};
 use crate::assembly::cost;
 use crate::assembly::split::LocalTimeline;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::Subset;
 use crate::plan::constants::{PRESERVED_LIMITS, SEEN_SHARE, SLOW_COST_RATIO_MAX};
 use crate::plan::row::MeasuredError;

@@ -7,7 +7,7 @@
 use crate::assembly::unit::IslandPlan;
 use crate::hearing::QUIET_POWER_RATIO;
 use crate::hearing::third_octaves::level_difference;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
 use crate::plan::constants::{

@@ -6,7 +6,7 @@ use crate::content::hex_of;
 use crate::content::island::Content;
 use crate::gesture::script::Gesture;
 use crate::hearing::third_octaves::level_difference;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::maths::log10;
 use crate::network::LinkKind;
 use crate::plan::constants::{

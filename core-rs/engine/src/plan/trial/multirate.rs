@@ -13,7 +13,7 @@ use crate::assembly::solved_modes::ModeCache;
 use crate::assembly::split::LocalTimeline;
 use crate::assembly::unit::IslandPlan;
 use crate::content::island::IslandContent;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
 use crate::plan::constants::KEY_TURN_MAX;
 use crate::plan::row::MeasuredError;
@@ -101,7 +101,7 @@ pub(in crate::plan) fn with_offered_slow(
     let fitting_parts: BTreeSet<usize> = slowed_bodies
         .bodies
         .iter()
-        .filter(|(_, slow)| slow.turn <= offered.turn_radians_max() && cost::saved_ns(slow) > 0.0)
+        .filter(|(_, slow)| slow.kick_phase <= offered.turn_radians_max() && cost::saved_ns(slow) > 0.0)
         .map(|(_, slow)| slow.part)
         .collect();
     let is_fitting =

@@ -8,7 +8,7 @@ use crate::assembly::mesh::MethodChoice;
 use crate::assembly::truncate::KeptModes;
 use crate::body_modes::linear::NoModes;
 use crate::island::ContactOrder;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::Error;
 use crate::plan::constants::OVERSAMPLING_MAX;
 use crate::plan::row::MeasuredError;

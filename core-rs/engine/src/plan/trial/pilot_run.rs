@@ -127,7 +127,7 @@ pub(in crate::plan) fn frames_at_rest(island_plan: &IslandPlan, allowance: &Allo
     let mut rest_sound = vec![0.0; REST_PROBE_FRAMES * island.n_out()];
     // Faults are muted: a pilot does not report them.
     let _ = island.process(&mut rest_sound, REST_PROBE_FRAMES, &mut ThreadTeam::alone());
-    meter.draw(&island, island.computed() as usize)?;
+    meter.draw(&island, island.computed_frames() as usize)?;
     // An island that comes to rest later sounds before it does.
     if !is_still(&rest_sound, island.n_out()) {
         return Ok(0);
@@ -167,7 +167,7 @@ fn find_length(
     allowance: &Allowance,
 ) -> Result<usize, TrialError> {
     let Excerpt {
-        first_frame: from,
+        first_frame,
         n_frames: longest,
     } = excerpt;
     let frames_after = (PILOT_SECONDS * rate) as usize;
@@ -175,12 +175,12 @@ fn find_length(
         let mut island = start_island(island_plan, island_plan.contact_substeps)?;
         let mut meter = WorkMeter::new(island_plan, allowance);
         let mut block_sound = vec![0.0; BLOCK_FRAMES * island.n_out()];
-        meter.play_rest(&mut island, from)?;
+        meter.play_rest(&mut island, first_frame)?;
         for first_frame in (0..longest).step_by(BLOCK_FRAMES) {
             meter.draw(&island, BLOCK_FRAMES)?;
             // Faults are muted: a pilot does not report them.
             let _ = island.process(&mut block_sound, BLOCK_FRAMES, &mut ThreadTeam::alone());
-            if island.has_touched() {
+            if island.has_closed_fine_contact() {
                 return Ok((first_frame + frames_after).min(longest));
             }
         }
@@ -192,7 +192,7 @@ fn find_length(
     } else {
         0.0
     };
-    let event_frame = ((event_time * rate).min(1e12) as usize).saturating_sub(from);
+    let event_frame = ((event_time * rate).min(1e12) as usize).saturating_sub(first_frame);
     let n_frames = event_frame.saturating_add(frames_after);
     Ok(if n_frames <= longest { n_frames } else { 0 })
 }
@@ -204,7 +204,7 @@ fn next_event(island_plan: &IslandPlan, earliest: f64, rate: f64) -> f64 {
     let strike_times = timeline.strikes.iter().map(|strike| strike.instant);
     let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
     let body_plans = island_plan.bodies.iter();
-    let body_strikes = body_plans.map(|body| body.next_strike(earliest * rate) / rate);
+    let body_strikes = body_plans.map(|body| body.next_strike_frame(earliest * rate) / rate);
     let event_times = gesture_times.chain(strike_times).chain(ergon_times).chain(body_strikes);
     event_times
         .filter(|event_time| *event_time >= earliest)
@@ -264,13 +264,13 @@ impl<'a> WorkMeter<'a> {
         let mut rest_sound = vec![0.0; REST_SKIP_FRAMES.min(n_frames) * island.n_out()];
         for first_frame in (0..n_frames).step_by(REST_SKIP_FRAMES) {
             let block_frames = REST_SKIP_FRAMES.min(n_frames - first_frame);
-            let computed_before = island.computed();
+            let computed_before = island.computed_frames();
             let _ = island.process(
                 &mut rest_sound[..block_frames * island.n_out()],
                 block_frames,
                 &mut ThreadTeam::alone(),
             );
-            let computed_frames = (island.computed() - computed_before) as usize;
+            let computed_frames = (island.computed_frames() - computed_before) as usize;
             let skipped_share = 1.0 - computed_frames as f64 / block_frames as f64;
             self.added_seconds += skipped_share * (self.guard_and_contact_seconds(island) - self.added_seconds);
             self.draw(island, computed_frames)?;
@@ -305,7 +305,7 @@ fn start_island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Isl
         &island_plan.timeline,
         &island_plan.bodies,
         StepNumbers {
-            every: 1,
+            frame_interval: 1,
             ..island_plan.step_numbers(contact_substeps)
         },
         options,
@@ -401,7 +401,7 @@ fn play_nudged_while(
             created.update(&island, 2 * block_end <= n_frames);
         }
         derivatives.process(block_sound, n_outputs);
-        island.squares(&mut squares);
+        island.raise_mode_squares(&mut squares);
         silence.hold_first_values(block_sound, &squares);
         if touched_from.is_none() && cost::counted_ns(&island)[0] > counted_at_rest[0] {
             touched_from = Some(first_frame);
@@ -418,8 +418,8 @@ fn play_nudged_while(
         sound,
         mode_amplitudes_squared: squares,
         counted_cost: CountedCost::new(&island, counted_at_rest, n_frames - touched_from.unwrap_or(0)),
-        has_diverged: island.n_muted() > 0,
-        is_unusable: island.n_muted() > 0 || island.has_risen(),
+        has_diverged: island.n_muted_parts() > 0,
+        is_unusable: island.n_muted_parts() > 0 || island.has_energy_risen(),
     }))
 }
 

@@ -5,7 +5,7 @@ use crate::assembly::budget::Budget;
 use crate::assembly::constants::QUIETER_STEP_DB;
 use crate::assembly::truncate::{KeptModes, loudest_by_energy};
 use crate::assembly::unit::IslandPlan;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::island::modal::Modal;
 use crate::maths::pow;
 use crate::network::{Error, LinkKind};
@@ -84,7 +84,7 @@ fn audible_modes(
 ) -> KeptModes {
     // All complex modes stay: the two parts of one can only be dropped together, and computing them costs less than a
     // pilot to choose among them.
-    if body.answers.is_some() {
+    if body.complex_responses.is_some() {
         return KeptModes {
             modes: (0..body.modes.len()).collect(),
             left_out_db: None,
@@ -145,7 +145,7 @@ fn excitations(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
     };
     let is_measured = body.ports.len() == 1 && squares.iter().any(|square| *square > 0.0);
     let touched_ports = body.ports.iter().filter(|_| !is_measured);
-    let struck = body.struck.iter().map(|struck| energies_from(&struck.shape));
+    let struck = body.struck_points.iter().map(|struck| energies_from(&struck.shape));
     let touched = touched_ports.map(|port| energies_from(&port.shape));
     let measured_energies = squares.iter().enumerate();
     let measured_energies = measured_energies.map(|(mode, square)| body.compliance(mode).map_or(0.0, |_| *square));

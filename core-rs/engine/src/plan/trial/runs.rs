@@ -6,7 +6,7 @@ use std::rc::Rc;
 use crate::assembly::unit::IslandPlan;
 use crate::integrate::MeshMethod;
 use crate::island::StepNumbers;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, frame_seconds, play_while};
 

@@ -4,7 +4,7 @@
 
 use crate::assembly::unit::IslandPlan;
 use crate::island::Island;
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::maths::sqrt;
 use crate::network::{Output, Term};
 use crate::plan::constants::SILENT_SHARE;

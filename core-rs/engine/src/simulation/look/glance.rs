@@ -1,7 +1,7 @@
 //! A snapshot of what can be seen of a simulation at one frame, in memory that is allocated beforehand.
 
 use super::Look;
-use crate::island::Record;
+use crate::island::ErgonRecord;
 use crate::simulation::Simulation;
 
 /// The strongest push of a contact between two glances.
@@ -27,7 +27,7 @@ pub struct Glance {
     /// Whether each link that may break is broken   (n_breakable)
     pub is_broken: Vec<bool>,
     /// Strikes of written hands since the last glance, as they are drawn: the first `n_sparks` are valid
-    sparks: Vec<Record>,
+    sparks: Vec<ErgonRecord>,
     n_sparks: usize,
 }
 
@@ -40,13 +40,13 @@ impl Glance {
             gesture_positions: vec![f64::NAN; simulation.plan.n_keys],
             pushes: vec![Push::default(); look.contacts.len()],
             is_broken: vec![false; look.breakable.len()],
-            sparks: vec![Record::default(); simulation.sparks_max(look)],
+            sparks: vec![ErgonRecord::default(); simulation.sparks_max(look)],
             n_sparks: 0,
         }
     }
 
     /// Strikes of written hands since the last glance, as [`Simulation::take_sparks`] reports them.
-    pub fn sparks(&self) -> &[Record] {
+    pub fn sparks(&self) -> &[ErgonRecord] {
         &self.sparks[..self.n_sparks]
     }
 }

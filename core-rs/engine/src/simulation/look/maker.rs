@@ -7,7 +7,7 @@ use super::{Contact, Look, Oscillation, Point, PointMotion, TrackSource, Visible
 use crate::assembly::unit::{BankPlan, IslandPlan, to_network_index};
 use crate::bank::Oscillator;
 use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
-use crate::island::inside::BodyPlan;
+use crate::island::bodies::BodyPlan;
 use crate::network::{MatKind, Network};
 use crate::plan::Plan;
 use crate::units::Rate;
@@ -155,17 +155,17 @@ impl<'a> LookMaker<'a> {
                     }
                 }
                 BodyPlan::Slow(slow) => {
-                    for (slot, &mat) in slow.free.iter().enumerate() {
+                    for (slot, &mat) in slow.free_mats.iter().enumerate() {
                         let mat = self.network_index(&slow.network, mat);
                         self.record_sampled(mat, unit, Origin::Slow(body_index, slot));
                     }
                 }
                 BodyPlan::Modal(modal) => {
-                    let mode_shapes = match &modal.answers {
-                        Some(answers) => ModeShapes::complex(&modal.network, &answers.places, modal.rate),
+                    let mode_shapes = match &modal.complex_responses {
+                        Some(answers) => ModeShapes::complex(&modal.network, &answers.mode_parts, modal.rate),
                         None => ModeShapes::new(
                             &modal.network,
-                            (&modal.computed, modal.turned.as_deref()),
+                            (&modal.mode_numbers, modal.alignment_mats.as_deref()),
                             modal.rate,
                             ModalTransform::ToPositions,
                         ),

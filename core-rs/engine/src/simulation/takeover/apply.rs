@@ -59,7 +59,7 @@ impl Simulation {
         }
         for &unit in &takeover.placed_islands {
             if let RunningUnit::Island(island) = self.unit_mut(unit) {
-                island.place();
+                island.set_ports();
             }
         }
         self.continue_strikes(old);

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use super::Takeover;
 use crate::assembly::unit::IslandPlan;
-use crate::island::written_hand::voice::{VoiceTakeover, shared};
+use crate::island::written_hand::voice::{VoiceTakeover, equal_gestures};
 use crate::island::{Island, ItemTakeover};
 use crate::simulation::side::{TakeoverSide, UnitIndex};
 
@@ -23,7 +23,8 @@ impl Takeover {
         let mut voices_by_name: HashMap<(String, bool), Vec<OldVoice<'_>>> = HashMap::new();
         for &(old_unit, island, island_plan) in &old_side.islands {
             for (old_voice_index, voice_script) in island.script().voices.iter().enumerate() {
-                let voice_name = (island_plan.network.mat_name(voice_script.struck), voice_script.is_layer);
+                let struck_name = island_plan.network.mat_name(voice_script.struck_mat);
+                let voice_name = (struck_name, voice_script.is_layer);
                 voices_by_name
                     .entry(voice_name)
                     .or_default()
@@ -34,7 +35,8 @@ impl Takeover {
             let island_script = island.script();
             let takeover_step = island.step_at(takeover_frame);
             for (new_voice_index, voice_script) in island_script.voices.iter().enumerate() {
-                let voice_name = (island_plan.network.mat_name(voice_script.struck), voice_script.is_layer);
+                let struck_name = island_plan.network.mat_name(voice_script.struck_mat);
+                let voice_name = (struck_name, voice_script.is_layer);
                 let Some(candidates) = voices_by_name.get_mut(&voice_name) else {
                     continue;
                 };
@@ -42,7 +44,7 @@ impl Takeover {
                 let mut matching_voice = None;
                 for (candidate_index, &(old_unit, old, old_plan, old_voice_index)) in candidates.iter().enumerate() {
                     let old_voice = &old.script().voices[old_voice_index];
-                    let gestures = shared(
+                    let gestures = equal_gestures(
                         (voice_script, &island_script.gestures),
                         (old_voice, &old.script().gestures),
                     );
@@ -52,7 +54,7 @@ impl Takeover {
                     matching_voice = Some((candidate_index, old_unit, old_plan, old_voice_index, gestures));
                     break;
                 }
-                let Some((candidate_index, old_unit, old_plan, old_voice_index, gestures)) = matching_voice else {
+                let Some((candidate_index, old_unit, old_plan, old_voice_index, gesture_pairs)) = matching_voice else {
                     continue;
                 };
                 let old = candidates.remove(candidate_index).1.script();
@@ -61,32 +63,33 @@ impl Takeover {
                     |mat| island_plan.network.mat_name(mat),
                     |mat| old_plan.network.mat_name(mat),
                 );
-                let mats = if voice_script.free.is_like(&old_voice.free, new_name_of, old_name_of)
+                let (free_key, old_key) = (&voice_script.free_key, &old_voice.free_key);
+                let mat_pairs = if free_key.is_compatible_with(old_key, new_name_of, old_name_of)
                     && (island_plan.oversampling, island_plan.frame_interval)
                         == (old_plan.oversampling, old_plan.frame_interval)
                 {
                     None
                 } else {
-                    let old_names = old_voice.free.members.iter().map(|&mat| old_name_of(mat));
-                    let old_members: HashMap<String, usize> = old_names.zip(0..).collect();
-                    let members = voice_script.free.members.iter().enumerate();
+                    let old_mats = old_key.scene_mats.iter().map(|&mat| old_name_of(mat));
+                    let old_members: HashMap<String, usize> = old_mats.zip(0..).collect();
+                    let members = free_key.scene_mats.iter().enumerate();
                     let index_pair =
                         |(new_member, &mat): (usize, &usize)| Some((new_member, *old_members.get(&new_name_of(mat))?));
                     Some(members.filter_map(index_pair).collect())
                 };
-                let begun_gestures = gestures
+                let begun_gestures = gesture_pairs
                     .iter()
-                    .filter(|index_pair| old.gestures[index_pair.0].join_from <= takeover_step);
+                    .filter(|index_pair| old.gestures[index_pair.0].join_frame <= takeover_step);
                 for &(old_gesture, new_gesture) in begun_gestures {
                     let is_same_unit = self.same_units.contains(&(old_unit, new_unit));
                     let report = ItemTakeover::Report(old_gesture, new_gesture, is_same_unit);
                     self.items.push((old_unit, new_unit, report));
                 }
                 let voice = VoiceTakeover {
-                    from: old_voice_index,
-                    to: new_voice_index,
-                    mats,
-                    gestures,
+                    old_voice: old_voice_index,
+                    new_voice: new_voice_index,
+                    mat_pairs,
+                    gesture_pairs,
                 };
                 self.items.push((old_unit, new_unit, ItemTakeover::Voice(voice)));
             }
@@ -98,12 +101,12 @@ impl Takeover {
         let mut old_ports: HashMap<String, (UnitIndex, usize)> = HashMap::new();
         for &(old_unit, island, island_plan) in &old_side.islands {
             for (index, binding) in island.script().port_bindings.iter().enumerate() {
-                old_ports.insert(island_plan.network.mat_name(binding.port), (old_unit, index));
+                old_ports.insert(island_plan.network.mat_name(binding.port_mat), (old_unit, index));
             }
         }
         for &(new_unit, island, island_plan) in &new_side.islands {
             for (index, binding) in island.script().port_bindings.iter().enumerate() {
-                let port_name = island_plan.network.mat_name(binding.port);
+                let port_name = island_plan.network.mat_name(binding.port_mat);
                 if let Some(&(old_unit, old_index)) = old_ports.get(&port_name) {
                     self.items
                         .push((old_unit, new_unit, ItemTakeover::Port(old_index, index)));

@@ -1,6 +1,6 @@
 //! The zero of a function by bisection, and the inverse of a 3 × 3 matrix.
 
-use super::{STAGES, Square};
+use super::{STAGES, StageMatrix};
 
 /// Most evaluations while the interval is widened, and most bisections.
 const ROUNDS_MAX: u64 = 64;
@@ -9,7 +9,7 @@ const FIRST_WIDTH: f64 = 0.01;
 
 /// The zero near a guess of a function that rises at large arguments, and the number of evaluations. Returns the guess
 /// if no zero is found.
-pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
+pub(super) fn find_root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
     let guess_value = f(guess);
     let mut evaluations = 1;
     if guess_value == 0.0 || !guess_value.is_finite() {
@@ -18,9 +18,9 @@ pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
     // The zero lies in the direction of the other sign: widen the interval until the sign changes.
     let mut far_end = guess;
     let mut near_end;
-    let mut look_step = -FIRST_WIDTH * guess_value;
+    let mut widening = -FIRST_WIDTH * guess_value;
     loop {
-        (near_end, far_end) = (far_end, far_end + look_step);
+        (near_end, far_end) = (far_end, far_end + widening);
         let far_value = f(far_end);
         evaluations += 1;
         if !far_value.is_finite() || evaluations > ROUNDS_MAX {
@@ -29,7 +29,7 @@ pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
         if (far_value > 0.0) != (guess_value > 0.0) {
             break;
         }
-        look_step *= 2.0;
+        widening *= 2.0;
     }
     for _ in 0..ROUNDS_MAX {
         let midpoint = 0.5 * (near_end + far_end);
@@ -46,7 +46,7 @@ pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
     (far_end, evaluations)
 }
 
-pub(super) fn inverse(m: &Square) -> Square {
+pub(super) fn inverse(m: &StageMatrix) -> StageMatrix {
     let cofactor = |row: usize, column: usize| {
         let [next_row, last_row] = [(row + 1) % 3, (row + 2) % 3];
         let [next_column, last_column] = [(column + 1) % 3, (column + 2) % 3];
@@ -72,10 +72,10 @@ mod tests {
         let bow_force = |v: f64| v * 1e4 / (1.0 + 1e8 * v * v);
         for v in [-0.3, -1e-5, 0.0, 1e-6, 0.02] {
             let unmet_force = |f: f64| f - bow_force(v - 0.5 * f);
-            let (force, _) = root(&unmet_force, 0.0);
+            let (force, _) = find_root(&unmet_force, 0.0);
             assert!(unmet_force(force).abs() < 1e-6, "{v}: {force}");
         }
         // Without a zero, the guess is returned.
-        assert_eq!(root(&|_| 1.0, 7.0).0, 7.0);
+        assert_eq!(find_root(&|_| 1.0, 7.0).0, 7.0);
     }
 }

@@ -1,20 +1,19 @@
 //! One law: its forces and slopes at the Gauss points, and the state that it keeps from frame to frame.
 
-use super::tables::{Division, LawScript, Motion};
-use super::{STAGES, Square, Stages, WEIGHTS, inverse};
+use super::tables::{Division, LawScript, MotionWeights};
+use super::{GAUSS_WEIGHTS, STAGES, StageMatrix, StageValues, inverse};
 use crate::island::fine::Script;
 use crate::island::fine::basis::dot;
 use crate::law::{PLACES, Places, TangentScratch};
 use crate::network::Bristle;
 use crate::scheme::Kind;
 
-/// Forces are extrapolated from two parts if that guess deviates from the one of a single part by shares of the
-/// largest_force force between these: after a strike it would be far off, in a steady slide it amplifies rounding
-/// errors.
+/// Forces are extrapolated from two parts if that guess deviates from the one of a single part by shares of the largest
+/// force between these: after a strike it would be far off, in a steady slide it amplifies rounding errors.
 const EXTRAPOLATION_RANGE: std::ops::Range<f64> = 1e-8..0.1;
 
 /// Integrals up to each Gauss point, as weights of the rates at the Gauss points, in parts (Gauss's method of order 6).
-const INTEGRAL_WEIGHTS: Square = [
+const INTEGRAL_WEIGHTS: StageMatrix = [
     [5.0 / 36.0, -0.035_976_667_524_938_9, 0.009_789_444_015_308_324],
     [0.300_263_194_980_864_6, 2.0 / 9.0, -0.022_485_417_203_086_813],
     [0.267_988_333_762_469_43, 0.480_421_111_969_383_3, 5.0 / 36.0],
@@ -24,47 +23,48 @@ const INTEGRAL_WEIGHTS: Square = [
 #[derive(Clone, Debug, Default)]
 pub(in crate::island::fine) struct LawState {
     /// Forces at the Gauss points of a part [N].
-    pub(super) force: [f64; STAGES],
+    pub(super) stage_forces: [f64; STAGES],
     /// Forces of the part before, if it was as long [N].
-    pub(super) before: Option<Stages>,
+    pub(super) previous_forces: Option<StageValues>,
     /// Elongations at the Gauss points without the forces of that part [m].
-    pub(super) elongation: [f64; STAGES],
+    pub(super) stage_elongations: [f64; STAGES],
     /// Rates of these elongations [m/frame].
-    pub(super) rate: [f64; STAGES],
+    pub(super) stage_rates: [f64; STAGES],
     /// Deflection of its bristles at the start of a part [m].
-    pub(super) bristle: f64,
+    pub(super) bristle_at_start: f64,
     /// Deflection of its bristles at the end of a part [m].
     pub(super) bristle_at_end: f64,
     /// Deflection of its bristles before a step that may be repeated [m].
     pub(super) saved_deflection: f64,
     /// Elongation and its rate at the start of the frame [m, m/s].
-    pub(super) start: [f64; 2],
+    pub(super) start_motion: [f64; 2],
     /// Force at the start of the frame [N].
     pub(super) start_force: f64,
-    /// The largest_force force of the last frames [N].
+    /// The largest force of the last frames [N].
     pub(super) largest_force: f64,
-    /// Elongation at the first instant of the frame, from which `path` is counted: a path that stands still has no
-    /// rate, to the last bit [m].
-    pub(super) origin: f64,
-    /// Elongation at the instants of the frame, less `origin`, if the forces of the parts to come are zero [m]   (n)
-    pub(super) path: Vec<f64>,
+    /// Elongation at the first instant of the frame, from which `relative_path` is counted: so the rate of a link at
+    /// rest is exactly 0 [m].
+    pub(super) elongation_offset: f64,
+    /// Elongation at the instants of the frame, less `elongation_offset`, if the forces of the parts to come are zero
+    /// [m]   (n)
+    pub(super) relative_path: Vec<f64>,
     pub(super) scratch: TangentScratch,
 }
 
-crate::archive::option!(Stages, optional);
+crate::archive::option!(StageValues, optional);
 crate::archive::state!(LawState {
-    force,
-    before,
-    elongation,
-    rate,
-    bristle,
+    stage_forces,
+    previous_forces,
+    stage_elongations,
+    stage_rates,
+    bristle_at_start,
     start_force,
     largest_force,
 });
 
 /// A law at one instant.
 #[derive(Clone, Copy)]
-pub(super) struct LawNow<'a> {
+pub(super) struct InstantLaw<'a> {
     pub(super) kind: &'a Kind,
     /// How far its gate is open.
     pub(super) gate_opening: f64,
@@ -75,9 +75,9 @@ pub(super) struct LawNow<'a> {
     pub(super) bristle: f64,
 }
 
-impl LawNow<'_> {
+impl InstantLaw<'_> {
     /// Factor from a rate of elongation [m/frame] to the rate that the law takes.
-    pub(super) fn rate(&self) -> f64 {
+    pub(super) fn rate_factor(&self) -> f64 {
         match self.kind {
             Kind::Lnl { rate, .. } | Kind::Bristle { rate, .. } => *rate,
             _ => 1.0,
@@ -93,7 +93,7 @@ impl LawNow<'_> {
     pub(super) fn force(&self, e: f64, v: f64) -> f64 {
         let full_force = match self.kind {
             Kind::Lnl { law, .. } => law.force(e, v),
-            Kind::Bristle { by: bristle_law, .. } => bristle_law
+            Kind::Bristle { law: bristle_law, .. } => bristle_law
                 .with_stiffness_and_level(self.k, self.z)
                 .force(self.bristle, v),
             Kind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
@@ -105,16 +105,16 @@ impl LawNow<'_> {
     /// Its bristles as they are at this instant; `None` for other laws.
     pub(super) fn bristle(&self) -> Option<Bristle> {
         match self.kind {
-            Kind::Bristle { by: bristle_law, .. } => Some(bristle_law.with_stiffness_and_level(self.k, self.z)),
+            Kind::Bristle { law: bristle_law, .. } => Some(bristle_law.with_stiffness_and_level(self.k, self.z)),
             _ => None,
         }
     }
 
     /// Its force halfway through `h` frames of constant elongation and rate.
-    pub(super) fn halfway(&self, e: f64, v: f64, h: f64) -> f64 {
+    pub(super) fn force_halfway(&self, e: f64, v: f64, h: f64) -> f64 {
         match self.bristle() {
             Some(bristle_law) => {
-                let bristle = bristle_law.midpoint_deflection(self.bristle, v, h / self.rate());
+                let bristle = bristle_law.midpoint_deflection(self.bristle, v, h / self.rate_factor());
                 Self { bristle, ..*self }.force(e, v)
             }
             None => self.force(e, v),
@@ -123,10 +123,10 @@ impl LawNow<'_> {
 }
 
 impl LawScript {
-    pub(in crate::island::fine) fn states(&self, script: &Script) -> Vec<LawState> {
+    pub(in crate::island::fine) fn build_states(&self, script: &Script) -> Vec<LawState> {
         let state = |&link: &usize| {
             let mut state = LawState {
-                path: vec![0.0; script.basis.n()],
+                relative_path: vec![0.0; script.basis.n_polynomials()],
                 ..LawState::default()
             };
             if let Kind::Lnl { law, .. } = &script.links[link].kind {
@@ -141,85 +141,92 @@ impl LawScript {
 impl LawState {
     /// Take over the state of the same law in another version.
     pub(in crate::island::fine) fn continue_from(&mut self, old: &Self) {
-        (self.force, self.elongation, self.rate) = (old.force, old.elongation, old.rate);
-        (self.start_force, self.largest_force, self.bristle) = (old.start_force, old.largest_force, old.bristle);
-        self.before = old.before;
+        (self.stage_forces, self.stage_elongations, self.stage_rates) =
+            (old.stage_forces, old.stage_elongations, old.stage_rates);
+        (self.start_force, self.largest_force, self.bristle_at_start) =
+            (old.start_force, old.largest_force, old.bristle_at_start);
+        self.previous_forces = old.previous_forces;
     }
 
     /// Deflection of its bristles at the start of a frame [m].
     pub(in crate::island::fine) fn bristle_at_start(&self) -> f64 {
-        self.bristle
+        self.bristle_at_start
     }
 
     pub(in crate::island::fine) fn set_bristle_deflection(&mut self, deflection: f64) {
-        self.bristle = deflection;
+        self.bristle_at_start = deflection;
     }
 
     /// Do not extrapolate from parts that were longer than those to come.
-    pub(in crate::island::fine) fn forget_before(&mut self) {
-        self.before = None;
+    pub(in crate::island::fine) fn forget_previous_forces(&mut self) {
+        self.previous_forces = None;
     }
 
     /// Save what a step changes, if it may be repeated.
     pub(in crate::island::fine) fn save(&mut self) {
-        self.saved_deflection = self.bristle;
+        self.saved_deflection = self.bristle_at_start;
     }
 
     /// Undo the last step.
     pub(in crate::island::fine) fn restore(&mut self) {
-        self.bristle = self.saved_deflection;
+        self.bristle_at_start = self.saved_deflection;
     }
 
     /// Compute elongations and rates at the Gauss points of a part from the path; returns those at the start of the
     /// frame.
-    pub(super) fn see(&mut self, division: &Division, part: usize) -> [f64; 2] {
-        let n_instants = self.path.len();
-        let mut motion_seen: Motion = [0.0; 2 * STAGES + 2];
-        for (x, weights) in self.path.iter().zip(&division.motion[part * n_instants..]) {
-            for (motion_seen, weight) in motion_seen.iter_mut().zip(weights) {
+    pub(super) fn compute_stage_motion(&mut self, division: &Division, part: usize) -> [f64; 2] {
+        let n_instants = self.relative_path.len();
+        let mut stage_motion: MotionWeights = [0.0; 2 * STAGES + 2];
+        for (x, weights) in self
+            .relative_path
+            .iter()
+            .zip(&division.motion_weights[part * n_instants..])
+        {
+            for (motion_seen, weight) in stage_motion.iter_mut().zip(weights) {
                 *motion_seen += x * weight;
             }
         }
-        let [x1, x2, x3, v1, v2, v3, start_elongation, start_rate] = motion_seen;
-        (self.elongation, self.rate) = ([x1, x2, x3].map(|x| self.origin + x), [v1, v2, v3]);
-        [self.origin + start_elongation, start_rate]
+        let [x1, x2, x3, v1, v2, v3, start_elongation, start_rate] = stage_motion;
+        (self.stage_elongations, self.stage_rates) = ([x1, x2, x3].map(|x| self.elongation_offset + x), [v1, v2, v3]);
+        [self.elongation_offset + start_elongation, start_rate]
     }
 
     /// Extrapolate the forces of the last parts to the next.
-    pub(super) fn look_ahead(&mut self, laws: &LawScript) {
-        let near_guess = laws.ahead.map(|row| dot(&row, &self.force));
-        let far_guess = self.before.map_or(near_guess, |before| {
-            let by_before = laws.ahead_by_before.map(|row| dot(&row, &before));
-            let by_last = laws.ahead_by_last.map(|row| dot(&row, &self.force));
+    pub(super) fn extrapolate_forces(&mut self, laws: &LawScript) {
+        let near_guess = laws.extrapolation.map(|row| dot(&row, &self.stage_forces));
+        let far_guess = self.previous_forces.map_or(near_guess, |previous_forces| {
+            let by_before = laws.extrapolation_from_previous.map(|row| dot(&row, &previous_forces));
+            let by_last = laws.extrapolation_from_last.map(|row| dot(&row, &self.stage_forces));
             std::array::from_fn(|stage| by_before[stage] + by_last[stage])
         });
         let guess_spread = (far_guess.iter().zip(&near_guess)).fold(0.0_f64, |largest_yet, (far_guess, near_guess)| {
             largest_yet.max((far_guess - near_guess).abs())
         });
         let is_better = EXTRAPOLATION_RANGE.contains(&(guess_spread / self.largest_force));
-        self.before = Some(self.force);
-        self.force = if is_better { far_guess } else { near_guess };
+        self.previous_forces = Some(self.stage_forces);
+        self.stage_forces = if is_better { far_guess } else { near_guess };
     }
 
     /// Forces of the law at three instants of a part of `h` frames [N], and the derivative of what they leave unmet by
-    /// the forces that are assumed, to which elongation and rate respond by `moves`.
-    pub(super) fn answer(
+    /// the forces that are assumed, to which elongation and rate respond by `by_x` and `by_v`.
+    pub(super) fn forces_and_slopes(
         &mut self,
-        laws_now: &[LawNow<'_>; STAGES],
-        (e, v): (&Stages, &Stages),
-        (h, [by_x, by_v]): (f64, &[Square; 2]),
-    ) -> (Stages, Square) {
-        let rate = laws_now[0].rate();
-        if let Some(bent_bristles) = Bent::new(laws_now, v, h) {
+        stage_laws: &[InstantLaw<'_>; STAGES],
+        (e, v): (&StageValues, &StageValues),
+        (h, [by_x, by_v]): (f64, &[StageMatrix; 2]),
+    ) -> (StageValues, StageMatrix) {
+        let rate = stage_laws[0].rate_factor();
+        if let Some(bent_bristles) = BristleBend::new(stage_laws, v, h) {
             self.bristle_at_end = bent_bristles.bristle_at_end;
             // A rate at one instant bends the bristles at all later instants.
             let unmet_slope = |stage: usize, column: usize| {
-                let slope_product = |from: usize| bent_bristles.slopes[stage][from] * by_v[from][column];
+                let slope_product =
+                    |source_stage: usize| bent_bristles.slopes[stage][source_stage] * by_v[source_stage][column];
                 identity_entry(stage, column) - rate * (0..STAGES).map(slope_product).sum::<f64>()
             };
             return (bent_bristles.force, square(unmet_slope));
         }
-        let (force, k, z) = self.tangents(laws_now, e, v);
+        let (force, k, z) = self.tangents(stage_laws, e, v);
         let unmet_slope = |stage: usize, column: usize| {
             let (by_x, by_v) = (by_x[stage][column], by_v[stage][column]);
             identity_entry(stage, column) - k[stage] * by_x - z[stage] * rate * by_v
@@ -228,16 +235,21 @@ impl LawState {
     }
 
     /// Forces of a law without bristles, and its slopes in the elongation and in its rate [N/m, N·s/m].
-    fn tangents(&mut self, laws_now: &[LawNow<'_>; STAGES], e: &Stages, v: &Stages) -> (Stages, Stages, Stages) {
-        match laws_now[0].kind {
+    fn tangents(
+        &mut self,
+        stage_laws: &[InstantLaw<'_>; STAGES],
+        e: &StageValues,
+        v: &StageValues,
+    ) -> (StageValues, StageValues, StageValues) {
+        match stage_laws[0].kind {
             Kind::Lnl { law, .. } => {
                 // The law at the start of the frame takes the last place.
-                let place = |stage_values: &Stages, start: f64| -> Places {
+                let with_start = |stage_values: &StageValues, start: f64| -> Places {
                     std::array::from_fn(|place| stage_values.get(place).copied().unwrap_or(start))
                 };
-                let (d, v) = (place(e, self.start[0]), place(v, self.start[1]));
+                let (d, v) = (with_start(e, self.start_motion[0]), with_start(v, self.start_motion[1]));
                 let tangents = law.tangents(&d, &v, &mut self.scratch);
-                let gate_opening = laws_now[0].gate_opening;
+                let gate_opening = stage_laws[0].gate_opening;
                 self.start_force = gate_opening * tangents.force[PLACES - 1];
                 let [force, k, z] = [tangents.force, tangents.by_d, tangents.by_v]
                     .map(|values| [0, 1, 2].map(|stage: usize| gate_opening * values[stage]));
@@ -245,11 +257,11 @@ impl LawState {
             }
             Kind::Hardening(q) => {
                 let k = |stage: usize| {
-                    let stage_law = &laws_now[stage];
+                    let stage_law = &stage_laws[stage];
                     stage_law.gate_opening * (stage_law.k + 3.0 * q * e[stage] * e[stage])
                 };
-                let force = [0, 1, 2].map(|stage| laws_now[stage].force(e[stage], v[stage]));
-                let z = laws_now
+                let force = [0, 1, 2].map(|stage| stage_laws[stage].force(e[stage], v[stage]));
+                let z = stage_laws
                     .each_ref()
                     .map(|stage_law| stage_law.gate_opening * stage_law.z);
                 (force, [0, 1, 2].map(k), z)
@@ -260,47 +272,54 @@ impl LawState {
 }
 
 /// Bristles over a part of a frame.
-struct Bent {
-    force: Stages,
+struct BristleBend {
+    force: StageValues,
     /// Bend at the end of the part [m].
     bristle_at_end: f64,
     /// Derivatives of the forces by the rates of the ends at each instant [N·s/m].
-    slopes: Square,
+    slopes: StageMatrix,
 }
 
-impl Bent {
+impl BristleBend {
     /// Bristles at three instants of a part of `h` frames, from the rates of their ends there [m/s]; `None` for other
     /// laws.
-    fn new(laws_now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<Self> {
-        let bristles = [laws_now[0].bristle()?, laws_now[1].bristle()?, laws_now[2].bristle()?];
-        let (start_bend, h) = (laws_now[0].bristle, h / laws_now[0].rate());
-        let wear_pairs = [0, 1, 2].map(|stage: usize| bristles[stage].relaxation_and_slope(v[stage]));
-        let wear_rates = wear_pairs.map(|(wear_rates, _)| wear_rates);
+    fn new(stage_laws: &[InstantLaw<'_>; STAGES], v: &StageValues, h: f64) -> Option<Self> {
+        let bristles = [
+            stage_laws[0].bristle()?,
+            stage_laws[1].bristle()?,
+            stage_laws[2].bristle()?,
+        ];
+        let (start_bend, h) = (stage_laws[0].bristle, h / stage_laws[0].rate_factor());
+        let relaxation_pairs = [0, 1, 2].map(|stage: usize| bristles[stage].relaxation_and_slope(v[stage]));
+        let relaxation_rates = relaxation_pairs.map(|(wear_rates, _)| wear_rates);
         let decay_matrix = square(|stage, column| {
-            identity_entry(stage, column) + h * INTEGRAL_WEIGHTS[stage][column] * wear_rates[column]
+            identity_entry(stage, column) + h * INTEGRAL_WEIGHTS[stage][column] * relaxation_rates[column]
         });
         let decay_matrix = inverse(&decay_matrix);
         let free_bends = INTEGRAL_WEIGHTS.map(|row| start_bend + h * dot(&row, v));
         let stage_bends = decay_matrix.map(|row| dot(&row, &free_bends));
-        let bending_rates: Stages = std::array::from_fn(|stage| v[stage] - wear_rates[stage] * stage_bends[stage]);
+        let bending_rates: StageValues =
+            std::array::from_fn(|stage| v[stage] - relaxation_rates[stage] * stage_bends[stage]);
         // Slope of the rate of each bend over the rate of its ends.
-        let rate_slopes: Stages = std::array::from_fn(|stage| 1.0 - wear_pairs[stage].1 * stage_bends[stage]);
+        let rate_slopes: StageValues =
+            std::array::from_fn(|stage| 1.0 - relaxation_pairs[stage].1 * stage_bends[stage]);
         let stage_force = |stage: usize| {
-            laws_now[stage].gate_opening
-                * bristles[stage].force_at_relaxation(stage_bends[stage], v[stage], wear_rates[stage])
+            stage_laws[stage].gate_opening
+                * bristles[stage].force_at_relaxation(stage_bends[stage], v[stage], relaxation_rates[stage])
         };
-        let stage_slope = |stage: usize, from: usize| {
+        let stage_slope = |stage: usize, source_stage: usize| {
             let deflection = (0..STAGES)
-                .map(|inner_stage| decay_matrix[stage][inner_stage] * h * INTEGRAL_WEIGHTS[inner_stage][from]);
-            let deflection = deflection.sum::<f64>() * rate_slopes[from];
+                .map(|inner_stage| decay_matrix[stage][inner_stage] * h * INTEGRAL_WEIGHTS[inner_stage][source_stage]);
+            let deflection = deflection.sum::<f64>() * rate_slopes[source_stage];
             let bristles = &bristles[stage];
-            let by_deflection = bristles.stiffness - bristles.damping * wear_rates[stage];
-            let by_rate = bristles.damping * rate_slopes[from] + bristles.viscosity;
-            laws_now[stage].gate_opening * (by_deflection * deflection + identity_entry(stage, from) * by_rate)
+            let by_deflection = bristles.stiffness - bristles.damping * relaxation_rates[stage];
+            let by_rate = bristles.damping * rate_slopes[source_stage] + bristles.viscosity;
+            stage_laws[stage].gate_opening
+                * (by_deflection * deflection + identity_entry(stage, source_stage) * by_rate)
         };
         Some(Self {
             force: std::array::from_fn(stage_force),
-            bristle_at_end: start_bend + h * dot(&WEIGHTS, &bending_rates),
+            bristle_at_end: start_bend + h * dot(&GAUSS_WEIGHTS, &bending_rates),
             slopes: square(stage_slope),
         })
     }
@@ -310,21 +329,21 @@ fn identity_entry(row: usize, column: usize) -> f64 {
     f64::from(u8::from(row == column))
 }
 
-fn square(entry_at: impl Fn(usize, usize) -> f64) -> Square {
+fn square(entry_at: impl Fn(usize, usize) -> f64) -> StageMatrix {
     std::array::from_fn(|row| std::array::from_fn(|column| entry_at(row, column)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::island::fine::laws::POINTS;
+    use crate::island::fine::laws::GAUSS_POINTS;
 
     #[test]
     fn means_of_parabolas_are_exact() {
-        for (row, c) in INTEGRAL_WEIGHTS.iter().zip(POINTS) {
+        for (row, c) in INTEGRAL_WEIGHTS.iter().zip(GAUSS_POINTS) {
             assert!((dot(row, &[1.0; STAGES]) - c).abs() < 1e-15);
-            assert!((dot(row, &POINTS) - c * c / 2.0).abs() < 1e-15);
-            assert!((dot(row, &POINTS.map(|at| at * at)) - c * c * c / 3.0).abs() < 1e-15);
+            assert!((dot(row, &GAUSS_POINTS) - c * c / 2.0).abs() < 1e-15);
+            assert!((dot(row, &GAUSS_POINTS.map(|at| at * at)) - c * c * c / 3.0).abs() < 1e-15);
         }
     }
 }

@@ -1,31 +1,31 @@
 //! Constant tables of laws between frames: the response of each law's elongation to the forces of the others.
 
-use super::{DEVIATION_MAX, PARTS_PLAIN, POINTS, STAGES, Square, Stages, WEIGHTS};
+use super::{DEVIATION_MAX, GAUSS_POINTS, GAUSS_WEIGHTS, PARTS_UNSCALED_MAX, STAGES, StageMatrix, StageValues};
 use crate::island::fine::Script;
 use crate::island::fine::basis::{Instant, POLYNOMIALS_MAX, dot};
 use crate::scheme::Kind;
 
 /// Values at the three Gauss points of a part, slopes there, and value and slope at the start of the frame: one wide
 /// vector.
-pub(super) type Motion = [f64; 2 * STAGES + 2];
+pub(super) type MotionWeights = [f64; 2 * STAGES + 2];
 
 /// A frame in `parts` parts, which are solved one after the other.
 #[derive(Clone, Debug)]
 pub(super) struct Division {
     pub(super) parts: usize,
     /// Instants of the Gauss points   (parts·3)
-    pub(super) s: Vec<f64>,
+    pub(super) gauss_instants: Vec<f64>,
     /// Weights of the values at the instants of a frame in the value at each Gauss point   (parts·3, n)
-    pub(super) value: Vec<f64>,
+    pub(super) interpolation: Vec<f64>,
     /// The same weights, and those in the slopes there, and in value and slope at the start of the frame, instant by
     /// instant   (parts, n)
-    pub(super) motion: Vec<Motion>,
+    pub(super) motion_weights: Vec<MotionWeights>,
     /// Response of one law's elongation and rate at the Gauss points of a part to the force of another in that part
     /// (n_laws²)
-    pub(super) moves: Vec<[Square; 2]>,
+    pub(super) force_responses: Vec<[StageMatrix; 2]>,
     /// Response of one law's elongation at the instants of a frame to an impulse of another at each Gauss point, for
     /// the parts after it   (n_laws², parts·3, n)
-    pub(super) later: Vec<f64>,
+    pub(super) later_responses: Vec<f64>,
 }
 
 /// The constant data of laws.
@@ -36,51 +36,55 @@ pub(in crate::island::fine) struct LawScript {
     /// Parts of a frame: 1, 2, 4, and so on.
     pub(super) divisions: Vec<Division>,
     /// Largest deviation with which a frame is taken as a whole, relative to the largest force.
-    pub(super) smooth: f64,
+    pub(super) deviation_max: f64,
     /// Weights of the values at the instants of a frame in the value, and in the slope, at its end   (n each)
-    pub(super) end: [Vec<f64>; 2],
+    pub(super) end_interpolation: [Vec<f64>; 2],
     /// Response of one law's elongation and rate at the end of a whole frame to the force of another   (n_laws²)
-    pub(super) moves_end: Vec<[[f64; STAGES]; 2]>,
+    pub(super) end_responses: Vec<[[f64; STAGES]; 2]>,
     /// Weights of a part's forces in their extrapolation to the next part's Gauss points.
-    pub(super) ahead: Square,
+    pub(super) extrapolation: StageMatrix,
     /// The same with the part before it: weights of the forces of that part, and of the last.
-    pub(super) ahead_by_before: Square,
-    pub(super) ahead_by_last: Square,
+    pub(super) extrapolation_from_previous: StageMatrix,
+    pub(super) extrapolation_from_last: StageMatrix,
     /// Weights of a part's forces in their extrapolation to both its ends.
-    pub(super) end_weights: [[f64; STAGES]; 2],
+    pub(super) end_extrapolation: [[f64; STAGES]; 2],
 }
 
 impl LawScript {
     pub(in crate::island::fine) fn new(script: &Script) -> Self {
         let is_law = |index: &usize| !matches!(script.links[*index].kind, Kind::But(_) | Kind::Dry { .. });
         let links: Vec<usize> = (0..script.links.len()).filter(is_law).collect();
-        let parts_max = if links.is_empty() { 1 } else { (script.steps / 2).max(1) };
+        let parts_max = if links.is_empty() {
+            1
+        } else {
+            (script.steps_min / 2).max(1)
+        };
         let parts = std::iter::successors(Some(1), |parts| Some(2 * parts));
         let end_pairs: Vec<_> = (0..links.len() * links.len())
-            .map(|pair| [pair / links.len(), pair % links.len()].map(|law| script.ends[links[law]]))
+            .map(|pair| [pair / links.len(), pair % links.len()].map(|law| script.link_joints[links[law]]))
             .collect();
         let divide = |parts: usize| Division::new(script, &end_pairs, parts);
-        let end_instant = Instant::new(script.basis.n(), 1.0);
+        let end_instant = Instant::new(script.basis.n_polynomials(), 1.0);
         let end_response = |ends: &[(usize, usize); 2]| {
             let mut stage_responses = [[0.0; STAGES]; 2];
             for stage in 0..STAGES {
-                let start_instant = Instant::new(script.basis.n(), POINTS[stage]);
-                let stage_weight = WEIGHTS[stage] * script.rate.step();
-                let [x, v] = script.between(*ends, [&start_instant, &end_instant]);
+                let start_instant = Instant::new(script.basis.n_polynomials(), GAUSS_POINTS[stage]);
+                let stage_weight = GAUSS_WEIGHTS[stage] * script.rate.step();
+                let [x, v] = script.elongation_response(*ends, [&start_instant, &end_instant]);
                 (stage_responses[0][stage], stage_responses[1][stage]) = (stage_weight * x, stage_weight * v);
             }
             stage_responses
         };
-        let part_excess = (parts_max as f64 / PARTS_PLAIN as f64).max(1.0);
+        let part_excess = (parts_max as f64 / PARTS_UNSCALED_MAX as f64).max(1.0);
         Self {
             divisions: parts.take_while(|&parts| parts <= parts_max).map(divide).collect(),
-            smooth: DEVIATION_MAX / (part_excess * part_excess * part_excess),
-            end: [&end_instant.value, &end_instant.slope].map(|values| script.basis.weights(values)),
-            moves_end: end_pairs.iter().map(end_response).collect(),
-            ahead: POINTS.map(|c| shares(1.0 + c)),
-            ahead_by_before: POINTS.map(|c| two_part_weights(1.0 + c, 0)),
-            ahead_by_last: POINTS.map(|c| two_part_weights(1.0 + c, 1)),
-            end_weights: [0.0, 1.0].map(shares),
+            deviation_max: DEVIATION_MAX / (part_excess * part_excess * part_excess),
+            end_interpolation: [&end_instant.value, &end_instant.slope].map(|values| script.basis.weights(values)),
+            end_responses: end_pairs.iter().map(end_response).collect(),
+            extrapolation: GAUSS_POINTS.map(|c| lagrange_weights(1.0 + c)),
+            extrapolation_from_previous: GAUSS_POINTS.map(|c| two_part_weights(1.0 + c, 0)),
+            extrapolation_from_last: GAUSS_POINTS.map(|c| two_part_weights(1.0 + c, 1)),
+            end_extrapolation: [0.0, 1.0].map(lagrange_weights),
             links,
         }
     }
@@ -88,24 +92,28 @@ impl LawScript {
 
 impl Division {
     fn new(script: &Script, pairs: &[[(usize, usize); 2]], parts: usize) -> Self {
-        let (n_instants, part_length) = (script.basis.n(), 1.0 / parts as f64);
-        let s: Vec<f64> = (0..parts)
-            .flat_map(|part| POINTS.map(|c| (part as f64 + c) * part_length))
+        let (n_instants, part_length) = (script.basis.n_polynomials(), 1.0 / parts as f64);
+        let gauss_instants: Vec<f64> = (0..parts)
+            .flat_map(|part| GAUSS_POINTS.map(|c| (part as f64 + c) * part_length))
             .collect();
-        let gauss_instants: Vec<Instant> = s.iter().map(|&s| Instant::new(n_instants, s)).collect();
-        let mut later = Vec::new();
+        let gauss_polynomials: Vec<Instant> = gauss_instants.iter().map(|&s| Instant::new(n_instants, s)).collect();
+        let mut later_responses = Vec::new();
         if parts > 1 {
             let instants: Vec<Instant> = (script.basis.instants.iter())
                 .map(|&s| Instant::new(n_instants, s))
                 .collect();
             for &ends in pairs {
-                for gauss_instant in &gauss_instants {
-                    later.extend(instants.iter().map(|end| script.between(ends, [gauss_instant, end])[0]));
+                for gauss_instant in &gauss_polynomials {
+                    later_responses.extend(
+                        instants
+                            .iter()
+                            .map(|end| script.elongation_response(ends, [gauss_instant, end])[0]),
+                    );
                 }
             }
         }
         let weights = |values: fn(&Instant) -> &[f64; POLYNOMIALS_MAX]| -> Vec<Vec<f64>> {
-            gauss_instants
+            gauss_polynomials
                 .iter()
                 .map(|instant| script.basis.weights(values(instant)))
                 .collect()
@@ -125,25 +133,28 @@ impl Division {
         };
         Self {
             parts,
-            motion: (0..parts * n_instants)
+            motion_weights: (0..parts * n_instants)
                 .map(|index| part_motion(index / n_instants, index % n_instants))
                 .collect(),
-            value: values.concat(),
-            moves: pairs.iter().map(|&ends| script.coupled(ends, part_length)).collect(),
-            later,
-            s,
+            interpolation: values.concat(),
+            force_responses: pairs
+                .iter()
+                .map(|&ends| script.force_response(ends, part_length))
+                .collect(),
+            later_responses,
+            gauss_instants,
         }
     }
 }
 
 /// Weights of the values at the Gauss points in the value at `s` of the polynomial through them, in parts.
-pub(in crate::island::fine) fn shares(s: f64) -> [f64; STAGES] {
-    lagrange(s, POINTS)
+pub(in crate::island::fine) fn lagrange_weights(s: f64) -> [f64; STAGES] {
+    lagrange(s, GAUSS_POINTS)
 }
 
 /// The same for the Gauss points of two parts, -1 to 0 and 0 to 1: the weights of the first or of the second.
-fn two_part_weights(s: f64, part: usize) -> Stages {
-    let gauss_points = [-1.0, 0.0].map(|start| POINTS.map(|c| start + c));
+fn two_part_weights(s: f64, part: usize) -> StageValues {
+    let gauss_points = [-1.0, 0.0].map(|start| GAUSS_POINTS.map(|c| start + c));
     let point_shares = lagrange::<6>(
         s,
         std::array::from_fn(|point_index| gauss_points[point_index / STAGES][point_index % STAGES]),
@@ -165,19 +176,19 @@ fn lagrange<const N: usize>(s: f64, points: [f64; N]) -> [f64; N] {
 impl Script {
     /// Response of the elongation between `moved_ends`, and of its rate, to the force of a law between `pushed_ends`,
     /// at the Gauss points of a part of `h` frames.
-    fn coupled(&self, [moved_ends, pushed_ends]: [(usize, usize); 2], h: f64) -> [Square; 2] {
-        let n_instants = self.basis.n();
+    fn force_response(&self, [moved_ends, pushed_ends]: [(usize, usize); 2], h: f64) -> [StageMatrix; 2] {
+        let n_instants = self.basis.n_polynomials();
         let mut coefficients = [[[0.0; STAGES]; STAGES]; 2];
-        for (row, c) in POINTS.into_iter().enumerate() {
+        for (row, c) in GAUSS_POINTS.into_iter().enumerate() {
             let end_instant = Instant::new(n_instants, c * h);
             // Gauss quadrature over each half of the time up to this point: of order 6.
             for half in 0..2 {
-                for (point, quadrature_weight) in POINTS.into_iter().zip(WEIGHTS) {
+                for (point, quadrature_weight) in GAUSS_POINTS.into_iter().zip(GAUSS_WEIGHTS) {
                     let quadrature_time = 0.5 * (half as f64 + point) * c;
                     let start_instant = Instant::new(n_instants, quadrature_time * h);
                     let quadrature_weight = 0.5 * quadrature_weight * c * h * self.rate.step();
-                    let [x, v] = self.between([moved_ends, pushed_ends], [&start_instant, &end_instant]);
-                    for (column, share) in shares(quadrature_time).into_iter().enumerate() {
+                    let [x, v] = self.elongation_response([moved_ends, pushed_ends], [&start_instant, &end_instant]);
+                    for (column, share) in lagrange_weights(quadrature_time).into_iter().enumerate() {
                         coefficients[0][row][column] += quadrature_weight * share * x;
                         coefficients[1][row][column] += quadrature_weight * share * v;
                     }
@@ -189,15 +200,15 @@ impl Script {
 
     /// Response of the elongation between `to` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law between
     /// `from`.
-    pub(in crate::island::fine) fn between(
+    pub(in crate::island::fine) fn elongation_response(
         &self,
-        [to, from]: [(usize, usize); 2],
+        [moved_ends, pushed_ends]: [(usize, usize); 2],
         instants: [&Instant; 2],
     ) -> [f64; 2] {
         let mut response = [0.0; 2];
-        for (sign_to, to) in [(-1.0, to.0), (1.0, to.1)] {
-            for (sign_from, from) in [(1.0, from.0), (-1.0, from.1)] {
-                let [x, v] = self.answer([from, to], instants);
+        for (sign_to, to) in [(-1.0, moved_ends.0), (1.0, moved_ends.1)] {
+            for (sign_from, from) in [(1.0, pushed_ends.0), (-1.0, pushed_ends.1)] {
+                let [x, v] = self.joint_response([from, to], instants);
                 response[0] += sign_to * sign_from * x;
                 response[1] += sign_to * sign_from * v;
             }
@@ -206,13 +217,17 @@ impl Script {
     }
 
     /// Response of one joint's position [m/N·s] and velocity [m/frame per N·s] to an impulse on another.
-    fn answer(&self, [from, to]: [usize; 2], [start, end]: [&Instant; 2]) -> [f64; 2] {
-        let n_instants = self.basis.n();
+    fn joint_response(
+        &self,
+        [pushed_joint, moved_joint]: [usize; 2],
+        [push_instant, response_instant]: [&Instant; 2],
+    ) -> [f64; 2] {
+        let n_instants = self.basis.n_polynomials();
         let mut response = [0.0; 2];
-        let joint_moves = &self.path_responses[from * self.joints.len() + to];
-        for (row, share) in joint_moves.chunks(n_instants).zip(&start.value) {
-            response[0] += share * dot(row, &end.value);
-            response[1] += share * dot(row, &end.slope);
+        let joint_moves = &self.path_responses[pushed_joint * self.joints.len() + moved_joint];
+        for (row, share) in joint_moves.chunks(n_instants).zip(&push_instant.value) {
+            response[0] += share * dot(row, &response_instant.value);
+            response[1] += share * dot(row, &response_instant.slope);
         }
         response
     }
@@ -226,9 +241,9 @@ mod tests {
     fn extrapolation_weights_are_exact_up_to_degree_5() {
         for power in 0..6 {
             let polynomial = |s: f64| (0..power).map(|_| s).product::<f64>();
-            for s in POINTS.map(|c| 1.0 + c) {
+            for s in GAUSS_POINTS.map(|c| 1.0 + c) {
                 let part_sums = [(0, -1.0), (1, 0.0)]
-                    .map(|(part, start)| dot(&two_part_weights(s, part), &POINTS.map(|c| polynomial(start + c))));
+                    .map(|(part, start)| dot(&two_part_weights(s, part), &GAUSS_POINTS.map(|c| polynomial(start + c))));
                 assert!((part_sums[0] + part_sums[1] - polynomial(s)).abs() < 1e-11 * polynomial(s).max(1.0));
             }
         }

@@ -41,7 +41,7 @@ fn played(network: &Network, (rate, steps): (f64, usize), n_frames: usize) -> Ve
         contact_substeps: steps,
         contact_order: ContactOrder::Fourth,
         oversampling: 1,
-        every: 1,
+        frame_interval: 1,
     };
     let mut island = Island::new(Arc::new(network.clone()), &timeline, &[], step_numbers, options).unwrap();
     let mut listened = vec![0.0; n_frames];

@@ -16,31 +16,31 @@ const MATS_MAX: usize = 8;
 pub(crate) struct FramePowers {
     n_mat: usize,
     /// (size, size), row by row; the last row is 0
-    change: Vec<f64>,
-    square: Vec<f64>,
+    frame_change: Vec<f64>,
+    squared_change: Vec<f64>,
     /// (size,) each
     state: Vec<f64>,
-    moved: Vec<f64>,
+    state_change: Vec<f64>,
 }
 
 impl FramePowers {
     /// Buffers for the powers of a key's frame; `None` if a frame is not a constant affine map, or the key has more
     /// MATs than [`MATS_MAX`].
-    pub(crate) fn new(free: &FreeKey) -> Option<Self> {
-        let scheme = &*free.scheme;
+    pub(crate) fn new(free_key: &FreeKey) -> Option<Self> {
+        let scheme = &*free_key.scheme;
         let n_mat = scheme.n_mat();
-        let are_constant = free
+        let are_constant = free_key
             .drives
             .iter()
             .all(|drive| matches!(drive.source, DriveSource::Constant(_)));
-        let is_affine = scheme.is_linear && scheme.exact.is_empty() && free.slow.is_empty();
+        let is_affine = scheme.is_linear && scheme.exact_runs.is_empty() && free_key.slow_bodies.is_empty();
         let state_size = 2 * n_mat + 1;
         (is_affine && are_constant && n_mat <= MATS_MAX).then(|| Self {
             n_mat,
-            change: vec![0.0; state_size * state_size],
-            square: vec![0.0; state_size * state_size],
+            frame_change: vec![0.0; state_size * state_size],
+            squared_change: vec![0.0; state_size * state_size],
             state: vec![0.0; state_size],
-            moved: vec![0.0; state_size],
+            state_change: vec![0.0; state_size],
         })
     }
 
@@ -51,7 +51,7 @@ impl FramePowers {
     /// Advance a key by `frames` frames without strikes.
     pub(super) fn advance(
         &mut self,
-        free: &FreeKey,
+        free_key: &FreeKey,
         motion: &mut FreeMotion,
         mut frames: u64,
         laws: &mut KernelScratch,
@@ -61,14 +61,14 @@ impl FramePowers {
         self.state[..mat_count].copy_from_slice(&motion.body.x);
         self.state[mat_count..last_index].copy_from_slice(&motion.body.d);
         self.state[last_index] = 1.0;
-        self.single_frame(free, motion, laws, targets);
+        self.set_single_frame(free_key, motion, laws, targets);
         while frames > 0 {
             if frames % 2 == 1 {
-                self.apply();
+                self.apply_map();
             }
             frames /= 2;
             if frames > 0 {
-                self.double();
+                self.double_frames();
             }
         }
         motion.body.x.copy_from_slice(&self.state[..mat_count]);
@@ -76,15 +76,15 @@ impl FramePowers {
     }
 
     /// Set `change` to that of one frame: for each state variable the effect of 1 alone, less that of the zero state.
-    fn single_frame(
+    fn set_single_frame(
         &mut self,
-        free: &FreeKey,
+        free_key: &FreeKey,
         motion: &mut FreeMotion,
         laws: &mut KernelScratch,
         targets: &mut Vec<Target>,
     ) {
         let (mat_count, state_size) = (self.n_mat, self.size());
-        self.change.fill(0.0);
+        self.frame_change.fill(0.0);
         for column in (0..state_size).rev() {
             motion.body.x.fill(0.0);
             motion.body.d.fill(0.0);
@@ -93,14 +93,14 @@ impl FramePowers {
             } else if column < 2 * mat_count {
                 motion.body.d[column - mat_count] = 1.0;
             }
-            free.forces(motion, 0, laws, targets);
-            free.strike_and_move(motion, 0, 0.0, targets);
+            free_key.sum_forces(motion, 0, laws, targets);
+            free_key.strike_and_move(motion, 0, 0.0, targets);
             for (mat, &step) in motion.body.d.iter().enumerate() {
                 let step_before = f64::from(u8::from(column == mat_count + mat));
                 // The change of a position is exactly its last step.
                 for (row, change) in [(mat, step), (mat_count + mat, step - step_before)] {
-                    let constant = self.change[row * state_size + state_size - 1];
-                    self.change[row * state_size + column] =
+                    let constant = self.frame_change[row * state_size + state_size - 1];
+                    self.frame_change[row * state_size + column] =
                         change - if column < 2 * mat_count { constant } else { 0.0 };
                 }
             }
@@ -108,29 +108,33 @@ impl FramePowers {
     }
 
     /// Apply the map to the state.
-    fn apply(&mut self) {
+    fn apply_map(&mut self) {
         let state_size = self.size();
-        for (moved, row) in self.moved.iter_mut().zip(self.change.chunks_exact(state_size)) {
+        for (moved, row) in self
+            .state_change
+            .iter_mut()
+            .zip(self.frame_change.chunks_exact(state_size))
+        {
             *moved = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
         }
-        for (state, moved) in self.state.iter_mut().zip(&self.moved) {
+        for (state, moved) in self.state.iter_mut().zip(&self.state_change) {
             *state += moved;
         }
     }
 
     /// The map of twice as many frames: (1 + B)² = 1 + 2B + B².
-    fn double(&mut self) {
+    fn double_frames(&mut self) {
         let state_size = self.size();
-        for (row, out) in self.square.chunks_exact_mut(state_size).enumerate() {
+        for (row, out) in self.squared_change.chunks_exact_mut(state_size).enumerate() {
             out.fill(0.0);
-            let factors = &self.change[row * state_size..(row + 1) * state_size];
-            for (&factor, other) in factors.iter().zip(self.change.chunks_exact(state_size)) {
+            let factors = &self.frame_change[row * state_size..(row + 1) * state_size];
+            for (&factor, other) in factors.iter().zip(self.frame_change.chunks_exact(state_size)) {
                 for (out, other) in out.iter_mut().zip(other) {
                     *out += factor * other;
                 }
             }
         }
-        for (change, square) in self.change.iter_mut().zip(&self.square) {
+        for (change, square) in self.frame_change.iter_mut().zip(&self.squared_change) {
             *change = 2.0 * *change + square;
         }
     }
@@ -159,30 +163,30 @@ mod tests {
         let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
         FreeKey {
             scheme: Arc::new(scheme),
-            struck: first_mat,
-            members: vec![first_mat, second_mat],
+            struck_mat: first_mat,
+            scene_mats: vec![first_mat, second_mat],
             drives: vec![Drive {
                 mat: second_mat,
                 kind: DriveKind::Force,
                 source: DriveSource::Constant(-0.02),
                 acts_on_free_key: true,
             }],
-            slow: Vec::new(),
+            slow_bodies: Vec::new(),
         }
     }
 
     fn buffers(free: &FreeKey) -> Buffers {
         Buffers {
             has_only_flow: false,
-            coast: free.motion_at_rest(),
+            trial_motion: free.motion_at_rest(),
             laws: KernelScratch::new(&free.scheme),
             targets: Vec::new(),
             frame_powers: FramePowers::new(free),
         }
     }
 
-    fn moving(free: &FreeKey) -> FreeMotion {
-        free.start(Body::new(&free.scheme, vec![2e-3, -1e-3], vec![1e-6, 3e-7]))
+    fn moving_key(free: &FreeKey) -> FreeMotion {
+        free.start_motion(Body::new(&free.scheme, vec![2e-3, -1e-3], vec![1e-6, 3e-7]))
     }
 
     #[test]
@@ -191,12 +195,12 @@ mod tests {
         let mut buffers = buffers(&free_key);
         let mut frame_powers = buffers.frame_powers.take().unwrap();
         for frames in [0, 1, 2, 77, 12_345, 300_001] {
-            let mut stepped = moving(&free_key);
+            let mut stepped = moving_key(&free_key);
             for n in 0..frames {
-                free_key.forces(&mut stepped, n, &mut buffers.laws, &mut buffers.targets);
+                free_key.sum_forces(&mut stepped, n, &mut buffers.laws, &mut buffers.targets);
                 free_key.strike_and_move(&mut stepped, n, 0.0, &mut buffers.targets);
             }
-            let mut advanced = moving(&free_key);
+            let mut advanced = moving_key(&free_key);
             let Buffers { laws, targets, .. } = &mut buffers;
             frame_powers.advance(&free_key, &mut advanced, frames, laws, targets);
             for (stepped, advanced, error_max) in [
@@ -216,19 +220,19 @@ mod tests {
         let free_key = key();
         let mut buffers = buffers(&free_key);
         let (n, to, x) = (1_000, 86_399 * 44_100, 0.5e-3);
-        let force = free_key.force_to_arrive(&moving(&free_key), n, to, x, &mut buffers);
-        let mut key_motion = moving(&free_key);
+        let force = free_key.force_to_arrive(&moving_key(&free_key), n, to, x, &mut buffers);
+        let mut key_motion = moving_key(&free_key);
         let Buffers {
             laws,
             targets,
             frame_powers,
             ..
         } = &mut buffers;
-        free_key.forces(&mut key_motion, n, laws, targets);
+        free_key.sum_forces(&mut key_motion, n, laws, targets);
         free_key.strike_and_move(&mut key_motion, n, force, targets);
         let frame_powers = frame_powers.as_mut().unwrap();
         frame_powers.advance(&free_key, &mut key_motion, to - n - 1, laws, targets);
-        let end_position = key_motion.body.x[free_key.struck];
+        let end_position = key_motion.body.x[free_key.struck_mat];
         assert!((end_position - x).abs() < 1e-9, "{end_position} m, by {force} N");
     }
 

@@ -1,6 +1,6 @@
 //! How a gesture begins: directly, if the key is where it begins, or by a curve that leads onto its path.
 
-use super::{RunningGesture, Scene, Voice, VoiceScript};
+use super::{RunningGesture, Voice, VoiceScene, VoiceScript};
 use crate::gesture::quintic::{Knot, Quintic};
 use crate::island::written_hand::framed::{FramedGesture, Leg};
 
@@ -13,54 +13,54 @@ const JOINING_SECONDS_MIN: f64 = 5e-3;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Joining {
     pub(super) curve: Quintic,
-    pub(super) end: f64,
+    pub(super) end_time: f64,
 }
 
 crate::archive::option!(Joining, optional);
-crate::archive::state!(Joining { curve, end });
+crate::archive::state!(Joining { curve, end_time });
 
 impl Joining {
     fn new(from: Knot, to: Knot) -> Self {
         Self {
             curve: Quintic::between_knots(from, to),
-            end: to.t,
+            end_time: to.t,
         }
     }
 }
 
 impl Voice {
     /// Begin the next gesture, or the curve that joins it, when its time has come.
-    pub(super) fn begin(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
+    pub(super) fn begin_gestures(&mut self, script: &VoiceScript, scene: &mut VoiceScene<'_>, n: u64) {
         let frame_rate = scene.scheme.rate;
-        while let Some(&gesture_index) = script.gestures.get(self.begun) {
+        while let Some(&gesture_index) = script.gesture_indices.get(self.begun_count) {
             let gesture = &scene.gestures[gesture_index];
             let time_now = n as f64 / frame_rate;
             let has_joined = self
-                .running
+                .running_gesture
                 .as_ref()
-                .is_some_and(|running| running.gesture == gesture_index);
-            if n >= gesture.first {
-                self.begun += 1;
+                .is_some_and(|running| running.gesture_index == gesture_index);
+            if n >= gesture.first_frame {
+                self.begun_count += 1;
                 scene.reports[gesture_index].start = time_now;
                 if has_joined {
                     continue;
                 }
                 let late_curve = self.late_joining(script, scene, gesture, n);
                 scene.reports[gesture_index].is_first_point_missed = late_curve.is_some();
-                self.running = Some(RunningGesture::new(gesture_index, late_curve));
+                self.running_gesture = Some(RunningGesture::new(gesture_index, late_curve));
                 continue;
             }
             let time_left = gesture.gesture.start - time_now;
             let is_in_time =
-                n >= gesture.join_from && time_left >= JOINING_SECONDS_MIN.min(gesture.gesture.manner.join_seconds);
-            if self.running.is_none() && is_in_time {
-                let knot_now = self.motion(script, scene, gesture.gesture.manner.touch, n);
-                let is_at_entry = (knot_now.x - gesture.gesture.entry_knot.x).abs() <= JOINING_DISTANCE_MIN
-                    && (knot_now.v / frame_rate).abs() <= JOINING_DISTANCE_MIN;
+                n >= gesture.join_frame && time_left >= JOINING_SECONDS_MIN.min(gesture.gesture.manner.join_seconds);
+            if self.running_gesture.is_none() && is_in_time {
+                let key_knot = self.key_motion(script, scene, gesture.gesture.manner.touch, n);
+                let is_at_entry = (key_knot.x - gesture.gesture.entry_knot.x).abs() <= JOINING_DISTANCE_MIN
+                    && (key_knot.v / frame_rate).abs() <= JOINING_DISTANCE_MIN;
                 if !is_at_entry && gesture.gesture.manner.join_seconds > 0.0 {
-                    self.running = Some(RunningGesture::new(
+                    self.running_gesture = Some(RunningGesture::new(
                         gesture_index,
-                        Some(Joining::new(knot_now, gesture.gesture.entry_knot)),
+                        Some(Joining::new(key_knot, gesture.gesture.entry_knot)),
                     ));
                 }
             }
@@ -72,32 +72,32 @@ impl Voice {
     fn late_joining(
         &self,
         script: &VoiceScript,
-        scene: &Scene<'_>,
+        scene: &VoiceScene<'_>,
         gesture: &FramedGesture,
         n: u64,
     ) -> Option<Joining> {
         let Leg::Path { path, .. } = gesture.legs.first()? else {
             return None;
         };
-        let knot_now = self.motion(script, scene, gesture.gesture.manner.touch, n);
+        let knot_now = self.key_motion(script, scene, gesture.gesture.manner.touch, n);
         // If one gesture ends as the next begins, off the grid of frames, the key has not quite reached the point that
         // they share.
         let gesture_before = self
-            .begun
+            .begun_count
             .checked_sub(2)
-            .map(|earlier_index| &scene.gestures[script.gestures[earlier_index]]);
+            .map(|earlier_index| &scene.gestures[script.gesture_indices[earlier_index]]);
         let shares_point = gesture_before.is_some_and(|earlier_gesture| {
-            n.abs_diff(earlier_gesture.last()) < gesture.score_frame()
+            n.abs_diff(earlier_gesture.last_frame()) < gesture.frames_per_score_frame()
                 && (earlier_gesture.gesture.last_position - gesture.gesture.entry_knot.x).abs() <= JOINING_DISTANCE_MIN
         });
-        let agrees = shares_point
+        let is_on_path = shares_point
             || [path.evaluate(knot_now.t).0, gesture.gesture.entry_knot.x]
                 .iter()
                 .any(|x| (knot_now.x - x).abs() <= JOINING_DISTANCE_MIN);
-        if agrees || gesture.gesture.manner.join_seconds == 0.0 {
+        if is_on_path || gesture.gesture.manner.join_seconds == 0.0 {
             return None;
         }
-        let last_time = gesture.last() as f64 / scene.scheme.rate;
+        let last_time = gesture.last_frame() as f64 / scene.scheme.rate;
         let t = (knot_now.t + gesture.gesture.manner.join_seconds)
             .min(path.stop())
             .min(last_time);

@@ -9,42 +9,43 @@ use crate::island::written_hand::framed::FramedGesture;
 #[derive(Clone, Debug)]
 pub(crate) struct VoiceTakeover {
     /// Index of the voice in the old island, and in this one.
-    pub(crate) from: usize,
-    pub(crate) to: usize,
-    /// Pairs of MATs of the free keys, here and there; `None`: the two keys are alike.
-    pub(crate) mats: Option<Vec<(usize, usize)>>,
-    /// Pairs of equal gestures, there and here; rising.
-    pub(crate) gestures: Vec<(usize, usize)>,
+    pub(crate) old_voice: usize,
+    pub(crate) new_voice: usize,
+    /// Pairs of MATs of the free keys, new and old; `None`: the two keys are equal.
+    pub(crate) mat_pairs: Option<Vec<(usize, usize)>>,
+    /// Pairs of equal gestures, old and new; rising.
+    pub(crate) gesture_pairs: Vec<(usize, usize)>,
 }
 
 impl VoiceTakeover {
-    /// Index here of a gesture there.
-    fn gesture(&self, old_gesture: usize) -> Option<usize> {
-        let pair_index = self.gestures.binary_search_by_key(&old_gesture, |pair| pair.0);
-        pair_index.ok().map(|pair_index| self.gestures[pair_index].1)
+    /// Index in the new island of a gesture of the old one.
+    fn new_gesture(&self, old_gesture: usize) -> Option<usize> {
+        let pair_index = self.gesture_pairs.binary_search_by_key(&old_gesture, |pair| pair.0);
+        pair_index.ok().map(|pair_index| self.gesture_pairs[pair_index].1)
     }
 }
 
-/// Pairs of equal gestures of two voices: there and here, rising.
-pub(crate) fn shared(
+/// Pairs of equal gestures of two voices: old and new, rising.
+pub(crate) fn equal_gestures(
     (script, gestures): (&VoiceScript, &[FramedGesture]),
-    (other_script, others): (&VoiceScript, &[FramedGesture]),
+    (other_script, other_gestures): (&VoiceScript, &[FramedGesture]),
 ) -> Vec<(usize, usize)> {
-    let mut by_start: HashMap<u64, Vec<usize>> = HashMap::new();
-    for &gesture_index in &script.gestures {
+    let mut indices_by_start: HashMap<u64, Vec<usize>> = HashMap::new();
+    for &gesture_index in &script.gesture_indices {
         let start_bits = gestures[gesture_index].gesture.start.to_bits();
-        by_start.entry(start_bits).or_default().push(gesture_index);
+        indices_by_start.entry(start_bits).or_default().push(gesture_index);
     }
     let mut gesture_pairs = Vec::new();
-    for &other in &other_script.gestures {
-        let Some(same_start) = by_start.get_mut(&others[other].gesture.start.to_bits()) else {
+    for &other_index in &other_script.gesture_indices {
+        let Some(same_start) = indices_by_start.get_mut(&other_gestures[other_index].gesture.start.to_bits()) else {
             continue;
         };
-        if let Some(match_index) = same_start
-            .iter()
-            .position(|&gesture_index| gestures[gesture_index].gesture.is_same(&others[other].gesture))
-        {
-            gesture_pairs.push((other, same_start.remove(match_index)));
+        if let Some(match_index) = same_start.iter().position(|&gesture_index| {
+            gestures[gesture_index]
+                .gesture
+                .is_same(&other_gestures[other_index].gesture)
+        }) {
+            gesture_pairs.push((other_index, same_start.remove(match_index)));
         }
     }
     gesture_pairs.sort_unstable();
@@ -54,9 +55,9 @@ pub(crate) fn shared(
 impl Voice {
     /// Begin at frame `n`: gestures that began before it are skipped.
     pub(crate) fn seek(&mut self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) {
-        let is_past = |&gesture_index: &usize| gestures[gesture_index].first < n;
-        self.begun = script.gestures.partition_point(is_past);
-        self.free.seek(n);
+        let is_past = |&gesture_index: &usize| gestures[gesture_index].first_frame < n;
+        self.begun_count = script.gesture_indices.partition_point(is_past);
+        self.free_motion.seek(n);
     }
 
     /// Take over the state of `old`, with the gesture that it plays if this voice has it too. If not, the key moves
@@ -68,30 +69,42 @@ impl Voice {
         old_script: &VoiceScript,
         takeover: &VoiceTakeover,
     ) {
-        match &takeover.mats {
-            None => std::mem::swap(&mut self.free, &mut old.free),
+        match &takeover.mat_pairs {
+            None => std::mem::swap(&mut self.free_motion, &mut old.free_motion),
             Some(pairs) => {
-                let (body, their_body) = (&mut self.free.body, &old.free.body);
+                let (body, old_body) = (&mut self.free_motion.body, &old.free_motion.body);
                 for &(new_mat, old_mat) in pairs {
-                    (body.x[new_mat], body.d[new_mat]) = (their_body.x[old_mat], their_body.d[old_mat]);
+                    (body.x[new_mat], body.d[new_mat]) = (old_body.x[old_mat], old_body.d[old_mat]);
                 }
-                self.free.settle();
+                self.free_motion.set_slow_bodies();
             }
         }
         let latest_gesture = |voice: &Self, script: &VoiceScript| {
-            let playing = voice.running.as_ref().map(|running| running.gesture);
-            playing.or_else(|| voice.begun.checked_sub(1).map(|last| script.gestures[last]))
+            let playing = voice.running_gesture.as_ref().map(|running| running.gesture_index);
+            playing.or_else(|| {
+                voice
+                    .begun_count
+                    .checked_sub(1)
+                    .map(|last| script.gesture_indices[last])
+            })
         };
-        let gesture_before = latest_gesture(old, old_script).map(|old_gesture| takeover.gesture(old_gesture));
-        self.flight = std::mem::take(&mut old.flight);
+        let gesture_before = latest_gesture(old, old_script).map(|old_gesture| takeover.new_gesture(old_gesture));
+        self.particles = std::mem::take(&mut old.particles);
         self.is_led = old.is_led;
-        self.running = old.running.take().and_then(|running| {
-            let gesture = takeover.gesture(running.gesture)?;
-            Some(RunningGesture { gesture, ..running })
+        self.running_gesture = old.running_gesture.take().and_then(|running| {
+            let gesture_index = takeover.new_gesture(running.gesture_index)?;
+            Some(RunningGesture {
+                gesture_index,
+                ..running
+            })
         });
-        // The position asked for at this very frame is kept only if the comparison goes into the report of the same
+        // The position requested for this frame is kept only if the comparison goes into the report of the same
         // gesture.
         let is_same_gesture = gesture_before == Some(latest_gesture(self, script));
-        self.asked = if is_same_gesture { old.asked } else { f64::NAN };
+        self.requested_position = if is_same_gesture {
+            old.requested_position
+        } else {
+            f64::NAN
+        };
     }
 }

@@ -1,9 +1,9 @@
 //! Linear springs of a slow body, exactly, a block of frames at a time.
 //!
-//! Its state s, displacements and velocities, goes by s ← P·(s + inputs) from frame to frame. At the beginning of a
-//! block the displacements that are seen (ports, outputs) are computed for all its frames, as if nothing pushed:
-//! C·Pᵏ·s. An input adds its response, C·Pᵏ·b, to the frames that follow it. The state itself is computed once a block:
-//! Pᴮ·s + Σ Pᴮ⁻ʲ·b·input. The result is that of every frame, to rounding, for any number B of frames in a block.
+//! Its state s, displacements and velocities, follows s ← P·(s + inputs) from frame to frame. At the beginning of a
+//! block the observed displacements (ports, outputs) are computed for all its frames, as if nothing pushed: C·Pᵏ·s. An
+//! input adds its response, C·Pᵏ·b, to the frames that follow it. The state itself is computed once a block: Pᴮ·s + Σ
+//! Pᴮ⁻ʲ·b·input. The result is that of every frame, to rounding, for any number B of frames in a block.
 
 use crate::integrate::flow::Flow;
 use crate::integrate::square::SquareMatrix;
@@ -22,38 +22,38 @@ pub(crate) type Weights = Vec<(usize, f64)>;
 pub(crate) struct BlockFlow {
     pub(crate) flow: Flow,
     /// P   (2n, 2n), and its power for a block
-    pub(super) frame: SquareMatrix,
-    pub(super) block: SquareMatrix,
+    pub(super) frame_map: SquareMatrix,
+    pub(super) block_map: SquareMatrix,
     /// The step that led to each displacement, from displacements and velocities   (n, 2n)
-    pub(super) steps: Vec<f64>,
+    pub(super) step_rows: Vec<f64>,
     /// B
     pub(super) n_frames: usize,
     /// Ports, then outputs.
-    pub(super) seen: Vec<Weights>,
-    /// Their values at frames 0 … B for each number of the state   (n_seen · (B + 1), 2n)
-    pub(super) free: Vec<f64>,
+    pub(super) observed: Vec<Weights>,
+    /// Their values at frames 0 … B for each number of the state   (n_observed · (B + 1), 2n)
+    pub(super) free_responses: Vec<f64>,
     /// Forces on ports, then strikes on those that may be struck.
-    pub(super) inputs: Vec<Input>,
+    pub(super) inputs: Vec<InputResponse>,
     /// For each port, its strikes among the inputs.
-    pub(super) strikes: Vec<Option<usize>>,
+    pub(super) strike_inputs: Vec<Option<usize>>,
 }
 
 /// The response to an input of 1 in one frame.
 #[derive(Clone, Debug)]
-pub(super) struct Input {
+pub(super) struct InputResponse {
     /// What it adds to the state after its frame   (2n)
-    pub(super) state: Vec<f64>,
-    /// What is seen after it, in steps of a frame   (n_seen, B)
-    pub(super) seen: Vec<f64>,
+    pub(super) state_response: Vec<f64>,
+    /// The observed displacements after it, frame by frame   (n_observed, B)
+    pub(super) observed_response: Vec<f64>,
     /// The state at the end of a block, for an input in each of its frames   (2n, B)
-    pub(super) end: Vec<f64>,
+    pub(super) end_response: Vec<f64>,
 }
 
-/// What a body is asked for.
+/// The inputs and outputs of a body.
 #[derive(Clone, Debug)]
 pub(crate) struct Interface<'a> {
     /// 1/M of each mass   (n)
-    pub(crate) w: &'a [f64],
+    pub(crate) inverse_masses: &'a [f64],
     /// MATs that something pushes; for those that are struck, what a kick and straight motion lack after a push by a
     /// metre a frame   (n_ports; 2n)
     pub(crate) ports: Vec<(usize, Option<Vec<f64>>)>,
@@ -62,7 +62,7 @@ pub(crate) struct Interface<'a> {
 
 /// The number of frames in a block that costs least: a block's product of the state, against responses of half a block
 /// to forces on one or two ports.
-pub(crate) fn best_block(n: usize, n_ports: usize) -> usize {
+pub(crate) fn best_block_length(n: usize, n_ports: usize) -> usize {
     let (n, port_count) = (n as f64, n_ports.max(1) as f64);
     let block_frames = (8.0 * n * n / (port_count * port_count.min(2.0))).sqrt();
     (block_frames as usize).clamp(1, FRAMES_MAX)
@@ -71,35 +71,39 @@ pub(crate) fn best_block(n: usize, n_ports: usize) -> usize {
 impl BlockFlow {
     pub(crate) fn new(flow: Flow, interface: Interface<'_>, n_frames: usize) -> Self {
         let mat_count = flow.velocity_factor.n;
-        let frame = flow.frame_map();
-        let Interface { w, ports, outputs } = interface;
-        let mut seen: Vec<Weights> = ports.iter().map(|port| vec![(port.0, 1.0)]).collect();
-        seen.extend(outputs);
+        let frame_map = flow.frame_map();
+        let Interface {
+            inverse_masses,
+            ports,
+            outputs,
+        } = interface;
+        let mut observed: Vec<Weights> = ports.iter().map(|port| vec![(port.0, 1.0)]).collect();
+        observed.extend(outputs);
         let mut block_flow = Self {
-            block: frame.power(n_frames as u32),
-            steps: steps(&flow),
-            free: Vec::new(),
+            block_map: frame_map.power(n_frames as u32),
+            step_rows: step_map(&flow),
+            free_responses: Vec::new(),
             inputs: Vec::new(),
-            strikes: vec![None; ports.len()],
+            strike_inputs: vec![None; ports.len()],
             n_frames,
-            seen,
-            frame,
+            observed,
+            frame_map,
             flow,
         };
-        block_flow.free = block_flow.free_motion();
+        block_flow.free_responses = block_flow.compute_free_responses();
         for &(port, _) in &ports {
             let mut pushed_state = vec![0.0; 2 * mat_count];
-            pushed_state[mat_count + port] = w[port];
-            let block_input = block_flow.input(block_flow.frame.times_vector(&pushed_state));
+            pushed_state[mat_count + port] = inverse_masses[port];
+            let block_input = block_flow.input_response(block_flow.frame_map.times_vector(&pushed_state));
             block_flow.inputs.push(block_input);
         }
         for (index, (port, missing)) in ports.into_iter().enumerate() {
             let Some(mut struck_state) = missing else {
                 continue;
             };
-            struck_state.iter_mut().for_each(|x| *x *= w[port]);
-            block_flow.strikes[index] = Some(block_flow.inputs.len());
-            let block_input = block_flow.input(struck_state);
+            struck_state.iter_mut().for_each(|x| *x *= inverse_masses[port]);
+            block_flow.strike_inputs[index] = Some(block_flow.inputs.len());
+            let block_input = block_flow.input_response(struck_state);
             block_flow.inputs.push(block_input);
         }
         block_flow
@@ -110,19 +114,19 @@ impl BlockFlow {
         Self::new(self.flow.clone(), interface, n_frames)
     }
 
-    fn free_motion(&self) -> Vec<f64> {
-        let (n_state, n_rows) = (self.frame.n, self.n_frames + 1);
-        let mut free_rows = vec![0.0; self.seen.len() * n_rows * n_state];
-        for (index, weights) in self.seen.iter().enumerate() {
+    fn compute_free_responses(&self) -> Vec<f64> {
+        let (n_state, n_rows) = (self.frame_map.n, self.n_frames + 1);
+        let mut free_rows = vec![0.0; self.observed.len() * n_rows * n_state];
+        for (index, weights) in self.observed.iter().enumerate() {
             let mut seen_row = vec![0.0; n_state];
             weights.iter().for_each(|&(mass, weight)| seen_row[mass] += weight);
             for k in 0..n_rows {
                 interrupt::spend(n_state * n_state);
                 for (column, x) in seen_row.iter().enumerate() {
-                    free_rows[column * self.seen.len() * n_rows + index * n_rows + k] = *x;
+                    free_rows[column * self.observed.len() * n_rows + index * n_rows + k] = *x;
                 }
                 // Row times matrix: its columns lie one after the other.
-                let columns = self.frame.entries.chunks_exact(n_state);
+                let columns = self.frame_map.entries.chunks_exact(n_state);
                 let product = |column: &[f64]| seen_row.iter().zip(column).map(|(r, p)| r * p).sum();
                 seen_row = columns.map(product).collect();
             }
@@ -130,49 +134,53 @@ impl BlockFlow {
         free_rows
     }
 
-    fn input(&self, state: Vec<f64>) -> Input {
-        let (n_state, n_frames) = (self.frame.n, self.n_frames);
-        let mut seen = vec![0.0; self.seen.len() * n_frames];
-        let mut end = vec![0.0; n_state * n_frames];
-        let mut moved_state = state.clone();
+    fn input_response(&self, state_response: Vec<f64>) -> InputResponse {
+        let (n_state, n_frames) = (self.frame_map.n, self.n_frames);
+        let mut observed_response = vec![0.0; self.observed.len() * n_frames];
+        let mut end_response = vec![0.0; n_state * n_frames];
+        let mut moved_state = state_response.clone();
         for k in 0..n_frames {
             interrupt::spend(n_state * n_state);
-            for (index, weights) in self.seen.iter().enumerate() {
-                seen[index * n_frames + k] = weighted(weights, &moved_state);
+            for (index, weights) in self.observed.iter().enumerate() {
+                observed_response[index * n_frames + k] = weighted_sum(weights, &moved_state);
             }
             let block_column = n_frames - 1 - k;
-            end[block_column * n_state..][..n_state].copy_from_slice(&moved_state);
-            moved_state = self.frame.times_vector(&moved_state);
+            end_response[block_column * n_state..][..n_state].copy_from_slice(&moved_state);
+            moved_state = self.frame_map.times_vector(&moved_state);
         }
-        Input { state, seen, end }
+        InputResponse {
+            state_response,
+            observed_response,
+            end_response,
+        }
     }
 
     /// Whether another flow has the same numbers: its map, block, ports, outputs and responses.
-    pub(super) fn is_alike(&self, other: &Self) -> bool {
+    pub(super) fn has_same_numbers(&self, other: &Self) -> bool {
         let mut input_pairs = self.inputs.iter().zip(&other.inputs);
         self.n_frames == other.n_frames
-            && self.frame.entries == other.frame.entries
-            && self.steps == other.steps
-            && self.seen == other.seen
-            && self.strikes == other.strikes
-            && input_pairs.all(|(input, other)| input.state == other.state)
+            && self.frame_map.entries == other.frame_map.entries
+            && self.step_rows == other.step_rows
+            && self.observed == other.observed
+            && self.strike_inputs == other.strike_inputs
+            && input_pairs.all(|(input, other)| input.state_response == other.state_response)
     }
 
     /// Number of products of a frame, on average, while one port is pushed.
     pub(crate) fn n_products(&self) -> f64 {
-        let (n_state, n_frames) = (self.frame.n as f64, self.n_frames as f64);
-        let seen_count = self.seen.len() as f64;
+        let (n_state, n_frames) = (self.frame_map.n as f64, self.n_frames as f64);
+        let seen_count = self.observed.len() as f64;
         n_state * (seen_count + 1.0) + n_state * n_state / n_frames + 0.5 * seen_count * n_frames
     }
 }
 
-fn weighted(weights: &[(usize, f64)], x: &[f64]) -> f64 {
+fn weighted_sum(weights: &[(usize, f64)], x: &[f64]) -> f64 {
     weights.iter().map(|&(mass, weight)| weight * x[mass]).sum()
 }
 
 /// The map from displacements and velocities to the steps that led there: B⁻¹·(v + A·u); the velocities themselves if B
 /// has no inverse, as when a damper stops a mass within a frame.
-fn steps(flow: &Flow) -> Vec<f64> {
+fn step_map(flow: &Flow) -> Vec<f64> {
     let mat_count = flow.velocity_factor.n;
     let identity = SquareMatrix::identity(mat_count);
     match identity.times_inverse(&flow.velocity_factor) {
@@ -183,9 +191,9 @@ fn steps(flow: &Flow) -> Vec<f64> {
 
 /// Displacements and velocities of all masses at one frame.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Present(pub(super) [f64; 2 * MASSES_MAX]);
+pub(crate) struct PresentState(pub(super) [f64; 2 * MASSES_MAX]);
 
-impl Default for Present {
+impl Default for PresentState {
     fn default() -> Self {
         Self([0.0; 2 * MASSES_MAX])
     }

@@ -10,37 +10,38 @@ use crate::kernel::thread_team::ThreadTeam;
 
 impl Island {
     /// Whether it may compute steps without events by themselves: links pull once a step, and events alone act on it.
-    pub(super) fn may_skip_events(&self) -> bool {
+    pub(super) fn can_skip_events(&self) -> bool {
         let (script, matter) = (&*self.script, &self.state.matter);
-        let has_only_links = script.scheme.exact.is_empty()
+        let has_only_links = script.scheme.exact_runs.is_empty()
             && script.scheme.proxies.is_empty()
-            && matter.fine.is_none()
+            && matter.fine_links.is_none()
             && matter.body.memory.is_empty();
         let is_unbound = script.port_bindings.is_empty() && script.sound_drives.is_empty();
         has_only_links && is_unbound && self.has_only_events()
     }
 
-    /// Compute steps from `start` up to the next event, the next check of accounts or `end`; returns their number.
+    /// Compute steps from `start_step` up to the next event, the next check of accounts or `end_step`; returns their
+    /// number.
     pub(super) fn skip_events(
         &mut self,
         outputs: &mut StepOutputs<'_>,
-        (start, end): (usize, usize),
+        (start_step, end_step): (usize, usize),
         team: &mut ThreadTeam<'_>,
     ) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let first_step = state.frame;
         let check_steps = first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step;
-        let step_count = (end - start).min(check_steps as usize);
-        let step_count = step_count.min(steps_to_event(script, &state.hands, first_step));
+        let step_count = (end_step - start_step).min(check_steps as usize);
+        let step_count = step_count.min(steps_to_event(script, &state.players, first_step));
         if step_count == 0 {
             return Ok(0);
         }
         let scheme = &script.scheme;
         let super::State {
-            values,
+            parameters,
             matter,
-            hands,
-            watch,
+            players,
+            monitors,
             ..
         } = state;
         let super::Matter {
@@ -54,20 +55,22 @@ impl Island {
         let (mut steps_done, mut is_bounded) = (0, true);
         while steps_done < step_count && is_bounded {
             let n = first_step + steps_done as u64;
-            kernel::compute_link_forces(scheme, &values.gates, body, laws, team);
-            for (voice, voice_script) in hands.voices.iter_mut().zip(&script.voices) {
-                voice.step_idle(voice_script, &mut hands.reports, n);
+            kernel::compute_link_forces(scheme, &parameters.gate_openings, body, laws, team);
+            for (voice, voice_script) in players.voices.iter_mut().zip(&script.voices) {
+                voice.step_idle(voice_script, &mut players.reports, n);
             }
-            bodies.iter_mut().for_each(|running_body| running_body.strike(n, body));
-            watch.touches.step(n, &body.link);
-            if let Some(output_row) = outputs.row(start + steps_done) {
+            bodies
+                .iter_mut()
+                .for_each(|running_body| running_body.apply_strikes(n, body));
+            monitors.contact_peaks.note_forces(n, &body.link);
+            if let Some(output_row) = outputs.row(start_step + steps_done) {
                 kernel::write_outputs(scheme, body, output_row);
                 bodies
                     .iter()
                     .for_each(|running_body| running_body.add_outputs(output_row));
             }
-            if let Some(gains) = &mut watch.gains {
-                gains.step(scheme, &values.gates, targets, body);
+            if let Some(gains) = &mut monitors.energy_gains {
+                gains.step(scheme, &parameters.gate_openings, targets, body);
             }
             for running_body in &mut *bodies {
                 running_body.step(n, &body.force, team);
@@ -81,7 +84,7 @@ impl Island {
         }
         state.frame += steps_done as u64;
         if !is_bounded {
-            self.fault()?;
+            self.handle_fault()?;
         }
         Ok(steps_done)
     }

@@ -8,7 +8,7 @@ use crate::state::{Body, Target};
 #[derive(Clone, Debug, Default)]
 pub(super) struct ImposedWork {
     /// In the step before, of each imposed MAT: the force that held it on its way [N], and its last step [m].
-    before: Vec<(usize, [f64; 2])>,
+    previous_forces_and_steps: Vec<(usize, [f64; 2])>,
     work: f64,
     /// The most of `work` [J].
     work_max: f64,
@@ -19,12 +19,12 @@ crate::archive::state!(ImposedWork { work, work_max });
 impl ImposedWork {
     /// Reserve room for this many MATs, so that steps do not allocate.
     pub(super) fn reserve(&mut self, n_targets: usize) {
-        self.before.reserve(n_targets);
+        self.previous_forces_and_steps.reserve(n_targets);
     }
 
     /// Whether a step in which nothing is imposed changes nothing.
     pub(super) fn is_idle(&self) -> bool {
-        self.before.is_empty() && self.work_max >= self.work
+        self.previous_forces_and_steps.is_empty() && self.work_max >= self.work
     }
 
     /// The most energy that was put in at any time, less what was taken out until then [J].
@@ -34,11 +34,11 @@ impl ImposedWork {
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
     pub(super) fn step(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
-        for (mat, [holding_force, step]) in self.before.drain(..) {
+        for (mat, [holding_force, step]) in self.previous_forces_and_steps.drain(..) {
             self.work += 0.5 * (step + body.d[mat]) * holding_force;
         }
         self.work_max = self.work_max.max(self.work);
-        self.before.extend(targets.iter().map(|target| {
+        self.previous_forces_and_steps.extend(targets.iter().map(|target| {
             let mat = target.mat;
             let holding_force = match scheme.w[mat] {
                 0.0 => -body.force[mat],

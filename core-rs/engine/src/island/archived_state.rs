@@ -6,7 +6,7 @@ use crate::archive::{Archive, Damaged, State as Archived, state_of};
 impl Island {
     /// Whether its state can be written: ledgers and streams of ergons cannot.
     pub(crate) fn is_storable(&self) -> bool {
-        self.state.watch.ledger.is_none() && !self.state.hands.stream.is_kept()
+        self.state.monitors.ledger.is_none() && !self.state.players.ergon_stream.is_recording()
     }
 
     /// The changing state, as bytes.
@@ -15,7 +15,7 @@ impl Island {
         // Writing into memory cannot fail.
         let mut archive = Archive::Write(&mut state_bytes);
         let _ = self.state.archive(&mut archive);
-        let _ = self.quiet.archive(&mut archive);
+        let _ = self.sleep_monitor.archive(&mut archive);
         state_bytes
     }
 
@@ -26,18 +26,18 @@ impl Island {
     pub(crate) fn read_state(&mut self, bytes: &[u8]) -> Result<(), Damaged> {
         let mut archive = Archive::Read(bytes);
         self.state.archive(&mut archive)?;
-        self.quiet.archive(&mut archive)?;
-        self.foresee();
-        self.begin_again();
+        self.sleep_monitor.archive(&mut archive)?;
+        self.refresh_next_event();
+        self.resume_computing();
         if archive.is_empty() { Ok(()) } else { Err(Damaged) }
     }
 
-    /// Look again for the next event: those from here on may differ from the writer's.
-    fn foresee(&mut self) {
+    /// Find the next event again: events from here on may differ from those of the writer.
+    fn refresh_next_event(&mut self) {
         let next_step = self.state.frame;
-        let next_due = self.due(next_step);
-        if let Some(energy_rise) = &mut self.state.watch.energy_rise {
-            energy_rise.foresee(next_step, next_due);
+        let next_due = self.next_event_step(next_step);
+        if let Some(energy_rise) = &mut self.state.monitors.energy_rise {
+            energy_rise.set_next_event(next_step, next_due);
         }
     }
 }
@@ -49,35 +49,35 @@ impl Archived for State {
         // archived.
         let has_begun = |report: &crate::gesture::report::GestureReport| !report.start.is_nan();
         let mut n_reports = self
-            .hands
+            .players
             .reports
             .iter()
             .rposition(has_begun)
-            .map_or(0, |last| last + 1);
+            .map_or(0, |last_begun| last_begun + 1);
         n_reports.archive(archive)?;
-        let reports = self.hands.reports.get_mut(..n_reports).ok_or(Damaged)?;
+        let reports = self.players.reports.get_mut(..n_reports).ok_or(Damaged)?;
         reports.archive(archive)?;
         let Self {
-            values,
+            parameters,
             matter,
-            hands,
-            watch,
+            players,
+            monitors,
             ..
         } = self;
-        state_of!(matter, archive, body, bodies, fine)?;
+        state_of!(matter, archive, body, bodies, fine_links)?;
         state_of!(
-            hands,
+            players,
             archive,
             voices,
-            pushed,
-            ergons,
-            layers,
+            next_push,
+            next_ergon,
+            layer_deviations,
             hand_states,
             port_states,
-            pending
+            pending_strikes
         )?;
-        state_of!(values, archive, gates, damped)?;
-        state_of!(watch, archive, mutes, guard, gains, energy_rise)?;
+        state_of!(parameters, archive, gate_openings, step_decay)?;
+        state_of!(monitors, archive, muted_parts, guard, energy_gains, energy_rise)?;
         state_of!(self, archive, frame)
     }
 }

@@ -9,33 +9,34 @@ use super::RunningSlow;
 
 impl RunningSlow {
     /// The last pull of a port, per frame between pulls [m a frame].
-    fn pull(&self, mat: usize) -> f64 {
+    fn last_pull(&self, mat: usize) -> f64 {
         let led_port = self.plan.ports.iter().find(|led_port| led_port.1 == mat);
         led_port.map_or(0.0, |&(port_index, _)| {
-            self.kick[port_index] / f64::from(self.plan.kick_every)
+            self.last_kick[port_index] / f64::from(self.plan.kick_interval)
         })
     }
 
-    /// By how much a free port is ahead of its true velocity `since` frames after a pull, as a multiple of `pull`.
-    pub(super) fn ahead(&self, since: u32) -> f64 {
-        0.5 + 0.5 * f64::from(self.plan.kick_every) - f64::from(since)
+    /// By how much a free port is ahead of its true velocity `frames_since_kick` frames after a pull, as a multiple of
+    /// the last pull.
+    pub(super) fn velocity_lead(&self, frames_since_kick: u32) -> f64 {
+        0.5 + 0.5 * f64::from(self.plan.kick_interval) - f64::from(frames_since_kick)
     }
 
     /// Velocity that a port that was led to this frame needs in order to continue as a free one [m a frame].
-    pub(crate) fn release(&self, mat: usize) -> f64 {
-        if self.since == 0 {
+    pub(crate) fn release_velocity(&self, mat: usize) -> f64 {
+        if self.frames_since_kick == 0 {
             return 0.0; // `release_at_pull` gave it already
         }
-        self.pull(mat) * self.ahead(self.since)
+        self.last_pull(mat) * self.velocity_lead(self.frames_since_kick)
     }
 
     /// The same, if the springs pull in the next frame; else 0.
     pub(crate) fn release_at_pull(&self, mat: usize) -> f64 {
-        let kick_frames = self.plan.kick_every;
-        if self.since + 1 < kick_frames {
+        let kick_interval = self.plan.kick_interval;
+        if self.frames_since_kick + 1 < kick_interval {
             return 0.0;
         }
-        self.pull(mat) * self.ahead(kick_frames)
+        self.last_pull(mat) * self.velocity_lead(kick_interval)
     }
 
     /// Add a velocity to a port of the island at the end of this frame.
@@ -49,15 +50,18 @@ impl RunningSlow {
     /// Corrections of a port's velocity [m a frame] and of its change a frame, if both are estimated from successive
     /// frames.
     pub(crate) fn estimate_corrections(&self, mat: usize, is_led: bool) -> [f64; 2] {
-        let kick_frames = f64::from(self.plan.kick_every);
-        let last_pull = self.pull(mat);
-        match (self.since, is_led) {
-            (0, false) => [0.0, last_pull * (1.0 - kick_frames)],
+        let kick_interval = f64::from(self.plan.kick_interval);
+        let pull_velocity = self.last_pull(mat);
+        match (self.frames_since_kick, is_led) {
+            (0, false) => [0.0, pull_velocity * (1.0 - kick_interval)],
             (0, true) => [
-                0.25 * last_pull * (1.0 - kick_frames),
-                0.5 * last_pull * (1.0 - kick_frames),
+                0.25 * pull_velocity * (1.0 - kick_interval),
+                0.5 * pull_velocity * (1.0 - kick_interval),
             ],
-            (since, false) => [last_pull * (f64::from(since) - 0.5 * kick_frames), last_pull],
+            (frames_since_kick, false) => [
+                pull_velocity * (f64::from(frames_since_kick) - 0.5 * kick_interval),
+                pull_velocity,
+            ],
             (_, true) => [0.0, 0.0],
         }
     }

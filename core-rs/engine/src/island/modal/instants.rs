@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::{RunningModal, SEEN_FRAMES, lanes};
+use super::{RunningModal, WINDOW_FRAMES, lanes};
 use crate::cell::{Cell, Response};
 use crate::kernel::bank::{LANES, Lanes};
 use crate::kernel::ports::{self, PADDING};
@@ -10,17 +10,17 @@ use crate::state::Body;
 
 /// Tables for n instants of a frame, for every group of modes.
 #[derive(Clone, Debug)]
-pub(super) struct Between {
+pub(super) struct InstantTables {
     /// Weights of a mode's position now and at the next frame that give its position at each instant   (n_groups; modes
     /// of the group, 2, n padded)
     interpolation: Vec<Vec<f64>>,
-    /// The same for what strikes within the frame add to the next: what the weights above do not say of them, and 0
+    /// Corrections of these weights for what strikes within the frame add to the position at the next frame, and 0
     /// (n_groups; modes of the group, 2, n padded)
     strike_paths: Vec<Vec<f64>>,
     /// Displacement of a mode at the next frame by an impulse at each instant, and what has to be added at the one
     /// after so that the motion is exact from then on   (n_groups, n); for complex modes, for each port   (n_ports,
     /// n_groups, n)
-    kick: Vec<Vec<Vec<[Lanes; 2]>>>,
+    kick_table: Vec<Vec<Vec<[Lanes; 2]>>>,
 }
 
 const UNIT_LANES: Lanes = Lanes([1.0; LANES]);
@@ -53,10 +53,10 @@ impl RunningModal {
             let is_fast = plan
                 .response(mode)
                 .is_some_and(|response| response.pole_angle(rate) > STRUCK_ANGLE_MAX);
-            let (excess, rest) = weights.split_at_mut(n_instants.next_multiple_of(PADDING));
-            for ((excess, by_next), &instant) in excess.iter_mut().zip(rest).zip(instants) {
-                *excess = if is_fast { instant - *by_next } else { 0.0 };
-                *by_next = 0.0;
+            let (corrections, next_weights) = weights.split_at_mut(n_instants.next_multiple_of(PADDING));
+            for ((correction, next_weight), &instant) in corrections.iter_mut().zip(next_weights).zip(instants) {
+                *correction = if is_fast { instant - *next_weight } else { 0.0 };
+                *next_weight = 0.0;
             }
             weights
         };
@@ -66,8 +66,8 @@ impl RunningModal {
                 mode_response.split(step_square, instants[j], rate)
             })
         };
-        let n_tables = match &plan.answers {
-            Some(answers) => answers.ports.len(),
+        let n_tables = match &plan.complex_responses {
+            Some(complex_responses) => complex_responses.port_responses.len(),
             None => 1,
         };
         let kick_table = |group: usize, j: usize, split_of: &dyn Fn(usize, usize) -> [f64; 2]| {
@@ -75,7 +75,7 @@ impl RunningModal {
         };
         let group_range = 0..modes.len().div_ceil(LANES);
         let members = |group: usize| group * LANES..modes.len().min((group + 1) * LANES);
-        self.between = Some(Between {
+        self.instant_tables = Some(InstantTables {
             interpolation: group_range
                 .clone()
                 .map(|group| members(group).flat_map(interpolation).collect())
@@ -84,7 +84,7 @@ impl RunningModal {
                 .clone()
                 .map(|group| members(group).flat_map(strike_path).collect())
                 .collect(),
-            kick: (0..n_tables)
+            kick_table: (0..n_tables)
                 .map(|port| {
                     let split_kick = |mode: usize, j: usize| split_kick(port, mode, j);
                     let group_range = group_range.clone();
@@ -98,7 +98,7 @@ impl RunningModal {
 
     /// Displacement of each mode by an impulse at a port, at times [s] after it [m/N·s]; extended to times before it
     /// (n_modes, n_times)
-    pub(crate) fn responses(&self, pushed_port: usize, times: &[f64]) -> Vec<f64> {
+    pub(crate) fn mode_responses(&self, pushed_port: usize, times: &[f64]) -> Vec<f64> {
         let plan = &self.script.plan;
         let mode_responses = |mode: usize| {
             let mode_response = plan.port_response(pushed_port, mode);
@@ -110,10 +110,10 @@ impl RunningModal {
     }
 
     /// Weights of these displacements in that of another port   (n_modes)
-    pub(crate) fn weights(&self, pushed_port: usize, moved_port: usize) -> impl Iterator<Item = f64> {
+    pub(crate) fn response_weights(&self, pushed_port: usize, moved_port: usize) -> impl Iterator<Item = f64> {
         let plan = &self.script.plan;
         // The responses of complex modes already contain the shares of the port `pushed_port`.
-        let is_complex = plan.answers.is_some();
+        let is_complex = plan.complex_responses.is_some();
         let shape_pairs = plan.ports[pushed_port].shape.iter().zip(&plan.ports[moved_port].shape);
         shape_pairs.map(move |(a, b)| if is_complex { *b } else { a * b })
     }
@@ -125,7 +125,7 @@ impl RunningModal {
         let mode_cells = plan.modes.iter().map(|mode| mode.cell);
         mode_cells
             .collect::<Option<Vec<Cell>>>()
-            .filter(|_| plan.answers.is_none())
+            .filter(|_| plan.complex_responses.is_none())
     }
 
     /// Share of each mode in the position of a port   (n_modes)
@@ -134,22 +134,26 @@ impl RunningModal {
     }
 
     /// Velocity that an impulse at one port gives another at once [m/s per N·s].
-    pub(crate) fn jump(&self, pushed_port: usize, moved_port: usize) -> f64 {
+    pub(crate) fn velocity_step(&self, pushed_port: usize, moved_port: usize) -> f64 {
         let plan = &self.script.plan;
         let ports = &plan.ports;
-        if let Some(answers) = &plan.answers {
-            let jump_terms = answers.ports[pushed_port].iter().zip(&ports[moved_port].shape);
-            return jump_terms.map(|(answer, share)| share * answer.velocity_step()).sum();
+        if let Some(complex_responses) = &plan.complex_responses {
+            let jump_terms = complex_responses.port_responses[pushed_port]
+                .iter()
+                .zip(&ports[moved_port].shape);
+            return jump_terms
+                .map(|(response, share)| share * response.velocity_step())
+                .sum();
         }
         let shape_pairs = ports[pushed_port].shape.iter().zip(&ports[moved_port].shape);
         shape_pairs.map(|(a, b)| a * b).sum()
     }
 
     /// The fastest motion of its modes: |λ| of e^(λt) [1/s].
-    pub(crate) fn reach(&self) -> f64 {
+    pub(crate) fn pole_magnitude_max(&self) -> f64 {
         let plan = &self.script.plan;
-        let all_responses: Vec<Response> = match &plan.answers {
-            Some(answers) => answers.ports.iter().flatten().copied().collect(),
+        let all_responses: Vec<Response> = match &plan.complex_responses {
+            Some(complex_responses) => complex_responses.port_responses.iter().flatten().copied().collect(),
             None => {
                 let mode_range = 0..plan.modes.len();
                 mode_range.filter_map(|mode| plan.response(mode)).collect()
@@ -163,11 +167,18 @@ impl RunningModal {
 
     /// Write the positions of a port in this frame, at each instant (n), if nothing more pushes it [m].
     pub(crate) fn port_positions(&mut self, port: usize, positions: &mut [f64]) {
-        self.discard_ahead();
-        self.quiet_frames = 0;
+        self.restart_window();
+        self.contact_free_frames = 0;
         positions.fill(self.script.plan.ports[port].rest);
-        let Some(between) = &self.between else { return };
-        for ((motion, table), rows) in self.motions.iter().zip(&between.interpolation).zip(&self.script.rows) {
+        let Some(instant_tables) = &self.instant_tables else {
+            return;
+        };
+        for ((motion, table), rows) in self
+            .furthest_motions
+            .iter()
+            .zip(&instant_tables.interpolation)
+            .zip(&self.script.row_shapes)
+        {
             // The motions are one frame ahead: their `before` is the present.
             ports::add_path(
                 &rows[port],
@@ -177,28 +188,36 @@ impl RunningModal {
                 positions,
             );
         }
-        if self.is_struck {
-            for ((struck, table), rows) in self.struck.iter().zip(&between.strike_paths).zip(&self.script.rows) {
-                ports::add_path(&rows[port], table, struck, &Lanes::ZERO, positions);
+        if self.has_strike_kicks {
+            for ((strike_kick, table), rows) in self
+                .strike_kicks
+                .iter()
+                .zip(&instant_tables.strike_paths)
+                .zip(&self.script.row_shapes)
+            {
+                ports::add_path(&rows[port], table, strike_kick, &Lanes::ZERO, positions);
             }
         }
     }
 
     /// Take impulses [N·s] on a port at the instants of this frame (n).
-    pub(crate) fn take_impulses(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
-        self.discard_ahead();
-        self.quiet_frames = 0;
-        let Some(between) = &self.between else { return };
-        let is_complex = self.script.plan.answers.is_some();
-        for (group, table) in between.kick[if is_complex { port } else { 0 }].iter().enumerate() {
-            let group_rows = &self.script.rows[group];
+    pub(crate) fn apply_impulses(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
+        self.restart_window();
+        self.contact_free_frames = 0;
+        let Some(between) = &self.instant_tables else { return };
+        let is_complex = self.script.plan.complex_responses.is_some();
+        for (group, table) in between.kick_table[if is_complex { port } else { 0 }].iter().enumerate() {
+            let group_rows = &self.script.row_shapes[group];
             // The responses of complex modes already contain these shares.
             let port_share = if is_complex { &UNIT_LANES } else { &group_rows[port] };
-            let mode_lanes = [&mut self.motions[group].positions, &mut self.pending[group]];
-            let seen_ahead = (&mut self.row_history[self.present + 1..], SEEN_FRAMES);
-            ports::apply_impulses(impulses, table, port_share, mode_lanes, group_rows, seen_ahead);
+            let mode_lanes = [
+                &mut self.furthest_motions[group].positions,
+                &mut self.pending_kicks[group],
+            ];
+            let rows_ahead = (&mut self.row_history[self.present_index + 1..], WINDOW_FRAMES);
+            ports::apply_impulses(impulses, table, port_share, mode_lanes, group_rows, rows_ahead);
         }
-        self.has_pending = true;
+        self.has_pending_kicks = true;
         self.set_ports(body);
     }
 }

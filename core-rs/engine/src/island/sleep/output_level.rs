@@ -2,78 +2,78 @@
 
 use crate::archive::state;
 
-/// The level of one output since the last look, and the largest so far.
+/// The level of one output since the last check, and the largest so far.
 #[derive(Clone, Debug)]
 pub(super) struct OutputLevel {
     /// How often the output is differentiated by time: 0, 1 or 2.
-    order: u8,
+    derivative_order: u8,
     /// The last value [m], and the last difference from frame to frame [m].
-    value: f64,
-    step: f64,
-    /// Lowest and highest value since the last look [m].
-    lowest: f64,
-    highest: f64,
-    /// Largest difference from frame to frame since the last look [m].
+    last_value: f64,
+    last_step: f64,
+    /// Lowest and highest value since the last check [m].
+    lowest_value: f64,
+    highest_value: f64,
+    /// Largest difference from frame to frame since the last check [m].
     largest_step: f64,
     /// The largest range, difference, or difference of differences so far, as `order` says [m].
-    loudest: f64,
+    largest_level: f64,
 }
 
 state!(OutputLevel {
-    value,
-    step,
-    lowest,
-    highest,
+    last_value,
+    last_step,
+    lowest_value,
+    highest_value,
     largest_step,
-    loudest
+    largest_level
 });
 
 impl OutputLevel {
-    pub(super) fn new(order: u8) -> Self {
+    pub(super) fn new(derivative_order: u8) -> Self {
         Self {
-            order,
-            value: f64::NAN,
-            step: f64::NAN,
-            lowest: f64::INFINITY,
-            highest: f64::NEG_INFINITY,
+            derivative_order,
+            last_value: f64::NAN,
+            last_step: f64::NAN,
+            lowest_value: f64::INFINITY,
+            highest_value: f64::NEG_INFINITY,
             largest_step: 0.0,
-            loudest: 0.0,
+            largest_level: 0.0,
         }
     }
 
     /// The last value [m].
     pub(super) fn value(&self) -> f64 {
-        self.value
+        self.last_value
     }
 
-    /// Takes record of the next value [m]. Differences from before the first one are NaN, which `max` passes over.
+    /// Records the next value [m]. Differences from before the first one are NaN, which `max` passes over.
     #[inline]
     pub(super) fn record(&mut self, value: f64) {
-        let value_step = value - self.value;
-        let loudness = match self.order {
+        let value_step = value - self.last_value;
+        let level = match self.derivative_order {
             0 => 0.0,
             1 => value_step.abs(),
-            _ => (value_step - self.step).abs(),
+            _ => (value_step - self.last_step).abs(),
         };
-        self.loudest = self.loudest.max(loudness);
+        self.largest_level = self.largest_level.max(level);
         self.largest_step = self.largest_step.max(value_step.abs());
-        (self.lowest, self.highest) = (self.lowest.min(value), self.highest.max(value));
-        (self.value, self.step) = (value, value_step);
+        (self.lowest_value, self.highest_value) = (self.lowest_value.min(value), self.highest_value.max(value));
+        (self.last_value, self.last_step) = (value, value_step);
     }
 
     /// Whether stopping it here and now would be quieter than the part `share` of the loudest so far; begins to record
-    /// anew. To stop what is heard as an acceleration is a blow as strong as its step from frame to frame.
+    /// again. An output that is heard as an acceleration makes a click as strong as its step if it is stopped.
     pub(super) fn is_quiet(&mut self, share: f64) -> bool {
-        let level_now = match self.order {
-            0 => (self.highest - self.lowest).max(0.0),
+        let level_now = match self.derivative_order {
+            0 => (self.highest_value - self.lowest_value).max(0.0),
             _ => self.largest_step,
         };
-        if self.order == 0 {
-            self.loudest = self.loudest.max(level_now);
+        if self.derivative_order == 0 {
+            self.largest_level = self.largest_level.max(level_now);
         }
-        (self.lowest, self.highest) = (f64::INFINITY, f64::NEG_INFINITY);
+        (self.lowest_value, self.highest_value) = (f64::INFINITY, f64::NEG_INFINITY);
         self.largest_step = 0.0;
-        level_now <= share * self.loudest
+        level_now <= share * self.largest_level
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::energy_account::Gain;
+use super::energy_account::EnergyGain;
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
 use super::slow::{self, Slow};
@@ -42,24 +42,26 @@ impl State for RunningBody {
 impl BodyPlan {
     /// Start the body at frame 0, against forces that act on its ports there (n_mat of the island); in `body`, the
     /// ports are plain masses.
-    pub(super) fn start(&self, force: &[f64], body: &Body) -> Result<RunningBody, Error> {
+    pub(super) fn start(&self, port_forces: &[f64], body: &Body) -> Result<RunningBody, Error> {
         Ok(match self {
-            Self::Modal(modal) => RunningBody::Modal(Box::new(modal::RunningModal::new(&modal.pushed(force)))),
-            Self::Mesh(mesh) => RunningBody::Mesh(Box::new(mesh::RunningMesh::new(mesh, force)?)),
+            Self::Modal(modal) => {
+                RunningBody::Modal(Box::new(modal::RunningModal::new(&modal.started_against(port_forces))))
+            }
+            Self::Mesh(mesh) => RunningBody::Mesh(Box::new(mesh::RunningMesh::new(mesh, port_forces)?)),
             Self::Slow(slow) => RunningBody::Slow(Box::new(slow::RunningSlow::new(slow, body))),
         })
     }
 
     /// A copy of the body without strikes and names, with parts renumbered by their rank in `order`.
-    pub(crate) fn anonymous(&self, order: &PartOrder) -> Self {
+    pub(crate) fn without_strikes_and_names(&self, order: &PartOrder) -> Self {
         let mut renamed = self.clone();
         let network = Arc::new(self.network().anonymous(order));
         match &mut renamed {
             Self::Modal(modal) => {
                 modal
-                    .struck
+                    .struck_points
                     .iter_mut()
-                    .for_each(|struck_point| struck_point.blows.clear());
+                    .for_each(|struck_point| struck_point.strikes.clear());
                 modal.network = network;
             }
             Self::Mesh(mesh) => {
@@ -86,10 +88,16 @@ impl BodyPlan {
     /// Its strikes: frame, struck point or MAT, and [part of a frame, impulse [N·s]].
     pub(crate) fn strikes(&self) -> Box<dyn Iterator<Item = (u64, usize, [f64; 2])> + '_> {
         match self {
-            Self::Modal(modal) => Box::new(modal.struck.iter().enumerate().flat_map(|(point_index, struck)| {
-                let struck_blows = struck.blows.iter();
-                struck_blows.map(move |&(frame, part, impulse)| (frame, point_index, [part, impulse]))
-            })),
+            Self::Modal(modal) => Box::new(
+                modal
+                    .struck_points
+                    .iter()
+                    .enumerate()
+                    .flat_map(|(point_index, struck)| {
+                        let struck_blows = struck.strikes.iter();
+                        struck_blows.map(move |&(frame, part, impulse)| (frame, point_index, [part, impulse]))
+                    }),
+            ),
             Self::Mesh(mesh) => {
                 let strikes = mesh.strikes.iter();
                 Box::new(strikes.map(|&(frame, mat, impulse)| (frame, mat, [0.0, impulse])))
@@ -108,19 +116,19 @@ impl BodyPlan {
     }
 
     /// Frame of its first strike from a frame on [frames]; infinite if it has none.
-    pub(crate) fn next_strike(&self, start_frame: f64) -> f64 {
-        let earlier = |first: f64, frame: u64| match frame as f64 {
-            frame if frame >= start_frame => first.min(frame),
-            _ => first,
+    pub(crate) fn next_strike_frame(&self, start_frame: f64) -> f64 {
+        let earlier_frame = |earliest: f64, frame: u64| match frame as f64 {
+            frame if frame >= start_frame => earliest.min(frame),
+            _ => earliest,
         };
         match self {
             Self::Modal(modal) => {
-                let body_blows = modal.struck.iter().flat_map(|struck| &struck.blows);
-                body_blows.map(|blow| blow.0).fold(f64::INFINITY, earlier)
+                let body_blows = modal.struck_points.iter().flat_map(|struck| &struck.strikes);
+                body_blows.map(|blow| blow.0).fold(f64::INFINITY, earlier_frame)
             }
             Self::Mesh(mesh) => {
                 let strikes = mesh.strikes.iter();
-                strikes.map(|strike| strike.0).fold(f64::INFINITY, earlier)
+                strikes.map(|strike| strike.0).fold(f64::INFINITY, earlier_frame)
             }
             // Strikes on a slow body go through its ports.
             Self::Slow(_) => f64::INFINITY,
@@ -178,13 +186,13 @@ impl RunningBody {
         match self {
             Self::Modal(modal) => modal.set_ports(body),
             Self::Mesh(mesh) => mesh.set_ports(body),
-            Self::Slow(slow) => slow.place(body),
+            Self::Slow(slow) => slow.set_ports(body),
         }
     }
 
-    pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
+    pub(crate) fn apply_strikes(&mut self, n: u64, body: &mut Body) {
         if let Self::Modal(modal_body) = self {
-            modal_body.strike(n, body);
+            modal_body.apply_strikes(n, body);
         }
     }
 
@@ -198,7 +206,7 @@ impl RunningBody {
     /// Take note of a strike on a MAT of the island in this frame [N]; its force is in the sum already.
     pub(crate) fn note_strike(&mut self, mat: usize, force: f64) {
         if let Self::Slow(slow_body) = self {
-            slow_body.strike(mat, force);
+            slow_body.note_strike(mat, force);
         }
     }
 
@@ -211,11 +219,11 @@ impl RunningBody {
     }
 
     /// How strongly it moves, in a unit of its own; infinite if that is not known.
-    pub(super) fn motion(&self) -> f64 {
+    pub(super) fn motion_level(&self) -> f64 {
         match self {
-            Self::Modal(modal) => modal.motion(),
-            Self::Mesh(mesh) => mesh.kinetic(),
-            Self::Slow(slow) => slow.energy(),
+            Self::Modal(modal) => modal.motion_level(),
+            Self::Mesh(mesh) => mesh.double_kinetic_energy(),
+            Self::Slow(slow) => slow.spring_energy(),
         }
     }
 
@@ -229,10 +237,10 @@ impl RunningBody {
     }
 
     /// Whether one of its ports is among the marked MATs (n_mat), or one of its own MATs is in a part.
-    pub(crate) fn is_among(&self, mats: &[bool], part: usize) -> bool {
+    pub(crate) fn touches_part(&self, mats: &[bool], part: usize) -> bool {
         match self {
-            Self::Modal(modal) => modal.touches(mats),
-            Self::Mesh(mesh) => mesh.is_among(mats, part),
+            Self::Modal(modal) => modal.has_port_among(mats),
+            Self::Mesh(mesh) => mesh.touches_part(mats, part),
             Self::Slow(slow) => slow.is_in_part(part),
         }
     }
@@ -247,11 +255,11 @@ impl RunningBody {
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.
-    pub(crate) fn diverged(&self) -> Option<(String, usize)> {
+    pub(crate) fn diverged_mat(&self) -> Option<(String, usize)> {
         match self {
             Self::Modal(_) => None,
-            Self::Mesh(mesh) => mesh.diverged(),
-            Self::Slow(slow) => slow.diverged(),
+            Self::Mesh(mesh) => mesh.diverged_mat(),
+            Self::Slow(slow) => slow.diverged_mat(),
         }
     }
 
@@ -297,7 +305,7 @@ impl RunningBody {
             Self::Mesh(_) => {}
             Self::Slow(slow) => {
                 slow.step_flow();
-                slow.place(body);
+                slow.set_ports(body);
                 return slow.is_bounded();
             }
         }
@@ -340,10 +348,10 @@ impl RunningBody {
     }
 
     /// Whether a team of threads can share its work.
-    pub(crate) fn is_shared(&self) -> bool {
+    pub(crate) fn can_share_work(&self) -> bool {
         match self {
             Self::Modal(_) | Self::Slow(_) => false,
-            Self::Mesh(mesh) => mesh.is_shared(),
+            Self::Mesh(mesh) => mesh.can_share_work(),
         }
     }
 
@@ -356,26 +364,26 @@ impl RunningBody {
     }
 
     /// Check whether it created energy.
-    pub(super) fn check_gain(&mut self, n: u64) -> Option<Gain> {
+    pub(super) fn check_energy_gain(&mut self, n: u64) -> Option<EnergyGain> {
         match self {
             Self::Modal(_) | Self::Slow(_) => None,
-            Self::Mesh(mesh) => mesh.check_gain(n),
+            Self::Mesh(mesh) => mesh.check_energy_gain(n),
         }
     }
 
     /// The most energy that it created.
-    pub(super) fn gain(&self) -> Option<Gain> {
+    pub(super) fn energy_gain(&self) -> Option<EnergyGain> {
         match self {
             Self::Modal(_) | Self::Slow(_) => None,
-            Self::Mesh(mesh) => mesh.gain(),
+            Self::Mesh(mesh) => mesh.energy_gain(),
         }
     }
 
     /// The name and part of the first MAT of a mesh that moves.
-    pub(super) fn first_module(&self) -> Option<(String, usize)> {
+    pub(super) fn first_moving_mat(&self) -> Option<(String, usize)> {
         match self {
             Self::Modal(_) | Self::Slow(_) => None,
-            Self::Mesh(mesh) => mesh.first_module(),
+            Self::Mesh(mesh) => mesh.first_moving_mat(),
         }
     }
 
