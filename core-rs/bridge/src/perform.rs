@@ -92,11 +92,7 @@ impl Performance {
                 standin_positions: standin.as_slice()?.to_vec(),
                 forces: forces.as_slice()?.to_vec(),
                 travel_ratio: *reach,
-                guidance: guidance.map(|(k, z, loose)| Guidance {
-                    k,
-                    z,
-                    follows_steps: loose,
-                }),
+                guidance: guidance.map(|(k, z, follows_steps)| Guidance { k, z, follows_steps }),
                 response: response.as_slice()?.to_vec(),
                 measured: measured.map(|(mass, damping, delay)| MeasuredKey { mass, damping, delay }),
                 ..Hand::default()

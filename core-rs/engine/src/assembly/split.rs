@@ -108,18 +108,14 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
     for (subset, island_timeline) in subsets.iter().zip(&mut timelines) {
         for gate in &timeline.gates {
             if let Some((first_link, link_count)) = local_links(subset, gate.links()) {
-                island_timeline
-                    .timeline
-                    .gates
-                    .push(gate.on_links(first_link, link_count));
+                let island_gate = gate.on_links(first_link, link_count);
+                island_timeline.timeline.gates.push(island_gate);
             }
         }
         for lead in &timeline.leads {
             if let Some((first_link, link_count)) = local_links(subset, lead.links()) {
-                island_timeline
-                    .timeline
-                    .leads
-                    .push(lead.on_links(first_link, link_count));
+                let island_lead = lead.on_links(first_link, link_count);
+                island_timeline.timeline.leads.push(island_lead);
             }
         }
     }

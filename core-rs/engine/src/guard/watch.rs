@@ -117,17 +117,39 @@ pub(super) fn set_reaches(watches: &mut Vec<WatchedRun>, stiffness_rise: f64, in
 }
 
 wide! {
-/// The largest magnitude of some numbers; NaN if one is NaN.
-pub(super) fn magnitude_max(numbers: &[f64]) -> f64 {
-// The bits of positive numbers, read as integers, have the order of the numbers; those of NaN are above all
-// others.
-f64::from_bits(numbers.iter().fold(0, |peak_bits, d| d.abs().to_bits().max(peak_bits))) } }
+    /// The largest magnitude of some numbers; NaN if one is NaN.
+    pub(super) fn magnitude_max(numbers: &[f64]) -> f64 {
+        // The bits of positive numbers, read as integers, have the order of the numbers; those of NaN are above all
+        // others.
+        f64::from_bits(numbers.iter().fold(0, |peak_bits, d| d.abs().to_bits().max(peak_bits)))
+    }
+}
 
 wide! {
-/// How much more the link that is nearest to its reach may be stretched [m].
-pub(super) fn least_reach_left(watches: &[WatchedRun], x: &[f64]) -> f64 { let mut nearest = f64::INFINITY; for watch in watches { let WatchedRun { a, b, len, rest_length, .. } = *watch; let (xa, xb) = (&x[a..][..len], &x[b..][..len]); let mut peak_bits = 0_u64; for i in 0..len { peak_bits = peak_bits.max((xb[i] - xa[i] - rest_length).abs().to_bits()); } let reach_left = watch.reach - f64::from_bits(peak_bits);
-// A NaN elongation is beyond every reach.
-let reach_left = if reach_left.is_nan() { f64::NEG_INFINITY } else { reach_left }; nearest = f64::min(nearest, reach_left); } nearest } }
+    /// How much more the link that is nearest to its reach may be stretched [m].
+    pub(super) fn least_reach_left(watches: &[WatchedRun], x: &[f64]) -> f64 {
+        let mut nearest = f64::INFINITY;
+        for watch in watches {
+            let WatchedRun {
+                a, b, len, rest_length, ..
+            } = *watch;
+            let (xa, xb) = (&x[a..][..len], &x[b..][..len]);
+            let mut peak_bits = 0_u64;
+            for i in 0..len {
+                peak_bits = peak_bits.max((xb[i] - xa[i] - rest_length).abs().to_bits());
+            }
+            let reach_left = watch.reach - f64::from_bits(peak_bits);
+            // A NaN elongation is beyond every reach.
+            let reach_left = if reach_left.is_nan() {
+                f64::NEG_INFINITY
+            } else {
+                reach_left
+            };
+            nearest = f64::min(nearest, reach_left);
+        }
+        nearest
+    }
+}
 
 /// A bound on the rise of λ by stiffening, and a MAT of the link where it is reached.
 ///

@@ -187,9 +187,7 @@ impl Island {
         let mut is_link_cut = vec![false; scheme.n_lia];
         let run_touches_part = |run: &crate::scheme::Run| {
             if let Some(pairs) = run.pairwise() {
-                return pairs
-                    .point_ranges()
-                    .any(|index_span| is_muted[index_span].contains(&true));
+                return pairs.point_ranges().any(|range| is_muted[range].contains(&true));
             }
             (0..run.n_axes()).any(|axis| {
                 let (first_a, first_b) = run.pair(0, axis);

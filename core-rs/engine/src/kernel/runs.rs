@@ -23,16 +23,12 @@ pub(crate) fn compute_link_forces(
     body.pair_force.fill(0.0);
     let Body { x, d, force, .. } = body;
     if scheme.fused_springs.is_empty() {
-        let (weighted_forces, weightless_forces) = force.split_at_mut(scheme.weight.len());
-        for (force, weight) in weighted_forces.iter_mut().zip(&scheme.weight) {
-            *force = 0.0 + weight;
-        }
-        weightless_forces.fill(0.0);
+        force.fill(0.0);
     } else {
         laws.spring_forces(ForcePart::Total, &scheme.fused_springs, [x, d], force, team);
-        for (force, weight) in force.iter_mut().zip(&scheme.weight) {
-            *force += weight;
-        }
+    }
+    for (force, weight) in force.iter_mut().zip(&scheme.weight) {
+        *force += weight;
     }
     for run in &scheme.runs {
         if let Kind::Space(space_link) = &run.kind {
@@ -149,12 +145,34 @@ impl<'a> EndMotions<'a> {
     }
 }
 
-wide! { pub(super) fn set_spring_forces(k: f64, z: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) { let n = f.len(); let [xa, xb, da, db] = ends.equal_slices(n); for i in 0..n { f[i] = k * (xb[i] - xa[i] - rest) + z * (db[i] - da[i]); } } }
+wide! {
+    pub(super) fn set_spring_forces(k: f64, z: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) {
+        let n = f.len();
+        let [xa, xb, da, db] = ends.equal_slices(n);
+        for i in 0..n {
+            f[i] = k * (xb[i] - xa[i] - rest) + z * (db[i] - da[i]);
+        }
+    }
+}
 
 wide! {
-/// Hardening springs without the interpreter; the operations have the order of the interpreted law, so that the
-/// bits are the same.
-pub(super) fn set_hardening_forces(law: Hardening, rate: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) { let n = f.len(); let [xa, xb, da, db] = ends.equal_slices(n); let Hardening { k, q, z } = law; for i in 0..n { let e = xb[i] - xa[i] - rest; f[i] = k * e + q * (e * e * e); } if let Some(z) = z { for i in 0..n { f[i] += z * ((db[i] - da[i]) * rate); } } } }
+    /// Hardening springs without the interpreter; the operations have the order of the interpreted law, so that the
+    /// bits are the same.
+    pub(super) fn set_hardening_forces(law: Hardening, rate: f64, rest: f64, ends: &EndMotions<'_>, f: &mut [f64]) {
+        let n = f.len();
+        let [xa, xb, da, db] = ends.equal_slices(n);
+        let Hardening { k, q, z } = law;
+        for i in 0..n {
+            let e = xb[i] - xa[i] - rest;
+            f[i] = k * e + q * (e * e * e);
+        }
+        if let Some(z) = z {
+            for i in 0..n {
+                f[i] += z * ((db[i] - da[i]) * rate);
+            }
+        }
+    }
+}
 
 /// Add a run's forces to its two ends: F_a += f, F_b −= f.
 pub(super) fn scatter(run: &Run, body: &mut Body) {

@@ -42,9 +42,39 @@ fn range_sum(range: &[f64]) -> f64 {
     }
 }
 
-wide! { pub(super) fn lane_sum(range: &[f64]) -> f64 { let mut lanes = [0.0; 8]; let eights = range.chunks_exact(8); let remainder = eights.remainder(); for eight in eights { for (lane, value) in lanes.iter_mut().zip(eight) { *lane += value; } } for (lane, value) in lanes.iter_mut().zip(remainder) { *lane += value; } lane_total(lanes) } }
+wide! {
+    pub(super) fn lane_sum(range: &[f64]) -> f64 {
+        let mut lanes = [0.0; 8];
+        let eights = range.chunks_exact(8);
+        let remainder = eights.remainder();
+        for eight in eights {
+            for (lane, value) in lanes.iter_mut().zip(eight) {
+                *lane += value;
+            }
+        }
+        for (lane, value) in lanes.iter_mut().zip(remainder) {
+            *lane += value;
+        }
+        lane_total(lanes)
+    }
+}
 
-wide! { pub(super) fn scattered_sum(x: &[f64], mats: &[u32]) -> f64 { let mut lanes = [0.0; 8]; let eights = mats.chunks_exact(8); let remainder = eights.remainder(); for eight in eights { for (lane, mat) in lanes.iter_mut().zip(eight) { *lane += x[*mat as usize]; } } for (lane, mat) in lanes.iter_mut().zip(remainder) { *lane += x[*mat as usize]; } lane_total(lanes) } }
+wide! {
+    pub(super) fn scattered_sum(x: &[f64], mats: &[u32]) -> f64 {
+        let mut lanes = [0.0; 8];
+        let eights = mats.chunks_exact(8);
+        let remainder = eights.remainder();
+        for eight in eights {
+            for (lane, mat) in lanes.iter_mut().zip(eight) {
+                *lane += x[*mat as usize];
+            }
+        }
+        for (lane, mat) in lanes.iter_mut().zip(remainder) {
+            *lane += x[*mat as usize];
+        }
+        lane_total(lanes)
+    }
+}
 
 /// Sum of the forces of CELs on the ground, K·(x − rest) [N].
 fn ground_force_sum(k: &[f64], x: &[f64], rest: &[f64]) -> f64 {

@@ -157,10 +157,8 @@ impl Network {
             let mode_entries = mode.shape.iter().zip(&part_body.sqrt_masses);
             mode_entries.map(|(x, root)| x * (shape_sign / root)).collect()
         };
-        let poles: Vec<Complex<f64>> = pole_modes
-            .iter()
-            .map(|mode| part_body.continuous_pole(mode.pole))
-            .collect();
+        let continuous_poles = pole_modes.iter().map(|mode| part_body.continuous_pole(mode.pole));
+        let poles: Vec<Complex<f64>> = continuous_poles.collect();
         Ok(PartModes {
             tones: poles.iter().map(|&s| Tone::from_pole(s)).collect(),
             poles,

@@ -48,8 +48,44 @@ fn add_group_forces(
     }
 }
 
-wide! { fn add_elastic_forces(lone_links: &LoneLinks, x: &[f64], force: &mut [f64]) { for group in &lone_links.groups { if group.form.is_hardening { add_group_forces(lone_links, group, force, |[a, b], [k, _], q, rest| { let e = x[b] - x[a] - rest; k * e + q * (e * e * e) }); } else { add_group_forces(lone_links, group, force, |[a, b], [k, _], _, rest| k * (x[b] - x[a] - rest)); } } } }
+wide! {
+    fn add_elastic_forces(lone_links: &LoneLinks, x: &[f64], force: &mut [f64]) {
+        for group in &lone_links.groups {
+            if group.form.is_hardening {
+                add_group_forces(lone_links, group, force, |[a, b], [k, _], q, rest| {
+                    let e = x[b] - x[a] - rest;
+                    k * e + q * (e * e * e)
+                });
+            } else {
+                add_group_forces(lone_links, group, force, |[a, b], [k, _], _, rest| {
+                    k * (x[b] - x[a] - rest)
+                });
+            }
+        }
+    }
+}
 
-wide! { fn add_viscous_forces(lone_links: &LoneLinks, v: &[f64], force: &mut [f64]) { for group in lone_links.groups.iter().filter(|group| group.form.is_damped) { add_group_forces(lone_links, group, force, |[a, b], [_, z], _, _| z * (v[b] - v[a])); } } }
+wide! {
+    fn add_viscous_forces(lone_links: &LoneLinks, v: &[f64], force: &mut [f64]) {
+        for group in lone_links.groups.iter().filter(|group| group.form.is_damped) {
+            add_group_forces(lone_links, group, force, |[a, b], [_, z], _, _| z * (v[b] - v[a]));
+        }
+    }
+}
 
-wide! { fn add_total_forces(lone_links: &LoneLinks, x: &[f64], v: &[f64], force: &mut [f64]) { for group in &lone_links.groups { if group.form.is_hardening { add_group_forces(lone_links, group, force, |[a, b], [k, z], q, rest| { let e = x[b] - x[a] - rest; k * e + q * (e * e * e) + z * (v[b] - v[a]) }); } else { add_group_forces(lone_links, group, force, |[a, b], [k, z], _, rest| { k * (x[b] - x[a] - rest) + z * (v[b] - v[a]) }); } } } }
+wide! {
+    fn add_total_forces(lone_links: &LoneLinks, x: &[f64], v: &[f64], force: &mut [f64]) {
+        for group in &lone_links.groups {
+            if group.form.is_hardening {
+                add_group_forces(lone_links, group, force, |[a, b], [k, z], q, rest| {
+                    let e = x[b] - x[a] - rest;
+                    k * e + q * (e * e * e) + z * (v[b] - v[a])
+                });
+            } else {
+                add_group_forces(lone_links, group, force, |[a, b], [k, z], _, rest| {
+                    k * (x[b] - x[a] - rest) + z * (v[b] - v[a])
+                });
+            }
+        }
+    }
+}

@@ -25,10 +25,8 @@ impl Takeover {
             for (old_voice_index, voice_script) in island.script().voices.iter().enumerate() {
                 let struck_name = island_plan.network.mat_name(voice_script.struck_mat);
                 let voice_name = (struck_name, voice_script.is_layer);
-                voices_by_name
-                    .entry(voice_name)
-                    .or_default()
-                    .push((old_unit, island, island_plan, old_voice_index));
+                let voices = voices_by_name.entry(voice_name).or_default();
+                voices.push((old_unit, island, island_plan, old_voice_index));
             }
         }
         for &(new_unit, island, island_plan) in &new_side.islands {
