@@ -36,7 +36,7 @@ pub(crate) fn bank(
     let is_discrete = first_part.is_some_and(|part| subset.network.parts()[part].ca_rate.is_some());
     let strikes = impulses_by_mat(timeline, |_| true, is_discrete);
     match normal_modes_bank(subset, timeline, budget, pinned, &strikes, mode_cache) {
-        // A takeover in a session transfers the motion of a body mass by mass, by normal modes only.
+        // A takeover in a session transfers the motion of a bank mass by mass, by normal modes only.
         Err(NoModes::Damping | NoModes::ForceHeard | NoModes::Slow) if !is_discrete && !timeline.is_open => {
             complex_body::bank(subset, timeline.rate, budget, pinned, &strikes, mode_cache)
         }
