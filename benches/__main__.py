@@ -1,8 +1,8 @@
 """`python -m benches [SCENE…]`: measure some scenes, or all of them and write docs/benchmarks.md.
 
-`--minutes 10`: the duration of the duet, `pages`, `pointers` and `soak_live`; one minute by
-default. `--runs 20`: how often each stop is made, and how many keys `metrology` and `random_keys`
-measure.
+`--minutes 10`: the duration of the duet, `pages`, `pointers`, `live_drums` and `soak_live`; one
+minute by default. `--runs 20`: how often each stop is made, and how many keys `metrology` and
+`random_keys` measure.
 `--pieces bloom,workshop`: the bundled pieces that `pieces` renders. `--instruments guitar,viol`:
 those of which `voices` counts the voices and that `ear` compares with recordings; `--page`: they
 write docs/voices.md and docs/ear.md.
@@ -31,6 +31,7 @@ from benches.hammer import hammer
 from benches.haply import haply
 from benches.interrupts import interrupts
 from benches.laws import laws
+from benches.live_drums import live_drums
 from benches.matter import matter
 from benches.measure import Row
 from benches.mesh import mesh
@@ -102,6 +103,7 @@ def main(arguments: list[str]) -> int:
         "soak": soak,
         "stall": stall,
         "stops": partial(stops, asked.runs),
+        "live_drums": partial(live_drums, asked.minutes),
     }
     # Each takes minutes, so it runs only if it is named.
     if "mesh_methods" in wanted:

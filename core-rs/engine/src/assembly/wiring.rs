@@ -214,6 +214,11 @@ impl Body {
         (1..=ties_max).contains(&tie_links.len()).then(|| freed_body.sorted())
     }
 
+    /// Whether a contact, a law or friction ends on one of its ports.
+    pub(crate) fn touches_contact(&self) -> bool {
+        self.touches_contact
+    }
+
     /// Whether it has so few masses that it is a body only for what touches it.
     pub(crate) fn is_small(&self) -> bool {
         self.mats.len() < MODAL_MASSES_MIN
