@@ -290,7 +290,7 @@ impl Performance {
         self.with(|performance| performance.strike(point, impulse))
     }
 
-    /// Let an input of `Timeline.told_in` go to a value, at the next tick; returns a ticket, as `strike`.
+    /// Let an input of `Timeline.controlled_input` go to a value, at the next tick; returns a ticket, as `strike`.
     fn tell(&self, number: u64, value: f64) -> PyResult<Option<u64>> {
         let value = finite_input(value)?;
         self.with(|performance| performance.set_input(number, value))

@@ -291,7 +291,7 @@ impl Timeline {
     }
 
     /// Impose a MAT's position (ENX) or a force on it (ENF): a constant, a take from `at` [s], or an input.
-    #[pyo3(signature = (mat, kind, *, constant=None, take=None, sound=None, start=0.0, scale=1.0, is_exclusive=true))]
+    #[pyo3(signature = (mat, kind, *, constant=None, take=None, sound=None, start=0.0, scale=1.0, acts_on_free_key=true))]
     #[allow(clippy::too_many_arguments)]
     fn drive(
         &mut self,
@@ -302,7 +302,7 @@ impl Timeline {
         sound: Option<usize>,
         start: f64,
         scale: f64,
-        is_exclusive: bool,
+        acts_on_free_key: bool,
     ) -> PyResult<()> {
         self.check_mat("drive", mat)?;
         let kind = word("kind", kind, words::DRIVES)?;
@@ -324,7 +324,7 @@ impl Timeline {
             }
         };
         self.inner
-            .drive(mat, kind, drive_source, is_exclusive)
+            .drive(mat, kind, drive_source, acts_on_free_key)
             .map_err(|error| module_error("drive", error))
     }
 

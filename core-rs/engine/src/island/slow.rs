@@ -1,6 +1,6 @@
 //! A slow body inside an island: what else touches it acts at every frame, and its ports move frame by frame.
 //!
-//! Linear springs act exactly, and MATs that nothing else touches are computed once in a block of frames (`blocks`).
+//! Linear springs act exactly, and MATs that nothing else touches are computed once in a block of frames (`block`).
 //! Springs in space kick once every R frames; these MATs then move in a straight line from kick to kick.
 
 mod block;
