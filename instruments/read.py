@@ -53,8 +53,8 @@ MODULES_DOC = "the network: names, each with one kind of module, and loops that 
 def module_table(form: Form) -> Record:
     """`m: {CEL: {…}}`: each name has one kind of module.
 
-    No field is required here, because `like:` or `from:` may supply it; `whole` checks the rest
-    later.
+    No field is required here, because `like:` or `from:` may supply it;
+    `has_required_fields` checks the rest later.
     """
     kinds = {name: with_optional_fields(table) for name, table in tables(form).items()}
     return Record("module", "one module", (), kinds=kinds, kind_required=True)

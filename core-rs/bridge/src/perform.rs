@@ -301,7 +301,7 @@ impl Performance {
         self.with(|performance| performance.part_gain(group, gain))
     }
 
-    /// Make a change at frame `at`, the first of a tick; returns the ticket of the event "changed" or "late".
+    /// Make a change at frame `frame`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
     #[pyo3(signature = (frame, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, forces=Vec::new(), guidance=None, bounds=None, damp=None))]

@@ -36,7 +36,7 @@ pub(crate) struct RunningModal {
     furthest_motions: Vec<GroupMotion>,
     /// The modes at the first frame in `row_history`.
     window_start_motions: Vec<GroupMotion>,
-    /// Position of each row (port or output) from some frame up to the furthest   (n_rows, SEEN_FRAMES)
+    /// Position of each row (port or output) from some frame up to the furthest   (n_rows, WINDOW_FRAMES)
     row_history: Vec<f64>,
     /// Indices in `row_history` of the present frame and of the furthest, which is at least one later.
     present_index: usize,
@@ -59,7 +59,7 @@ pub(crate) struct RunningModal {
     /// (FRAMES_AHEAD, n_ports)
     window_forces: Vec<f64>,
     has_window_forces: bool,
-    /// Frames without a contact between frames, up to QUIET_FRAMES.
+    /// Frames without a contact between frames, up to [`CONTACT_FREE_FRAMES_MIN`].
     contact_free_frames: u32,
     next_strike_index: usize,
     /// Rates under additional damping, and whether it is on   (n_groups)

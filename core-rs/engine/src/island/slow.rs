@@ -465,8 +465,8 @@ impl RunningSlow {
         self.read_block();
     }
 
-    /// Set velocities to those after springs in space pull at the present positions, from those in `kick`, or from
-    /// rest.
+    /// Set velocities to those after springs in space pull at the present positions: from those in `last_kick` if it
+    /// `is_moving`, otherwise from rest.
     fn spring_kick(&mut self, is_moving: bool) {
         let velocities_before = is_moving.then_some(&self.last_kick[..]);
         if let RunningSprings::Stepped(stepped) = &mut self.springs {
