@@ -40,7 +40,7 @@ def midi(console: Console, path: Path) -> None:
     if n_unread_bytes := file.n_bytes_after + file.n_bytes_unread:
         left_out.append(plural(n_unread_bytes, "byte") + " after the end of tracks")
     if file.n_missing:
-        left_out.append(plural(file.n_missing, "track") + " that the head states, and that lack")
+        left_out.append(plural(file.n_missing, "track") + " announced in the header but missing")
     left_out += [
         f"{n} × {message_kind}" if n > 1 else message_kind
         for message_kind, n in sorted(file.odd.items())

@@ -1175,15 +1175,15 @@ class Timeline:
         sound: int | None = None,
         start: float = 0.0,
         scale: float = 1.0,
-        is_exclusive: bool = True,
+        acts_on_free_key: bool = True,
     ) -> None:
         """Impose a MAT's position [m] (ENX) or a force on it [N] (ENF): a constant, a take, or an
         input.
 
         `sound` is an index that `sound_in` or `controlled_input` returned: frame n is computed
         with value n times `scale`. The take begins at `start` [s]; before that its first value
-        holds, after its end its last. If it `is_exclusive`, the drive belongs to the MAT's part, so
-        that the free copy of a key feels it too.
+        holds, after its end its last. If it `acts_on_free_key`, the free copy of a key feels it
+        too, as it should what belongs to the MAT's part.
         """
     def hand(
         self,

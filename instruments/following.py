@@ -43,7 +43,7 @@ def follows_field(value_shape: Shape, endpoint: Shape, doc: str) -> Field:
         names = ("of", "from", "to", "offset", "span")
         return Following(*(following_values[name] for name in names))
 
-    module_fields = (
+    following_fields = (
         Field("of", endpoint, "the MAT by whose position it goes", required=True),
         Field("from", value_shape, "its value where that is at 0 m, and below", required=True),
         Field("to", value_shape, "its value where that is at `span`, and beyond", required=True),
@@ -51,7 +51,7 @@ def follows_field(value_shape: Shape, endpoint: Shape, doc: str) -> Field:
         Field("span", k.POSITION, "how far it is from one end to the other", 1.0),
     )
     record = Record(
-        "following", "a value that depends on the position of a MAT", module_fields, build
+        "following", "a value that depends on the position of a MAT", following_fields, build
     )
     return Field("follows", NamesOf(record, "parameter"), doc, ())
 

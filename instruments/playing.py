@@ -39,7 +39,7 @@ RELEASE_RECORD = Record(
 
 def play_table(module_record: Record) -> NamesOf:
     """The table of `play:`, in which modules are written as `module_record` says."""
-    module_fields = (
+    act_fields = (
         Field("at", _MODULES_SHAPE, "what is struck", shown="its only module"),
         Field("impulse", k.IMPULSES, "those of its softest and of its hardest stroke"),
         *BOW_ACT_FIELDS,
@@ -52,7 +52,7 @@ def play_table(module_record: Record) -> NamesOf:
         Field("lasts", k.CONTACT_TIME, "how long a stroke lasts; 0s: an instant", shown="0.19ms"),
         Field("turns", k.BOOLEAN, "each second stroke goes backwards, as a bow does", False),
     )
-    return NamesOf(Record("act", "a way in which an instrument is played", module_fields), "act")
+    return NamesOf(Record("act", "a way in which an instrument is played", act_fields), "act")
 
 
 def read_acts(

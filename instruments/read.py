@@ -53,8 +53,8 @@ MODULES_DOC = "the network: names, each with one kind of module, and loops that 
 def module_table(form: Form) -> Record:
     """`m: {CEL: {…}}`: each name has one kind of module.
 
-    No field is required here, because `like:` or `from:` may supply it; `whole` checks the rest
-    later.
+    No field is required here, because `like:` or `from:` may supply it;
+    `has_required_fields` checks the rest later.
     """
     kinds = {name: with_optional_fields(table) for name, table in tables(form).items()}
     return Record("module", "one module", (), kinds=kinds, kind_required=True)
@@ -62,7 +62,7 @@ def module_table(form: Form) -> Record:
 
 def member_table(instrument_form: Form) -> Record:
     """The fields that one note of an instrument may have of its own."""
-    module_fields = (
+    member_fields = (
         Field(
             "modules",
             NamesOf(module_table(instrument_form), "module", has_loops=True),
@@ -81,7 +81,7 @@ def member_table(instrument_form: Form) -> Record:
         name: with_optional_fields(table)
         for name, table in tables(instrument_form, POINT_KINDS).items()
     }
-    return Record("member", "what one note has of its own", module_fields, kinds=kinds)
+    return Record("member", "what one note has of its own", member_fields, kinds=kinds)
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ _FIELDS_ELSEWHERE = {
 
 def instrument_table(instrument_form: Form) -> Record:
     """The fields of an instrument of a form."""
-    module_fields = (
+    instrument_fields = (
         Field(
             "like",
             Reference("an instrument", ("instruments",)),
@@ -191,7 +191,7 @@ def instrument_table(instrument_form: Form) -> Record:
             play_table(module_table(instrument_form)),
             "how it is played; the first act is usual",
         ),
-        Field("ready", READY_SHAPE, "acts whose modules are there before a line plays them"),
+        Field("ready", READY_SHAPE, "acts whose modules are built in advance"),
         Field("level", LOUDNESS_SHAPE, LEVEL_DOC, shown="unknown"),
     )
     kinds = {
@@ -201,7 +201,7 @@ def instrument_table(instrument_form: Form) -> Record:
     return Record(
         "instrument",
         "a CORDIS-ANIMA network",
-        module_fields,
+        instrument_fields,
         kinds=kinds,
         elsewhere=_FIELDS_ELSEWHERE,
     )
@@ -307,13 +307,13 @@ def read_modules(
 
 
 def _modules_of(bodies: Mapping[str, Any], axes: int, recall: Recall) -> tuple[Module, ...]:
-    known_fields = (
-        # The values are kept, so that no others get their id.
+    module_groups = (
+        # Keep the values alive in the cache: their id() is its key and must not be reused.
         recall(("module", name, id(body), axes), partial(_values_and_modules, name, body, axes))[1]
         for name, body in bodies.items()
         if body is not MISSING
     )
-    return tuple(chain.from_iterable(known_fields))
+    return tuple(chain.from_iterable(module_groups))
 
 
 def _values_and_modules(
@@ -498,11 +498,11 @@ def _space(space_values: Values) -> Space | None:
     return Space(axis_count, space_values["gravity"] or 0.0)
 
 
-def _placing(module_values: Values | None) -> Placing | None:
-    if module_values is None:
+def _placing(placing_values: Values | None) -> Placing | None:
+    if placing_values is None:
         return None
-    position = module_values["at"] if len(module_values["at"]) == 2 else (0.0, 0.0)
-    return Placing(module_values["across"], position, module_values["height"])
+    position = placing_values["at"] if len(placing_values["at"]) == 2 else (0.0, 0.0)
+    return Placing(placing_values["across"], position, placing_values["height"])
 
 
 def _ca_rate(instrument_values: Values) -> float | None:

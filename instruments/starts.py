@@ -23,9 +23,9 @@ def start_shape(part_name: str, value_shape: Shape, value_name: str) -> Shape:
     def build(values: Values) -> Start:
         return Start(values["at"], values[value_name])
 
-    module_fields = (
+    start_fields = (
         Field("at", Reference("members, such as centre, 12 or 3..8"), "which members", None, True),
         Field(value_name, value_shape, "the value", None, True),
     )
-    start_record = Record("start", f"{part_name} of some members", module_fields, build)
+    start_record = Record("start", f"{part_name} of some members", start_fields, build)
     return Either(value_shape, start_record, ListOf(start_record))

@@ -17,7 +17,7 @@ type Bits = u64;
 /// Stiffness [N/m], cubic stiffness [N/m³], damping per step [N/m], rest [m] of all links.
 type Law = [Real; 4];
 
-/// Go on `n_frames` and listen to `n_taps` masses: `out` (n_frames, n_taps). `begins` and `len`: first points and
+/// Go on `n_frames` and listen to `n_taps` masses: `out` (n_frames, n_taps). `a`, `b` and `len`: first points and
 /// length of each run (n_runs); `numbers`: w, κ, ζ and rest of each mass, one after the other (4 n).
 ///
 /// # Safety

@@ -29,7 +29,7 @@ SUFFIX = ".motion"
 _INSTRUMENT_SPACING = 1.3  # [m] between instruments that the score does not place
 _KEYS_Y = -1.3  # [m] in front of the instruments
 _KEY_WIDTH = 0.1  # [m]
-_KEY_ROW_SPACING = 0.6  # length of a row of modules without a place, as part of the bench
+_LOOSE_ROW_LENGTH = 0.6  # width of the row in which unplaced points are drawn, in bench units
 _LAYOUTS = {"BANK": "bank", "MODES": "bank", "STRING": "string", "PLATE": "plate"}
 
 
@@ -275,5 +275,7 @@ def _centred_bench(bench: NDArray[np.float64]) -> NDArray[np.float64]:
     loose = np.flatnonzero((bench == 0.0).all(axis=1))
     spread_bench = bench.copy()
     if len(loose) > 1:
-        spread_bench[loose, 0] = _KEY_ROW_SPACING * (np.arange(len(loose)) / (len(loose) - 1) - 0.5)
+        spread_bench[loose, 0] = _LOOSE_ROW_LENGTH * (
+            np.arange(len(loose)) / (len(loose) - 1) - 0.5
+        )
     return spread_bench

@@ -15,7 +15,7 @@ _DEFINES = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 # Encodings by the first bytes of a document, with a mark of the order of bytes or without.
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb": "utf-8-sig"}
 _MARKS |= {b"<\0": "utf-16-le", b"\0<": "utf-16-be"}
-# Programs that make a text first and encode it later write so into files of UTF-8.
+# Some programs declare UTF-16 in UTF-8 files; the declaration is dropped.
 _SAYS_WIDE = re.compile(rb"<\?xml[^>]*encoding=[\"']utf-?16[^>]*\?>", re.IGNORECASE)
 
 

@@ -121,17 +121,17 @@ def blocks_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> Iterator[NDA
     import numpy as np
 
     bits = format.bits
-    for frame_bytes in pieces:
+    for sample_bytes in pieces:
         if bits in ("float", "double"):
             float_type = "<f4" if bits == "float" else "<f8"
             with np.errstate(invalid="ignore"):  # a signalling NaN of a stranger's file
-                flat_samples = np.frombuffer(frame_bytes, float_type).astype(np.float64)
+                flat_samples = np.frombuffer(sample_bytes, float_type).astype(np.float64)
         elif bits == 8:  # unsigned, around 128
-            flat_samples = np.frombuffer(frame_bytes, np.uint8) / 128.0 - 1.0
+            flat_samples = np.frombuffer(sample_bytes, np.uint8) / 128.0 - 1.0
         else:
             width = BYTES_BY_FORM[bits]
-            octets = np.zeros((len(frame_bytes) // width, 4), np.uint8)
-            octets[:, 4 - width :] = np.frombuffer(frame_bytes, np.uint8).reshape(-1, width)
+            octets = np.zeros((len(sample_bytes) // width, 4), np.uint8)
+            octets[:, 4 - width :] = np.frombuffer(sample_bytes, np.uint8).reshape(-1, width)
             flat_samples = octets.view("<i4")[:, 0] / 2.0**31
         yield flat_samples.reshape(-1, format.n_channels)
 

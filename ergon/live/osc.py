@@ -64,7 +64,7 @@ def parse_address(address_text: str) -> Place:
 
 
 class OscServer:
-    """Receives requests at the address `here` and sends events to `there`; either may be None."""
+    """Receives requests at one address and sends events to another; either may be None."""
 
     def __init__(
         self,

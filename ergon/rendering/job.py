@@ -42,7 +42,7 @@ class RenderJob:
     inputs: Sequence[Path] = ()  # files that are read, and so never overwritten
     silences: Sequence[FadedSilence] = ()  # silences of panics, in frames of the piece
     edges: Edges = NO_EDGES_FADED
-    # The piece ends where its sound has faded after this frame, if it does.
+    # Frame from which the piece may end, once its sound has faded.
     fades_from: int | None = None
     is_part: bool = False  # the file ends at `stop`, whether the sound has faded or not
     stretches: StretchStore | None = None  # stretches of earlier renders

@@ -17,7 +17,7 @@ _MM = 1000.0
 
 def asked_and_done(
     simulation: Simulation,
-    key_mat: int,
+    key_index: int,
     struck_mat: int,
     start_seconds: float,
     stop_seconds: float,
@@ -29,8 +29,8 @@ def asked_and_done(
 
     Each curve has about `point_count` points.
 
-    `key_mat` is the key's index on the timeline, `struck_mat` its struck MAT, whose displacement in
-    the piece is `reach` times the key's.
+    `key_index` is the key's index on the timeline, `struck_mat` its struck MAT, whose displacement
+    in the piece is `reach` times the key's.
     """
     import numpy as np
 
@@ -40,14 +40,14 @@ def asked_and_done(
     frame_block = np.zeros((4096, simulation.n_out))
     while simulation.frame < first_frame:
         simulation.process(frame_block[: first_frame - simulation.frame])
-    t, asked, instants_done = [], [], []
+    t, asked, done = [], [], []
     while True:
         t.append(simulation.frame / rate)
-        asked.append(float(simulation.asked()[key_mat]) * scale)
-        instants_done.append(float(simulation.positions()[struck_mat]) * scale)
+        asked.append(float(simulation.asked()[key_index]) * scale)
+        done.append(float(simulation.positions()[struck_mat]) * scale)
         if simulation.frame >= last_frame:
             break
         until = min(last_frame, simulation.frame + frame_step)
         while simulation.frame < until:
             simulation.process(frame_block[: until - simulation.frame])
-    return Curve("asked", t, asked), Curve("done", t, instants_done)
+    return Curve("asked", t, asked), Curve("done", t, done)

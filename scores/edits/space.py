@@ -85,10 +85,10 @@ def pan_of(route: Route, tempo: TempoMap, from_beat: float) -> float:
         if t > beat_instant:
             if point_before is None:
                 return pan_point.pan
-            begin, low_pan = point_before
+            begin, previous_pan = point_before
             u = (beat_instant - begin) / (t - begin)
             u = u * u * (3.0 - 2.0 * u) if pan_point.is_smooth else u
-            angles = [acos(-place) for place in (low_pan, pan_point.pan)]
+            angles = [acos(-place) for place in (previous_pan, pan_point.pan)]
             return -cos(angles[0] + (angles[1] - angles[0]) * u)
         point_before = t, pan_point.pan
     return 0.0 if point_before is None else point_before[1]
@@ -153,12 +153,12 @@ def fade_level(fade: Fade, tempo: TempoMap, beat: float) -> float:
         if t > beat_instant:
             if point_before is None:
                 return point_gain
-            begin, low_gain = point_before
+            begin, previous_gain = point_before
             u = (beat_instant - begin) / (t - begin)
             u = u * u * (3.0 - 2.0 * u) if is_smooth else u
-            if low_gain > 0.0 and point_gain > 0.0:
-                return q.level_between(low_gain, point_gain, u)
-            return low_gain + (point_gain - low_gain) * u
+            if previous_gain > 0.0 and point_gain > 0.0:
+                return q.level_between(previous_gain, point_gain, u)
+            return previous_gain + (point_gain - previous_gain) * u
         point_before = t, point_gain
     return 1.0 if point_before is None else point_before[1]
 
@@ -169,7 +169,7 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
 
     def within(fade: Fade) -> list[edit.Tree]:
         points_written: list[edit.Tree] = [
-            {"at": "0", "gain": _ratio_of_level(fade_level(fade, tempo, start_beat))}
+            {"at": "0", "gain": _ratio_text(fade_level(fade, tempo, start_beat))}
         ]
         for fade_point in fade:
             point_beat = tempo.resolve(fade_point.at)
@@ -177,7 +177,7 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
                 curve = "smooth" if fade_point.is_smooth else "line"
                 offset_text = f"{point_beat - start_beat:.12g}"
                 points_written.append(
-                    {"at": offset_text, "gain": _ratio_of_level(fade_point.gain), "curve": curve}
+                    {"at": offset_text, "gain": _ratio_text(fade_point.gain), "curve": curve}
                 )
         return points_written
 
@@ -237,7 +237,7 @@ def _fade_points(
         points_written.append(
             {
                 "at": position_text(piece, from_beat),
-                "gain": _ratio_of_level(fade_level(fade, tempo, from_beat)),
+                "gain": _ratio_text(fade_level(fade, tempo, from_beat)),
             }
         )
     else:
@@ -250,8 +250,8 @@ def _fade_points(
     ]
 
 
-def _ratio_of_level(level: float) -> str:
-    return f"x{level:.12g}"
+def _ratio_text(ratio: float) -> str:
+    return f"x{ratio:.12g}"
 
 
 def _route_paths(score_texts: Texts, instrument_name: str) -> Iterator[edit.Path]:

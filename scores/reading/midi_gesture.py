@@ -51,30 +51,30 @@ def _key_points(
     hardest: dict[float, int] = {}
     for note in notes:
         hardest[note.at] = max(note.velocity, hardest.get(note.at, 0))
-    note_instants = [*hardest]
+    note_quarters = [*hardest]
     key_points: list[Point] = []
 
-    def add(instant_added: float, x: float, curve: str) -> None:
-        key_points.append(Point(Time(instant_added), x, curve, 0, 1))
+    def add(quarter: float, x: float, curve: str) -> None:
+        key_points.append(Point(Time(quarter), x, curve, 0, 1))
 
-    for i, note_instant in enumerate(note_instants):
-        instant_before = (
-            note_instants[i - 1] if i else -note_instant
+    for i, note_quarter in enumerate(note_quarters):
+        quarter_before = (
+            note_quarters[i - 1] if i else -note_quarter
         )  # half the way from the beginning
-        instant_after = note_instants[i + 1] if i + 1 < len(note_instants) else note_instant + 1.0
-        if note_instant > 0.0:
+        quarter_after = note_quarters[i + 1] if i + 1 < len(note_quarters) else note_quarter + 1.0
+        if note_quarter > 0.0:
             if not key_points:
                 add(0.0, 0.0, "smooth")
             add(
-                note_instant
-                - min(_APPROACH_QUARTERS, _APPROACH_SHARE_MAX * (note_instant - instant_before)),
+                note_quarter
+                - min(_APPROACH_QUARTERS, _APPROACH_SHARE_MAX * (note_quarter - quarter_before)),
                 0.0,
                 "hold",
             )
-        add(note_instant, value_of_velocity(hardest[note_instant], depth, curve), "smooth")
+        add(note_quarter, value_of_velocity(hardest[note_quarter], depth, curve), "smooth")
         add(
-            note_instant
-            + min(_APPROACH_QUARTERS, _APPROACH_SHARE_MAX * (instant_after - note_instant)),
+            note_quarter
+            + min(_APPROACH_QUARTERS, _APPROACH_SHARE_MAX * (quarter_after - note_quarter)),
             0.0,
             "smooth",
         )

@@ -82,5 +82,5 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
                 if begin_position is None
                 else tempo.seconds(tempo.resolve(begin_position)),
                 scale=scale * part_module.fields["scale"],
-                is_exclusive=part_module.driven_mat.part == part_name,
+                acts_on_free_key=part_module.driven_mat.part == part_name,
             )

@@ -32,7 +32,7 @@ _TUNING_FIELDS = ("f", "t60", "M", "X0", "V0")
 class Glide:
     """A linear change of a module's parameters from `before` to `after` between two instants [s].
 
-    `own` is the K that a link has in the network, if it is not the one in `after`.
+    `value_alone` is the K that a link has in the network, if it is not the one in `after`.
     """
 
     part: str

@@ -42,5 +42,5 @@ pub(crate) fn pow(x: f64, y: f64) -> f64 {
 /// Ratio of amplitudes for a level in dB.
 #[pyfunction]
 pub(crate) fn decibels(level: f64) -> f64 {
-    maths::decibels(level)
+    maths::amplitude_ratio(level)
 }

@@ -290,7 +290,7 @@ impl Performance {
         self.with(|performance| performance.strike(point, impulse))
     }
 
-    /// Let an input of `Timeline.told_in` go to a value, at the next tick; returns a ticket, as `strike`.
+    /// Let an input of `Timeline.controlled_input` go to a value, at the next tick; returns a ticket, as `strike`.
     fn tell(&self, number: u64, value: f64) -> PyResult<Option<u64>> {
         let value = finite_input(value)?;
         self.with(|performance| performance.set_input(number, value))
@@ -301,7 +301,7 @@ impl Performance {
         self.with(|performance| performance.part_gain(group, gain))
     }
 
-    /// Make a change at frame `at`, the first of a tick; returns the ticket of the event "changed" or "late".
+    /// Make a change at frame `frame`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
     #[pyo3(signature = (frame, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, forces=Vec::new(), guidance=None, bounds=None, damp=None))]

@@ -142,7 +142,7 @@ impl Simulation {
         Ok(self.0.strike(point, strike_impulse(impulse)?))
     }
 
-    /// Let an input of `Timeline.told_in` go to a value from the next frame on; False if there is no such input.
+    /// Let an input of `Timeline.controlled_input` go to a value from the next frame on; False if there is no such input.
     fn tell(&mut self, number: u64, value: f64) -> PyResult<bool> {
         Ok(self.0.set_input(number, finite_input(value)?))
     }

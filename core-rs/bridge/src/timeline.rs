@@ -103,7 +103,7 @@ impl Timeline {
         impulses.map(|(at, impulse)| Impulse { at, impulse }).collect()
     }
 
-    /// A gesture that plays a take from `at` to `until` [s]: x·scale at t·stretch; its index.
+    /// A gesture that plays a take from `start` to `until` [s]: x·scale at t·stretch; its index.
     #[pyo3(signature = (key, take, start, *, scale=1.0, stretch=1.0, reverse=false, until=None, touch="open", ergons="event", grain=None, join=0.02, force_limit=None, layer=false, source=0))]
     #[allow(clippy::too_many_arguments)]
     fn take(
@@ -134,8 +134,8 @@ impl Timeline {
             .map_err(|error| from_gesture("take", &error))
     }
 
-    /// A strike on a MAT at `at` [s]: an impulse [N·s] that lasts `lasts` [s] (None: as long as the engine says), or a
-    /// mass [kg] that arrives at a speed [m/s].
+    /// A strike on a MAT at `start` [s]: an impulse [N·s] that lasts `lasts` [s] (None: as long as the engine says), or
+    /// a mass [kg] that arrives at a speed [m/s].
     #[pyo3(signature = (mat, start, *, impulse=None, mass=None, speed=None, lasts=Some(0.0), source=0))]
     #[allow(clippy::too_many_arguments)]
     fn strike(
@@ -290,8 +290,8 @@ impl Timeline {
         self.input(py, settings, samples)
     }
 
-    /// Impose a MAT's position (ENX) or a force on it (ENF): a constant, a take from `at` [s], or an input.
-    #[pyo3(signature = (mat, kind, *, constant=None, take=None, sound=None, start=0.0, scale=1.0, is_exclusive=true))]
+    /// Impose a MAT's position (ENX) or a force on it (ENF): a constant, a take from `start` [s], or an input.
+    #[pyo3(signature = (mat, kind, *, constant=None, take=None, sound=None, start=0.0, scale=1.0, acts_on_free_key=true))]
     #[allow(clippy::too_many_arguments)]
     fn drive(
         &mut self,
@@ -302,7 +302,7 @@ impl Timeline {
         sound: Option<usize>,
         start: f64,
         scale: f64,
-        is_exclusive: bool,
+        acts_on_free_key: bool,
     ) -> PyResult<()> {
         self.check_mat("drive", mat)?;
         let kind = word("kind", kind, words::DRIVES)?;
@@ -324,7 +324,7 @@ impl Timeline {
             }
         };
         self.inner
-            .drive(mat, kind, drive_source, is_exclusive)
+            .drive(mat, kind, drive_source, acts_on_free_key)
             .map_err(|error| module_error("drive", error))
     }
 

@@ -100,7 +100,7 @@ impl Bank {
         let mut bank_script = Script {
             rate,
             sections: Vec::new(),
-            rates: Vec::new(),
+            coefficients: Vec::new(),
             weights: Vec::new(),
             scales: Vec::new(),
             events: Vec::new(),
@@ -111,20 +111,20 @@ impl Bank {
         };
         let mut motions = Vec::new();
         for same_output_members in member_order.chunk_by(|&i, &j| outputs(i).eq(outputs(j))) {
-            let first_group = bank_script.rates.len();
+            let first_group = bank_script.coefficients.len();
             for members in same_output_members.chunks(LANES) {
                 motions.push(bank_script.group(oscillators, members));
             }
             bank_script.sections.push(Section {
                 outputs: outputs(same_output_members[0]).collect(),
-                groups: first_group..bank_script.rates.len(),
+                groups: first_group..bank_script.coefficients.len(),
             });
         }
         bank_script.add_strikes();
         bank_script.rest_threshold = if is_open {
             REST_AMPLITUDE
         } else {
-            rest_threshold(oscillators, &bank_script.strikes, rate) / bank_script.rates.len().max(1) as f64
+            rest_threshold(oscillators, &bank_script.strikes, rate) / bank_script.coefficients.len().max(1) as f64
         };
         let is_still =
             |motion: &GroupMotion| motion.positions == Lanes::ZERO && motion.previous_positions == Lanes::ZERO;
@@ -136,7 +136,7 @@ impl Bank {
             sums: vec![LaneSum::ZERO; n_outputs.max().unwrap_or(0) * frames_max],
             frames_max,
             motions,
-            damped: bank_script.rates.clone(),
+            damped: bank_script.coefficients.clone(),
             is_damped: false,
             script: Arc::new(bank_script),
         }
@@ -212,15 +212,17 @@ impl Bank {
         if self.is_still[group] {
             return;
         }
-        let (group_rates, group_motion) = (self.damped.get(group), &mut self.motions[group]);
-        let group_rates = group_rates.filter(|_| self.is_damped).unwrap_or(&script.rates[group]);
+        let (group_coefficients, group_motion) = (self.damped.get(group), &mut self.motions[group]);
+        let group_coefficients = group_coefficients
+            .filter(|_| self.is_damped)
+            .unwrap_or(&script.coefficients[group]);
         if n_outputs == 1 {
-            advance_and_sum(group_rates, group_motion, &mut self.sums[frames]);
+            advance_and_sum(group_coefficients, group_motion, &mut self.sums[frames]);
         } else {
             let n_frames = frames.len();
             let output_sums = &mut self.sums[frames.start..];
             advance_and_sum_weighted(
-                group_rates,
+                group_coefficients,
                 group_motion,
                 &script.weights[group],
                 n_frames,
@@ -233,8 +235,8 @@ impl Bank {
     /// Multiply the modulus of every pole by `by`: an additional damping.
     pub(crate) fn damp(&mut self, by: f64) {
         self.is_damped = by < 1.0;
-        for (damped, rates) in self.damped.iter_mut().zip(&self.script.rates) {
-            rates.scale_poles(by, damped);
+        for (damped, coefficients) in self.damped.iter_mut().zip(&self.script.coefficients) {
+            coefficients.scale_poles(by, damped);
         }
     }
 

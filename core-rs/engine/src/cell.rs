@@ -226,7 +226,7 @@ impl Cell {
     /// If damping removes all velocity within one step (1-ζ rounds to 0), the past has no effect, and the result is
     /// T·v.
     pub fn last_step(&self, x: f64, v: f64, rest: f64, rate: Rate) -> f64 {
-        /// e^-FORGOTTEN is less than half the rounding unit.
+        /// e^-NEGLIGIBLE_DECAY is less than half the rounding unit.
         const NEGLIGIBLE_DECAY: f64 = 37.0;
         let (y, time_step) = (x - rest, rate.step());
         let s = self.sigma * time_step;

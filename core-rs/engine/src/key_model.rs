@@ -234,17 +234,17 @@ impl KeyModel {
         }
         let mut derivatives = vec![0.0; forces.len() * columns.len()];
         let mut key_motion = Motion::<0>::with_columns(self, rate, steps, &[])?;
-        let mut position = 0;
+        let mut next_tick = 0;
         for (number, group) in columns.chunks(FORCE_COLUMNS).enumerate() {
-            while position < group[0] {
-                key_motion.tick(forces[position], 0.0);
-                position += 1;
+            while next_tick < group[0] {
+                key_motion.tick(forces[next_tick], 0.0);
+                next_tick += 1;
             }
             let last_tick = group[group.len() - 1];
             let parameters: Vec<_> = group.iter().map(|&tick| Parameter::Force(tick)).collect();
             let mut wide_motion = key_motion.widened::<FORCE_COLUMNS>(parameters);
             let mut greatest = 0.0_f64;
-            for (n, &force) in forces.iter().enumerate().skip(position) {
+            for (n, &force) in forces.iter().enumerate().skip(next_tick) {
                 if n % POLL_EVERY == 0 {
                     interrupt::spend(TICK_STEPS * POLL_EVERY);
                 }

@@ -9,7 +9,7 @@ pub(crate) use mixing::Mixing;
 pub use libm::{asin, atan2, cos, exp, expm1, floor, fma, log, log1p, log2, log10, pow, sin, sincos, sqrt, tanh};
 
 /// Ratio of amplitudes for a level [dB].
-pub fn decibels(level: f64) -> f64 {
+pub fn amplitude_ratio(level: f64) -> f64 {
     pow(10.0, level / 20.0)
 }
 

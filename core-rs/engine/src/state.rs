@@ -20,7 +20,7 @@ pub(crate) struct Body {
     /// State of each LIA [m]: the bending of its bristles, or the yielded part of its rest length (infinite if it is
     /// broken); empty if no LIA has a state   (n_lia)
     pub(crate) memory: Vec<f64>,
-    /// Friction states of touching points, for each pairwise run by its `room`.
+    /// Friction states of touching points, for each pairwise run, indexed by `Kind::Pairwise::slot`.
     pub(crate) histories: Vec<ContactHistory>,
     /// Part of `force` from contacts between all pairs [N]   (n_mat; empty if there are none)
     pub(crate) pair_force: Vec<f64>,
@@ -51,7 +51,7 @@ crate::archive::state!(Body {
     previous
 });
 
-/// Work of exact contacts and frictions whose amount depends on the motion, counted.
+/// Counters of motion-dependent work in exact contacts and frictions.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ExactWork {
     /// Contacts and frictions that were solved in rounds after the first.

@@ -33,7 +33,8 @@ pub(crate) use pulse::StrikeTiming;
 pub(crate) use push::{StrikeForce, strike_forces};
 pub use sound_in::{Conditioner, InputSource, SoundIn, SoundInSettings};
 
-/// Largest number of strikes of one piece: 32 bytes each, nine pushes of 40 bytes, and as much again for sorting.
+/// Largest number of strikes of one piece. It bounds the memory of their forces: about 750 bytes per strike, for the
+/// strike (32 bytes) and nine [`StrikeForce`]s of 40 bytes, which sorting holds twice.
 const STRIKES_MAX: u64 = 2_000_000;
 
 /// A rain: random strikes on some MATs.
@@ -367,9 +368,18 @@ impl Timeline {
     /// let mut network = Network::new();
     /// let m = network.mas("m", 1e-3, 0.0, 0.0)?;
     /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// let rain = Rain { rate: 20.0, start: 0.0, stop: 5.0, impulse: (1e-4, 1e-3), duration: None, window: (0.0, 5.0),
-    /// source: 0 }; let n_strikes = timeline.rain(&network, &[m], &rain, |member| Chance::new(7, "strikes", "sky",
-    /// member, 0))?; assert!((50..150).contains(&n_strikes));
+    /// let rain = Rain {
+    ///     rate: 20.0,
+    ///     start: 0.0,
+    ///     stop: 5.0,
+    ///     impulse: (1e-4, 1e-3),
+    ///     duration: None,
+    ///     window: (0.0, 5.0),
+    ///     source: 0,
+    /// };
+    /// let chance = |member| Chance::new(7, "strikes", "sky", member, 0);
+    /// let n_strikes = timeline.rain(&network, &[m], &rain, chance)?;
+    /// assert!((50..150).contains(&n_strikes));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
@@ -466,8 +476,8 @@ impl Timeline {
         })
     }
 
-    /// Impose the position or a force on a MAT by a constant, a take or a hand; `is_exclusive`: the drive belongs to
-    /// the part of the MAT.
+    /// Impose the position or a force on a MAT by a constant, a take or a hand; `acts_on_free_key`: whether it also
+    /// acts on the free copy of a key.
     ///
     /// # Errors
     /// [`StrikeError`] if a constant is not finite, or the position of the MAT is imposed already.
@@ -476,7 +486,7 @@ impl Timeline {
         mat: usize,
         kind: DriveKind,
         source: DriveSource,
-        is_exclusive: bool,
+        acts_on_free_key: bool,
     ) -> Result<(), StrikeError> {
         if let DriveSource::Constant(constant) = source {
             check_finite("constant", constant)?;
@@ -489,7 +499,7 @@ impl Timeline {
             mat,
             kind,
             source,
-            acts_on_free_key: is_exclusive,
+            acts_on_free_key,
         });
         Ok(())
     }

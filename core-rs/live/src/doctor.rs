@@ -39,7 +39,7 @@ impl Checkup {
     }
 }
 
-/// Wake `ticks` times, a `period` [s] apart, as the physics thread does; with a device, send zero forces and wait for
+/// Wake `ticks` times, a `tick_period` [s] apart, as the physics thread does; with a device, send zero forces and wait for
 /// each reply. Ends early when `stop` is set. This thread keeps the priority of the physics thread, so call it in a
 /// thread of its own.
 ///

@@ -222,10 +222,10 @@ impl MotionFile {
                 reading.u32()? as usize,
             );
             let part = self.parts.get_mut(part)?;
-            let Kind::Modal(first_point, part_modes, mode_shapes) = &mut part.kind else {
+            let Kind::Modal(part_first_mode, part_modes, mode_shapes) = &mut part.kind else {
                 return None;
             };
-            let mode_offset = first_mode.checked_sub(*first_point)?;
+            let mode_offset = first_mode.checked_sub(*part_first_mode)?;
             let payload_size = mode_count
                 .checked_mul(point_count)?
                 .checked_mul(2)?
@@ -233,11 +233,11 @@ impl MotionFile {
             if point_count != part.count || mode_offset + mode_count > *part_modes || reading.0.len() != payload_size {
                 return None;
             }
-            for first_point in &mut self.oscillations[self.n_points + first_mode..][..mode_count] {
-                first_point.omega = reading.f64()?;
+            for oscillation in &mut self.oscillations[self.n_points + first_mode..][..mode_count] {
+                oscillation.omega = reading.f64()?;
             }
-            for first_point in &mut self.oscillations[self.n_points + first_mode..][..mode_count] {
-                first_point.sigma = reading.f64()?;
+            for oscillation in &mut self.oscillations[self.n_points + first_mode..][..mode_count] {
+                oscillation.sigma = reading.f64()?;
             }
             for row in mode_shapes.chunks_mut((*part_modes).max(1)) {
                 for share in &mut row[mode_offset..mode_offset + mode_count] {
@@ -350,8 +350,8 @@ impl MotionFile {
                 continue;
             }
             let is_of_part = |chunk: &&ChunkRef| {
-                let number_read = Reading(self.payload(chunk)).u16();
-                chunk.kind == kind::FRAMES && number_read == Some(number as u16)
+                let chunk_part = Reading(self.payload(chunk)).u16();
+                chunk.kind == kind::FRAMES && chunk_part == Some(number as u16)
             };
             let (mut known_frames, mut frame_index): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
             let mut frame_chunks = self.chunks().iter().filter(is_of_part);
@@ -373,7 +373,7 @@ impl MotionFile {
                 while frame_index + 1 < known_frames.len() && known_frames[frame_index + 1].0 <= instant {
                     frame_index += 1;
                 }
-                let number_read = &mut row[part.first..part.first + part.count];
+                let part_positions = &mut row[part.first..part.first + part.count];
                 let Some((frame_time, x)) = known_frames.get(frame_index).filter(|frame| frame.0 <= instant) else {
                     continue;
                 };
@@ -382,14 +382,14 @@ impl MotionFile {
                     x.is_finite().then_some(x)
                 };
                 let Some((next_time, y)) = known_frames.get(frame_index + 1) else {
-                    number_read.copy_from_slice(x);
+                    part_positions.copy_from_slice(x);
                     continue;
                 };
                 let time_share = (instant - frame_time) / (next_time - frame_time);
-                for (point, (number_read, ends)) in number_read.iter_mut().zip(x.iter().zip(y)).enumerate() {
+                for (point, (position, ends)) in part_positions.iter_mut().zip(x.iter().zip(y)).enumerate() {
                     let before = neighbour(frame_index.checked_sub(1), point);
                     let after = neighbour(Some(frame_index + 2), point);
-                    *number_read = between(time_share, (*ends.0, *ends.1), before, after);
+                    *position = between(time_share, (*ends.0, *ends.1), before, after);
                 }
             }
         }

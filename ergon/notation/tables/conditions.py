@@ -25,17 +25,17 @@ _COMPARISONS: Mapping[str, Callable[[Fraction, Fraction], bool]] = {
 
 
 def is_true(written_text: str, text_start: int, known_names: Mapping[str, Amount]) -> bool:
-    """Whether the condition from `text_start` on holds; `or` joins what `and` joins, and of both
-    the second is asked only if it matters.
+    """Whether the condition from `text_start` on holds; `and` binds tighter than `or`; both
+    short-circuit.
 
     Raises TextError with the characters at fault.
     """
     return any(
         all(
             _holds(written_text, part_start, part_end, known_names)
-            for part_start, part_end in _parts(written_text, first_of_all, last_of_all, _AND)
+            for part_start, part_end in _parts(written_text, clause_start, clause_end, _AND)
         )
-        for first_of_all, last_of_all in _parts(written_text, text_start, len(written_text), _OR)
+        for clause_start, clause_end in _parts(written_text, text_start, len(written_text), _OR)
     )
 
 

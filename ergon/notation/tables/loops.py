@@ -22,7 +22,7 @@ from ergon.notation.text.document import Document, Node, Scalar
 from ergon.notation.text.errors import Collector, TextError, quote
 
 MAX_TURNS = 20_000  # turns of all loops in one mapping
-MAX_NODES = 500_000  # characters that loops may write out in one file
+MAX_NODES = 500_000  # nodes, plus one per 64 characters, that loops of a file may produce
 MAX_INSIDE = 8  # levels of nested loops and conditions
 
 SYNTAX = "write `for i in 1..12:` or `if i < 12:`, with names below"

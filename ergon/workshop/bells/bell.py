@@ -40,7 +40,7 @@ class StrokeReport:
 class Bell:
     """A struck object: modes from low to high, each (n,), and their levels at places (n, places).
 
-    `heard` are levels at the place of listening. A stroke at a place moves a mode there by the
+    `listened` are levels at the place of listening. A stroke at a place moves a mode there by the
     product of both levels; the largest product is 1. `reference` is the amplitude of that
     largest product in the recording of the hardest stroke (full scale is 1). `energy` is each
     mode's share of the energy of the loudest stroke. Standard deviations are None if the modes

@@ -15,8 +15,10 @@ SPEED = 1.0  # speed of the hammer [m/s]
 LENGTH = 1e-4  # contact time if strokes do not reveal it; barely audible [s]
 _TRIED_LENGTHS = np.geomspace(2e-5, 2e-2, 90)  # lengths [s]
 _REACH_CYCLES = 1.2  # f·length up to which the spectrum of a push is that of half a sine
-_SHAPE = 0.15  # logarithm: how far pushes of other shapes are from it there
-_BEYOND_CYCLES = 0.8  # and beyond, where they have zeros of their own
+# Standard deviations of ln(attenuation) for pulses other than half-sines: at the reach, and beyond
+# it, where their spectra have zeros of their own.
+_REACH_DEVIATION = 0.15
+_BEYOND_DEVIATION = 0.8
 _LEVEL_ERROR_MIN = 0.03  # levels are no better than this, relatively
 _MODES_MIN = 5  # modes within reach: fewer do not tell a length
 _COST_RANGE = 4.0  # cost above the least: two standard deviations
@@ -66,11 +68,16 @@ def levels(mode_frequencies: Array, amplitudes: Array, errors: Array) -> Strokes
     with np.errstate(divide="ignore"):
         logs = np.where(amplitudes > 0.0, np.log(np.maximum(amplitudes, 1e-300)), -700.0)
     variance = np.minimum(errors, 1e3) ** 2 + _LEVEL_ERROR_MIN**2
-    contact_shapes, doubts = _shapes(mode_frequencies)
+    contact_shapes, shape_variances = _shapes(mode_frequencies)
     # For each other stroke: the cost (tried, tried) of each pair of lengths of the hardest stroke
     # and this one.
     costs = {
-        s: _costs(logs[s] - logs[hardest], variance[s] + variance[hardest], contact_shapes, doubts)
+        s: _costs(
+            logs[s] - logs[hardest],
+            variance[s] + variance[hardest],
+            contact_shapes,
+            shape_variances,
+        )
         for s in range(n_strokes)
         if s != hardest
     }
@@ -84,7 +91,7 @@ def levels(mode_frequencies: Array, amplitudes: Array, errors: Array) -> Strokes
         >= _MODES_MIN
         for length_index in chosen_rows
     )
-    weights = 1.0 / (variance + doubts[chosen_rows])
+    weights = 1.0 / (variance + shape_variances[chosen_rows])
     common = logs - contact_shapes[chosen_rows]
     level_differences = common - common[hardest]
     joint_weights = weights * weights[hardest] / (weights + weights[hardest])
@@ -105,17 +112,19 @@ def _shapes(mode_frequencies: Array) -> tuple[Array, Array]:
     beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
     exact = np.stack([spectrum(mode_frequencies, length) for length in _TRIED_LENGTHS])
     shapes = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
-    return shapes, np.where(is_near, _SHAPE * (x / _REACH_CYCLES) ** 2, _BEYOND_CYCLES) ** 2
+    return shapes, np.where(
+        is_near, _REACH_DEVIATION * (x / _REACH_CYCLES) ** 2, _BEYOND_DEVIATION
+    ) ** 2
 
 
-def _costs(logs: Array, variance: Array, contact_shapes: Array, doubts: Array) -> Array:
+def _costs(logs: Array, variance: Array, contact_shapes: Array, shape_variances: Array) -> Array:
     """Twice the negative log-likelihood (tried, tried) of two lengths; infinite if the second is
     shorter, because softer strokes last longer. `logs` (n,) are of the second over the first.
     """
     costs = np.full((len(contact_shapes), len(contact_shapes)), np.inf)
     for first_shape in range(len(contact_shapes)):
         residuals = logs - (contact_shapes[first_shape:] - contact_shapes[first_shape])
-        total_variance = variance + doubts[first_shape] + doubts[first_shape:]
+        total_variance = variance + shape_variances[first_shape] + shape_variances[first_shape:]
         total_variance[0] = variance  # equal lengths leave the same residual
         mean = np.median(residuals, axis=1)
         for _ in range(4):  # Huber's: a mode in a zero of the spectrum tells nothing

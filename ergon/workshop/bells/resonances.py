@@ -60,18 +60,17 @@ def _row(location: str, row_words: list[str]) -> tuple[float, float, float]:
             message + f"[Hz], such as 1 220.5 0.8 0.35; here it has {len(row_words)} words"
         )
     try:
-        frequency_number, amplitude_number, decay_number = (float(word) for word in row_words[-3:])
+        frequency, amplitude, bandwidth = (float(word) for word in row_words[-3:])
     except ValueError:
         raise TableError(f"{location}: {' '.join(row_words[-3:])} are not three numbers") from None
-    if not (isfinite(frequency_number) and isfinite(amplitude_number) and isfinite(decay_number)):
+    if not (isfinite(frequency) and isfinite(amplitude) and isfinite(bandwidth)):
         raise TableError(f"{location}: {' '.join(row_words[-3:])} are not three finite numbers")
-    if not 0.0 < frequency_number < 1e6:
+    if not 0.0 < frequency < 1e6:
         raise TableError(
-            f"{location}: a frequency of {frequency_number:g} Hz; it must be above 0 and below 1 "
-            "MHz"
+            f"{location}: a frequency of {frequency:g} Hz; it must be above 0 and below 1 MHz"
         )
-    if not decay_number > 0.0:
+    if not bandwidth > 0.0:
         raise TableError(
-            f"{location}: a bandwidth of {decay_number:g} Hz; it must be above 0, or it never ends"
+            f"{location}: a bandwidth of {bandwidth:g} Hz; it must be above 0, or it never ends"
         )
-    return frequency_number, amplitude_number, decay_number
+    return frequency, amplitude, bandwidth

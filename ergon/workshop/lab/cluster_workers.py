@@ -136,7 +136,7 @@ def play(
     check_version(versions_asked)
     with staging_lock, unpack(score_content) as path:
         scene = Score(scores.piece_of(scores.read(path)))
-        run_result, run_seconds = played_beside(
+        run_result, yardstick_seconds = played_beside(
             scene, Setting(**setting), n_frames, has_energy=has_energy
         )
         point_fields = {
@@ -148,7 +148,7 @@ def play(
     sound = np.zeros((0, 1)) if run_result.sound is None else run_result.sound
     samples = sound.astype("<f8", copy=False).tobytes()
     return _Sound(
-        point=point_fields, samples=samples, n_channels=sound.shape[1], yardstick=run_seconds
+        point=point_fields, samples=samples, n_channels=sound.shape[1], yardstick=yardstick_seconds
     )
 
 

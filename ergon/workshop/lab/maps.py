@@ -28,7 +28,8 @@ class Map:
 
     `load` is λ over the limit by a formula: 1 is the predicted border; None if there is no
     formula. The error is that of the first `judged` seconds of sound. `as_written` is the spot
-    of the unchanged score. By the metric `energy` a spot is right if its steps made little.
+    of the unchanged score. By the metric `energy` a spot is right if its spurious
+    energy stays below `right_db`.
     """
 
     name: str

@@ -62,8 +62,8 @@ pub(crate) fn loudest_modes(
     })
 }
 
-/// Keeps the loudest modes, so that the others together stay below `left_out_db_max` [dB] in every row, for each of
-/// several `excitations` in which modes may get their energies   (n_ways, n_modes).
+/// Keeps the loudest modes, so that the others together stay below `allowed` [dB] in every row, for each of several
+/// `excitations` in which modes may get their energies   (n_excitations, n_modes).
 pub(crate) fn loudest_by_energy(
     excitations: &[Vec<f64>],
     rows: &[&[f64]],

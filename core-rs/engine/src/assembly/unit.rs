@@ -22,7 +22,7 @@ pub(crate) struct IslandPlan {
     pub(crate) contact_order: ContactOrder,
     /// Work that depends on the motion, as a trial counted it [ns a frame]; `None`: the table estimates that of laws.
     pub(crate) counted_cost: Option<u32>,
-    /// Steps of the whole island in `every` frames: its timeline runs at this multiple of the rate.
+    /// Steps of the whole island in `frame_interval` frames: its timeline runs at this multiple of the rate.
     pub(crate) oversampling: u32,
     /// 1, except for what is only seen.
     pub(crate) frame_interval: u32,

@@ -33,7 +33,7 @@ pub(super) struct Script {
     pub(super) rate: Rate,
     pub(super) sections: Vec<Section>,
     /// (n_groups)
-    pub(super) rates: Vec<GroupCoefficients>,
+    pub(super) coefficients: Vec<GroupCoefficients>,
     /// Weights of groups with several outputs, output by output; empty for one output   (n_groups)
     pub(super) weights: Vec<Vec<Lanes>>,
     /// Scale of the positions in the lanes: the weight if there is one output, otherwise 1   (n_groups)
@@ -59,14 +59,14 @@ impl Script {
             }
             picked_lanes
         };
-        let group_index = self.rates.len();
+        let group_index = self.coefficients.len();
         let n_outputs = oscillators[members[0]].outputs.len();
         // With one output, the lanes hold positions times their weights: the sum then needs no weights.
         let output_scale = |oscillator: &Oscillator| match oscillator.outputs[..] {
             [(_, weight)] => weight,
             _ => 1.0,
         };
-        self.rates.push(GroupCoefficients {
+        self.coefficients.push(GroupCoefficients {
             a: gather_lanes(&|oscillator| oscillator.a),
             b: gather_lanes(&|oscillator| oscillator.b),
         });
@@ -90,7 +90,7 @@ impl Script {
         self.events.push(group_events);
         let indices = members.iter().map(|&member| Some(member as u32));
         self.members.extend(indices);
-        self.members.resize(self.rates.len() * LANES, None);
+        self.members.resize(self.coefficients.len() * LANES, None);
         GroupMotion {
             positions: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.now),
             previous_positions: gather_lanes(&|oscillator| output_scale(oscillator) * oscillator.before),
@@ -137,11 +137,11 @@ impl Script {
             }
             Target::Lane(lane_index, Kick::Ergon { mass, speed, w }) => {
                 let lane_index = lane_index as usize;
-                let group_rates = &self.rates[group];
+                let group_coefficients = &self.coefficients[group];
                 let (position_now, position_before) =
                     (motion.positions.0[lane_index], motion.previous_positions.0[lane_index]);
-                let position_next = group_rates.a.0[lane_index] * position_now
-                    - group_rates.b.0[lane_index] * position_before
+                let position_next = group_coefficients.a.0[lane_index] * position_now
+                    - group_coefficients.b.0[lane_index] * position_before
                     + added.0[lane_index];
                 let velocity = (position_next - position_before) / lane_scales[lane_index] * (0.5 * self.rate.hertz());
                 let struck_mass = self.rate.step() * self.rate.step() / w;

@@ -18,9 +18,9 @@ impl Bank {
         if self.is_still[group] {
             return;
         }
-        let (group_rates, group_motion) = (&script.rates[group], &mut self.motions[group]);
+        let (group_coefficients, group_motion) = (&script.coefficients[group], &mut self.motions[group]);
         let amplitude = |lane: usize| {
-            let (a, b) = (group_rates.a.0[lane], group_rates.b.0[lane]);
+            let (a, b) = (group_coefficients.a.0[lane], group_coefficients.b.0[lane]);
             amplitude(
                 a,
                 b,
@@ -83,5 +83,5 @@ pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], ra
                 * output_scale(oscillator)
         })
     });
-    oscillator.chain(shared_sizes).fold(0.0, f64::max) * crate::maths::decibels(REST_LEVEL)
+    oscillator.chain(shared_sizes).fold(0.0, f64::max) * crate::maths::amplitude_ratio(REST_LEVEL)
 }

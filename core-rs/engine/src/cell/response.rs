@@ -129,7 +129,7 @@ impl Response {
         }
     }
 
-    /// Weights of two successive samples that give the free motion at the fraction `part` of the step between them.
+    /// Weights of two successive samples that give the free motion at `fraction` of the step between them.
     pub(crate) fn interpolation(&self, fraction: f64, rate: Rate) -> (f64, f64) {
         let time_step = rate.step();
         match *self {

@@ -125,7 +125,7 @@ impl Guard {
         true
     }
 
-    /// End the frame: `d` becomes the mean of its steps, and `lead` the last step minus that mean.
+    /// End the frame: `d` becomes the mean of its steps, and `last_step_excess` the last step minus that mean.
     fn end_frame(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
         let MatMotion { ties, x, d, .. } = stage.mat_motion();
         for i in 0..x.len() {

@@ -44,7 +44,7 @@ pub(super) fn stroke_errors(sound: &[f64], reference: &[f64], rate: f64) -> Stro
         };
         *worst_delay = worst_delay.max(stroke_delay);
         if !is_dense {
-            worst_errors.level = worst_errors.level.max(decibels(energy_ratio));
+            worst_errors.level = worst_errors.level.max(level_difference_db(energy_ratio));
         }
     }
     if is_dense {
@@ -65,7 +65,7 @@ fn level_of_dense(sound: &[f64], reference: &[f64], length: usize) -> f64 {
         .zip(&reference)
         .filter(|(_, energy)| **energy > QUIET_POWER_RATIO * loudest);
     let (level_sum, n_spans) = loud_spans.fold((0.0, 0), |(level_sum, n_spans), (sound, reference)| {
-        (level_sum + decibels(sound / reference), n_spans + 1)
+        (level_sum + level_difference_db(sound / reference), n_spans + 1)
     });
     level_sum / f64::from(n_spans.max(1))
 }
@@ -114,9 +114,9 @@ fn first_above(speeds: &[f64], energy_limit: f64) -> usize {
     speeds.iter().position(is_above).unwrap_or(speeds.len())
 }
 
-/// The size of a level difference [dB].
-fn decibels(ratio: f64) -> f64 {
-    10.0 * log10(ratio.clamp(MISSING_POWER_RATIO, 1.0 / MISSING_POWER_RATIO)).abs()
+/// The size of a level difference [dB], from a ratio of powers.
+fn level_difference_db(power_ratio: f64) -> f64 {
+    10.0 * log10(power_ratio.clamp(MISSING_POWER_RATIO, 1.0 / MISSING_POWER_RATIO)).abs()
 }
 
 #[cfg(test)]

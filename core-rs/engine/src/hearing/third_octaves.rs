@@ -9,8 +9,7 @@ use crate::hearing::constants::{
 };
 use crate::maths::{log10, pow, sincos};
 
-/// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to 20 kHz, or up to `HIGHEST_BAND_RATE_SHARE` of
-/// the rate if that is lower.
+/// Reference frequency of the third-octave grid [Hz].
 const CENTRE_HERTZ: f64 = 1_000.0;
 
 /// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: over the third octaves
@@ -60,7 +59,8 @@ pub(super) struct Band {
     pub(super) bins: Range<usize>,
 }
 
-/// The bands whose width times duration is at least `fewest`.
+/// The bands whose width times duration is at least `fewest`, from 25 Hz up to 20 kHz, or up to
+/// `HIGHEST_BAND_RATE_SHARE` of the rate if that is lower.
 pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
     let seconds = n_frames as f64 / rate;
     let bin_width = rate / length(n_frames) as f64;

@@ -124,7 +124,7 @@ fn decay_and_gain(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
 impl Stepper for Bm4 {
     fn set_led_links(&mut self, lead: &Lead, (n, part): (u64, f64)) {
         let [k_factor, z_factor] = lead.factors(n, part);
-        // The mesh is not shared since `unshare`: nothing is copied.
+        // The mesh is not shared since `unshare_parameters`: nothing is copied.
         let unshared_mesh = Arc::make_mut(&mut self.mesh);
         for (run, (first, [k, z])) in unshared_mesh.first_links.iter().zip(&*self.written_k_and_z).enumerate() {
             if lead.links().contains(first) {

@@ -90,7 +90,7 @@ fn play(mut it: Integrator, frames: usize, strikes: &[(usize, usize, f64)]) -> V
 }
 
 /// 20·log10(‖y − x‖/‖x‖) over all MATs and the frames of `x`; +∞ if `y` ended early.
-fn decibels(y: &[Vec<f64>], x: &[Vec<f64>]) -> f64 {
+fn error_db(y: &[Vec<f64>], x: &[Vec<f64>]) -> f64 {
     if y.len() < x.len() {
         return f64::INFINITY;
     }

@@ -236,8 +236,8 @@ impl Ledger {
     }
 
     /// After the MAT phase: positions are those of frame n + 1, forces still those of frame n. For a frame that was
-    /// computed finer, `finer` gives the distance over which outside forces acted; what else does not balance counts as
-    /// produced.
+    /// computed finer, `finer_travel` gives the distance over which outside forces acted; what else does not balance
+    /// counts as produced.
     pub(super) fn end_frame(
         &mut self,
         scheme: &Scheme,

@@ -107,7 +107,7 @@ impl Mesh {
 }
 
 impl RunningMesh {
-    /// A mesh whose ports feel `force` at frame 0 [N], (n_mat of the island).
+    /// A mesh whose ports feel `port_forces` at frame 0 [N], (n_mat of the island).
     pub(crate) fn new(plan: &Mesh, port_forces: &[f64]) -> Result<Self, Error> {
         let mut integrator = Integrator::new(&plan.network, plan.rate, plan.method, plan.substeps)?;
         integrator.set_led_links(0, &plan.leads);

@@ -36,7 +36,7 @@ pub(crate) struct RunningModal {
     furthest_motions: Vec<GroupMotion>,
     /// The modes at the first frame in `row_history`.
     window_start_motions: Vec<GroupMotion>,
-    /// Position of each row (port or output) from some frame up to the furthest   (n_rows, SEEN_FRAMES)
+    /// Position of each row (port or output) from some frame up to the furthest   (n_rows, WINDOW_FRAMES)
     row_history: Vec<f64>,
     /// Indices in `row_history` of the present frame and of the furthest, which is at least one later.
     present_index: usize,
@@ -59,11 +59,11 @@ pub(crate) struct RunningModal {
     /// (FRAMES_AHEAD, n_ports)
     window_forces: Vec<f64>,
     has_window_forces: bool,
-    /// Frames without a contact between frames, up to QUIET_FRAMES.
+    /// Frames without a contact between frames, up to [`CONTACT_FREE_FRAMES_MIN`].
     contact_free_frames: u32,
     next_strike_index: usize,
     /// Rates under additional damping, and whether it is on   (n_groups)
-    damped_rates: Vec<GroupCoefficients>,
+    damped_coefficients: Vec<GroupCoefficients>,
     is_damped: bool,
 }
 
@@ -82,7 +82,7 @@ crate::archive::state!(RunningModal {
     has_window_forces,
     contact_free_frames,
     next_strike_index,
-    damped_rates,
+    damped_coefficients,
     is_damped
 });
 
@@ -93,7 +93,7 @@ impl RunningModal {
     pub(crate) fn new(plan: &Modal) -> Self {
         let mut script = Script::new(plan);
         script.responses = pushes::responses(&script);
-        let group_count = script.rates.len();
+        let group_count = script.coefficients.len();
         let furthest_motions: Vec<GroupMotion> = (0..group_count)
             .map(|group| GroupMotion {
                 positions: lanes(&plan.modes, group, |mode| plan.modes[mode].start_amplitude),
@@ -131,7 +131,7 @@ impl RunningModal {
             has_window_forces: false,
             contact_free_frames: 0,
             next_strike_index: 0,
-            damped_rates: script.rates.clone(),
+            damped_coefficients: script.coefficients.clone(),
             is_damped: false,
             furthest_motions,
             script: Arc::new(script),
@@ -351,25 +351,28 @@ impl RunningModal {
         // The frames ahead were computed without it.
         self.restart_window();
         self.is_damped = decay_factor < 1.0;
-        for (damped, rates) in self.damped_rates.iter_mut().zip(&self.script.rates) {
-            rates.scale_poles(decay_factor, damped);
+        for (damped, coefficients) in self.damped_coefficients.iter_mut().zip(&self.script.coefficients) {
+            coefficients.scale_poles(decay_factor, damped);
         }
     }
 
     /// Amplitudes of its modes at this frame and the one before   (n_modes each)
     pub(crate) fn write_amplitudes(&mut self, amplitudes: &mut [f64], previous_amplitudes: &mut [f64]) {
         self.restart_window();
-        let group_rates = if self.is_damped {
-            &self.damped_rates
+        let group_coefficients = if self.is_damped {
+            &self.damped_coefficients
         } else {
-            &self.script.rates
+            &self.script.coefficients
         };
         for mode in 0..self.n_modes() {
             let (group_index, lane) = (mode / LANES, mode % LANES);
             let group_motion = &self.furthest_motions[group_index];
             // The motions are those of the next frame, without what impulses between frames have still to add.
             let next_amplitude = group_motion.positions.0[lane] + self.pending_kicks[group_index].0[lane];
-            let (a, b) = (group_rates[group_index].a.0[lane], group_rates[group_index].b.0[lane]);
+            let (a, b) = (
+                group_coefficients[group_index].a.0[lane],
+                group_coefficients[group_index].b.0[lane],
+            );
             amplitudes[mode] = group_motion.previous_positions.0[lane];
             previous_amplitudes[mode] = if b == 0.0 {
                 decay_undone(amplitudes[mode], a)
@@ -381,18 +384,18 @@ impl RunningModal {
 
     /// Visit what [`Self::write_amplitudes`] writes for every mode (mode, now, before), and keep the frames ahead.
     pub(crate) fn for_each_amplitude(&self, mut visit: impl FnMut(usize, f64, f64)) {
-        let group_rates = if self.is_damped {
-            &self.damped_rates
+        let group_coefficients = if self.is_damped {
+            &self.damped_coefficients
         } else {
-            &self.script.rates
+            &self.script.coefficients
         };
         let n_modes = self.n_modes();
-        for (group, group_rates) in group_rates.iter().enumerate() {
+        for (group, group_coefficients) in group_coefficients.iter().enumerate() {
             let mut group_motion = self.window_start_motions[group].clone();
             self.replay(group, &mut group_motion, 0, self.present_index + 1);
             let first_mode = group * LANES;
             for lane in 0..LANES.min(n_modes - first_mode) {
-                let (a, b) = (group_rates.a.0[lane], group_rates.b.0[lane]);
+                let (a, b) = (group_coefficients.a.0[lane], group_coefficients.b.0[lane]);
                 let next_amplitude = group_motion.positions.0[lane] + self.pending_kicks[group].0[lane];
                 let amplitude_now = group_motion.previous_positions.0[lane];
                 let amplitude_before = if b == 0.0 {
@@ -407,14 +410,17 @@ impl RunningModal {
 
     /// Set the amplitudes of its modes at this frame and the one before   (n_modes each)
     pub(crate) fn set_amplitudes(&mut self, amplitudes: &[f64], previous_amplitudes: &[f64]) {
-        let group_rates = if self.is_damped {
-            &self.damped_rates
+        let group_coefficients = if self.is_damped {
+            &self.damped_coefficients
         } else {
-            &self.script.rates
+            &self.script.coefficients
         };
         for mode in 0..self.n_modes() {
             let (group_index, lane) = (mode / LANES, mode % LANES);
-            let (a, b) = (group_rates[group_index].a.0[lane], group_rates[group_index].b.0[lane]);
+            let (a, b) = (
+                group_coefficients[group_index].a.0[lane],
+                group_coefficients[group_index].b.0[lane],
+            );
             let next_amplitude = a * amplitudes[mode] - b * previous_amplitudes[mode];
             let (motion, saved) = (
                 &mut self.furthest_motions[group_index],
@@ -517,14 +523,14 @@ impl RunningModal {
         let n_sums = self.row_positions.len() * frames_ahead;
         self.sums[..n_sums].fill(LaneSum::ZERO);
         for (group, motion) in self.furthest_motions.iter_mut().enumerate() {
-            let group_rates = if self.is_damped {
-                &self.damped_rates
+            let group_coefficients = if self.is_damped {
+                &self.damped_coefficients
             } else {
-                &self.script.rates
+                &self.script.coefficients
             };
-            let (group_rates, group_rows) = (&group_rates[group], &self.script.row_shapes[group]);
+            let (group_coefficients, group_rows) = (&group_coefficients[group], &self.script.row_shapes[group]);
             advance_and_observe(
-                group_rates,
+                group_coefficients,
                 motion,
                 group_rows,
                 frames_ahead,

@@ -110,7 +110,7 @@ impl SleepMonitor {
         for (((x, d), w), largest) in mat_motions.zip(&mut self.step_squares_max) {
             let step_square = d * d;
             *largest = largest.max(step_square);
-            // What is led has no energy of its own.
+            // Imposed points (w = 0) count no energy.
             let mat_energy = if *w > 0.0 { step_square / w } else { 0.0 };
             self.mat_energy_max = self.mat_energy_max.max(mat_energy);
             energy_sum += mat_energy;
@@ -137,7 +137,7 @@ impl SleepMonitor {
 impl Island {
     /// From here on, sleep when it is quiet.
     pub(crate) fn sleep_when_quiet(&mut self) {
-        // Springs in space of slow bodies pull in a rhythm of their own.
+        // Slow bodies are kicked only every `kick_interval` steps; such islands never sleep.
         let is_slow = |body: &RunningBody| matches!(body, RunningBody::Slow(slow) if slow.kick_interval() > 1);
         let state = &self.state;
         if !state.matter.bodies.iter().any(is_slow)

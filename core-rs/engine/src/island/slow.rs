@@ -1,6 +1,6 @@
 //! A slow body inside an island: what else touches it acts at every frame, and its ports move frame by frame.
 //!
-//! Linear springs act exactly, and MATs that nothing else touches are computed once in a block of frames (`blocks`).
+//! Linear springs act exactly, and MATs that nothing else touches are computed once in a block of frames (`block`).
 //! Springs in space kick once every R frames; these MATs then move in a straight line from kick to kick.
 
 mod block;
@@ -465,8 +465,8 @@ impl RunningSlow {
         self.read_block();
     }
 
-    /// Set velocities to those after springs in space pull at the present positions, from those in `kick`, or from
-    /// rest.
+    /// Set velocities to those after springs in space pull at the present positions: from those in `last_kick` if it
+    /// `is_moving`, otherwise from rest.
     fn spring_kick(&mut self, is_moving: bool) {
         let velocities_before = is_moving.then_some(&self.last_kick[..]);
         if let RunningSprings::Stepped(stepped) = &mut self.springs {

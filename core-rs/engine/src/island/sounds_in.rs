@@ -51,7 +51,7 @@ pub(crate) struct Ramp {
 }
 
 impl Ramp {
-    /// The value at a frame, which is at the earliest the one before `start`.
+    /// The value at a frame, which is at the earliest the one before `start_frame`.
     fn value(&self, frame: u64) -> f64 {
         let frames_done = frame + 1 - self.start_frame;
         if frames_done >= self.length_frames {
@@ -169,8 +169,8 @@ impl super::Island {
         }
     }
 
-    /// Let the input `number` ramp to `value` (full scale 1) from frame `start` of the score on; false if it is not in
-    /// this island.
+    /// Let the input `number` ramp to `value` (full scale 1) from frame `start_frame` of the score on; false if it is
+    /// not in this island.
     pub(crate) fn set_input(&mut self, number: u64, start_frame: u64, value: f64) -> bool {
         let mut has_input = false;
         for (sound, ramp) in self.value_inputs(number) {

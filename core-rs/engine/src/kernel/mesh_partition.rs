@@ -88,7 +88,7 @@ impl MeshPartition {
         });
     }
 
-    /// Call `work(mats, arrays)` for every range of MATs, with its slice of each array in `changed`, (n_mat) each.
+    /// Call `work` for every range of MATs, with its slice of each array in `changed`, (n_mat) each.
     pub(crate) fn for_each_range<const N: usize>(
         &self,
         team: &mut ThreadTeam<'_>,

@@ -80,7 +80,7 @@ pub(crate) fn end_values<'a>(run: &Spring, x: &'a [f64]) -> (&'a [f64], &'a [f64
     (&x[run.a..][..run.len], &x[run.b..][..run.len])
 }
 
-/// Add f(i) of every link to its end a and subtract it from its end b, but only at the ends that `pull` names.
+/// Add f(i) of every link to its end a and subtract it from its end b, but only at its `force_ends`.
 #[inline(always)]
 pub(crate) fn add_run_forces(run: &Spring, run_scratch: &mut [f64], force: &mut [f64], f: impl Fn(usize) -> f64) {
     let link_count = run.len;

@@ -9,8 +9,8 @@ const SCALE: f64 = 2.335_496_832_484_569_3;
 ///
 /// At each whole number stands an independent random height from -1 to 1; the quadratic B-spline of these heights has
 /// no corner. At a speed of r numbers a second its power falls as sinc⁶(f/r): by 3 dB at 0.25·r, by 23.5 dB at r/2.
-/// The heights beside 0 are 1, so that its greatest value is that at 0. There the certificate looks, which asks a law
-/// for the values at the ends of what a constant follows.
+/// The heights beside 0 are 1, so that its greatest value is that at 0. The stability certificate samples a law only
+/// at range ends; this makes it see the maximum.
 pub(super) fn noise(x: f64) -> f64 {
     let nearest = maths::floor(x + 0.5);
     let t = x - nearest; // NaN if x is infinite

@@ -70,7 +70,7 @@ impl PlacedOutput {
             && (self.column, self.start_frame, self.mixer_output) == (old_output.column, old_output.start_frame, out)
     }
 
-    /// A copy for another mixer, at its output `out`, with another fade.
+    /// A copy for another mixer, at its output `mixer_output`, with another fade.
     pub(super) fn with_fade(&self, mixer_output: usize, fade: GainGlide) -> Self {
         Self {
             mixer_output,

@@ -240,7 +240,7 @@ fn k_weighting(rate: f64) -> [Biquad; 2] {
         }
     };
     let (k, q) = (warped(1_681.974_450_955_533), 0.707_175_236_955_419_6);
-    let high = maths::decibels(3.999_843_853_973_347);
+    let high = maths::amplitude_ratio(3.999_843_853_973_347);
     let band = maths::pow(high, 0.499_666_774_154_541_6);
     let a0 = 1.0 + k / q + k * k;
     let shelf = [
@@ -292,7 +292,7 @@ mod tests {
         let frame_rate = 48_000;
         let sine_sample = |i: i32| {
             let sine_phase = std::f64::consts::TAU * 997.0 * f64::from(i) / f64::from(frame_rate);
-            maths::decibels(level) * maths::sin(sine_phase)
+            maths::amplitude_ratio(level) * maths::sin(sine_phase)
         };
         (0..5 * frame_rate)
             .flat_map(|i| vec![sine_sample(i); n_channels])

@@ -109,11 +109,11 @@ impl Network {
             };
             let moving_slot = |mat: usize| moving_mats.binary_search(&mat).ok();
             // A link to a proxy acts on several masses at once, so it is left out.
-            let ties = |i: &usize| {
+            let avoids_proxies = |i: &usize| {
                 let (first_mat, second_mat) = run.pair(*i, 0);
                 !parts_network.is_proxy(first_mat) && !parts_network.is_proxy(second_mat)
             };
-            elements.extend(interrupt::steps(0..run.len).filter(ties).map(|i| Element {
+            elements.extend(interrupt::steps(0..run.len).filter(avoids_proxies).map(|i| Element {
                 kind,
                 ends: [moving_slot(run.pair(i, 0).0), moving_slot(run.pair(i, 0).1)],
                 k,

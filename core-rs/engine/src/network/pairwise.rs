@@ -262,7 +262,7 @@ fn refusal([a, b]: [PointGroup; 2], n_axes: usize, pair_law: &PairLaw, gap: f64)
     } else if matches!(measure, Measure::Surface(_) if n_axes != AXES_MAX) {
         Some("a surface of triangles is touched in three axes")
     } else if matches!(measure, Measure::Surface(facets) if facets.reach() < gap + space_law.reach()) {
-        Some("a surface is touched from no farther than it is seen")
+        Some("the gap plus the reach of the contact must not exceed the search distance of the surface")
     } else {
         None
     }

@@ -16,7 +16,7 @@ const REFINEMENTS: usize = 2;
 
 impl Network {
     /// Mechanical admittance of some parts without the rest of the network: the velocity of each point of `listened`
-    /// over a force at `forced`   (n_heard · n_frequencies) [(m/s)/N]. Contacts are open, and laws have their slope at
+    /// over a force at `forced`   (n_listened · n_frequencies) [(m/s)/N]. Contacts are open, and laws have their slope at
     /// rest. The admittance is infinite at an undamped pole.
     ///
     /// A point is one or more masses, by their indices: each gets the force, and their velocities are added. In a part

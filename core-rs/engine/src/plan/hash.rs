@@ -45,7 +45,7 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
         numbers
             .iter()
             .for_each(|&number| hash_sink.add((number as u64).to_le_bytes()));
-        // Plans had one order before they said which.
+        // Older plans stored no contact order; hashing only non-defaults keeps their hashes.
         if contact_order != ContactOrder::default().number() {
             hash_sink.add(u64::from(contact_order).to_le_bytes());
         }

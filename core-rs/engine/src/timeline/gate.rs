@@ -244,8 +244,8 @@ impl Timeline {
         Ok(())
     }
 
-    /// Let the force of `n` LIAs, which are whole runs, be multiplied by a factor: `from` until `start`, `to` from
-    /// `stop` on [s], and linear between, on the grid. For springs this is a glide of K and Z. One law turns into
+    /// Let the force of `n` LIAs, which are whole runs, be multiplied by a factor: `start_factor` until `start`,
+    /// `end_factor` from `stop` on [s], and linear between, on the grid. For springs this is a glide of K and Z. One law turns into
     /// another with two links in one place, of which one glides to 0 while the other glides from 0.
     ///
     /// # Errors

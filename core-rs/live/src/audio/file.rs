@@ -17,8 +17,8 @@ const POLL: Duration = Duration::from_micros(200);
 
 /// A new file; until it is closed it has a temporary name in the same folder.
 ///
-/// `clock`: if given, frames are taken by the clock, as a card would take them, in blocks of this size (`None`: the
-/// default).
+/// `clock_block`: if given, frames are taken by the clock, as a card would take them, in blocks of this size (`None`:
+/// the default).
 pub(super) fn open(
     path: &Path,
     rate: u32,

@@ -24,13 +24,13 @@ impl WaitCanceller {
         self.0.load(Ordering::Acquire)
     }
 
-    /// Whether a wait for a reply until `until` goes on.
+    /// Whether a wait for a reply until `deadline` goes on.
     pub(super) fn may_wait(&self, deadline: Instant) -> bool {
         !self.is_cancelled() && Instant::now() < deadline
     }
 }
 
-/// Time until which a read may block, in a wait until `until`.
+/// Time until which a read may block, in a wait until `deadline`.
 pub(super) fn next_check(deadline: Instant) -> Instant {
     deadline.min(Instant::now() + CHECK_INTERVAL)
 }

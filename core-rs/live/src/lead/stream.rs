@@ -290,7 +290,7 @@ impl Lead {
         self.late.store(late, Ordering::Relaxed);
     }
 
-    /// The quantile `part` of the times in which positions arrived.
+    /// The quantile `probability` of the times in which positions arrived.
     pub fn arrival_times(&self, probability: f64) -> ArrivalTimes {
         self.feeder().arrivals.quantile(probability)
     }

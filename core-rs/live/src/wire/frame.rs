@@ -127,7 +127,7 @@ fn count(n: usize, wide: bool) -> u8 {
     n as u8 | if wide { WIDE } else { 0 }
 }
 
-/// A force in steps of a narrow frame, for a greatest force of `full` [N]. `as` saturates, and makes a NaN 0.
+/// A force in steps of a narrow frame, for a greatest force of `force_max` [N]. `as` saturates, and makes a NaN 0.
 fn steps(force: f64, force_max: f64) -> i16 {
     ((force / force_max * FORCE_STEPS).round() as i16).max(-i16::MAX)
 }
@@ -138,7 +138,7 @@ pub fn rounded_force(force: f64, force_max: f64) -> f64 {
 }
 
 impl Request {
-    /// Write the bytes, for a greatest force of `full` [N]; returns their number.
+    /// Write the bytes, for a greatest force of `force_max` [N]; returns their number.
     pub fn write(&self, force_max: f64, bytes: &mut [u8; LONGEST]) -> usize {
         let mut request_frame = Frame { bytes, len: 0 };
         request_frame.put(&SYNC);
@@ -251,9 +251,9 @@ impl DeviceInfo {
     }
 }
 
-/// Parse a frame: `before` bytes between the sync bytes and the count of axes, then each axis (`size` narrow or wide),
-/// then `after` bytes, then the CRC. `read` gets all bytes between sync and CRC, and returns `None` for values that no
-/// valid frame has.
+/// Parse a frame: `bytes_before` bytes between the sync bytes and the count of axes, then each axis (of one of
+/// `axis_sizes`: narrow, wide), then `bytes_after` bytes, then the CRC. `read_body` gets all bytes between sync and
+/// CRC, and returns `None` for values that no valid frame has.
 fn parse_frame<T>(
     bytes: &[u8],
     sync: [u8; 2],

@@ -25,7 +25,7 @@ class ModePath:
 class Bank:
     """A part as a bank of modes: struck points, outputs, and paths between them.
 
-    `heard` gives each output with the number of times that it is differentiated. `strikes` are
+    `outputs` gives each output with the number of times that it is differentiated. `strikes` are
     those of each point: instant [s] and impulse [N·s]. `full` is the value of each output at
     full scale.
     """

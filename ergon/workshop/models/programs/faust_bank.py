@@ -23,8 +23,8 @@ def _lines(bank: Bank) -> Iterator[str]:
     yield "// It holds at any rate of samples. Compile it with -double."
     for input_number, input_name in enumerate(bank.struck, 1):
         yield f"// input {input_number}: force on {plain(input_name)} [N]"
-    for input_number, (input_name, order) in enumerate(bank.outputs, 1):
-        yield f"// output {input_number}: {plain(input_name)} [{UNITS[order]}]"
+    for output_number, (output_name, order) in enumerate(bank.outputs, 1):
+        yield f"// output {output_number}: {plain(output_name)} [{UNITS[order]}]"
     yield f'declare name "{plain(bank.name)}";'
     yield ""
     yield "SR = float(fconstant(int fSamplingFreq, <math.h>)); // [Hz]"
@@ -36,12 +36,12 @@ def _lines(bank: Bank) -> Iterator[str]:
     yield "  r = exp(0.0 - d/SR);"
     yield "  back(y) = 2.0*r*cos(turn(f))*y - r*r*y';"
     yield "};"
-    for input_number, path in enumerate(bank.ways, 1):
-        struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
+    for path_number, path in enumerate(bank.ways, 1):
+        struck, output_name = bank.struck[path.struck], bank.outputs[path.output][0]
         yield ""
-        yield f"// from {plain(struck)} to {plain(output_index)}"
+        yield f"// from {plain(struck)} to {plain(output_name)}"
         terms = [f"mode({', '.join(map(_number, row))}, x)" for row in path.rows]
-        yield f"way_{input_number}(x) = {_sum(terms)};"
+        yield f"way_{path_number}(x) = {_sum(terms)};"
     yield ""
     input_names = [f"in_{number}" for number in range(1, len(bank.struck) + 1)]
     output_names = [f"out_{number}" for number in range(1, len(bank.outputs) + 1)]
@@ -49,13 +49,13 @@ def _lines(bank: Bank) -> Iterator[str]:
     expressions = [_output_text(name, order) for name, (_, order) in output_orders]
     yield f"process({', '.join(input_names)}) = {', '.join(expressions)}"
     yield "with {"
-    for index, input_name in enumerate(output_names):
+    for index, output_name in enumerate(output_names):
         ways = [
             f"way_{number}({input_names[path.struck]}/SR)"
             for number, path in enumerate(bank.ways, 1)
             if path.output == index
         ]
-        yield f"  {input_name} = {' + '.join(ways) or '0.0'};"
+        yield f"  {output_name} = {' + '.join(ways) or '0.0'};"
     yield "};"
 
 

@@ -25,7 +25,7 @@ const WAYS: [MeshMethod; 4] = [MeshMethod::Ca, MeshMethod::Ca2p, MeshMethod::Bm4
 
 fn errors(network: &Network) -> [f64; 4] {
     let fine_path = play(by(network, MeshMethod::Bm4, 128), FRAMES, &[]);
-    WAYS.map(|way| decibels(&play(by(network, way, 1), FRAMES, &[]), &fine_path))
+    WAYS.map(|way| error_db(&play(by(network, way, 1), FRAMES, &[]), &fine_path))
 }
 
 /// κ = K(1/m + 1/m)T², from soft to too stiff for any explicit step. CA, CA2P, BM4 and IEQ reach

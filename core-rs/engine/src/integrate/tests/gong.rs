@@ -17,7 +17,7 @@ fn struck_gong_errors_by_method() {
         let centre_strike = [(0, CENTRE, v * EACH)];
         let fine_path = play(by(&network, MeshMethod::Bm4, 16), FRAMES, &centre_strike);
         let [ca, ca2p, bm4, ieq] =
-            WAYS.map(|way| decibels(&play(by(&network, way, 1), FRAMES, &centre_strike), &fine_path));
+            WAYS.map(|way| error_db(&play(by(&network, way, 1), FRAMES, &centre_strike), &fine_path));
         assert!(ca < limit[0] && ca2p < limit[1] && bm4 < limit[2], "{ca} {ca2p} {bm4}");
         assert!(ca2p < ca - 15.0 && bm4 < ca2p - 15.0 && (ieq - ca).abs() < 3.0, "{ieq}");
     }

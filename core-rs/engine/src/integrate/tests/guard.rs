@@ -70,7 +70,7 @@ fn eight_finer_steps_equal_eight_times_the_rate() {
     let network = hex_of(10, 60.0, 1e13, Some(2.0));
     let centre_strike = [(0, CENTRE, 256.0 * EACH)];
     let fine_path = play(by(&network, MeshMethod::Ca, 8), 60, &centre_strike);
-    let finer_error = decibels(&play(by(&network, MeshMethod::Ca, 1), 60, &centre_strike), &fine_path);
+    let finer_error = error_db(&play(by(&network, MeshMethod::Ca, 1), 60, &centre_strike), &fine_path);
     assert!(finer_error < -250.0, "{finer_error}");
 }
 

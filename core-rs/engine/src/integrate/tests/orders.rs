@@ -10,7 +10,7 @@ const FRAMES: usize = 120;
 /// Errors at 1, 2, 4 and 8 steps a frame [dB].
 fn errors(network: &Network, method: MeshMethod, exact: &[Vec<f64>]) -> Vec<f64> {
     [1, 2, 4, 8]
-        .map(|substeps| decibels(&play(by(network, method, substeps), FRAMES, &STRIKES), exact))
+        .map(|substeps| error_db(&play(by(network, method, substeps), FRAMES, &STRIKES), exact))
         .to_vec()
 }
 
@@ -165,7 +165,7 @@ fn velocities() {
     };
     let fine_velocities = final_velocities(MeshMethod::Bm4, 64);
     for (method, order) in MeshMethod::ALL.into_iter().zip([2.0, 3.0, 4.0, 2.0, 2.0]) {
-        let errors = [1, 2, 4, 8].map(|substeps| decibels(&final_velocities(method, substeps), &fine_velocities));
+        let errors = [1, 2, 4, 8].map(|substeps| error_db(&final_velocities(method, substeps), &fine_velocities));
         let slopes = slopes(&errors);
         assert!(close(&slopes, order, 0.25), "{method:?} {errors:?} {slopes:?}");
     }

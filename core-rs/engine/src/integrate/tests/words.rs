@@ -174,8 +174,8 @@ fn general_law_steps_equal_springs() {
         (MeshMethod::Ieq, -25.0),
     ] {
         let spring_path = play(by(&hardening_row, method, 1), 400, &[(0, 0, 1e-3)]);
-        let law_error = decibels(&play(by(&law_network, method, 1), 400, &[(0, 0, 1e-3)]), &spring_path);
-        let by_points = decibels(&play(by(&pointed, method, 1), 400, &[(0, 0, 1e-3)]), &spring_path);
+        let law_error = error_db(&play(by(&law_network, method, 1), 400, &[(0, 0, 1e-3)]), &spring_path);
+        let by_points = error_db(&play(by(&pointed, method, 1), 400, &[(0, 0, 1e-3)]), &spring_path);
         assert!(law_error < limit, "{method:?} {law_error}");
         // The line segments between the points are 1 µm long.
         assert!(by_points < f64::max(limit, -95.0), "{method:?} {by_points}");

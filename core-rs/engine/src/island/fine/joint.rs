@@ -94,7 +94,7 @@ impl Script {
     }
 }
 
-/// Write the coefficients of the response of a path at one instant to an impulse at another, which `answer` gives by
+/// Write the coefficients of the response of a path at one instant to an impulse at another, which `response` gives by
 /// the time between them [frames]   (n·n)
 fn fit_responses(basis: &Basis, coefficients: &mut [f64], response: &dyn Fn(f64) -> f64) {
     for (row, from_instant) in coefficients.chunks_mut(basis.n_polynomials()).zip(&basis.instants) {

@@ -179,7 +179,7 @@ impl RunningModal {
             .zip(&instant_tables.interpolation)
             .zip(&self.script.row_shapes)
         {
-            // The motions are one frame ahead: their `before` is the present.
+            // The motions are one frame ahead: their `previous_positions` are the present.
             ports::add_path(
                 &rows[port],
                 table,

@@ -26,7 +26,7 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
     let mut sums = vec![LaneSum::ZERO; n_rows * FRAMES_AHEAD];
     for (port, responses) in responses.chunks_mut((n_rows * FRAMES_AHEAD).max(1)).enumerate() {
         sums.fill(LaneSum::ZERO);
-        for (group, rates) in script.rates.iter().enumerate() {
+        for (group, coefficients) in script.coefficients.iter().enumerate() {
             let mut group_motion = GroupMotion {
                 positions: Lanes::ZERO,
                 previous_positions: Lanes::ZERO,
@@ -34,7 +34,7 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
             script.push_group(group, &mut group_motion, port, 1.0);
             let rows = &script.row_shapes[group];
             advance_and_observe(
-                rates,
+                coefficients,
                 &mut group_motion,
                 rows,
                 FRAMES_AHEAD - 1,
@@ -131,12 +131,12 @@ impl RunningModal {
     /// Advance a group from frame `start_frame` of the window, one frame ahead of it, to frame `end_frame`, with the
     /// pushes in between.
     pub(super) fn replay(&self, group: usize, motion: &mut GroupMotion, start_frame: usize, end_frame: usize) {
-        let group_rates = if self.is_damped {
-            &self.damped_rates
+        let group_coefficients = if self.is_damped {
+            &self.damped_coefficients
         } else {
-            &self.script.rates
+            &self.script.coefficients
         };
-        let group_rates = &group_rates[group];
+        let group_coefficients = &group_coefficients[group];
         let mut frames_done = start_frame;
         if self.has_window_forces {
             let n_ports = self.port_forces.len();
@@ -145,7 +145,7 @@ impl RunningModal {
                 if port_forces.iter().all(|force| *force == 0.0) {
                     continue;
                 }
-                advance_and_observe(group_rates, motion, &[], frame + 1 - frames_done, &mut [], 0);
+                advance_and_observe(group_coefficients, motion, &[], frame + 1 - frames_done, &mut [], 0);
                 frames_done = frame + 1;
                 for (port, &force) in port_forces.iter().enumerate() {
                     if force != 0.0 {
@@ -154,7 +154,7 @@ impl RunningModal {
                 }
             }
         }
-        advance_and_observe(group_rates, motion, &[], end_frame - frames_done, &mut [], 0);
+        advance_and_observe(group_coefficients, motion, &[], end_frame - frames_done, &mut [], 0);
     }
 
     /// The motion of a group at the end of the window, with all pushes so far.

@@ -8,7 +8,7 @@ use crate::kernel::bank::{GroupCoefficients, LANES, Lanes};
 pub(super) struct Script {
     pub(super) plan: Modal,
     /// (n_groups)
-    pub(super) rates: Vec<GroupCoefficients>,
+    pub(super) coefficients: Vec<GroupCoefficients>,
     /// Weights of each group's modes in each row: ports first, then outputs   (n_groups, n_rows)
     pub(super) row_shapes: Vec<Vec<Lanes>>,
     /// Displacement of each group by 1 N at each port: at the next frame   (n_groups, n_ports)
@@ -69,7 +69,7 @@ impl Script {
             0
         };
         Self {
-            rates: group_range
+            coefficients: group_range
                 .clone()
                 .map(|group| GroupCoefficients {
                     a: lanes(modes, group, |mode| modes[mode].a),

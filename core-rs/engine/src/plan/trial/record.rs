@@ -22,7 +22,7 @@ pub struct TrialRecord {
     pub numbers: Vec<Option<f64>>,
     /// Steps, then the kept modes of each body.
     pub counts: Vec<Vec<u32>>,
-    /// Why a body does not go by modes.
+    /// Why a body cannot be computed by modes.
     pub reason: Option<String>,
 }
 

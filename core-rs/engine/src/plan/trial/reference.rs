@@ -11,7 +11,7 @@ use crate::assembly::budget::Budget;
 use crate::assembly::constants::{INAUDIBLE_ERROR_DB, SUBSTEPS_MAX};
 use crate::hearing::Audible;
 use crate::island::FINE_SUBSTEPS_MIN;
-use crate::maths::{decibels, pow};
+use crate::maths::{amplitude_ratio, pow};
 use crate::network::Error;
 use crate::plan::constants::{
     CONVERGENCE_ORDERS, DOUBLING_RESERVE, EQUAL_ERRORS_DB, FAMILY_SHARE, OVERSAMPLING_MAX, REFERENCE_DB,
@@ -41,7 +41,7 @@ impl Reference {
     /// Whether it is as exact as a reference should be.
     fn is_exact_enough(&self, budget: &Budget) -> bool {
         match self.audible_error {
-            Some(audible) => budget.excess_ratio(&audible) <= decibels(-REFERENCE_MARGIN_DB),
+            Some(audible) => budget.excess_ratio(&audible) <= amplitude_ratio(-REFERENCE_MARGIN_DB),
             None => self.error_db <= (budget.waveform_error_db() - REFERENCE_MARGIN_DB).min(REFERENCE_DB),
         }
     }

@@ -13,7 +13,7 @@ use crate::assembly::budget::Budget;
 use crate::assembly::mesh::MethodChoice;
 use crate::hearing::Audible;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
-use crate::maths::{decibels, sqrt};
+use crate::maths::{amplitude_ratio, sqrt};
 use crate::network::Error;
 use crate::plan::constants::{
     CREATED_SHARE_MAX, EQUAL_ERRORS_DB, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX, SPECTRUM_NOISE,
@@ -305,7 +305,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             }
             _ => match self.budget {
                 Budget::Error(_) => tried.error_db < other.error_db - EQUAL_ERRORS_DB,
-                _ => self.excess(tried) < self.excess(other) / decibels(EQUAL_ERRORS_DB),
+                _ => self.excess(tried) < self.excess(other) / amplitude_ratio(EQUAL_ERRORS_DB),
             },
         }
     }

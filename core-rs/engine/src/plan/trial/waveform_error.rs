@@ -3,7 +3,7 @@
 use crate::assembly::budget::Budget;
 use crate::assembly::unit::IslandPlan;
 use crate::hearing::Audible;
-use crate::maths::{decibels, log10, pow, sqrt};
+use crate::maths::{amplitude_ratio, log10, pow, sqrt};
 use crate::plan::constants::{EARLY_CHECK, PILOT_PARTS, PILOT_SECONDS};
 use crate::plan::trial::pilot_run::frames_per_second;
 use crate::waveform::worst_ratio;
@@ -19,13 +19,13 @@ pub(in crate::plan) fn power_sum_db(error: f64, other: f64) -> f64 {
 
 /// The sum of several errors in the worst case, by amplitude [dB].
 pub(in crate::plan) fn amplitude_sum_db(errors: impl IntoIterator<Item = f64>) -> f64 {
-    20.0 * log10(errors.into_iter().map(decibels).sum::<f64>().max(1e-15))
+    20.0 * log10(errors.into_iter().map(amplitude_ratio).sum::<f64>().max(1e-15))
 }
 
 /// The difference of two errors by amplitude [dB]: what is left of a budget, or of a measured difference, after an
 /// error; practically nothing if the second is larger.
 pub(in crate::plan) fn amplitude_difference_db(total_error: f64, known_error: f64) -> f64 {
-    20.0 * log10((decibels(total_error) - decibels(known_error)).max(1e-15))
+    20.0 * log10((amplitude_ratio(total_error) - amplitude_ratio(known_error)).max(1e-15))
 }
 
 /// The spans over which sounds are compared: from the start to one third of the time after the first event, to two

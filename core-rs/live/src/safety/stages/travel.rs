@@ -38,8 +38,8 @@ impl Travel {
         }
     }
 
-    /// Why a key that was at `before` [m] cannot be at `x` after `since` [s], if it cannot; `velocities`: the mean of
-    /// late, and that of the last step [m/s].
+    /// Why a key that was at `position_before` [m] cannot be at `position` after `elapsed_time` [s], if it cannot;
+    /// `velocities`: the mean of late, and that of the last step [m/s].
     pub(in crate::safety) fn fault(
         &self,
         position: f64,
