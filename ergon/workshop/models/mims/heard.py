@@ -61,8 +61,8 @@ def output(writing: Writing, statement: Statement) -> None:
     mass = statement.points[0].name
     link_names = [name for link, name in writing.links if any(p.name == mass for p in link.points)]
     kinds = {module.name: module.kind for module in writing.modules}
-    for nth, out_name in enumerate(link_names, 1):
+    for nth, link_name in enumerate(link_names, 1):
         out_name = statement.name if len(link_names) == 1 else f"{statement.name}_{nth}"
         writing.outs.append(
-            Out(out_name, f"SOF: {{{kinds[out_name]}: {out_name}}}", channel_number)
+            Out(out_name, f"SOF: {{{kinds[link_name]}: {link_name}}}", channel_number)
         )
