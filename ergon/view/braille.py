@@ -35,7 +35,7 @@ def plot(
 
 
 def panels(
-    panel_rows: Sequence[tuple[str, Sequence[Curve]]],
+    labelled_curves: Sequence[tuple[str, Sequence[Curve]]],
     *,
     width: int = 78,
     heights: Sequence[int],
@@ -46,7 +46,7 @@ def panels(
 
     `heights` are their numbers of lines; the lines of the time axis belong to the last plot.
     """
-    return _drawn(panel_rows, width, [*heights[:-1], heights[-1] + 2], t_label, 4)
+    return _drawn(labelled_curves, width, [*heights[:-1], heights[-1] + 2], t_label, 4)
 
 
 def _drawn(
@@ -57,20 +57,22 @@ def _drawn(
     n_ticks: int,
 ) -> str:
     line_width = max(line_width, WIDTH_MIN)
-    n_rows = [max(height, HEIGHT_MIN) - 1 for height in heights]  # below a legend
-    n_rows[-1] -= 2  # two lines of axis
+    row_counts = [max(height, HEIGHT_MIN) - 1 for height in heights]  # below a legend
+    row_counts[-1] -= 2  # two lines of axis
     x_axes = [
-        axis([value for curve in curves for value in curve.x], max(n_ticks, n // 4))
-        for (_, curves), n in zip(plots, n_rows, strict=True)
+        axis([value for curve in curves for value in curve.x], max(n_ticks, row_count // 4))
+        for (_, curves), row_count in zip(plots, row_counts, strict=True)
     ]
-    margin = max(len(drawn_axis.text(tick)) for drawn_axis in x_axes for tick in drawn_axis.ticks)
+    margin = max(
+        len(x_axis_drawn.text(tick)) for x_axis_drawn in x_axes for tick in x_axis_drawn.ticks
+    )
     column_count = line_width - margin - 2
-    t = [t for _, curves in plots for curve in curves for t in curve.t]
-    t_axis = axis(t, max(2, column_count // 14), tight=True)
+    instants = [t for _, curves in plots for curve in curves for t in curve.t]
+    t_axis = axis(instants, max(2, column_count // 14), tight=True)
     canvas_lines: list[str] = []
-    for (x_label, curves), x_axis, n in zip(plots, x_axes, n_rows, strict=True):
+    for (x_label, curves), x_axis, row_count in zip(plots, x_axes, row_counts, strict=True):
         canvas_lines.append(_legend(curves, x_label, margin))
-        canvas_lines += _canvas(curves, t_axis, x_axis, n, margin, column_count)
+        canvas_lines += _canvas(curves, t_axis, x_axis, row_count, margin, column_count)
     canvas_lines.extend(_time(t_axis, column_count, margin, t_label))
     return "\n".join(line.rstrip() for line in canvas_lines) + "\n"
 
@@ -85,38 +87,44 @@ def _canvas(
 ) -> list[str]:
     """The lines of a plot, with the labels of its axis before them."""
     tick_labels = {_row(x_axis, tick, row_count): x_axis.text(tick) for tick in x_axis.ticks}
-    canvas = [[_BLANK] * column_count for _ in range(row_count)]
-    for curve, (period, drawn) in zip(curves, _PATTERNS, strict=False):
-        for column_index, low, high in _columns(curve, t_axis, x_axis, column_count, row_count):
-            if column_index % period < drawn:
-                for dot in range(low, high + 1):
-                    canvas[dot // 4][column_index // 2] |= _DOTS[column_index % 2][dot % 4]
+    canvas_rows = [[_BLANK] * column_count for _ in range(row_count)]
+    for curve, (period, drawn_columns) in zip(curves, _PATTERNS, strict=False):
+        for column_index, top_dot, bottom_dot in _columns(
+            curve, t_axis, x_axis, column_count, row_count
+        ):
+            if column_index % period < drawn_columns:
+                for dot_row in range(top_dot, bottom_dot + 1):
+                    canvas_rows[dot_row // 4][column_index // 2] |= _DOTS[column_index % 2][
+                        dot_row % 4
+                    ]
     canvas_lines = []
-    for index, row in enumerate(canvas):
-        corner = "┤" if index in tick_labels else "│"
+    for index, cells in enumerate(canvas_rows):
+        axis_sign = "┤" if index in tick_labels else "│"
         canvas_lines.append(
-            f"{tick_labels.get(index, ''):>{margin}} {corner}{''.join(map(chr, row))}"
+            f"{tick_labels.get(index, ''):>{margin}} {axis_sign}{''.join(map(chr, cells))}"
         )
     return canvas_lines
 
 
-def _row(x_axis: Axis, value: float, rows: int) -> int:
-    return round((1 - x_axis.part(value)) * (4 * rows - 1)) // 4
+def _row(x_axis: Axis, value: float, row_count: int) -> int:
+    return round((1 - x_axis.part(value)) * (4 * row_count - 1)) // 4
 
 
 def _columns(
     curve: Curve, t_axis: Axis, x_axis: Axis, column_count: int, row_count: int
 ) -> Iterator[tuple[int, int, int]]:
-    """A dot column that a stroke of the curve covers, and its first and last row from the top."""
-    dots_across = _parts(t_axis, curve.t) * (2 * column_count - 1)
-    rows_down = (1 - _parts(x_axis, curve.x)) * (4 * row_count - 1)
-    is_finite = np.isfinite(dots_across) & np.isfinite(rows_down)
+    """Each dot column that the curve covers, with the first and the last dot row that it covers
+    there, counted from the top.
+    """
+    dot_columns = _parts(t_axis, curve.t) * (2 * column_count - 1)
+    dot_rows = (1 - _parts(x_axis, curve.x)) * (4 * row_count - 1)
+    is_finite = np.isfinite(dot_columns) & np.isfinite(dot_rows)
     # A curve is drawn in one stroke until it has a gap or goes back in time.
-    is_new = ~is_finite[1:] | ~is_finite[:-1] | (np.diff(dots_across) < 0)
-    for stroke in np.split(np.arange(len(dots_across)), np.flatnonzero(is_new) + 1):
+    begins_stroke = ~is_finite[1:] | ~is_finite[:-1] | (np.diff(dot_columns) < 0)
+    for stroke in np.split(np.arange(len(dot_columns)), np.flatnonzero(begins_stroke) + 1):
         if not is_finite[stroke[:1]].any():
             continue
-        first_column, top, bottom = _stroke(dots_across[stroke], rows_down[stroke])
+        first_column, top, bottom = _stroke(dot_columns[stroke], dot_rows[stroke])
         for column_index, (low_row, high_row) in enumerate(
             zip(top.tolist(), bottom.tolist(), strict=True), first_column
         ):
@@ -129,46 +137,52 @@ def _parts(axis: Axis, values: Sequence[float]) -> NDArray[np.float64]:
 
 
 def _stroke(
-    dots_across: NDArray[np.float64], rows_down: NDArray[np.float64]
+    dot_columns: NDArray[np.float64], dot_rows: NDArray[np.float64]
 ) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
     """The first column of a stroke, and the lowest and the highest row in each of its columns."""
-    column_index = np.rint(dots_across).astype(np.int64)
-    first_column, n_columns = int(column_index[0]), int(column_index[-1] - column_index[0]) + 1
-    middles = np.arange(first_column, first_column + n_columns)
+    rounded_columns = np.rint(dot_columns).astype(np.int64)
+    first_column, column_count = (
+        int(rounded_columns[0]),
+        int(rounded_columns[-1] - rounded_columns[0]) + 1,
+    )
+    columns = np.arange(first_column, first_column + column_count)
     # A stroke enters and leaves a column at its edges, or begins and ends within it.
-    enters = np.interp(np.maximum(middles - 0.5, dots_across[0]), dots_across, rows_down)
-    leaves = np.interp(np.minimum(middles + 0.5, dots_across[-1]), dots_across, rows_down)
-    top, bottom = np.minimum(enters, leaves), np.maximum(enters, leaves)
-    np.minimum.at(top, column_index - first_column, rows_down)
-    np.maximum.at(bottom, column_index - first_column, rows_down)
+    row_at_left_edge = np.interp(np.maximum(columns - 0.5, dot_columns[0]), dot_columns, dot_rows)
+    row_at_right_edge = np.interp(np.minimum(columns + 0.5, dot_columns[-1]), dot_columns, dot_rows)
+    top, bottom = (
+        np.minimum(row_at_left_edge, row_at_right_edge),
+        np.maximum(row_at_left_edge, row_at_right_edge),
+    )
+    np.minimum.at(top, rounded_columns - first_column, dot_rows)
+    np.maximum.at(bottom, rounded_columns - first_column, dot_rows)
     return first_column, np.rint(top).astype(np.int64), np.rint(bottom).astype(np.int64)
 
 
 def _legend(curves: Sequence[Curve], x_label: str, margin: int) -> str:
-    legend_samples = []
-    for curve, (period, drawn) in zip(curves, _PATTERNS, strict=False):
+    legend_entries = []
+    for curve, (period, drawn_columns) in zip(curves, _PATTERNS, strict=False):
         cells = [_BLANK] * 4
         for column in range(8):
-            if column % period < drawn:
+            if column % period < drawn_columns:
                 cells[column // 2] |= _DOTS[column % 2][1]
-        legend_samples.append("".join(map(chr, cells)) + " " + curve.name)
-    return f"{x_label:<{margin + 2}}" + "   " + "   ".join(legend_samples)
+        legend_entries.append("".join(map(chr, cells)) + " " + curve.name)
+    return f"{x_label:<{margin + 2}}" + "   " + "   ".join(legend_entries)
 
 
 def _time(t_axis: Axis, column_count: int, margin: int, axis_label: str) -> list[str]:
-    axis_line, tick_words = ["─"] * column_count, [" "] * column_count
-    room = column_count - len(axis_label) - 1
+    axis_line, label_row = ["─"] * column_count, [" "] * column_count
+    label_begin = column_count - len(axis_label) - 1
     for tick in t_axis.ticks:
         tick_column = min(round(t_axis.part(tick) * (column_count - 1)), column_count - 1)
         axis_line[tick_column] = "┴"
         tick_text = t_axis.text(tick)
         label_start = max(0, min(tick_column - len(tick_text) // 2, column_count - len(tick_text)))
         # A number that would touch its neighbour or the label is left out.
-        if label_start + len(tick_text) <= room and not any(
-            word != " "
-            for word in tick_words[max(0, label_start - 1) : label_start + len(tick_text) + 1]
+        if label_start + len(tick_text) <= label_begin and not any(
+            character != " "
+            for character in label_row[max(0, label_start - 1) : label_start + len(tick_text) + 1]
         ):
-            tick_words[label_start : label_start + len(tick_text)] = tick_text
-    tick_words[column_count - len(axis_label) :] = axis_label
-    space = " " * (margin + 1)
-    return [f"{space}└{''.join(axis_line)}", f"{space} {''.join(tick_words)}"]
+            label_row[label_start : label_start + len(tick_text)] = tick_text
+    label_row[column_count - len(axis_label) :] = axis_label
+    indent = " " * (margin + 1)
+    return [f"{indent}└{''.join(axis_line)}", f"{indent} {''.join(label_row)}"]

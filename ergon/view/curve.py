@@ -47,40 +47,38 @@ def axis(shown_values: Sequence[float], n_ticks: int, *, tight: bool = False) ->
 
     `tight` ends at the values (time); otherwise there is a little room round them.
     """
-    finite = [value for value in shown_values if isfinite(value)]
-    low_value, high_value = (min(finite), max(finite)) if finite else (0.0, 1.0)
+    finite_values = [value for value in shown_values if isfinite(value)]
+    low_value, high_value = (
+        (min(finite_values), max(finite_values)) if finite_values else (0.0, 1.0)
+    )
     if high_value - low_value <= 1e-12 * max(
         abs(low_value), abs(high_value)
     ):  # a flat line gets room on both sides
-        room = abs(low_value) * 0.1 or 1.0
-        low_value, high_value = low_value - room, high_value + room
+        margin = abs(low_value) * 0.1 or 1.0
+        low_value, high_value = low_value - margin, high_value + margin
         tight = False
     tick_step, digits = _step((high_value - low_value) / max(n_ticks, 1))
-    room = 0.0 if tight else _MARGIN_SHARE * (high_value - low_value)
-    low_value, high_value = low_value - room, high_value + room
+    margin = 0.0 if tight else _MARGIN_SHARE * (high_value - low_value)
+    low_value, high_value = low_value - margin, high_value + margin
     # A small tolerance, because 3 steps of 0.1 are above 0.3 in floating point.
     first_tick, last_tick = ceil(low_value / tick_step - 1e-9), floor(high_value / tick_step + 1e-9)
     ticks = tuple(index * tick_step for index in range(first_tick, last_tick + 1))
     return Axis(low_value, high_value, ticks, digits)
 
 
-def _step(step_wanted: float) -> tuple[float, int]:
-    """The smallest of 1, 2, 5 times a power of ten that is not below `step_wanted`, and its
+def _step(step_min: float) -> tuple[float, int]:
+    """The smallest of 1, 2, 5 times a power of ten that is not below `step_min`, and its
     decimals.
     """
-    power_of_ten = 0
-    while 10.0**power_of_ten > step_wanted and power_of_ten > -18:
-        power_of_ten -= 1
-    while 10.0 ** (power_of_ten + 1) <= step_wanted and power_of_ten < 18:
-        power_of_ten += 1
+    exponent = 0
+    while 10.0**exponent > step_min and exponent > -18:
+        exponent -= 1
+    while 10.0 ** (exponent + 1) <= step_min and exponent < 18:
+        exponent += 1
     for step_factor in (1, 2, 5, 10):
         # Division by a whole number gives the double nearest to 0.2; multiplication by 0.1 does
         # not.
-        decimal_step = (
-            step_factor * 10.0**power_of_ten
-            if power_of_ten >= 0
-            else step_factor / 10.0**-power_of_ten
-        )
-        if decimal_step >= step_wanted * (1 - 1e-9):
+        step = step_factor * 10.0**exponent if exponent >= 0 else step_factor / 10.0**-exponent
+        if step >= step_min * (1 - 1e-9):
             break
-    return decimal_step, max(0, -power_of_ten - (step_factor == 10))
+    return step, max(0, -exponent - (step_factor == 10))

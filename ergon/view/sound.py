@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_WIDTH, _LEFT, _RIGHT, _WAVE, _SPECTRUM, _ROWS = 800, 64, 784, 130, 220, 220
-_LOWEST = 20.0  # [Hz] below it nothing is heard
+_WIDTH, _LEFT, _RIGHT, _WAVE_HEIGHT, _SPECTRUM_HEIGHT, _SPECTRUM_ROWS = 800, 64, 784, 130, 220, 220
+_LOWEST_HERTZ = 20.0  # [Hz] below it nothing is heard
 _RANGE_DB = 90.0  # [dB] from the loudest to paper
-_WINDOW = 4096  # frames: 11 Hz and 93 ms at 44.1 kHz shows partials and strokes alike
+_WINDOW_FRAMES = 4096  # frames: 11 Hz and 93 ms at 44.1 kHz shows partials and strokes alike
 # Silence is white and loud is dark. Five colours of viridis, the last for the loudest.
 _COLOURS = ((255, 255, 255), (183, 222, 74), (38, 164, 133), (49, 92, 140), (68, 1, 84))
 
@@ -33,18 +33,18 @@ def picture(blocks: Iterable[NDArray[np.float64]], n_frames: int, rate: float, t
     mono = _mono(blocks, n_frames)
     t_axis = axis((0.0, len(mono) / rate), 8, tight=True)
     peak = float(np.max(np.abs(mono))) or 1.0
-    wave = Frame(_LEFT, 36, _RIGHT, 36 + _WAVE, t_axis, axis((-peak, peak), 3))
+    wave = Frame(_LEFT, 36, _RIGHT, 36 + _WAVE_HEIGHT, t_axis, axis((-peak, peak), 3))
     top_edge = wave.bottom + 36
     spectrum_frame = Frame(
-        _LEFT, top_edge, _RIGHT, top_edge + _SPECTRUM, t_axis, _frequencies(rate / 2)
+        _LEFT, top_edge, _RIGHT, top_edge + _SPECTRUM_HEIGHT, t_axis, _frequencies(rate / 2)
     )
-    image = base64.b64encode(png(_coloured(_levels(mono, rate)))).decode()
+    image_base64 = base64.b64encode(png(_coloured(_levels(mono, rate)))).decode()
     svg_parts = [
         axes(wave, "", "mean of channels"),
         _outline(mono, wave),
         axes(spectrum_frame, "time [s]", "frequency [Hz]"),
-        f"<image x='{_LEFT}' y='{top_edge:g}' width='{_RIGHT - _LEFT}' height='{_SPECTRUM}' "
-        f"preserveAspectRatio='none' href='data:image/png;base64,{image}'/>",
+        f"<image x='{_LEFT}' y='{top_edge:g}' width='{_RIGHT - _LEFT}' height='{_SPECTRUM_HEIGHT}' "
+        f"preserveAspectRatio='none' href='data:image/png;base64,{image_base64}'/>",
         text(_LEFT, 22, short(title), weight="bold"),
         text(_RIGHT, 22, f"spectrogram: {_RANGE_DB:g} dB down to white", anchor="end"),
     ]
@@ -70,10 +70,10 @@ def _mono(blocks: Iterable[NDArray[np.float64]], n_frames: int) -> NDArray[np.fl
     import numpy as np
 
     mono = np.zeros(max(n_frames, 1))
-    first_frame = 0
+    block_begin = 0
     for block in blocks:
-        mono[first_frame : first_frame + len(block)] = block.mean(axis=1)
-        first_frame += len(block)
+        mono[block_begin : block_begin + len(block)] = block.mean(axis=1)
+        block_begin += len(block)
     return mono
 
 
@@ -83,8 +83,8 @@ def png(pixels: NDArray[np.uint8]) -> bytes:
     pixel_rows = b"".join(b"\0" + row.tobytes() for row in pixels)  # filter 0 before every row
 
     def chunk(name: bytes, content: bytes) -> bytes:
-        check = zlib.crc32(name + content)
-        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", check)
+        checksum = zlib.crc32(name + content)
+        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", checksum)
 
     header = struct.pack(">IIBBBBB", pixel_width, pixel_height, 8, 2, 0, 0, 0)
     return (
@@ -95,15 +95,15 @@ def png(pixels: NDArray[np.uint8]) -> bytes:
     )
 
 
-def _frequencies(highest: float) -> Axis:
+def _frequencies(highest_hertz: float) -> Axis:
     """A logarithmic axis of frequency, with ticks at round frequencies."""
     import math
 
     tick_frequencies = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000)
-    ticks = [f for f in tick_frequencies if _LOWEST <= f <= highest]
-    names = tuple(f"{f // 1000}k" if f >= 1000 else str(f) for f in ticks)
-    logs = tuple(math.log10(f) for f in ticks)
-    return Axis(math.log10(_LOWEST), math.log10(highest), logs, 0, names)
+    ticks = [f for f in tick_frequencies if _LOWEST_HERTZ <= f <= highest_hertz]
+    labels = tuple(f"{f // 1000}k" if f >= 1000 else str(f) for f in ticks)
+    log_frequencies = tuple(math.log10(f) for f in ticks)
+    return Axis(math.log10(_LOWEST_HERTZ), math.log10(highest_hertz), log_frequencies, 0, labels)
 
 
 def _outline(mono: NDArray[np.float64], plot_frame: Frame) -> str:
@@ -112,13 +112,13 @@ def _outline(mono: NDArray[np.float64], plot_frame: Frame) -> str:
 
     n_columns = _RIGHT - _LEFT
     edges = np.linspace(0, len(mono), n_columns + 1).astype(int)
-    upper, lower = [], []
+    highest_points, lowest_points = [], []
     for column in range(n_columns):
         column_samples = mono[edges[column] : max(edges[column + 1], edges[column] + 1)]
         x = _LEFT + column + 0.5
-        upper.append(f"{x:g} {plot_frame.down(float(column_samples.max())):.1f}")
-        lower.append(f"{x:g} {plot_frame.down(float(column_samples.min())):.1f}")
-    points = "L".join(upper + lower[::-1])
+        highest_points.append(f"{x:g} {plot_frame.down(float(column_samples.max())):.1f}")
+        lowest_points.append(f"{x:g} {plot_frame.down(float(column_samples.min())):.1f}")
+    points = "L".join(highest_points + lowest_points[::-1])
     return f"<path d='M{points}Z' fill='#0072b2' stroke='#0072b2' stroke-width='0.5'/>"
 
 
@@ -127,30 +127,42 @@ def _levels(mono: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
     import numpy as np
 
     n_columns = _RIGHT - _LEFT
-    padded = np.concatenate((np.zeros(_WINDOW // 2), mono, np.zeros(_WINDOW)))
-    window = np.hanning(_WINDOW)
-    pixels = np.geomspace(rate / 2, _LOWEST, _ROWS + 1) / rate * _WINDOW
-    level_grid = np.empty((_ROWS, n_columns))
-    for column_index in range(n_columns):
-        start = int((column_index + 0.5) / n_columns * len(mono))
-        power = np.abs(np.fft.rfft(padded[start : start + _WINDOW] * window)) ** 2
-        for row_index in range(_ROWS):
-            # The bins within the pixel, or the nearest two if a pixel is narrower than a bin.
-            low, high = int(pixels[row_index + 1]), int(np.ceil(pixels[row_index]))
-            level_grid[row_index, column_index] = power[low : max(high, low + 1)].max()
-    loudest = level_grid.max()
-    if loudest <= 0:
-        return np.zeros_like(level_grid)
-    floor = 10 ** (-_RANGE_DB / 10)
-    shown: NDArray[np.float64] = (
-        1 + 10 * np.log10(np.maximum(level_grid / loudest, floor)) / _RANGE_DB
+    padded_mono = np.concatenate((np.zeros(_WINDOW_FRAMES // 2), mono, np.zeros(_WINDOW_FRAMES)))
+    window = np.hanning(_WINDOW_FRAMES)
+    row_edges_in_bins = (
+        np.geomspace(rate / 2, _LOWEST_HERTZ, _SPECTRUM_ROWS + 1) / rate * _WINDOW_FRAMES
     )
-    return shown
+    power_grid = np.empty((_SPECTRUM_ROWS, n_columns))
+    for column_index in range(n_columns):
+        window_begin = int((column_index + 0.5) / n_columns * len(mono))
+        powers = (
+            np.abs(np.fft.rfft(padded_mono[window_begin : window_begin + _WINDOW_FRAMES] * window))
+            ** 2
+        )
+        for row_index in range(_SPECTRUM_ROWS):
+            # The bins within the pixel, or the nearest two if a pixel is narrower than a bin.
+            first_bin, end_bin = (
+                int(row_edges_in_bins[row_index + 1]),
+                int(np.ceil(row_edges_in_bins[row_index])),
+            )
+            power_grid[row_index, column_index] = powers[
+                first_bin : max(end_bin, first_bin + 1)
+            ].max()
+    greatest_power = power_grid.max()
+    if greatest_power <= 0:
+        return np.zeros_like(power_grid)
+    power_floor = 10 ** (-_RANGE_DB / 10)
+    levels: NDArray[np.float64] = (
+        1 + 10 * np.log10(np.maximum(power_grid / greatest_power, power_floor)) / _RANGE_DB
+    )
+    return levels
 
 
 def _coloured(levels: NDArray[np.float64]) -> NDArray[np.uint8]:
     import numpy as np
 
-    positions = np.linspace(0, 1, len(_COLOURS))
-    channels = [np.interp(levels, positions, [c[index] for c in _COLOURS]) for index in range(3)]
+    colour_levels = np.linspace(0, 1, len(_COLOURS))
+    channels = [
+        np.interp(levels, colour_levels, [c[index] for c in _COLOURS]) for index in range(3)
+    ]
     return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)

@@ -61,25 +61,25 @@ def stave(stave_parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, title: st
 
     If a part has more than STAVE_MAX modes, the first ones are drawn.
     """
-    drawn, top_edge = [text(64, 20, short(title), weight="bold")], 32.0
+    svg_parts, top_edge = [text(64, 20, short(title), weight="bold")], 32.0
     for part_name, pitched_modes in stave_parts:
         if not pitched_modes:
-            drawn.append(
+            svg_parts.append(
                 text(64, top_edge + 14, f"{short(part_name)}: none of its modes is a note")
             )
             top_edge += 30
             continue
-        shown = sorted(pitched_modes[:STAVE_MAX], key=lambda mode: -mode.frequency)
-        bottom = top_edge + 24 + max(180.0, _LINE_HEIGHT * (len(shown) + 1))
-        left_out = (
-            f" (the first {len(shown)} of {len(pitched_modes)} modes)"
+        drawn_modes = sorted(pitched_modes[:STAVE_MAX], key=lambda mode: -mode.frequency)
+        bottom = top_edge + 24 + max(180.0, _LINE_HEIGHT * (len(drawn_modes) + 1))
+        omission = (
+            f" (the first {len(drawn_modes)} of {len(pitched_modes)} modes)"
             if pitched_modes[STAVE_MAX:]
             else ""
         )
-        drawn.append(text(64, top_edge + 14, short(part_name) + left_out))
-        drawn.append(_stave_of(shown, top_edge + 24, bottom))
+        svg_parts.append(text(64, top_edge + 14, short(part_name) + omission))
+        svg_parts.append(_stave_of(drawn_modes, top_edge + 24, bottom))
         top_edge = bottom + 60
-    return document(_WIDTH, int(top_edge), title, drawn)
+    return document(_WIDTH, int(top_edge), title, svg_parts)
 
 
 def shapes(shape_parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) -> str:
@@ -90,29 +90,31 @@ def shapes(shape_parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) ->
     as a line displaced up and down; others as dots whose size is their motion, full for upwards
     and hollow for downwards.
     """
-    drawn, top_edge = [text(24, 20, short(title), weight="bold")], 32.0
+    svg_parts, top_edge = [text(24, 20, short(title), weight="bold")], 32.0
     column_count, cell_size = 4, 184.0
     for part_name, part_shapes in shape_parts:
-        shown = part_shapes[:SHAPES_MAX]
-        left_out = (
-            f" (the first {len(shown)} of {len(part_shapes)} modes)"
+        drawn_shapes = part_shapes[:SHAPES_MAX]
+        omission = (
+            f" (the first {len(drawn_shapes)} of {len(part_shapes)} modes)"
             if part_shapes[SHAPES_MAX:]
             else ""
         )
-        drawn.append(text(24, top_edge + 14, short(part_name) + left_out))
-        flat = all(_is_row(shape) for shape in shown)
-        cell_height = 90.0 if flat else cell_size - 24
-        for number, shape in enumerate(shown):
+        svg_parts.append(text(24, top_edge + 14, short(part_name) + omission))
+        are_rows = all(_is_row(shape) for shape in drawn_shapes)
+        cell_height = 90.0 if are_rows else cell_size - 24
+        for number, shape in enumerate(drawn_shapes):
             row, column = divmod(number, column_count)
-            cell_left, upper = (
+            cell_left, cell_top = (
                 24 + column * (cell_size + 6),
                 top_edge + 24 + row * (cell_height + 30),
             )
             words = shape.words[: int(cell_size / _LETTER_WIDTH)]
-            drawn.append(text(cell_left + cell_size / 2, upper + 12, words, anchor="middle"))
-            drawn.append(_shape(shape, cell_left, upper + 18, cell_size - 8, cell_height - 8))
-        top_edge += 40 + (cell_height + 30) * ceil(len(shown) / column_count)
-    return document(_WIDTH, int(top_edge), title, drawn)
+            svg_parts.append(text(cell_left + cell_size / 2, cell_top + 12, words, anchor="middle"))
+            svg_parts.append(
+                _shape(shape, cell_left, cell_top + 18, cell_size - 8, cell_height - 8)
+            )
+        top_edge += 40 + (cell_height + 30) * ceil(len(drawn_shapes) / column_count)
+    return document(_WIDTH, int(top_edge), title, svg_parts)
 
 
 def _frequencies(low_hertz: float, high_hertz: float) -> Axis:
@@ -141,42 +143,44 @@ def _legend(curve_names: Sequence[str]) -> tuple[list[str], int]:
     legend_parts, left_edge, row_index = [], 64.0, 0
     row_width = _WIDTH - 24 - 64
     for curve_number, name in enumerate(curve_names):
-        label_words = name[: int((row_width - 44) / _LETTER_WIDTH)]
-        label_width = 44 + _LETTER_WIDTH * len(label_words)
-        if left_edge > 64 and left_edge + label_width > _WIDTH - 24:
+        curve_label = name[: int((row_width - 44) / _LETTER_WIDTH)]
+        entry_width = 44 + _LETTER_WIDTH * len(curve_label)
+        if left_edge > 64 and left_edge + entry_width > _WIDTH - 24:
             left_edge, row_index = 64.0, row_index + 1
-        y = 38 + _LINE_HEIGHT * row_index
+        baseline = 38 + _LINE_HEIGHT * row_index
         legend_parts += [
-            key_line(left_edge, y - 4, curve_number),
-            text(left_edge + 33, y, label_words),
+            key_line(left_edge, baseline - 4, curve_number),
+            text(left_edge + 33, baseline, curve_label),
         ]
-        left_edge += label_width + 12
+        left_edge += entry_width + 12
     return legend_parts, row_index + 1
 
 
 def _stave_of(pitched_modes: Sequence[PitchedMode], top_edge: float, bottom_edge: float) -> str:
     """Modes, the highest first: dots in a frame, and a column of words to its right."""
-    column = 7 + _LETTER_WIDTH * max(len(mode.words) for mode in pitched_modes)
-    right_edge = max(_WIDTH - 24 - column - 40, _WIDTH / 2)
+    label_column_width = 7 + _LETTER_WIDTH * max(len(mode.words) for mode in pitched_modes)
+    right_edge = max(_WIDTH - 24 - label_column_width - 40, _WIDTH / 2)
     pitches = [69 + 12 * log2(mode.frequency / 440) for mode in pitched_modes]
     lowest_key, highest_key = 12 * floor(min(pitches) / 12), 12 * ceil((max(pitches) + 1e-9) / 12)
-    step = max(1, ceil((highest_key - lowest_key) / 12 / ((bottom_edge - top_edge) / _LINE_HEIGHT)))
-    octaves = range(int(lowest_key), int(highest_key) + 1, 12 * step)
-    octave_names = tuple(f"C{octave // 12 - 1}".replace("-", "−") for octave in octaves)
-    ticks = tuple(float(octave) for octave in octaves)
-    cents = Axis(-55.0, 55.0, (-50.0, -25.0, 0.0, 25.0, 50.0), 0)
+    octave_step = max(
+        1, ceil((highest_key - lowest_key) / 12 / ((bottom_edge - top_edge) / _LINE_HEIGHT))
+    )
+    octave_keys = range(int(lowest_key), int(highest_key) + 1, 12 * octave_step)
+    octave_names = tuple(f"C{octave_key // 12 - 1}".replace("-", "−") for octave_key in octave_keys)
+    ticks = tuple(float(octave_key) for octave_key in octave_keys)
+    cents_axis = Axis(-55.0, 55.0, (-50.0, -25.0, 0.0, 25.0, 50.0), 0)
     plot_frame = Frame(
         64,
         top_edge,
         right_edge,
         bottom_edge,
-        cents,
+        cents_axis,
         Axis(float(lowest_key), float(highest_key), ticks, 0, octave_names),
     )
     svg_parts = [axes(plot_frame, "cents from the nearest note", "pitch")]
-    heights = [plot_frame.down(pitch) for pitch in pitches]
+    dot_heights = [plot_frame.down(pitch) for pitch in pitches]
     for pitched_mode, y, label_height in zip(
-        pitched_modes, heights, _spaced(heights, top_edge + 10, bottom_edge), strict=True
+        pitched_modes, dot_heights, _spaced(dot_heights, top_edge + 10, bottom_edge), strict=True
     ):
         x = plot_frame.across(pitched_mode.cents)
         svg_parts.append(
@@ -192,12 +196,14 @@ def _stave_of(pitched_modes: Sequence[PitchedMode], top_edge: float, bottom_edge
 def _spaced(heights_wanted: Sequence[float], top: float, bottom: float) -> list[float]:
     """Heights for lines of text near the wanted ones, in rising order and at least a line apart."""
     line_heights: list[float] = []
-    for y in heights_wanted:
-        line_heights.append(max(y + 4, line_heights[-1] + _LINE_HEIGHT if line_heights else top))
-    limit = bottom
+    for wanted in heights_wanted:
+        line_heights.append(
+            max(wanted + 4, line_heights[-1] + _LINE_HEIGHT if line_heights else top)
+        )
+    height_max = bottom
     for i in range(len(line_heights) - 1, -1, -1):
-        line_heights[i] = min(line_heights[i], limit)
-        limit = line_heights[i] - _LINE_HEIGHT
+        line_heights[i] = min(line_heights[i], height_max)
+        height_max = line_heights[i] - _LINE_HEIGHT
     return line_heights
 
 
@@ -225,15 +231,15 @@ def _shape(
     masses = sorted(zip(mode_shape.x, mode_shape.y, mode_shape.moves, strict=True))[::stride]
     low_x, low_y = min(mode_shape.x), min(mode_shape.y)
     x_extent, y_extent = max(mode_shape.x) - low_x, max(mode_shape.y) - low_y
-    room_x, room_y = picture_width - 16, picture_height - 16
+    room_width, room_height = picture_width - 16, picture_height - 16
     if _is_row(mode_shape):
         x_pixels = [
-            left_edge + 8 + room_x * ((x - low_x) / x_extent if x_extent else 0.5)
+            left_edge + 8 + room_width * ((x - low_x) / x_extent if x_extent else 0.5)
             for x, _, _ in masses
         ]
         middle = top_edge + picture_height / 2
-        y_pixels = [middle - 0.5 * room_y * move / largest_move for _, _, move in masses]
-        shape_line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(x_pixels, y_pixels, strict=True))
+        y_pixels = [middle - 0.5 * room_height * move / largest_move for _, _, move in masses]
+        path_points = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(x_pixels, y_pixels, strict=True))
         dots = "".join(
             f"<circle cx='{x:.1f}' cy='{y:.1f}' r='1.6' fill='{_UP_COLOUR}'/>"
             for x, y in zip(x_pixels, y_pixels, strict=True)
@@ -242,19 +248,21 @@ def _shape(
         rest_line = f"M{left_edge:.1f} {middle:.1f}h{picture_width:.1f}"
         return (
             f"{box}\n<path d='{rest_line}' fill='none' stroke='#dddddd'/>\n"
-            f"<path d='M{shape_line}' fill='none' stroke='{_UP_COLOUR}' stroke-width='1.2'/>{dots}"
+            f"<path d='M{path_points}' fill='none' stroke='{_UP_COLOUR}' stroke-width='1.2'/>{dots}"
         )
-    scale = min(
-        room_x / x_extent if x_extent else room_y / y_extent,
-        room_y / y_extent if y_extent else room_x / x_extent,
+    pixels_per_metre = min(
+        room_width / x_extent if x_extent else room_height / y_extent,
+        room_height / y_extent if y_extent else room_width / x_extent,
     )
-    largest = min(7.0, max(1.2, 0.5 * scale * hypot(x_extent, y_extent) / len(masses) ** 0.5))
+    largest_radius = min(
+        7.0, max(1.2, 0.5 * pixels_per_metre * hypot(x_extent, y_extent) / len(masses) ** 0.5)
+    )
     centre_x, centre_y = left_edge + picture_width / 2, top_edge + picture_height / 2
     dots = "".join(
         _dot(
-            centre_x + scale * (x - low_x - x_extent / 2),
-            centre_y - scale * (y - low_y - y_extent / 2),
-            largest * (abs(move) / largest_move) ** 0.5,
+            centre_x + pixels_per_metre * (x - low_x - x_extent / 2),
+            centre_y - pixels_per_metre * (y - low_y - y_extent / 2),
+            largest_radius * (abs(move) / largest_move) ** 0.5,
             move > 0,
         )
         for x, y, move in masses

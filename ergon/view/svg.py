@@ -12,7 +12,7 @@ from .curve import CURVES_MAX, Axis, Curve, axis
 # Safe for the colour-blind (Okabe & Ito, 2008) and different in dash: never by colour alone.
 _STROKES = (("#0072b2", ""), ("#d55e00", "6 3"), ("#333333", "1.5 3"))
 _TITLE_MAX = 60  # characters
-_INK, _GRID, _PAPER = "#222222", "#dddddd", "#ffffff"
+_INK_COLOUR, _GRID_COLOUR, _PAPER_COLOUR = "#222222", "#dddddd", "#ffffff"
 _FONT = "font-family='ui-sans-serif, Helvetica, Arial, sans-serif' font-size='12'"
 
 
@@ -66,24 +66,24 @@ def plot(
 
 
 def panels(
-    panel_rows: Sequence[tuple[str, Sequence[Curve]]], *, title: str, width: int = 900
+    labelled_curves: Sequence[tuple[str, Sequence[Curve]]], *, title: str, width: int = 900
 ) -> str:
     """Curves in frames one above the other over the same time, each with a label."""
     panel_height, panel_gap, top_edge = 190, 46, 44
     t_axis = axis(
-        [t for _, curves in panel_rows for curve in curves for t in curve.t], 8, tight=True
+        [t for _, curves in labelled_curves for curve in curves for t in curve.t], 8, tight=True
     )
     svg_parts = [text(64, 20, short(title), weight="bold")]
-    for panel_index, (panel_label, curves) in enumerate(panel_rows):
+    for panel_index, (panel_label, curves) in enumerate(labelled_curves):
         panel_top = top_edge + panel_index * (panel_height + panel_gap)
         x_axis = axis([x for curve in curves for x in curve.x], 5)
         frame = Frame(64, panel_top, width - 16, panel_top + panel_height, t_axis, x_axis)
         svg_parts += [
-            axes(frame, "time [s]" if panel_index == len(panel_rows) - 1 else "", panel_label)
+            axes(frame, "time [s]" if panel_index == len(labelled_curves) - 1 else "", panel_label)
         ]
         svg_parts += [lines(curves, frame), _legend(curves, frame)]
     return document(
-        width, top_edge + len(panel_rows) * (panel_height + panel_gap), title, svg_parts
+        width, top_edge + len(labelled_curves) * (panel_height + panel_gap), title, svg_parts
     )
 
 
@@ -103,7 +103,7 @@ def document(
         f"aria-label={quoteattr(picture_title)} {_FONT}>\n"
         "<!-- made by ergon -->\n"
         f"<title>{escape(picture_title)}</title>\n"
-        f"<rect width='{picture_width}' height='{picture_height}' fill='{_PAPER}'/>\n"
+        f"<rect width='{picture_width}' height='{picture_height}' fill='{_PAPER_COLOUR}'/>\n"
     )
     return header + "\n".join(part for part in svg_parts if part) + "\n</svg>\n"
 
@@ -122,7 +122,7 @@ def axes(frame: Frame, t_label: str, x_label: str) -> str:
     svg_parts.append(
         f"<rect x='{frame.left:g}' y='{frame.top:g}' "
         f"width='{frame.right - frame.left:g}' "
-        f"height='{frame.bottom - frame.top:g}' fill='none' stroke='{_INK}'/>"
+        f"height='{frame.bottom - frame.top:g}' fill='none' stroke='{_INK_COLOUR}'/>"
     )
     svg_parts.append(
         text(
@@ -134,7 +134,7 @@ def axes(frame: Frame, t_label: str, x_label: str) -> str:
     )
     middle = (frame.top + frame.bottom) / 2
     svg_parts.append(
-        f"<text x='14' y='{middle:g}' fill='{_INK}' text-anchor='middle' "
+        f"<text x='14' y='{middle:g}' fill='{_INK_COLOUR}' text-anchor='middle' "
         f"transform='rotate(-90 14 {middle:g})'>{escape(x_label)}</text>"
     )
     return "\n".join(svg_parts)
@@ -163,20 +163,20 @@ def short(title: str) -> str:
     return title if len(title) <= _TITLE_MAX else title[: _TITLE_MAX - 1] + "…"
 
 
-def text(
-    x: float, y: float, text_words: str, *, anchor: str = "start", weight: str = "normal"
-) -> str:
+def text(x: float, y: float, words: str, *, anchor: str = "start", weight: str = "normal") -> str:
     """Words at a place; nothing for no words."""
-    if not text_words:
+    if not words:
         return ""
     return (
-        f"<text x='{x:.1f}' y='{y:.1f}' fill='{_INK}' text-anchor='{anchor}' "
-        f"font-weight='{weight}'>{escape(text_words)}</text>"
+        f"<text x='{x:.1f}' y='{y:.1f}' fill='{_INK_COLOUR}' text-anchor='{anchor}' "
+        f"font-weight='{weight}'>{escape(words)}</text>"
     )
 
 
 def _line(x1: float, y1: float, x2: float, y2: float) -> str:
-    return f"<line x1='{x1:.1f}' y1='{y1:.1f}' x2='{x2:.1f}' y2='{y2:.1f}' stroke='{_GRID}'/>"
+    return (
+        f"<line x1='{x1:.1f}' y1='{y1:.1f}' x2='{x2:.1f}' y2='{y2:.1f}' stroke='{_GRID_COLOUR}'/>"
+    )
 
 
 def _dash(dash: str) -> str:
@@ -185,20 +185,20 @@ def _dash(dash: str) -> str:
 
 def _path(curve: Curve, plot_frame: Frame) -> str:
     """Path data; a gap begins a new subpath."""
-    path_words, pen = [], "M"
+    path_parts, command = [], "M"
     for t, x in zip(curve.t, curve.x, strict=True):
         if isfinite(t) and isfinite(x):
-            path_words.append(f"{pen}{plot_frame.across(t):.2f} {plot_frame.down(x):.2f}")
-            pen = "L"
+            path_parts.append(f"{command}{plot_frame.across(t):.2f} {plot_frame.down(x):.2f}")
+            command = "L"
         else:
-            pen = "M"
-    return "".join(path_words)
+            command = "M"
+    return "".join(path_parts)
 
 
 def _legend(curves: Sequence[Curve], plot_frame: Frame) -> str:
-    svg_parts, right_edge = [], plot_frame.right
+    svg_parts, entry_left = [], plot_frame.right
     for number, curve in reversed(list(enumerate(curves))):
-        right_edge -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
-        svg_parts.append(key_line(right_edge, plot_frame.top - 14, number))
-        svg_parts.append(text(right_edge + 33, plot_frame.top - 10, curve.name))
+        entry_left -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
+        svg_parts.append(key_line(entry_left, plot_frame.top - 14, number))
+        svg_parts.append(text(entry_left + 33, plot_frame.top - 10, curve.name))
     return "\n".join(svg_parts)

@@ -21,11 +21,11 @@ _PANELS: Mapping[str, str] = {
     "error_db": "error [dB]",
     "error_cents": "error [cents]",
 }
-_WIDTH, _HIGH, _BETWEEN, _TOP = 460, 170, 62, 60
-_LEFT, _RIGHT = 70, 16
-_LIGHT, _DARK = (86, 180, 233), (0, 30, 90)  # colours of the first and the last curve
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_CURVES_NAMED = 6
+_PANEL_WIDTH, _PANEL_HEIGHT, _PANEL_GAP, _TOP_MARGIN = 460, 170, 62, 60
+_LEFT_MARGIN, _RIGHT_MARGIN = 70, 16
+_FIRST_COLOUR, _LAST_COLOUR = (86, 180, 233), (0, 30, 90)  # colours of the first and the last curve
+_NUMBER_PATTERN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_LEGEND_CURVES_MAX = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,45 +42,58 @@ def picture(title: str, target_names: Sequence[str], sweep_points: Sequence[Poin
     Variants that differ only in the first value are joined by a line; lines get darker from the
     first to the last of the other values.
     """
-    axis_places = _across(sweep_points)
-    curves: dict[tuple[str, ...], list[Point]] = {}
+    horizontal = _across(sweep_points)
+    points_by_other_values: dict[tuple[str, ...], list[Point]] = {}
     for point in sweep_points:
-        curves.setdefault(point.values[1:], []).append(point)
-    if all(len(named_points) == 1 for named_points in curves.values()):  # pairs
-        curves = {(): list(sweep_points)}
-    shown = [name for name in _PANELS if any(name in point.figures for point in sweep_points)]
-    svg_parts = [text(_LEFT, 20, short(title), weight="bold"), _key(list(curves), target_names[1:])]
-    for number, panel_name in enumerate(shown):
-        row, column = divmod(number, 2)
-        left_edge, top_edge = column * _WIDTH, _TOP + row * (_HIGH + _BETWEEN)
+        points_by_other_values.setdefault(point.values[1:], []).append(point)
+    if all(len(curve_points) == 1 for curve_points in points_by_other_values.values()):  # pairs
+        points_by_other_values = {(): list(sweep_points)}
+    figure_names = [
+        name for name in _PANELS if any(name in point.figures for point in sweep_points)
+    ]
+    svg_parts = [
+        text(_LEFT_MARGIN, 20, short(title), weight="bold"),
+        _key(list(points_by_other_values), target_names[1:]),
+    ]
+    for panel_number, figure_name in enumerate(figure_names):
+        row, column = divmod(panel_number, 2)
+        left_edge, top_edge = (
+            column * _PANEL_WIDTH,
+            _TOP_MARGIN + row * (_PANEL_HEIGHT + _PANEL_GAP),
+        )
         figures = [
-            point.figures[panel_name] for point in sweep_points if panel_name in point.figures
+            point.figures[figure_name] for point in sweep_points if figure_name in point.figures
         ]
         plot_frame = Frame(
-            left_edge + _LEFT,
+            left_edge + _LEFT_MARGIN,
             top_edge,
-            left_edge + _WIDTH - _RIGHT,
-            top_edge + _HIGH,
-            axis_places.axis,
+            left_edge + _PANEL_WIDTH - _RIGHT_MARGIN,
+            top_edge + _PANEL_HEIGHT,
+            horizontal.axis,
             axis(figures, 5),
         )
         svg_parts += [
-            axes(plot_frame, target_names[0] + axis_places.unit, ""),
-            text(left_edge + _LEFT, top_edge - 8, _PANELS[panel_name]),
+            axes(plot_frame, target_names[0] + horizontal.unit, ""),
+            text(left_edge + _LEFT_MARGIN, top_edge - 8, _PANELS[figure_name]),
         ]
-        for index, named_points in enumerate(curves.values()):
-            colour = _colour(index, len(curves))
+        for index, curve_points in enumerate(points_by_other_values.values()):
+            colour = _colour(index, len(points_by_other_values))
             line_points = [
                 (
-                    plot_frame.across(axis_places.place_of(p.values[0])),
-                    plot_frame.down(p.figures[panel_name]),
+                    plot_frame.across(horizontal.place_of(p.values[0])),
+                    plot_frame.down(p.figures[figure_name]),
                 )
-                for p in named_points
-                if panel_name in p.figures
+                for p in curve_points
+                if figure_name in p.figures
             ]
             svg_parts.append(_curve(line_points, colour))
-    rows = (len(shown) + 1) // 2
-    return document(2 * _WIDTH, _TOP + rows * (_HIGH + _BETWEEN), f"sweep of {title}", svg_parts)
+    rows = (len(figure_names) + 1) // 2
+    return document(
+        2 * _PANEL_WIDTH,
+        _TOP_MARGIN + rows * (_PANEL_HEIGHT + _PANEL_GAP),
+        f"sweep of {title}",
+        svg_parts,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,44 +113,44 @@ def _across(sweep_points: Sequence[Point]) -> _Across:
     values at equal distances.
     """
     first_values = list(dict.fromkeys(point.values[0] for point in sweep_points))
-    matches = [_NUMBER.match(value) for value in first_values]
-    unit_names = {
+    matches = [_NUMBER_PATTERN.match(value) for value in first_values]
+    units = {
         value[match.end() :].strip()
         for value, match in zip(first_values, matches, strict=True)
         if match
     }
-    if all(matches) and len(unit_names) == 1:
+    if all(matches) and len(units) == 1:
         axis_numbers = [float(match[0]) for match in matches if match]
-        (unit,) = unit_names
+        (unit,) = units
         unit_text = f" [{unit}]" if unit else ""
         if _is_geometric(axis_numbers):
-            tick_places = [math.log10(x) for x in axis_numbers]
-            ticks = tuple(sorted(_few(tick_places)))
+            positions = [math.log10(x) for x in axis_numbers]
+            ticks = tuple(sorted(_few(positions)))
             tick_names = tuple(f"{10.0**tick:.3g}" for tick in ticks)
             return _Across(
-                _room(tick_places, ticks, tick_names),
+                _room(positions, ticks, tick_names),
                 unit_text,
-                dict(zip(first_values, tick_places, strict=True)),
+                dict(zip(first_values, positions, strict=True)),
             )
         return _Across(
             axis(axis_numbers, 6), unit_text, dict(zip(first_values, axis_numbers, strict=True))
         )
-    tick_places = [float(i) for i in range(len(first_values))]
-    ticks = _few(tick_places)
+    positions = [float(i) for i in range(len(first_values))]
+    ticks = _few(positions)
     tick_names = tuple(first_values[int(tick)] for tick in ticks)
     return _Across(
-        _room(tick_places, ticks, tick_names), "", dict(zip(first_values, tick_places, strict=True))
+        _room(positions, ticks, tick_names), "", dict(zip(first_values, positions, strict=True))
     )
 
 
-def _room(places: Sequence[float], ticks: tuple[float, ...], names: tuple[str, ...]) -> Axis:
-    room = 0.04 * (max(places) - min(places)) or 0.5
-    return Axis(min(places) - room, max(places) + room, ticks, 0, names)
+def _room(positions: Sequence[float], ticks: tuple[float, ...], names: tuple[str, ...]) -> Axis:
+    margin = 0.04 * (max(positions) - min(positions)) or 0.5
+    return Axis(min(positions) - margin, max(positions) + margin, ticks, 0, names)
 
 
-def _few(places: Sequence[float], count_max: int = 6) -> tuple[float, ...]:
-    step = math.ceil(len(places) / count_max)
-    return tuple(places[::step])
+def _few(positions: Sequence[float], count_max: int = 6) -> tuple[float, ...]:
+    stride = math.ceil(len(positions) / count_max)
+    return tuple(positions[::stride])
 
 
 def _is_geometric(axis_numbers: Sequence[float]) -> bool:
@@ -145,14 +158,16 @@ def _is_geometric(axis_numbers: Sequence[float]) -> bool:
         return False
     ratios = [b / a for a, b in itertools.pairwise(axis_numbers)]
     differences = [b - a for a, b in itertools.pairwise(axis_numbers)]
-    is_even = max(differences) - min(differences) <= 1e-6 * max(map(abs, differences))
-    return not is_even and max(ratios) <= (1.0 + 1e-6) * min(ratios)
+    is_arithmetic = max(differences) - min(differences) <= 1e-6 * max(map(abs, differences))
+    return not is_arithmetic and max(ratios) <= (1.0 + 1e-6) * min(ratios)
 
 
 def _colour(index: int, count: int) -> str:
-    part = index / max(1, count - 1)
-    mixed = (round(a + part * (b - a)) for a, b in zip(_LIGHT, _DARK, strict=True))
-    return "#" + "".join(f"{channel:02x}" for channel in mixed)
+    share = index / max(1, count - 1)
+    channels = (
+        round(a + share * (b - a)) for a, b in zip(_FIRST_COLOUR, _LAST_COLOUR, strict=True)
+    )
+    return "#" + "".join(f"{channel:02x}" for channel in channels)
 
 
 def _curve(line_points: Sequence[tuple[float, float]], colour: str) -> str:
@@ -168,20 +183,21 @@ def _key(other_values: Sequence[tuple[str, ...]], targets: Sequence[str]) -> str
     """The legend of all lines if they are few, else of the first and the last."""
     if len(other_values) < 2:
         return ""
-    groups_named = (
-        other_values if len(other_values) <= _CURVES_NAMED else (other_values[0], other_values[-1])
+    labelled_values = (
+        other_values
+        if len(other_values) <= _LEGEND_CURVES_MAX
+        else (other_values[0], other_values[-1])
     )
-    label_words = [
-        ", ".join(map("=".join, zip(targets, named_values, strict=True)))
-        for named_values in groups_named
+    labels = [
+        ", ".join(map("=".join, zip(targets, values, strict=True))) for values in labelled_values
     ]
-    svg_parts, left_edge = [], float(_LEFT)
-    for named_values, line_label in zip(groups_named, label_words, strict=True):
-        colour = _colour(other_values.index(named_values), len(other_values))
+    svg_parts, left_edge = [], float(_LEFT_MARGIN)
+    for values, label in zip(labelled_values, labels, strict=True):
+        colour = _colour(other_values.index(values), len(other_values))
         svg_parts.append(
             f"<line x1='{left_edge:g}' y1='32' x2='{left_edge + 20:g}' y2='32' stroke='{colour}' "
             "stroke-width='3'/>"
         )
-        svg_parts.append(text(left_edge + 25, 36, line_label))
-        left_edge += 45 + 7 * len(line_label)
+        svg_parts.append(text(left_edge + 25, 36, label))
+        left_edge += 45 + 7 * len(label)
     return "\n".join(svg_parts)

@@ -33,26 +33,26 @@ class Meter:
 
 def parse_meter(text: str) -> Meter:
     """Read `4/4`, `7/8` or `3+2+2/8`. Raises TextError."""
-    trimmed_word, word_start = stripped(text)
-    text_match = _METER.fullmatch(trimmed_word)
-    if text_match is None:
+    trimmed_text, text_start = stripped(text)
+    meter_match = _METER.fullmatch(trimmed_text)
+    if meter_match is None:
         raise TextError(
-            f"'{trimmed_word[:40]}' is not a meter such as 4/4 or 3+2+2/8",
-            offset=word_start,
-            length=max(1, len(trimmed_word)),
+            f"'{trimmed_text[:40]}' is not a meter such as 4/4 or 3+2+2/8",
+            offset=text_start,
+            length=max(1, len(trimmed_text)),
         )
-    beat_groups = tuple(int(group) for group in text_match[1].split("+"))
+    beat_groups = tuple(int(group) for group in meter_match[1].split("+"))
     if min(beat_groups) < 1 or sum(beat_groups) > MAX_BEATS:
         raise TextError(
-            f"a bar has from 1 to {MAX_BEATS} beats", offset=word_start, length=len(text_match[1])
+            f"a bar has from 1 to {MAX_BEATS} beats", offset=text_start, length=len(meter_match[1])
         )
-    if int(text_match[2]) not in _UNITS:
+    if int(meter_match[2]) not in _UNITS:
         raise TextError(
             "the unit of a meter is 1, 2, 4, 8, 16, 32 or 64",
-            offset=word_start + text_match.start(2),
-            length=len(text_match[2]),
+            offset=text_start + meter_match.start(2),
+            length=len(meter_match[2]),
         )
-    return Meter(sum(beat_groups), int(text_match[2]), beat_groups)
+    return Meter(sum(beat_groups), int(meter_match[2]), beat_groups)
 
 
 class Bars:
@@ -80,11 +80,11 @@ class Bars:
 
     def bar_beat(self, beats: float) -> tuple[int, float]:
         """(bar, beat) of a beat of the piece; before the start, bars go on 0, -1, ..."""
-        i = max(0, bisect_right(self._starts, beats + SAME) - 1)
-        per_bar = self._meters[i].beats
-        beats_into_meter = beats - self._starts[i]
+        meter_index = max(0, bisect_right(self._starts, beats + SAME) - 1)
+        per_bar = self._meters[meter_index].beats
+        beats_into_meter = beats - self._starts[meter_index]
         n_bars = int((beats_into_meter + SAME) // per_bar)
-        return self._bars[i] + n_bars, max(0.0, beats_into_meter - n_bars * per_bar) + 1.0
+        return self._bars[meter_index] + n_bars, max(0.0, beats_into_meter - n_bars * per_bar) + 1.0
 
     def start(self, bar: float) -> float:
         """The beat of the piece on which `bar` begins; bar 2.5 begins halfway through bar 2."""
@@ -92,20 +92,24 @@ class Bars:
 
     def bar(self, bar: float) -> tuple[float, int]:
         """The beat of the piece on which `bar` begins, and how many beats it has."""
-        i = max(0, bisect_right(self._bars, bar) - 1)
-        beats = self._meters[i].beats
-        return self._starts[i] + (bar - self._bars[i]) * beats, beats
+        meter_index = max(0, bisect_right(self._bars, bar) - 1)
+        beats = self._meters[meter_index].beats
+        return self._starts[meter_index] + (bar - self._bars[meter_index]) * beats, beats
 
     def after_quarters(self, piece_beats: float, quarters: float) -> float:
         """The beat of the piece that lies `quarters` quarter notes after another."""
-        i = max(0, bisect_right(self._starts, piece_beats + SAME) - 1)
-        while i + 1 < len(self._starts):
-            unit = self._meters[i].unit
-            room = (self._starts[i + 1] - piece_beats) * 4.0 / unit
-            if quarters <= room:
+        meter_index = max(0, bisect_right(self._starts, piece_beats + SAME) - 1)
+        while meter_index + 1 < len(self._starts):
+            unit = self._meters[meter_index].unit
+            quarters_left_in_meter = (self._starts[meter_index + 1] - piece_beats) * 4.0 / unit
+            if quarters <= quarters_left_in_meter:
                 break
-            piece_beats, quarters, i = self._starts[i + 1], quarters - room, i + 1
-        return piece_beats + quarters * self._meters[i].unit / 4.0
+            piece_beats, quarters, meter_index = (
+                self._starts[meter_index + 1],
+                quarters - quarters_left_in_meter,
+                meter_index + 1,
+            )
+        return piece_beats + quarters * self._meters[meter_index].unit / 4.0
 
     def quarters(self, beats: float) -> float:
         """How many quarter notes lie before a beat of the piece."""

@@ -58,7 +58,7 @@ def starts(
         )
     count = room + 1 if times is None else times
     stop_beat = float("inf") if until is None else until - SAME
-    mixed = (
+    is_mixed = (
         sum(
             part != 0.0
             for part in (
@@ -70,27 +70,28 @@ def starts(
         )
         > 1
     )
-    if step_length.beats and not mixed:  # a session repeats without end: thousands of occurrences
-        count_max = min(count, room)
-        if stop_beat < start_beat + step_length.beats * count_max:
-            count_max = max(0, ceil((stop_beat - start_beat) / step_length.beats))
+    # This is quick, because a session repeats without end: thousands of occurrences.
+    if step_length.beats and not is_mixed:
+        occurrence_count = min(count, room)
+        if stop_beat < start_beat + step_length.beats * occurrence_count:
+            occurrence_count = max(0, ceil((stop_beat - start_beat) / step_length.beats))
         elif count > room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
-        return [start_beat + step_length.beats * index for index in range(count_max)]
-    piece_beats: list[float] = []
-    piece_beat = start_beat
-    while len(piece_beats) < count and piece_beat < stop_beat:
-        if len(piece_beats) == room:
+        return [start_beat + step_length.beats * index for index in range(occurrence_count)]
+    start_beats: list[float] = []
+    next_beat = start_beat
+    while len(start_beats) < count and next_beat < stop_beat:
+        if len(start_beats) == room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
-        if not len(piece_beats) % 1024:
+        if not len(start_beats) % 1024:
             poll()
-        piece_beats.append(piece_beat)
+        start_beats.append(next_beat)
         # Each start is counted from `start_beat`, so rounding does not accumulate. A step of mixed
         # units is counted from the start before it, because its size depends on meter and tempo
         # there.
-        piece_beat = (
-            tempo.after(piece_beat, step_length)
-            if mixed
-            else tempo.after(start_beat, step_length.times(len(piece_beats)))
+        next_beat = (
+            tempo.after(next_beat, step_length)
+            if is_mixed
+            else tempo.after(start_beat, step_length.times(len(start_beats)))
         )
-    return piece_beats
+    return start_beats

@@ -71,18 +71,18 @@ _NOTHING = Length()  # most positions add nothing: they share it
 
 def parse_length(text: str) -> Length:
     """Read `4bar`, `2`, `1/4`, `500ms`, `12s`. Raises TextError."""
-    trimmed_word, word_start = stripped(text)
-    text_match = _ONLY_LENGTH.fullmatch(trimmed_word)
-    if text_match is None:
-        clock_seconds = clock_time(trimmed_word)
+    trimmed_text, text_start = stripped(text)
+    length_match = _ONLY_LENGTH.fullmatch(trimmed_text)
+    if length_match is None:
+        clock_seconds = clock_time(trimmed_text)
         advice = "; write a clock time in seconds" if clock_seconds else ""
         raise TextError(
-            f"'{trimmed_word[:40]}' is not a length such as 4bar, 1/2 or 250ms{advice}",
-            offset=word_start,
-            length=max(1, len(trimmed_word)),
-            suggestion=clock_seconds or _without_spaces(trimmed_word),
+            f"'{trimmed_text[:40]}' is not a length such as 4bar, 1/2 or 250ms{advice}",
+            offset=text_start,
+            length=max(1, len(trimmed_text)),
+            suggestion=clock_seconds or _without_spaces(trimmed_text),
         )
-    return _length(text_match, 1, word_start)
+    return _length(length_match, 1, text_start)
 
 
 def parse_position(position_text: str) -> Position:
@@ -90,43 +90,40 @@ def parse_position(position_text: str) -> Position:
 
     Marks are looked up when the position is resolved. Raises TextError.
     """
-    trimmed_word, word_start = stripped(position_text)
-    if text_match := _BAR_BEAT.fullmatch(trimmed_word):
-        bar_number = int(text_match[1])
-        beat_in_bar = time_of(text_match[2], text_match[3], word_start + text_match.start(2))
+    trimmed_text, text_start = stripped(position_text)
+    if match := _BAR_BEAT.fullmatch(trimmed_text):
+        bar_number = int(match[1])
+        beat_in_bar = time_of(match[2], match[3], text_start + match.start(2))
         if bar_number < 1 or beat_in_bar < 1.0:
             raise TextError(
                 "bars and beats count from 1; the beginning of the piece is 1|1",
-                offset=word_start,
-                length=len(text_match[1]) + 1 + len(text_match[2]),
+                offset=text_start,
+                length=len(match[1]) + 1 + len(match[2]),
             )
         return Position(
             bar=bar_number,
             beat=beat_in_bar,
-            plus=_plus(text_match, 4, word_start),
-            text=trimmed_word,
+            plus=_plus(match, 4, text_start),
+            text=trimmed_text,
         )
-    if text_match := _ONLY_LENGTH.fullmatch(trimmed_word):
-        read_length = _length(text_match, 1, word_start)
-        if read_length.bars:
+    if match := _ONLY_LENGTH.fullmatch(trimmed_text):
+        length = _length(match, 1, text_start)
+        if length.bars:
             raise TextError(
-                f"a number of bars is not a position; write {text_match[1]}|1, or a mark and a "
-                "length",
-                offset=word_start,
-                length=len(trimmed_word),
-                suggestion=f"{text_match[1]}|1",
+                f"a number of bars is not a position; write {match[1]}|1, or a mark and a length",
+                offset=text_start,
+                length=len(trimmed_text),
+                suggestion=f"{match[1]}|1",
             )
-        return Position(plus=read_length, text=trimmed_word)
-    if text_match := _MARK.fullmatch(trimmed_word):
-        return Position(
-            mark=text_match[1], plus=_plus(text_match, 2, word_start), text=trimmed_word
-        )
-    if (clock_seconds := clock_time(trimmed_word)) is not None:
-        minutes, _, seconds_text = trimmed_word.rpartition(":")
-        message = f"'{trimmed_word}' is a clock time: write {clock_seconds}"
+        return Position(plus=length, text=trimmed_text)
+    if match := _MARK.fullmatch(trimmed_text):
+        return Position(mark=match[1], plus=_plus(match, 2, text_start), text=trimmed_text)
+    if (clock_seconds := clock_time(trimmed_text)) is not None:
+        minutes, _, seconds_text = trimmed_text.rpartition(":")
+        message = f"'{trimmed_text}' is a clock time: write {clock_seconds}"
         if minutes.isdigit():
             message = (
-                f"'{trimmed_word}' may be a clock time or a bar and a beat: write {clock_seconds} "
+                f"'{trimmed_text}' may be a clock time or a bar and a beat: write {clock_seconds} "
                 "for "
             )
             message += (
@@ -135,34 +132,34 @@ def parse_position(position_text: str) -> Position:
             )
         raise TextError(
             message,
-            offset=word_start,
-            length=len(trimmed_word),
+            offset=text_start,
+            length=len(trimmed_text),
             suggestion=clock_seconds,
         )
     raise TextError(
-        f"'{trimmed_word[:40]}' is not a position such as 3|2.5, B+2, 12.5s or a number of beats",
-        offset=word_start,
-        length=max(1, len(trimmed_word)),
-        suggestion=_with_bar(trimmed_word) or _without_spaces(trimmed_word),
+        f"'{trimmed_text[:40]}' is not a position such as 3|2.5, B+2, 12.5s or a number of beats",
+        offset=text_start,
+        length=max(1, len(trimmed_text)),
+        suggestion=_with_bar(trimmed_text) or _without_spaces(trimmed_text),
     )
 
 
 def parse_mark(position_text: str) -> Position:
     """Read the position of a mark, where `3.1` has a unit. Raises TextError."""
-    read_position = parse_position(position_text)
-    trimmed_word, word_start = stripped(position_text)
-    if (match := _LIKE_BAR_BEAT.fullmatch(trimmed_word)) and read_position.plus.is_some:
+    position = parse_position(position_text)
+    trimmed_text, text_start = stripped(position_text)
+    if (match := _LIKE_BAR_BEAT.fullmatch(trimmed_text)) and position.plus.is_some:
         bar, beat_text = match.groups()
         message = (
-            f"'{trimmed_word}' has no unit; it could be bar {bar}, beat {beat_text} "
+            f"'{trimmed_text}' has no unit; it could be bar {bar}, beat {beat_text} "
             f"({bar}|{beat_text}), or "
         )
-        message += f"{trimmed_word} beats after the beginning ({trimmed_word}beats)"
+        message += f"{trimmed_text} beats after the beginning ({trimmed_text}beats)"
         suggestion = f"{bar}|{beat_text}"
         raise TextError(
-            message, offset=word_start, length=len(trimmed_word), suggestion=suggestion, code="E203"
+            message, offset=text_start, length=len(trimmed_text), suggestion=suggestion, code="E203"
         )
-    return read_position
+    return position
 
 
 def _without_spaces(word: str) -> str | None:
@@ -186,19 +183,19 @@ def _plus(plus_match: re.Match[str], first_group: int, word_start: int) -> Lengt
     return _length(plus_match, first_group + 1, word_start).times(-1.0 if plus_sign == "-" else 1.0)
 
 
-def _length(text_match: re.Match[str], first_group: int, word_start: int) -> Length:
-    length_value = time_of(
-        text_match[first_group],
-        text_match[first_group + 1],
-        word_start + text_match.start(first_group),
+def _length(match: re.Match[str], first_group: int, word_start: int) -> Length:
+    value = time_of(
+        match[first_group],
+        match[first_group + 1],
+        word_start + match.start(first_group),
     )
-    unit_text = text_match[first_group + 2]
+    unit_text = match[first_group + 2]
     if unit_text not in _UNITS:
         raise TextError(
             f"unit '{unit_text}' does not measure time (use beats without a unit, bar, ms, s)",
-            offset=word_start + text_match.start(first_group + 2),
+            offset=word_start + match.start(first_group + 2),
             length=len(unit_text),
             code="E203",
         )
     name, divisor = _UNITS[unit_text]
-    return Length(**{name: length_value / divisor})
+    return Length(**{name: value / divisor})

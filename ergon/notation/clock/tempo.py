@@ -63,28 +63,28 @@ class TempoError(TextError):
 
 def parse_bpm(text: str) -> tuple[float, float | None]:
     """Read `60` or `60 -> 96`. Raises TextError."""
-    trimmed_word, word_start = stripped(text)
-    text_match = _BPM.fullmatch(trimmed_word)
-    if text_match is None:
+    trimmed_text, text_start = stripped(text)
+    match = _BPM.fullmatch(trimmed_text)
+    if match is None:
         noun = (
-            "a tempo, which is a number of beats a minute," if trimmed_word.isalpha() else "a tempo"
+            "a tempo, which is a number of beats a minute," if trimmed_text.isalpha() else "a tempo"
         )
         raise TextError(
-            f"'{trimmed_word[:40]}' is not {noun} such as 60 or 60 -> 96",
-            offset=word_start,
-            length=max(1, len(trimmed_word)),
+            f"'{trimmed_text[:40]}' is not {noun} such as 60 or 60 -> 96",
+            offset=text_start,
+            length=max(1, len(trimmed_text)),
             suggestion=f"{ramp[1]} -> {ramp[2]}"
-            if (ramp := _OTHER_RAMP.fullmatch(trimmed_word))
+            if (ramp := _OTHER_RAMP.fullmatch(trimmed_text))
             else None,
         )
-    for i in (1, 2):
-        if text_match[i] is not None and not SLOWEST <= float(text_match[i]) <= FASTEST:
+    for group in (1, 2):
+        if match[group] is not None and not SLOWEST <= float(match[group]) <= FASTEST:
             raise TextError(
                 f"a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm",
-                offset=word_start + text_match.start(i),
-                length=len(text_match[i]),
+                offset=text_start + match.start(group),
+                length=len(match[group]),
             )
-    return float(text_match[1]), None if text_match[2] is None else float(text_match[2])
+    return float(match[1]), None if match[2] is None else float(match[2])
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,20 +73,20 @@ class ListOf(Shape):
         if the reading made a report.
         """
         let_node = list_node.document.let
-        values_key = id(self.item), field_name, context.owner, let_node
+        line_key = id(self.item), field_name, context.owner, let_node
         values_read = [
-            None if line is None else line.values.get(values_key) for line in list_node.lines
+            None if line is None else line.values.get(line_key) for line in list_node.lines
         ]
         for item_number in [number for number, value in enumerate(values_read) if value is None]:
-            n_reported, item_node, item_line = (
+            report_count, item_node, item_line = (
                 context.collector.n_reports,
                 list_node.items[item_number],
                 list_node.lines[item_number],
             )
             item_node.document.let, item_node.document.lets = let_node, list_node.document.lets
             values_read[item_number] = self.item.read(item_node, field_name, context)
-            if item_line is not None and context.collector.n_reports == n_reported:
-                item_line.values[values_key] = values_read[item_number]
+            if item_line is not None and context.collector.n_reports == report_count:
+                item_line.values[line_key] = values_read[item_number]
         return values_read
 
     def schema(self) -> dict[str, Any]:
@@ -237,26 +237,26 @@ class NamesOf(Shape):
         values_by_name: dict[str, Any] = {}
         # The value of an entry in a line of its own is read once, unless the reading made a report.
         let_node = node.document.let
-        condition = id(self.item), context.name, let_node
-        named_entries = _Entries(node, self.noun, context.memory)
+        line_key = id(self.item), context.name, let_node
+        remembered_entries = _Entries(node, self.noun, context.memory)
         fields = self.item.field_names()
-        lost = lost_indentation(node.entries, lambda _, word: word in fields)
+        lost_indent = lost_indentation(node.entries, lambda _, word: word in fields)
         all_names = loops.written_out(node, context.collector) if self.has_loops else node
         for entry_word, named_entry in all_names.entries.items():
             key_node, child_node = named_entry
-            if lost is not None and entry_word == lost[0]:
-                report_lost(context, *lost, node.entries[lost[1]][0])
+            if lost_indent is not None and entry_word == lost_indent[0]:
+                report_lost(context, *lost_indent, node.entries[lost_indent[1]][0])
                 values_by_name[entry_word] = MISSING
                 break
             is_written = node.entries.get(entry_word) is named_entry  # no loop makes it
             known_line = node.lines.get(entry_word) if is_written else None
-            if known_line is not None and condition in known_line.values:
-                values_by_name[entry_word] = known_line.values[condition]
+            if known_line is not None and line_key in known_line.values:
+                values_by_name[entry_word] = known_line.values[line_key]
                 continue
             if (
                 is_written
                 and known_line is None
-                and (entry_before := named_entries.known(entry_word)) is not None
+                and (entry_before := remembered_entries.known(entry_word)) is not None
             ):
                 values_by_name[entry_word] = entry_before
                 continue
@@ -268,15 +268,15 @@ class NamesOf(Shape):
             inner_context = context.inside(self.noun, entry_word, key_node.place)
             if known_line is not None:
                 child_node.document.let, child_node.document.lets = let_node, node.document.lets
-            n_reported = context.collector.n_reports
+            report_count = context.collector.n_reports
             entry_value = values_by_name[entry_word] = self.item.read(child_node, "", inner_context)
-            if context.collector.n_reports > n_reported:
+            if context.collector.n_reports > report_count:
                 continue
             if known_line is not None:
-                known_line.values[condition] = entry_value
+                known_line.values[line_key] = entry_value
             elif is_written:
-                named_entries.keep(entry_word, entry_value)
-        named_entries.hold()
+                remembered_entries.keep(entry_word, entry_value)
+        remembered_entries.hold()
         return values_by_name
 
     def schema(self) -> dict[str, Any]:
@@ -304,11 +304,11 @@ def merged(*schemas: dict[str, Any]) -> dict[str, Any]:
     """Merge schemas of different types: keywords of one type do not constrain another, so a union
     needs no `anyOf`.
     """
-    merged_schema: dict[str, Any] = {}
+    union: dict[str, Any] = {}
     types: list[str] = []
     for schema in schemas:
         types += [t for t in schema.get("type", []) if t not in types]
-        merged_schema |= schema
+        union |= schema
     if types:
-        merged_schema["type"] = types
-    return merged_schema
+        union["type"] = types
+    return union

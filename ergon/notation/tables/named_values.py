@@ -60,11 +60,11 @@ def add_named(
     value_name: str,
     key_node: Scalar,
     value_node: Node,
-    later: Container[str],
+    all_names: Container[str],
 ) -> bool:
     """Add a name of `let:`, or what is wrong with it; False after the last one that is allowed.
 
-    `name_index` is the number of earlier names; `later` are all names of the section.
+    `name_index` is the number of earlier names; `all_names` are those of the section.
     """
     error: TextError | None = None
     if name_index >= MAX_NAMES:
@@ -90,7 +90,9 @@ def add_named(
         amounts_by_name.wrong.append((value_node, error))
         return True
     try:
-        amounts_by_name.names[value_name] = evaluate(value_node.text, amounts_by_name.names, later)
+        amounts_by_name.names[value_name] = evaluate(
+            value_node.text, amounts_by_name.names, all_names
+        )
     except TextError as problem:
         amounts_by_name.wrong.append((value_node, problem))
     return True
@@ -112,22 +114,23 @@ def parse_with_names(text_node: Scalar, parse: Callable[[str], _T]) -> _T:
         try:
             return parse("".join(text for _, text in pieces))
         except TextError as error:
-            written_pieces, text_offset = [], 0
-            for written_piece, value_text in pieces:
-                written_pieces.append(
-                    (text_offset, text_offset + len(value_text), written_piece, value_text)
+            pieces_with_spans, replaced_end = [], 0
+            for written, replacement in pieces:
+                pieces_with_spans.append(
+                    (replaced_end, replaced_end + len(replacement), written, replacement)
                 )
-                text_offset += len(value_text)
-            piece_start = 0
-            for first, end, written_piece, value_text in written_pieces:
-                if first <= error.offset < end or end == text_offset:
-                    inside = error.offset - first if written_piece == value_text else 0
-                    plain_length = (
-                        len(written_piece) if written_piece != value_text else error.length
+                replaced_end += len(replacement)
+            written_begin = 0
+            for begin, end, written, replacement in pieces_with_spans:
+                if begin <= error.offset < end or end == replaced_end:
+                    offset_in_piece = error.offset - begin if written == replacement else 0
+                    fault_length = len(written) if written != replacement else error.length
+                    error.offset, error.length = (
+                        written_begin + offset_in_piece,
+                        max(1, fault_length),
                     )
-                    error.offset, error.length = piece_start + inside, max(1, plain_length)
                     raise error from plain
-                piece_start += len(written_piece)
+                written_begin += len(written)
             raise
 
 
@@ -168,34 +171,29 @@ def position(position_text: str, document: Document, parse: Callable[[str], _T])
     Raises TextError.
     """
     known_names = named_amounts(document).names
-    prefix_match = _BEGUN.fullmatch(position_text)
+    sum_match = _BEGUN.fullmatch(position_text)
     try:
         parsed = parse(position_text)
         if getattr(parsed, "mark", None) not in known_names or _is_mark(position_text, document):
             return parsed
     except TextError:
         is_name_meant = (
-            known_names and prefix_match is not None and prefix_match[3].lstrip()[:1].isalpha()
+            known_names and sum_match is not None and sum_match[3].lstrip()[:1].isalpha()
         )
         if not (
             has_name(position_text, document) or is_name_meant or re.search(r"[*(]", position_text)
         ):
             raise
-    if prefix_match is None or (
-        prefix_match[1] in known_names and not _is_mark(position_text, document)
-    ):
+    if sum_match is None or (sum_match[1] in known_names and not _is_mark(position_text, document)):
         literal = evaluate(position_text, known_names).literal
     else:
         try:
-            length_amount = evaluate(prefix_match[3], known_names)
+            addend = evaluate(sum_match[3], known_names)
         except TextError as error:
-            error.offset += prefix_match.start(3)
+            error.offset += sum_match.start(3)
             raise
-        sign = "+" if (prefix_match[2] == "+") == (length_amount.number >= 0) else "-"
-        literal = (
-            f"{prefix_match[1]}{sign}"
-            f"{Amount(abs(length_amount.number), length_amount.unit).literal}"
-        )
+        sign = "+" if (sum_match[2] == "+") == (addend.number >= 0) else "-"
+        literal = f"{sum_match[1]}{sign}{Amount(abs(addend.number), addend.unit).literal}"
     try:
         return parse(literal)
     except TextError as error:
@@ -225,20 +223,20 @@ def note_of(note_word: str, document: Document) -> str | None:
 
 def _replaced(written_text: str, known_names: Mapping[str, Amount]) -> list[tuple[str, str]]:
     """Pieces of a text: as written, and with names of values replaced. Raises TextError."""
-    pieces, text_offset = [], 0
-    for text_match in _OPERAND.finditer(written_text):
-        if any(word in known_names for word in WORD.findall(text_match.group())):
+    pieces, copied_end = [], 0
+    for operand_match in _OPERAND.finditer(written_text):
+        if any(word in known_names for word in WORD.findall(operand_match.group())):
             try:
-                literal = evaluate(text_match.group(), known_names).literal
+                literal = evaluate(operand_match.group(), known_names).literal
             except TextError as error:
-                error.offset += text_match.start()
+                error.offset += operand_match.start()
                 raise
             pieces += [
-                (written_text[text_offset : text_match.start()],) * 2,
-                (text_match.group(), literal),
+                (written_text[copied_end : operand_match.start()],) * 2,
+                (operand_match.group(), literal),
             ]
-            text_offset = text_match.end()
-    return [*pieces, (written_text[text_offset:],) * 2]
+            copied_end = operand_match.end()
+    return [*pieces, (written_text[copied_end:],) * 2]
 
 
 def percent(literal: str) -> str:

@@ -219,28 +219,24 @@ def quantity(text: str, dimension: Dimension) -> float:
     return bounded(number_value, quantity_word, dimension)
 
 
-def bounded(si_value: float, quantity_word: str, dimension: Dimension) -> float:
+def bounded(value: float, quantity_word: str, dimension: Dimension) -> float:
     """The value when it lies within the dimension's bounds. Raises TextError E202."""
-    bound_reason = ""
-    if not math.isfinite(si_value) or abs(si_value) > MAX_SIZE:
-        bound_reason = f"too large; the maximum is {min(dimension.high, MAX_SIZE):g}{dimension.si}"
-    elif dimension.sign == "positive" and si_value <= 0:
-        bound_reason = (
-            f"not positive; write a positive {dimension.name}, such as {dimension.example}"
-        )
-    elif dimension.sign == "not negative" and si_value < 0:
-        bound_reason = (
-            f"negative; write 0 or a positive {dimension.name}, such as {dimension.example}"
-        )
-    elif si_value < dimension.low:
-        bound_reason = f"below the minimum of {dimension.low:g}{dimension.si}"
-    elif si_value > dimension.high:
-        bound_reason = f"above the maximum of {dimension.high:g}{dimension.si}"
-    if bound_reason:
+    problem = ""
+    if not math.isfinite(value) or abs(value) > MAX_SIZE:
+        problem = f"too large; the maximum is {min(dimension.high, MAX_SIZE):g}{dimension.si}"
+    elif dimension.sign == "positive" and value <= 0:
+        problem = f"not positive; write a positive {dimension.name}, such as {dimension.example}"
+    elif dimension.sign == "not negative" and value < 0:
+        problem = f"negative; write 0 or a positive {dimension.name}, such as {dimension.example}"
+    elif value < dimension.low:
+        problem = f"below the minimum of {dimension.low:g}{dimension.si}"
+    elif value > dimension.high:
+        problem = f"above the maximum of {dimension.high:g}{dimension.si}"
+    if problem:
         raise TextError(
-            f"{quote(quantity_word)} is {bound_reason}", length=len(quantity_word), code="E202"
+            f"{quote(quantity_word)} is {problem}", length=len(quantity_word), code="E202"
         )
-    return si_value
+    return value
 
 
 def _power(unit_text: str, quantity_word: str, unit_offset: int, dimension: Dimension) -> int:
@@ -248,40 +244,40 @@ def _power(unit_text: str, quantity_word: str, unit_offset: int, dimension: Dime
     if power is not None:
         return power
     unit_list = ", ".join(unit for unit in dimension.units if unit.isascii())
-    marked_length = len(quantity_word)
+    fault_length = len(quantity_word)
     if not unit_text:
         if dimension.bare or not quantity_word.strip("+-0."):
             return 0
-        usual_unit = dimension.example.lstrip("+-.0123456789")
+        example_unit = dimension.example.lstrip("+-.0123456789")
         other_unit = next(
-            (name for name in (dimension.si, *dimension.units) if name != usual_unit), ""
+            (name for name in (dimension.si, *dimension.units) if name != example_unit), ""
         )
-        could = (
-            f"; it could be {quantity_word}{usual_unit} or {quantity_word}{other_unit}"
+        suggestion_words = (
+            f"; it could be {quantity_word}{example_unit} or {quantity_word}{other_unit}"
             if other_unit
             else ""
         )
-        message = f"{quote(quantity_word)} has no unit (use {unit_list}){could}"
+        message = f"{quote(quantity_word)} has no unit (use {unit_list}){suggestion_words}"
         raise TextError(
-            message, length=marked_length, suggestion=quantity_word + usual_unit, code="E203"
+            message, length=fault_length, suggestion=quantity_word + example_unit, code="E203"
         )
-    marked_length = len(unit_text)
+    fault_length = len(unit_text)
     if unit_text[0] in ":_," or unit_text[0].isdigit():
         raise _not_a_number(quantity_word, dimension)
     if not unit_list:
         message = f"{with_article(dimension.name)} has no unit; remove {quote(unit_text)}"
-        raise TextError(message, offset=unit_offset, length=marked_length, code="E203")
-    measures = next((name for of_dimension, name in _ALL_UNITS if of_dimension == unit_text), None)
-    if measures is None:
+        raise TextError(message, offset=unit_offset, length=fault_length, code="E203")
+    measured_dimension = next((name for unit, name in _ALL_UNITS if unit == unit_text), None)
+    if measured_dimension is None:
         likely_unit = _likely(unit_text, dimension)
         message = (
             f"unknown unit {quote(unit_text)} ({with_article(dimension.name)} has {unit_list})"
         )
         raise TextError(
-            message, offset=unit_offset, length=marked_length, suggestion=likely_unit, code="E203"
+            message, offset=unit_offset, length=fault_length, suggestion=likely_unit, code="E203"
         )
     message = f"unit {quote(unit_text)} does not measure {dimension.name} (use {unit_list})"
-    raise TextError(message, offset=unit_offset, length=marked_length, code="E203")
+    raise TextError(message, offset=unit_offset, length=fault_length, code="E203")
 
 
 def _likely(unit_text: str, dimension: Dimension) -> str | None:
@@ -296,32 +292,24 @@ def _likely(unit_text: str, dimension: Dimension) -> str | None:
 
 
 def _trimmed(text: str) -> str:
-    trimmed_word = text.strip()
-    if not trimmed_word:
+    word = text.strip()
+    if not word:
         raise TextError(
             "no value is written here; write a number, with its unit where it has one", code="E201"
         )
-    if len(trimmed_word) > MAX_TEXT:
+    if len(word) > MAX_TEXT:
         raise TextError(
-            f"{quote(trimmed_word)} has more than {MAX_TEXT} characters; a value is shorter",
+            f"{quote(word)} has more than {MAX_TEXT} characters; a value is shorter",
             length=MAX_TEXT,
             code="E201",
         )
-    if (character := typeset_character(trimmed_word)) is not None:
-        message = f"{quote(trimmed_word)} has {character}"
-        raise TextError(
-            message, length=len(trimmed_word), suggestion=plain(trimmed_word), code="E201"
-        )
-    if (
-        not trimmed_word.replace("µ", "u")
-        .replace("μ", "u")
-        .replace("♯", "#")
-        .replace("♭", "b")
-        .isascii()
-    ):
-        message = f"{quote(trimmed_word)} has a character that no number and no unit has"
-        raise TextError(message, length=len(trimmed_word), code="E201")
-    return trimmed_word
+    if (character := typeset_character(word)) is not None:
+        message = f"{quote(word)} has {character}"
+        raise TextError(message, length=len(word), suggestion=plain(word), code="E201")
+    if not word.replace("µ", "u").replace("μ", "u").replace("♯", "#").replace("♭", "b").isascii():
+        message = f"{quote(word)} has a character that no number and no unit has"
+        raise TextError(message, length=len(word), code="E201")
+    return word
 
 
 def _not_a_number(quantity_word: str, dimension: Dimension) -> TextError:
@@ -355,12 +343,12 @@ def frequency(pitch_text: str, dimension: Dimension = FREQUENCY) -> float:
     `A3+20cents`; with a tuning also a ratio above its root: `3/2`.
     """
     pitch_word = _trimmed(pitch_text)
-    tuned = tuning.written()
-    spelling = tuning.spelled(pitch_word)
-    if tuned is None and _FRACTION.fullmatch(pitch_word):
-        spelling = pitch_word  # hertz, as ever
-    pitch_hertz = (tuned or tuning.PLAIN).hertz(spelling)
-    if pitch_hertz is not None and not spelling.endswith("Hz"):
+    written_tuning = tuning.written()
+    pitch_name = tuning.spelled(pitch_word)
+    if written_tuning is None and _FRACTION.fullmatch(pitch_word):
+        pitch_name = pitch_word  # hertz, as ever
+    pitch_hertz = (written_tuning or tuning.PLAIN).hertz(pitch_name)
+    if pitch_hertz is not None and not pitch_name.endswith("Hz"):
         return bounded(pitch_hertz, pitch_word, dimension)
     if pitch_hertz is None and pitch_word[:1].isalpha():
         message = (
@@ -385,8 +373,8 @@ def note_slip(note_word: str) -> TextError | None:
         return TextError(
             f"{message}at its time; in a rhythm a rest is ~", length=len(note_word), code="E201"
         )
-    if (chord := _CHORD.fullmatch(note_word)) is not None:
-        root = f"{chord[1].upper()}{chord[2]}"
+    if (chord_match := _CHORD.fullmatch(note_word)) is not None:
+        root = f"{chord_match[1].upper()}{chord_match[2]}"
         message = (
             f"{quote(note_word)} is the name of a chord; write its notes, each with an octave, "
             "such "
@@ -394,37 +382,38 @@ def note_slip(note_word: str) -> TextError | None:
         return TextError(
             f"{message}as {root}4 and those above it", length=len(note_word), code="E201"
         )
-    if (ticks := _LILYPOND.fullmatch(note_word)) is not None:
-        octave = 3 + ticks[3].count("'") - ticks[3].count(",")
-        note_name = f"{ticks[1].upper()}{_FOREIGN_SIGNS.get(ticks[2], ticks[2])}{octave}"
+    if (lilypond_match := _LILYPOND.fullmatch(note_word)) is not None:
+        octave = 3 + lilypond_match[3].count("'") - lilypond_match[3].count(",")
+        accidental = _FOREIGN_SIGNS.get(lilypond_match[2], lilypond_match[2])
+        name = f"{lilypond_match[1].upper()}{accidental}{octave}"
         message = (
             f"{quote(note_word)} counts octaves by ticks, and a score by numbers: C4 is middle C"
         )
-        return TextError(message, length=len(note_word), suggestion=note_name, code="E201")
+        return TextError(message, length=len(note_word), suggestion=name, code="E201")
     suggestion = _respelled(note_word)
-    syllable_match = _SOLFEGE.fullmatch(note_word)
-    note_letter = None if syllable_match is None else _SYLLABLES[syllable_match[1].lower()]
-    if syllable_match is not None and syllable_match[3]:
-        accidental_sign, octave = (
-            _FOREIGN_SIGNS.get(syllable_match[2].lower(), syllable_match[2]),
-            int(syllable_match[3]),
+    solfege_match = _SOLFEGE.fullmatch(note_word)
+    note_letter = None if solfege_match is None else _SYLLABLES[solfege_match[1].lower()]
+    if solfege_match is not None and solfege_match[3]:
+        accidental, octave = (
+            _FOREIGN_SIGNS.get(solfege_match[2].lower(), solfege_match[2]),
+            int(solfege_match[3]),
         )
-        suggestion = f"{note_letter}{accidental_sign}{octave}"
+        suggestion = f"{note_letter}{accidental}{octave}"
         message = (
             f"{quote(note_word)} is solfège, and notes are written by letters: {suggestion}, or "
-            f"{note_letter}{accidental_sign}{octave + 1} where octaves are counted as in France "
+            f"{note_letter}{accidental}{octave + 1} where octaves are counted as in France "
             "(la3 is A4, "
             "440 Hz)"
         )
-    elif syllable_match is not None or re.fullmatch(r"[A-Ga-g](##|bb|[#b♯♭])?", note_word):
-        note_name = (
+    elif solfege_match is not None or re.fullmatch(r"[A-Ga-g](##|bb|[#b♯♭])?", note_word):
+        name = (
             f"{note_word[0].upper()}{note_word[1:]}"
-            if note_letter is None or syllable_match is None
-            else note_letter + syllable_match[2]
+            if note_letter is None or solfege_match is None
+            else note_letter + solfege_match[2]
         )
-        suggestion = f"{note_name}4"
+        suggestion = f"{name}4"
         message = (
-            f"{quote(note_word)} has no octave: write {note_name}3, {note_name}4 or another one; "
+            f"{quote(note_word)} has no octave: write {name}3, {name}4 or another one; "
             "C4 is middle C, "
             "A4 has 440 Hz"
         )
@@ -454,18 +443,15 @@ def _respelled(note_word: str) -> str | None:
     """A note written in German, in small letters or with the accidental last, respelled in this
     notation.
     """
-    foreign_match = _FOREIGN_NOTE.fullmatch(note_word)
-    if foreign_match is None:
+    match = _FOREIGN_NOTE.fullmatch(note_word)
+    if match is None:
         return None
-    letter, middle, octave, last_letter = foreign_match.groups()
-    accidental_sign = (middle or last_letter or "").lower()
-    if middle and last_letter:
+    letter, sign_before_octave, octave, sign_after_octave = match.groups()
+    accidental = (sign_before_octave or sign_after_octave or "").lower()
+    if sign_before_octave and sign_after_octave:
         return None
     letter = letter.upper()
-    return (
-        f"{'B' if letter == 'H' else letter}{_FOREIGN_SIGNS.get(accidental_sign, accidental_sign)}"
-        f"{octave}"
-    )
+    return f"{'B' if letter == 'H' else letter}{_FOREIGN_SIGNS.get(accidental, accidental)}{octave}"
 
 
 Read = Callable[[str], float]
@@ -478,22 +464,22 @@ def span(span_text: str, read_end: Read, example: str) -> tuple[float, float]:
         message = f"{quote(span_text.strip())} is not a range such as {example}"
         raise TextError(message, length=len(span_text.strip()), code="E201")
     low_text, high_text = low_text.strip(), high_text.strip()
-    if _NUMBER.fullmatch(low_text) and (high_unit := _unit_of(high_text)):
-        low_text += high_unit
-    elif _NUMBER.fullmatch(high_text) and (high_unit := _unit_of(low_text)):
-        high_text += high_unit
-    low_value = read_end(low_text)
+    if _NUMBER.fullmatch(low_text) and (unit := _unit_of(high_text)):
+        low_text += unit
+    elif _NUMBER.fullmatch(high_text) and (unit := _unit_of(low_text)):
+        high_text += unit
+    low = read_end(low_text)
     try:
-        high_value = read_end(high_text)
+        high = read_end(high_text)
     except TextError as error:
         error.offset += span_text.index("..") + 2
         raise
-    if low_value > high_value:
+    if low > high:
         message = f"the range {quote(span_text.strip())} runs downwards; write the lower end first"
         raise TextError(
             message, length=len(span_text), suggestion=f"{high_text}..{low_text}", code="E202"
         )
-    return low_value, high_value
+    return low, high
 
 
 def _unit_of(word: str) -> str:
@@ -508,20 +494,20 @@ def ratio_of(decibels: float) -> float:
 
 def gain(gain_text: str) -> float:
     """A ratio of amplitudes from a level (`-6dB`) or a factor (`x0.5`)."""
-    gain_word = gain_text.strip()
-    if gain_word.startswith("x"):
+    word = gain_text.strip()
+    if word.startswith("x"):
         return factor(gain_text)
-    if _NUMBER.fullmatch(gain_word):
-        factor_like = "" if gain_word.startswith("-") else f"x{gain_word} for a factor, or "
-        message = f"{quote(gain_word)} has no unit; write {factor_like}{gain_word}dB for a level"
-        suggestion = f"x{gain_word}" if factor_like else f"{gain_word}dB"
-        raise TextError(message, length=len(gain_word), suggestion=suggestion, code="E203")
-    if _NUMBER.fullmatch(share := gain_word.removesuffix("%").rstrip()) and share != gain_word:
-        ratio = f"x{float(share) / 100.0:g}"
+    if _NUMBER.fullmatch(word):
+        factor_words = "" if word.startswith("-") else f"x{word} for a factor, or "
+        message = f"{quote(word)} has no unit; write {factor_words}{word}dB for a level"
+        suggestion = f"x{word}" if factor_words else f"{word}dB"
+        raise TextError(message, length=len(word), suggestion=suggestion, code="E203")
+    if _NUMBER.fullmatch(share := word.removesuffix("%").rstrip()) and share != word:
+        factor_text = f"x{float(share) / 100.0:g}"
         message = (
-            f"{quote(gain_word)} is a percentage; write {ratio} for a factor, or a level in dB"
+            f"{quote(word)} is a percentage; write {factor_text} for a factor, or a level in dB"
         )
-        raise TextError(message, length=len(gain_word), suggestion=ratio, code="E203")
+        raise TextError(message, length=len(word), suggestion=factor_text, code="E203")
     return _core.decibels(quantity(gain_text, LEVEL))
 
 
@@ -540,21 +526,17 @@ def factor(text: str) -> float:
 
 def integer(text: str, low_bound: int, high_bound: int) -> int:
     """A whole number within bounds; `1e4` is accepted."""
-    integer_word = _trimmed(text)
-    if re.fullmatch(r"[+-]?\d{1,30}", integer_word):  # not through a float: seeds have 64 bits
-        integer_value = int(integer_word)
-    elif (number := quantity(integer_word, NUMBER)) == int(number):
-        integer_value = int(number)
+    word = _trimmed(text)
+    if re.fullmatch(r"[+-]?\d{1,30}", word):  # not through a float: seeds have 64 bits
+        value = int(word)
+    elif (number := quantity(word, NUMBER)) == int(number):
+        value = int(number)
     else:
-        raise TextError(
-            f"{quote(integer_word)} is not a whole number", length=len(integer_word), code="E201"
-        )
-    if not low_bound <= integer_value <= high_bound:
-        message = (
-            f"{quote(integer_word)} lies outside the range from {low_bound:,} to {high_bound:,}"
-        )
-        raise TextError(message, length=len(integer_word), code="E202")
-    return integer_value
+        raise TextError(f"{quote(word)} is not a whole number", length=len(word), code="E201")
+    if not low_bound <= value <= high_bound:
+        message = f"{quote(word)} lies outside the range from {low_bound:,} to {high_bound:,}"
+        raise TextError(message, length=len(word), code="E202")
+    return value
 
 
 def level_between(low: float, high: float, share: float) -> float:

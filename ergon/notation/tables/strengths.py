@@ -175,11 +175,11 @@ def _end(end_word: str) -> Level:
     if strength is not None:
         return Level(strength, strength, is_strength=True)
     if "x" in end_word:  # `written` writes a strength with a factor so
-        value, _, factor = end_word.partition("x")
-        strength = _strength(value)
+        strength_text, _, factor_text = end_word.partition("x")
+        strength = _strength(strength_text)
         if strength is not None:
-            factor_value = q.quantity(factor, q.RATIO)
-            return Level(strength, strength, is_strength=True, factor=factor_value)
+            factor = q.quantity(factor_text, q.RATIO)
+            return Level(strength, strength, is_strength=True, factor=factor)
     if end_word.endswith("dB"):
         return Level(_FORTE, _FORTE, is_strength=True, factor=q.gain(end_word))
     if end_word[:1].isalpha():
@@ -199,21 +199,21 @@ def _end(end_word: str) -> Level:
 
 def _strength(strength_word: str) -> float | None:
     """A strength from 0 to 1; None if the word is something else."""
-    accent = 1 if strength_word.endswith(_ACCENT) else 0  # steps
+    accent_steps = 1 if strength_word.endswith(_ACCENT) else 0  # steps
     strength_word = strength_word.removesuffix(_ACCENT)
     if strength_word in DYNAMICS:
-        return min(_N_STEPS, DYNAMICS.index(strength_word) + accent) / _N_STEPS
+        return min(_N_STEPS, DYNAMICS.index(strength_word) + accent_steps) / _N_STEPS
     match = _VELOCITY.fullmatch(strength_word)
     if match is not None:
-        velocity_value = int(match[1])
-        if not 1 <= velocity_value <= 127:
+        velocity = int(match[1])
+        if not 1 <= velocity <= 127:
             message = f"a MIDI velocity lies from v1 to v127, not {strength_word}"
             raise TextError(message, length=len(strength_word), code="E202")
-        return min(1.0, velocity_value / 127.0 + accent / _N_STEPS)
+        return min(1.0, velocity / 127.0 + accent_steps / _N_STEPS)
     if _PLAIN_NUMBER.fullmatch(strength_word):
         strength = q.quantity(strength_word, q.NUMBER)
         if 0.0 <= strength <= 1.0:
-            return min(1.0, strength + accent / _N_STEPS)
+            return min(1.0, strength + accent_steps / _N_STEPS)
     return None
 
 
@@ -221,32 +221,34 @@ def levels(levels_text: str) -> Levels:
     """A pattern of levels: `2mNs`, `f p mf p`, or a line such as `p -> f`. Raises TextError."""
     if len(levels_text) > MAX_TEXT:
         raise TextError(f"the text has more than {MAX_TEXT:,} characters", length=1, code="E202")
-    placed_words = [(match.group(), match.start()) for match in _TOKEN.finditer(levels_text)]
-    if not placed_words:
+    words_with_offsets = [(match.group(), match.start()) for match in _TOKEN.finditer(levels_text)]
+    if not words_with_offsets:
         message = "an impulse or a strength is expected, such as 2mNs or mf"
         raise TextError(message, length=max(1, len(levels_text)), code="E201")
-    if len(placed_words) > MAX_STEPS:
+    if len(words_with_offsets) > MAX_STEPS:
         message = f"a pattern has at most {MAX_STEPS:,} levels"
-        raise TextError(message, offset=placed_words[MAX_STEPS][1], code="E105")
-    arrows = [offset for word, offset in placed_words if word == "->"]
-    level_steps = []
-    for level_word, word_offset in placed_words:
+        raise TextError(message, offset=words_with_offsets[MAX_STEPS][1], code="E105")
+    arrow_offsets = [offset for word, offset in words_with_offsets if word == "->"]
+    levels_read = []
+    for level_word, word_offset in words_with_offsets:
         if level_word == "->":
             continue
         try:
-            level_steps.append(level(level_word))
+            levels_read.append(level(level_word))
         except TextError as error:
             error.offset += word_offset
             raise
-    if not arrows:
-        return Levels(tuple(level_steps))
-    is_pair = len(placed_words) == 3 and len(level_steps) == 2 and placed_words[1][0] == "->"
-    is_alike = is_pair and level_steps[0].is_strength == level_steps[1].is_strength
-    is_plain = all(step.low == step.high and step.factor == 1.0 for step in level_steps)
+    if not arrow_offsets:
+        return Levels(tuple(levels_read))
+    is_pair = (
+        len(words_with_offsets) == 3 and len(levels_read) == 2 and words_with_offsets[1][0] == "->"
+    )
+    is_alike = is_pair and levels_read[0].is_strength == levels_read[1].is_strength
+    is_plain = all(step.low == step.high and step.factor == 1.0 for step in levels_read)
     if not (is_alike and is_plain):
         message = "a line goes from one level to another of its kind, such as p -> f"
-        raise TextError(message, offset=arrows[0], length=2, code="E204")
-    return Levels(tuple(level_steps), is_line=True)
+        raise TextError(message, offset=arrow_offsets[0], length=2, code="E204")
+    return Levels(tuple(levels_read), is_line=True)
 
 
 # A quantity may have a space before its unit: `2 mNs`.

@@ -100,20 +100,20 @@ class Tuning:
         """The frequency [Hz] of a pitch by its word; None if the word is none. Raises TextError
         for a key without a pitch.
         """
-        if text_match := _NOTE.fullmatch(word):
-            letter, signs, octave, cents = text_match.groups()
+        if match := _NOTE.fullmatch(word):
+            letter, signs, octave, cents = match.groups()
             return self._note(word, letter, _SIGNS[signs], int(octave), _number(cents or "0"))
-        if text_match := _RATIO.fullmatch(word):
-            numerator, denominator = int(text_match[1]), int(text_match[2])
+        if match := _RATIO.fullmatch(word):
+            numerator, denominator = int(match[1]), int(match[2])
             if not numerator or not denominator:
                 raise TextError(f"{quote(word)} is not a ratio above 0", length=len(word))
             return self._root() * float(Fraction(numerator, denominator))
-        if text_match := _DEGREE.fullmatch(word):
-            step_number, steps_count = int(text_match[1]), int(text_match[2])
-            if not 1 <= steps_count <= MAX_EDO:
+        if match := _DEGREE.fullmatch(word):
+            degree, step_count = int(match[1]), int(match[2])
+            if not 1 <= step_count <= MAX_EDO:
                 message = f"{quote(word)}: an octave has from 1 to {MAX_EDO:,} equal steps"
                 raise TextError(message, length=len(word), code="E202")
-            return _raised(self._root(), step_number, steps_count)
+            return _raised(self._root(), degree, step_count)
         if _HERTZ.fullmatch(word):
             number = _number(word.removesuffix("Hz").removesuffix("k"))
             return number * 1000.0 if word.endswith("kHz") else number
@@ -133,12 +133,16 @@ class Tuning:
                 raise TextError(message, length=len(word), code="E201")
             return hertz * _core.pow(2.0, cents / 1200.0) if cents else hertz
         fifth = round(self.edo * math.log2(1.5))
-        octaves, steps_left = divmod(fifth * fifths + self.edo * octaves, self.edo)
+        octaves, steps_above_octave = divmod(fifth * fifths + self.edo * octaves, self.edo)
         if self.edo == 12:  # the cents are part of the exponent: every A is exact
-            steps = steps_left + cents / 100
-            return math.ldexp(self.a4 * (_core.pow(2.0, steps / 12) if steps else 1.0), octaves)
-        steps = steps_left / self.edo + cents / 1200.0
-        return math.ldexp(self.a4 * (_core.pow(2.0, steps) if steps else 1.0), octaves)
+            semitones_up = steps_above_octave + cents / 100
+            return math.ldexp(
+                self.a4 * (_core.pow(2.0, semitones_up / 12) if semitones_up else 1.0), octaves
+            )
+        octave_share = steps_above_octave / self.edo + cents / 1200.0
+        return math.ldexp(
+            self.a4 * (_core.pow(2.0, octave_share) if octave_share else 1.0), octaves
+        )
 
     def pitch(self, word: str) -> float | None:
         """How high a pitch is in semitones, 69 at 440 Hz, to 0.001 cents; None if the word is no
@@ -157,12 +161,12 @@ class Tuning:
 
     def above(self, word: str, steps: tuple[int, ...]) -> list[str]:
         """The words of the semitones of a scale or chord above a note, spelled by fifths."""
-        step_table: dict[int, int] = dict(enumerate(_FIFTHS))
+        fifths_by_step: dict[int, int] = dict(enumerate(_FIFTHS))
         if 3 in steps and 7 not in steps:
-            step_table |= _DIMINISHED
+            fifths_by_step |= _DIMINISHED
         if 4 in steps and 7 not in steps:
-            step_table |= _AUGMENTED
-        return [_moved_by_fifths(word, step_table[step % 12], step) for step in steps]
+            fifths_by_step |= _AUGMENTED
+        return [_moved_by_fifths(word, fifths_by_step[step % 12], step) for step in steps]
 
     def degrees(self, low: str, high: str) -> list[str]:
         """The words of all steps of an octave of `edo` from a note to another."""
@@ -170,14 +174,14 @@ class Tuning:
         return [f"{step - base}of{self.edo}" for step in range(first_step, last_step + 1)]
 
     def _step(self, word: str) -> int:
-        text_match = _NOTE.fullmatch(word)
-        if text_match is None or text_match[4]:
+        note_match = _NOTE.fullmatch(word)
+        if note_match is None or note_match[4]:
             message = f"{quote(word)} is no step of {self.edo} equal ones; write a note such as C4"
             raise TextError(message, length=len(word), code="E201")
-        fifths, octaves = _CHAIN[text_match[1]]
-        accidental_steps = _SIGNS[text_match[2]]
+        fifths, octaves = _CHAIN[note_match[1]]
+        accidental_steps = _SIGNS[note_match[2]]
         fifth = round(self.edo * math.log2(1.5))
-        octave = int(text_match[3]) - 4 + octaves + accidental_steps * _SHARP[1]
+        octave = int(note_match[3]) - 4 + octaves + accidental_steps * _SHARP[1]
         return fifth * (fifths + accidental_steps * _SHARP[0]) + self.edo * octave
 
 
@@ -186,14 +190,14 @@ _NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 
 def _moved_by_fifths(note_word: str, fifths: int, semitone_step: int) -> str:
     """A note moved by fifths, `semitone_step` semitones in all."""
-    text_match = _NOTE.fullmatch(note_word)
-    assert text_match is not None
-    letter, signs, octave = text_match[1], _SIGNS[text_match[2]], int(text_match[3])
-    moved = _LETTERS.index(letter) + 7 * signs + fifths
-    signs, place = divmod(moved, 7)
-    new_letter = _LETTERS[place]
-    height = _semitone(letter, _SIGNS[text_match[2]], octave) + semitone_step
-    octave = (height - _semitone(new_letter, signs, 0)) // 12
+    note_match = _NOTE.fullmatch(note_word)
+    assert note_match is not None
+    letter, signs, octave = note_match[1], _SIGNS[note_match[2]], int(note_match[3])
+    letter_place = _LETTERS.index(letter) + 7 * signs + fifths
+    signs, letter_index = divmod(letter_place, 7)
+    new_letter = _LETTERS[letter_index]
+    semitones_above_c = _semitone(letter, _SIGNS[note_match[2]], octave) + semitone_step
+    octave = (semitones_above_c - _semitone(new_letter, signs, 0)) // 12
     if not -2 <= signs <= 2:
         message = (
             f"{quote(note_word)} has no scale that is spelled with two signs; begin it elsewhere"
@@ -212,8 +216,10 @@ def _number(text: str) -> float:
 
 
 def _raised(hertz: float, step: int, count: int) -> float:
-    octaves, rest = divmod(step, count)
-    return math.ldexp(hertz * (_core.pow(2.0, rest / count) if rest else 1.0), octaves)
+    octaves, steps_above_octave = divmod(step, count)
+    return math.ldexp(
+        hertz * (_core.pow(2.0, steps_above_octave / count) if steps_above_octave else 1.0), octaves
+    )
 
 
 def semitones(hertz: float) -> float:
@@ -239,8 +245,8 @@ def tuning_of_path(
     `default_tuning` if it has none of its own.
     """
     words = spelled(path).split(".") if tunings else []
-    heads = (".".join(words[:count]) for count in range(len(words), 0, -1))
-    return next((tunings[prefix] for prefix in heads if prefix in tunings), default_tuning)
+    prefixes = (".".join(words[:count]) for count in range(len(words), 0, -1))
+    return next((tunings[prefix] for prefix in prefixes if prefix in tunings), default_tuning)
 
 
 PLAIN = Tuning()

@@ -38,12 +38,14 @@ class Curve:
         """The share from 0 to 1 of a velocity from 1 to 127; a law is 0 at the `softest`."""
         if not self.velocities:
             return LAWS[self.law](Fraction(velocity - softest, HARDEST - softest))
-        velocity_index = bisect_right(self.velocities, velocity)
-        if velocity_index in (0, len(self.velocities)):
-            return self.shares[min(velocity_index, len(self.velocities) - 1)]
-        low, high = self.velocities[velocity_index - 1 : velocity_index + 1]
-        share_below, share_above = self.shares[velocity_index - 1 : velocity_index + 1]
-        return share_below + (share_above - share_below) * Fraction(velocity - low, high - low)
+        point_index = bisect_right(self.velocities, velocity)
+        if point_index in (0, len(self.velocities)):
+            return self.shares[min(point_index, len(self.velocities) - 1)]
+        velocity_below, velocity_above = self.velocities[point_index - 1 : point_index + 1]
+        share_below, share_above = self.shares[point_index - 1 : point_index + 1]
+        return share_below + (share_above - share_below) * Fraction(
+            velocity - velocity_below, velocity_above - velocity_below
+        )
 
     def level(self, velocity: int) -> Level:
         """The strength of a velocity."""
@@ -56,15 +58,15 @@ EVEN = Curve()
 
 def parse_curve(curve_text: str) -> Curve:
     """Read `square`, or points such as `0.2@1 0.6@64 1@127`. Raises TextError."""
-    placed_words = [(match.group(), match.start()) for match in _WORD.finditer(curve_text)]
-    if len(placed_words) == 1 and placed_words[0][0] in LAWS:
-        return Curve(placed_words[0][0])
-    if not placed_words or len(placed_words) > MAX_POINTS:
+    words_with_offsets = [(match.group(), match.start()) for match in _WORD.finditer(curve_text)]
+    if len(words_with_offsets) == 1 and words_with_offsets[0][0] in LAWS:
+        return Curve(words_with_offsets[0][0])
+    if not words_with_offsets or len(words_with_offsets) > MAX_POINTS:
         message = f"a curve is {', '.join(LAWS)}, or 1 to {MAX_POINTS} points: 0.2@1 1@127"
         raise TextError(message, length=max(1, len(curve_text)))
     velocities: list[int] = []
     point_shares: list[Fraction] = []
-    for point_word, word_place in placed_words:
+    for point_word, offset in words_with_offsets:
         point_match = _POINT.fullmatch(point_word)
         point_share = Fraction(point_match[1]) if point_match else None
         velocity = int(point_match[2]) if point_match else 0
@@ -74,14 +76,12 @@ def parse_curve(curve_text: str) -> Curve:
             )
             message += "to 1 at a velocity from 1 to 127, such as 0.6@64"
             suggestion = nearest(point_word, LAWS)
-            raise TextError(
-                message, offset=word_place, length=len(point_word), suggestion=suggestion
-            )
+            raise TextError(message, offset=offset, length=len(point_word), suggestion=suggestion)
         if velocities and velocity <= velocities[-1]:
             message = (
                 f"the velocity of {quote(point_word)} is not above {velocities[-1]}, that of the "
             )
-            raise TextError(message + "point before it", offset=word_place, length=len(point_word))
+            raise TextError(message + "point before it", offset=offset, length=len(point_word))
         velocities.append(velocity)
         point_shares.append(point_share)
     return Curve("", tuple(velocities), tuple(point_shares))

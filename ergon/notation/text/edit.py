@@ -41,10 +41,10 @@ def put(document: Document, path: Path, value_text: str, name_order: Sequence[st
     edit = _Edit(document)
     chain = edit.follow(path)
     if len(chain) > len(path):
-        child_number = chain[-2].index(path[-1]) if path else None
-        if child_number is None:
+        child_index = chain[-2].index(path[-1]) if path else None
+        if child_index is None:
             raise EditError("a whole file cannot be set; name a field of it")
-        splices = edit.changes.replaced(chain[-2], child_number, value_text)
+        splices = edit.changes.replaced(chain[-2], child_index, value_text)
         in_flow = chain[-2].is_flow
     else:
         splices = edit.changes.added(chain, path, value_text, name_order, is_item=False)
@@ -63,10 +63,10 @@ def insert(document: Document, path: Path, item_text: str) -> str:
     item_value = _value(item_text, in_flow=True)
     splices = edit.changes.before(chain[-2], item_index, item_text)
 
-    def longer(old: Any) -> Tree:
+    def with_item(old: Any) -> Tree:
         return [*old[:item_index], item_value, *old[item_index:]]
 
-    return edit.checked(splices, _with(edit.tree, path[:-1], longer))
+    return edit.checked(splices, _with(edit.tree, path[:-1], with_item))
 
 
 def append(document: Document, path: Path, text: str, order: Sequence[str] = ()) -> str:
@@ -116,19 +116,19 @@ def remove(document: Document, *paths: Path) -> str:
     """
     edit = _Edit(document)
     splices: list[Splice] = []
-    cuts: list[tuple[Span, int]] = []
+    parents_and_indices: list[tuple[Span, int]] = []
     for path in paths:
         chain = edit.follow(path)
         if not path or len(chain) <= len(path):
             raise EditError(f"there is no {named(path)}")
         item_index = chain[-2].index(path[-1])
         assert item_index is not None
-        cuts.append((chain[-2], item_index))
-    removed_numbers = {number for _, number in cuts}  # all of one parent
-    for parent, item_index in cuts:
+        parents_and_indices.append((chain[-2], item_index))
+    removed_indices = {number for _, number in parents_and_indices}  # all of one parent
+    for parent, item_index in parents_and_indices:
         changes = edit.changes
         splices += (
-            changes.cut_flow(parent, item_index, removed_numbers)
+            changes.cut_flow(parent, item_index, removed_indices)
             if parent.is_flow
             else changes.cut_block(parent, item_index)
         )
@@ -147,14 +147,14 @@ def add_row(document: Document, path: Path, text: str) -> str:
     table_rows = [*rows(table), text]
     if not value_span.is_block:
         return put(document, path, json.dumps("\n".join(table_rows), ensure_ascii=False))
-    lay = edit.layout
-    line_end_index = lay.line_end(value_span.end)
-    indent = lay.indent_step + edit.indent_of(path)
+    text_layout = edit.layout
+    line_end = text_layout.line_end(value_span.end)
+    indent = text_layout.indent_step + edit.indent_of(path)
     for start, stop in reversed(edit.changes.rows(value_span)):
-        if line := lay.text[start:stop].strip():
-            indent = lay.text[start:stop].index(line)
+        if line := text_layout.text[start:stop].strip():
+            indent = text_layout.text[start:stop].index(line)
             break
-    splices = [Splice(line_end_index, line_end_index, f"{lay.newline}{' ' * indent}{text}")]
+    splices = [Splice(line_end, line_end, f"{text_layout.newline}{' ' * indent}{text}")]
     return edit.checked_rows(splices, path, table_rows)
 
 
@@ -171,26 +171,28 @@ def put_rows(document: Document, path: Path, changes: Mapping[int, str | None]) 
     edit = _Edit(document)
     table, value_span = edit.table(path)
     table_lines: list[str | None] = [*rows(table)]
-    splices, lay = [], edit.layout
-    places = edit.changes.rows(value_span) if value_span.is_block else []
-    for row_number, row_text in changes.items():
-        if not 0 <= row_number < len(table_lines):
-            raise EditError(f"{named(path)} has no line {row_number + 1}")
-        comment = _comment(table_lines[row_number] or "")
-        table_lines[row_number] = None if row_text is None else row_text + comment
+    splices, text_layout = [], edit.layout
+    row_spans = edit.changes.rows(value_span) if value_span.is_block else []
+    for row_index, row_text in changes.items():
+        if not 0 <= row_index < len(table_lines):
+            raise EditError(f"{named(path)} has no line {row_index + 1}")
+        comment = _comment(table_lines[row_index] or "")
+        table_lines[row_index] = None if row_text is None else row_text + comment
         if value_span.is_block:
-            row_start, row_stop = places[row_number]
-            indent = len(lay.text[row_start:row_stop]) - len(lay.text[row_start:row_stop].lstrip())
-            row_place = (
-                lay.full_lines(row_start, row_stop)
+            row_start, row_stop = row_spans[row_index]
+            indent = len(text_layout.text[row_start:row_stop]) - len(
+                text_layout.text[row_start:row_stop].lstrip()
+            )
+            replaced_span = (
+                text_layout.full_lines(row_start, row_stop)
                 if row_text is None
                 else (row_start + indent, row_stop - len(comment))
             )
-            splices.append(Splice(*row_place, row_text or ""))
-    rows_kept = [line for line in table_lines if line is not None]
+            splices.append(Splice(*replaced_span, row_text or ""))
+    rows_left = [line for line in table_lines if line is not None]
     if not value_span.is_block:
-        return put(document, path, quoted("\n".join(rows_kept)))
-    return edit.checked_rows(splices, path, rows_kept)
+        return put(document, path, quoted("\n".join(rows_left)))
+    return edit.checked_rows(splices, path, rows_left)
 
 
 def quoted(plain_text: str) -> str:
@@ -232,17 +234,17 @@ class _Edit:
         if self.layout.root is None:
             return []
         chain = [self.layout.root]
-        for depth, path_name in enumerate(path):
-            value_span = chain[-1]
-            if value_span.kind == "alias":
-                shared = f"{named(path[:depth])} is the alias `*{value_span.value}` of a value "
+        for depth, name in enumerate(path):
+            span = chain[-1]
+            if span.kind == "alias":
+                shared = f"{named(path[:depth])} is the alias `*{span.value}` of a value "
                 raise EditError(
                     f"{shared}that is written elsewhere; replace the alias by the value first"
                 )
-            child_number = value_span.index(path_name)
-            if child_number is None:
+            child_index = span.index(name)
+            if child_index is None:
                 break
-            chain.append(value_span.items[child_number])
+            chain.append(span.items[child_index])
         return chain
 
     def table(self, path: Path) -> tuple[str, Span]:
@@ -255,8 +257,8 @@ class _Edit:
     def indent_of(self, path: Path) -> int:
         """The indentation of the name or dash of the value at a path."""
         parent = self.follow(path)[-2]
-        number = parent.index(path[-1])
-        return self.layout.column(self.layout.child_start(parent, number or 0))
+        child_index = parent.index(path[-1])
+        return self.layout.column(self.layout.child_start(parent, child_index or 0))
 
     def checked(self, splices: list[Splice], expected: Tree) -> str:
         """The new text. Raises EditError if its values are not `expected`."""
@@ -313,27 +315,27 @@ def _value(value_text: str, in_flow: bool) -> Tree:
     raise EditError(f"{quote(value_text)} is not one value")
 
 
-def tree(tree_node: Node | None, by_node: dict[int, Tree] | None = None) -> Tree:
+def tree(node: Node | None, by_node: dict[int, Tree] | None = None) -> Tree:
     """The value of a node with its aliases resolved: texts, and lists and mappings of values; None
     if it is empty.
     """
-    if tree_node is None:
+    if node is None:
         return None
     by_node = {} if by_node is None else by_node
-    if id(tree_node) not in by_node:
-        node_value: Tree
-        if isinstance(tree_node, document.Mapping):
-            node_value = {
-                name: tree(child, by_node) for name, (_, child) in tree_node.entries.items()
+    if id(node) not in by_node:
+        value: Tree
+        if isinstance(node, document.Mapping):
+            value = {
+                name: tree(child, by_node) for name, (_, child) in node.entries.items()
             } or None
-        elif isinstance(tree_node, document.Sequence):
-            node_value = [tree(child, by_node) for child in tree_node.items] or None
+        elif isinstance(node, document.Sequence):
+            value = [tree(child, by_node) for child in node.items] or None
         else:
-            assert isinstance(tree_node, Scalar)
-            text = tree_node.text.rstrip("\n") if tree_node.style in ("|", ">") else tree_node.text
-            node_value = None if tree_node.is_empty else text
-        by_node[id(tree_node)] = node_value
-    return by_node[id(tree_node)]
+            assert isinstance(node, Scalar)
+            text = node.text.rstrip("\n") if node.style in ("|", ">") else node.text
+            value = None if node.is_empty else text
+        by_node[id(node)] = value
+    return by_node[id(node)]
 
 
 def _with(tree: Tree, path: Path, value_change: Callable[[Any], Tree]) -> Tree:

@@ -111,7 +111,7 @@ def _meaning(source_text: str) -> list[object]:
 def _spaced(source_text: str) -> str:
     """Set the spaces between the tokens of flow maps and lists that share a line."""
     pieces: list[str] = []
-    text_offset = depth = 0
+    copied_end = depth = 0
     token_before: yaml.Token | None = None
     for yaml_token in yaml.scan(source_text, Loader=_LOADER):
         if isinstance(yaml_token, yaml.KeyToken):  # no character of its own in the flow
@@ -119,11 +119,11 @@ def _spaced(source_text: str) -> str:
         if token_before is not None and depth:
             gap = slice(token_before.end_mark.index, yaml_token.start_mark.index)
             if not source_text[gap].strip(" "):
-                pieces += (source_text[text_offset : gap.start], _gap(token_before, yaml_token))
-                text_offset = gap.stop
+                pieces += (source_text[copied_end : gap.start], _gap(token_before, yaml_token))
+                copied_end = gap.stop
         depth += isinstance(yaml_token, _OPENERS) - isinstance(yaml_token, _CLOSERS)
         token_before = yaml_token
-    return "".join((*pieces, source_text[text_offset:]))
+    return "".join((*pieces, source_text[copied_end:]))
 
 
 def _gap(token_before: yaml.Token, token_after: yaml.Token) -> str:
@@ -137,29 +137,29 @@ def _gap(token_before: yaml.Token, token_after: yaml.Token) -> str:
 def _aligned(source_text: str) -> str:
     """Align the columns of tables that are not."""
     pieces: list[str] = []
-    text_offset = 0
+    copied_end = 0
     for text_block in _texts(source_text):
         if not text_block.columns:
             continue
         block_start = source_text.find("\n", text_block.start) + 1
         block_lines = source_text[block_start : text_block.end].split("\n")
         pieces += (
-            source_text[text_offset:block_start],
+            source_text[copied_end:block_start],
             "\n".join(_columns(block_lines, text_block.columns)),
         )
-        text_offset = text_block.end
-    return "".join((*pieces, source_text[text_offset:]))
+        copied_end = text_block.end
+    return "".join((*pieces, source_text[copied_end:]))
 
 
 def _columns(table_lines: list[str], column_count: int) -> list[str]:
     """Rows with their words under each other; comments and blank lines as they were."""
     rows_by_line: dict[int, tuple[str, list[str], str]] = {}
-    for i, table_line in enumerate(table_lines):
+    for line_number, table_line in enumerate(table_lines):
         code, comment = _without_comment(table_line)
         row_words = code.split(maxsplit=column_count - 1)
         if row_words:
             row_words[-1] = row_words[-1] if column_count == 3 else " ".join(row_words[-1].split())
-            rows_by_line[i] = (
+            rows_by_line[line_number] = (
                 table_line[: len(table_line) - len(table_line.lstrip())],
                 row_words,
                 comment,
@@ -167,16 +167,19 @@ def _columns(table_lines: list[str], column_count: int) -> list[str]:
     if _is_aligned(table_lines, rows_by_line.values(), rows_by_line):
         return table_lines
     widths = [
-        max((len(words[k]) for _, words, _ in rows_by_line.values() if len(words) > k), default=0)
-        for k in range(column_count)
+        max(
+            (len(words[column]) for _, words, _ in rows_by_line.values() if len(words) > column),
+            default=0,
+        )
+        for column in range(column_count)
     ]
     indent = min((row_indent for row_indent, _, _ in rows_by_line.values()), key=len)
-    out = list(table_lines)
-    for i, (_, row_words, comment) in rows_by_line.items():
+    aligned_lines = list(table_lines)
+    for line_number, (_, row_words, comment) in rows_by_line.items():
         cells = [word.ljust(width) for word, width in zip(row_words, widths, strict=False)]
         row_text = indent + _COLUMN_GAP.join(cells).rstrip()
-        out[i] = f"{row_text}  {comment}" if comment else row_text
-    return out
+        aligned_lines[line_number] = f"{row_text}  {comment}" if comment else row_text
+    return aligned_lines
 
 
 def _without_comment(line: str) -> tuple[str, str]:
@@ -190,29 +193,29 @@ def _is_aligned(
     line_numbers: Iterable[int],
 ) -> bool:
     """Whether every column begins at one place already."""
-    begins: list[set[int]] = [set(), set(), set()]
-    for i, (_, words, _) in zip(line_numbers, row_parts, strict=True):
+    begins_by_column: list[set[int]] = [set(), set(), set()]
+    for line_number, (_, words, _) in zip(line_numbers, row_parts, strict=True):
         word_column = 0
-        for k, row_word in enumerate(words):
-            word_column = table_lines[i].find(row_word, word_column)
+        for column, row_word in enumerate(words):
+            word_column = table_lines[line_number].find(row_word, word_column)
             if word_column < 0:  # words of a play with more than one space between them
                 return False
-            begins[k].add(word_column)
+            begins_by_column[column].add(word_column)
             word_column += len(row_word)
-    return all(len(places) <= 1 for places in begins)
+    return all(len(column_begins) <= 1 for column_begins in begins_by_column)
 
 
 def _trimmed(source_text: str) -> str:
     """Take away spaces at ends of lines, where they are not text, and end with one newline."""
     text_blocks = [(block.start, block.end) for block in _texts(source_text) if not block.columns]
     pieces: list[str] = []
-    copied_until = i = 0
+    copied_end = block_index = 0
     for blank_match in re.finditer(r"(?<![ \t])[ \t]+(?=\r?$)", source_text, re.MULTILINE):
-        while i < len(text_blocks) and text_blocks[i][1] <= blank_match.start():
-            i += 1
-        if i == len(text_blocks) or blank_match.end() <= text_blocks[i][0]:
-            pieces.append(source_text[copied_until : blank_match.start()])
-            copied_until = blank_match.end()
-    trimmed = "".join((*pieces, source_text[copied_until:]))
-    ended = trimmed.rstrip("\r\n") + ("\r\n" if "\r\n" in trimmed else "\n")
-    return ended if _meaning(ended) == _meaning(trimmed) else trimmed
+        while block_index < len(text_blocks) and text_blocks[block_index][1] <= blank_match.start():
+            block_index += 1
+        if block_index == len(text_blocks) or blank_match.end() <= text_blocks[block_index][0]:
+            pieces.append(source_text[copied_end : blank_match.start()])
+            copied_end = blank_match.end()
+    trimmed = "".join((*pieces, source_text[copied_end:]))
+    with_line_end = trimmed.rstrip("\r\n") + ("\r\n" if "\r\n" in trimmed else "\n")
+    return with_line_end if _meaning(with_line_end) == _meaning(trimmed) else trimmed

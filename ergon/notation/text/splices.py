@@ -40,30 +40,30 @@ class Changes:
 
     # --- setting ---------------------------------------------------------------------------------
 
-    def replaced(self, parent: Span, number: int, text: str) -> list[Splice]:
+    def replaced(self, parent: Span, child_index: int, text: str) -> list[Splice]:
         """Set the value of a child; if the old value has several lines, all of them are removed."""
-        lay, child_span = self.layout, parent.items[number]
+        text_layout, child_span = self.layout, parent.items[child_index]
         if child_span.start == child_span.end:  # nothing after the colon or dash
             if parent.kind == "sequence":
                 return [Splice(child_span.start, child_span.start, f" {text}")]
-            colon = lay.next_token(parent.keys[number].end)
-            if lay.text[colon : colon + 1] == ":":
+            colon = text_layout.next_token(parent.keys[child_index].end)
+            if text_layout.text[colon : colon + 1] == ":":
                 return [Splice(colon + 1, colon + 1, f" {text}")]
-            end = parent.keys[number].end
+            end = parent.keys[child_index].end
             return [Splice(end, end, f": {text}")]
         if child_span.is_block:
-            header_splice = Splice(child_span.start, lay.header_end(child_span), text)
+            header_splice = Splice(child_span.start, text_layout.header_end(child_span), text)
             return [header_splice, *self.lines_after(child_span.start, child_span.end)]
-        on_own_lines = child_span.kind in ("mapping", "sequence") and lay.begins_line(
+        on_own_lines = child_span.kind in ("mapping", "sequence") and text_layout.begins_line(
             child_span.start
         )
         if on_own_lines and not child_span.is_flow:
-            child_start = lay.child_start(parent, number)
-            key_end = parent.keys[number].end if parent.kind == "mapping" else child_start
-            place = lay.next_token(key_end) + 1
+            child_start = text_layout.child_start(parent, child_index)
+            key_end = parent.keys[child_index].end if parent.kind == "mapping" else child_start
+            value_place = text_layout.next_token(key_end) + 1
             return [
-                Splice(place, place, f" {text}"),
-                Splice(*lay.full_lines(child_span.start, child_span.end), ""),
+                Splice(value_place, value_place, f" {text}"),
+                Splice(*text_layout.full_lines(child_span.start, child_span.end), ""),
             ]
         return [Splice(child_span.start, child_span.end, text)]
 
@@ -71,10 +71,10 @@ class Changes:
         """Remove the lines after that of the character `start_index`, up to that of the character
         `end_index`.
         """
-        lay = self.layout
-        next_line = lay.next_line(start_index)
+        text_layout = self.layout
+        next_line = text_layout.next_line(start_index)
         return (
-            [Splice(*lay.full_lines(next_line, end_index), "")]
+            [Splice(*text_layout.full_lines(next_line, end_index), "")]
             if next_line <= end_index and next_line > start_index
             else []
         )
@@ -90,9 +90,17 @@ class Changes:
         """Add an entry that does not exist yet, below the last part of its path that does."""
         if not chain:
             nested_value = self.layout.newline.join(self.nested(path, entry_text, 0, is_item))
-            source = self.layout.text
-            lead = self.layout.newline if source and not source.endswith(("\n", "\r")) else ""
-            return [Splice(len(source), len(source), lead + nested_value + self.layout.newline)]
+            full_text = self.layout.text
+            line_break_before = (
+                self.layout.newline if full_text and not full_text.endswith(("\n", "\r")) else ""
+            )
+            return [
+                Splice(
+                    len(full_text),
+                    len(full_text),
+                    line_break_before + nested_value + self.layout.newline,
+                )
+            ]
         last_span, path_rest = chain[-1], path[len(chain) - 1 :]
         if last_span.is_empty and len(chain) > 1:
             return self.filled(

@@ -65,8 +65,8 @@ def index_of_level(
 
     Brackets in quotes count too, so if there are any the index may be a few levels off.
     """
-    (first, depth), error_index = start_and_level, _index_of(error)
-    for text_index in range(first, error_index):
+    (begin, depth), error_index = start_and_level, _index_of(error)
+    for text_index in range(begin, error_index):
         depth += (source_text[text_index] in "[{") - (source_text[text_index] in "]}")
         if depth >= bracket_level:
             return text_index
@@ -107,26 +107,28 @@ def _indented(source_text: str, error_index: int) -> str:
         source_text[line_begin:error_index].lstrip(" ")
     )
     is_item = source_text.startswith("- ", line_begin + indent)
-    depth, line_places = PURE_PARSER_LIMIT, []
+    indent_limit, indents_shown = PURE_PARSER_LIMIT, []
     for line in reversed(
         source_text[max(0, line_begin - PURE_PARSER_LIMIT) : line_begin].splitlines()
     ):
-        line_word = line.strip()
-        spaces = len(line) - len(line.lstrip(" "))
-        if line_word and not line_word.startswith("#") and spaces < depth:
-            if spaces == indent and line_word.startswith("- ") != is_item:
+        line_text = line.strip()
+        indent_above = len(line) - len(line.lstrip(" "))
+        if line_text and not line_text.startswith("#") and indent_above < indent_limit:
+            if indent_above == indent and line_text.startswith("- ") != is_item:
                 return (
                     "a line of a list and one of a group stand side by side here: lines of a list "
                     "begin with '- ', lines of a group with a name and ':'"
                 )
-            depth = spaces
-            line_places.append(f"{spaces} ('{line_word.partition(':')[0][:20]}')")
-        if depth == 0 or len(line_places) == _INDENTATIONS_SHOWN_MAX:
+            indent_limit = indent_above
+            indents_shown.append(f"{indent_above} ('{line_text.partition(':')[0][:20]}')")
+        if indent_limit == 0 or len(indents_shown) == _INDENTATIONS_SHOWN_MAX:
             break
-    if not line_places:
+    if not indents_shown:
         return _INDENTED
     noun = "space" if indent == 1 else "spaces"
-    return f"{_INDENTED}; it begins with {indent} {noun}, those above with {', '.join(line_places)}"
+    return (
+        f"{_INDENTED}; it begins with {indent} {noun}, those above with {', '.join(indents_shown)}"
+    )
 
 
 def _typeset_blank(source_text: str, source_index: int) -> int | None:

@@ -37,28 +37,17 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_m
     """
     from ergon.workshop.models.programs.bank import Bank
 
-    swings = part_modes.poles.imag > 0.0
-    poles = part_modes.poles[swings]
+    oscillates = part_modes.poles.imag > 0.0
+    poles = part_modes.poles[oscillates]
     instrument = piece.instruments.get(part_modes.part)
-    bank_outputs = (
-        [
-            instrument_output
-            for instrument_output in instrument.outputs
-            if instrument_output.is_movement
-        ]
-        if instrument
-        else []
-    )
-    labels = [
-        f"out {instrument_output.name}" if instrument_output.name else "out"
-        for instrument_output in bank_outputs
+    outputs = [output for output in instrument.outputs if output.is_movement] if instrument else []
+    labels = [f"out {output.name}" if output.name else "out" for output in outputs]
+    audible_outputs = [
+        (output, label)
+        for output, label in zip(outputs, labels, strict=True)
+        if label in part_modes.points
     ]
-    audible = [
-        instrument_output
-        for instrument_output in zip(bank_outputs, labels, strict=True)
-        if instrument_output[1] in part_modes.points
-    ]
-    if not audible:
+    if not audible_outputs:
         raise OptionError(
             "parts", f"{part_modes.part} has no output of motion; add a {MOVEMENT_NAMES}"
         )
@@ -71,10 +60,10 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_m
         problem += f"{_POINTS}: name other PARTs"
         raise OptionError("parts", problem)
     mode_paths: list[ModePath] = []
-    for struck_index, (_, moves, _) in enumerate(bank_inputs):
-        for output_index, (_, label) in enumerate(audible):
-            gain = (moves * part_modes.points[label])[swings] / swing(poles, ca_rate)
-            mode_paths += _path(struck_index, output_index, part_modes, swings, gain)
+    for input_index, (_, shape_at_input, _) in enumerate(bank_inputs):
+        for output_index, (_, label) in enumerate(audible_outputs):
+            gains = (shape_at_input * part_modes.points[label])[oscillates] / swing(poles, ca_rate)
+            mode_paths += _path(input_index, output_index, part_modes, oscillates, gains)
     if sum(len(mode_path.rows) for mode_path in mode_paths) > rows_max:
         problem = (
             f"a file holds at most {rows_max:,} resonators; use a lower --upto, or fewer outputs"
@@ -86,8 +75,8 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_m
         prepared.n_frames / piece.rate,
         [name for name, _, _ in bank_inputs],
         [strikes for _, _, strikes in bank_inputs],
-        [(label, output.kind_facts.order) for output, label in audible],
-        [output.kind_facts.reference_amount / _LEVEL for output, _ in audible],
+        [(label, output.kind_facts.order) for output, label in audible_outputs],
+        [output.kind_facts.reference_amount / _LEVEL for output, _ in audible_outputs],
         mode_paths,
     )
 
@@ -99,31 +88,29 @@ def _inputs(
 
     Each is a name, the motion of each mode at the point, and the strikes on it (time, impulse).
     """
-    network, slots = (
+    network, slot_by_mass = (
         prepared.network,
-        {name: slot_index for slot_index, name in enumerate(part_modes.masses)},
+        {name: slot for slot, name in enumerate(part_modes.masses)},
     )
     bank_inputs = []
     for mat in range(network.n_mat):
-        slot = slots.get(network.name_of(mat))
+        slot = slot_by_mass.get(network.name_of(mat))
         if slot is not None and (strikes := prepared.timeline.impulses_on(mat)):
-            instants_and_impulses = [
-                (strike_group.at, strike_group.impulse) for strike_group in strikes
-            ]
-            bank_inputs.append(
-                (part_modes.masses[slot], part_modes.shapes[:, slot], instants_and_impulses)
-            )
+            point_strikes = [(strike.at, strike.impulse) for strike in strikes]
+            bank_inputs.append((part_modes.masses[slot], part_modes.shapes[:, slot], point_strikes))
     struck_names = {name for name, _, _ in bank_inputs}
     struck_names |= {
         target.text for strikes in piece.strikes for target in strikes.to
     }  # several points
-    other_points = {**part_modes.points, **touched(piece, prepared.built, part_modes)}
-    for point_label, moves in other_points.items():
+    shapes_by_point = {**part_modes.points, **touched(piece, prepared.built, part_modes)}
+    for point_label, shape_at_point in shapes_by_point.items():
         is_output = point_label.split(" ")[0] == "out"
         if not is_output and point_label not in struck_names:
-            bank_inputs.append((point_label, moves, []))
+            bank_inputs.append((point_label, shape_at_point, []))
     if not bank_inputs:
-        bank_inputs = [(label, moves, []) for label, moves in part_modes.points.items()]
+        bank_inputs = [
+            (label, shape_at_point, []) for label, shape_at_point in part_modes.points.items()
+        ]
     return bank_inputs
 
 
@@ -131,7 +118,7 @@ def _path(
     struck_index: int,
     output_index: int,
     part_modes: PartModes,
-    swings: NDArray[np.bool_],
+    oscillates: NDArray[np.bool_],
     mode_gains: NDArray[np.complex128],
 ) -> Sequence[ModePath]:
     import numpy as np
@@ -139,17 +126,17 @@ def _path(
     from ergon.workshop.models.programs.bank import ModePath
 
     gain_sizes = np.abs(mode_gains)
-    audible = gain_sizes > _AMPLITUDE_SHARE_MIN * gain_sizes.max(initial=0.0)
-    if not audible.any():
+    is_audible = gain_sizes > _AMPLITUDE_SHARE_MIN * gain_sizes.max(initial=0.0)
+    if not is_audible.any():
         return []
-    poles = part_modes.poles[swings][audible]
-    input_columns = (
-        part_modes.frequencies[swings][audible],
+    poles = part_modes.poles[oscillates][is_audible]
+    columns = (
+        part_modes.frequencies[oscillates][is_audible],
         0.0 - poles.real,
-        gain_sizes[audible],
-        np.angle(mode_gains[audible]),
+        gain_sizes[is_audible],
+        np.angle(mode_gains[is_audible]),
     )
-    rows = list(zip(*(column.tolist() for column in input_columns), strict=True))
+    rows = list(zip(*(column.tolist() for column in columns), strict=True))
     return [ModePath(struck_index, output_index, rows)]
 
 
@@ -159,32 +146,32 @@ def touched(
     """The motion of each mode at the ends of the part's own contacts and laws, such as its
     hammers'.
     """
-    name_of, mass_slots = (
+    name_of, slot_by_mass = (
         built.network.name_of,
         {name: slot for slot, name in enumerate(part_modes.masses)},
     )
-    points_by_name = {}
-    for owner, piece_module in piece.modules():
-        if owner != part_modes.part or piece_module.kind not in _HITS:
+    shapes_by_point = {}
+    for owner, module in piece.modules():
+        if owner != part_modes.part or module.kind not in _HITS:
             continue
-        for link_end in piece_module.ends:
-            end_names = [name_of(mat) for mat in built.assembly.members(link_end)]
-            mat_slots = [mass_slots[name] for name in end_names if name in mass_slots]
-            if mat_slots:
-                label = end_names[0] if len(end_names) == 1 else link_end.text
-                points_by_name[label] = part_modes.shapes[:, mat_slots].sum(axis=1)
-    return points_by_name
+        for link_end in module.ends:
+            mass_names = [name_of(mat) for mat in built.assembly.members(link_end)]
+            slots = [slot_by_mass[name] for name in mass_names if name in slot_by_mass]
+            if slots:
+                label = mass_names[0] if len(mass_names) == 1 else link_end.text
+                shapes_by_point[label] = part_modes.shapes[:, slots].sum(axis=1)
+    return shapes_by_point
 
 
 def left_out(part_modes: PartModes) -> list[str]:
     """What a bank of modes leaves out, in sentences."""
     import numpy as np
 
-    swings = part_modes.poles.imag > 0.0
+    oscillates = part_modes.poles.imag > 0.0
     warnings = []
-    if n_out := int(np.count_nonzero(~swings)):
-        noun = "mode that does" if n_out == 1 else "modes that do"
-        warnings.append(f"{n_out} {noun} not oscillate left out")
+    if left_out_count := int(np.count_nonzero(~oscillates)):
+        noun = "mode that does" if left_out_count == 1 else "modes that do"
+        warnings.append(f"{left_out_count} {noun} not oscillate left out")
     if part_modes.n_laws:
         warnings.append("laws of its links were linearised at rest")
     if part_modes.n_contacts:

@@ -52,20 +52,20 @@ def bell(
         raise OptionError("modes", f"is {mode_count}; it must be from 1 to {_MODES_MAX}")
     if isinstance(strokes, (str, Path)):
         strokes = [strokes]
-    by_place = strokes if isinstance(strokes, Mapping) else {PLACE: strokes}
-    placed_files = [
-        (place, Path(file)) for place, place_files in by_place.items() for file in place_files
+    files_by_place = strokes if isinstance(strokes, Mapping) else {PLACE: strokes}
+    files_with_places = [
+        (place, Path(file)) for place, place_files in files_by_place.items() for file in place_files
     ]
-    if not placed_files:
+    if not files_with_places:
         raise OptionError("strokes", "no file is given; give a recording of a stroke")
-    for place in by_place:
+    for place in files_by_place:
         if not NAME.fullmatch(place) or place in ("all", "last", "centre", "mic"):
             message = f"names a place {place!r}; a name has letters, digits, '-' and '_', begins "
             message += "with a letter, and is not all, last, centre or mic"
             raise OptionError("strokes", message)
-    table_files = [file for _, file in placed_files if not is_sound(file)]
+    table_files = [file for _, file in files_with_places if not is_sound(file)]
     if table_files:
-        if len(placed_files) > 1:
+        if len(files_with_places) > 1:
             message = (
                 f"{table_files[0]} is not WAV, FLAC or AIFF, so it is read as a table of "
                 "resonances; "
@@ -73,9 +73,9 @@ def bell(
             message += "use a table without other files"
             raise OptionError("strokes", message)
         return bells.bell_from_table(resonances.read(table_files[0]), mode_count)
-    read_strokes = [
+    strokes_by_place = [
         (place, stroke.stroke(str(file), *stroke.read(file, report)))
-        for place, file in placed_files
+        for place, file in files_with_places
     ]
     with report.waiting("looking for modes"):
-        return bells.bell_from_strokes(read_strokes, mode_count)
+        return bells.bell_from_strokes(strokes_by_place, mode_count)

@@ -75,21 +75,20 @@ def mode_tables(
     upto = HIGHEST if options.upto is None else frequency_option("upto", options.upto)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    asked_names = selected_parts(piece, options.parts)
-    ca_rates = {name: part_modes.ca_rate for name, part_modes in piece.instruments.items()}
+    part_names = selected_parts(piece, options.parts)
+    ca_rates = {name: modes.ca_rate for name, modes in piece.instruments.items()}
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
         all_modes = [
-            modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in asked_names
+            modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in part_names
         ]
-        tables = [
-            (part_modes, {**part_modes.points, **touched(piece, built, part_modes)})
-            for part_modes in all_modes
+        modes_and_points = [
+            (modes, {**modes.points, **touched(piece, built, modes)}) for modes in all_modes
         ]
     return tuple(
-        _table(part_modes, points, ca_rates.get(part_modes.part))
-        for part_modes, points in tables
-        if part_modes.masses
+        _table(modes, points, ca_rates.get(modes.part))
+        for modes, points in modes_and_points
+        if modes.masses
     )
 
 
@@ -116,19 +115,23 @@ def faust_programs(
     if options.upto is not None:
         upto = frequency_option("upto", options.upto)
         with scores.staging(lambda: loaded, report):
-            banks = audible_parts(piece, options.parts)
-            return banks_of(piece, loaded.inputs, banks, upto, bank_program, RESONATORS, report)
-    banks = [name for name in options.parts if _is_bank(piece, name)]
-    if not banks:
+            bank_names = audible_parts(piece, options.parts)
+            return banks_of(
+                piece, loaded.inputs, bank_names, upto, bank_program, RESONATORS, report
+            )
+    bank_names = [name for name in options.parts if _is_bank(piece, name)]
+    if not bank_names:
         return _programs(score, loaded, options, program, n_max=NETWORK_MAX)
-    other_parts = [name for name in options.parts if name not in banks]
+    other_parts = [name for name in options.parts if name not in bank_names]
     with scores.staging(lambda: loaded, report):
-        exported = banks_of(piece, loaded.inputs, banks, HIGHEST, bank_program, RESONATORS, report)
+        exported = banks_of(
+            piece, loaded.inputs, bank_names, HIGHEST, bank_program, RESONATORS, report
+        )
     if other_parts:
         part_options = replace(options, parts=other_parts)
         exported += _programs(score, loaded, part_options, program, n_max=NETWORK_MAX)
     return tuple(
-        sorted(exported, key=lambda faust_program: options.parts.index(faust_program.part))
+        sorted(exported, key=lambda exported_part: options.parts.index(exported_part.part))
     )
 
 
@@ -158,7 +161,9 @@ def banks_of(
     Raises ScoreError and OptionError.
     """
     banks = part_banks(piece, inputs, names, upto, modes_max, report)
-    return tuple(ExportedPart(bank.name, bank_text(bank), out, inputs) for bank, out in banks)
+    return tuple(
+        ExportedPart(bank.name, bank_text(bank), warnings, inputs) for bank, warnings in banks
+    )
 
 
 def part_banks(
@@ -214,12 +219,14 @@ def _programs(
     piece = scores.piece_of(loaded)
     title = Path(score).stem if str(score) != scores.STDIN else "score"
     names = selected_parts(piece, export_options.parts)
-    wholes = [(name, (name,)) for name in names] if export_options.parts else [(title, names)]
+    files_to_write = (
+        [(name, (name,)) for name in names] if export_options.parts else [(title, names)]
+    )
     exported = []
-    for program_name, part_names in wholes:
+    for program_name, part_names in files_to_write:
         parts, struck = _parts(piece, part_names), _struck(piece, part_names)
         network = stepped(parts, struck, piece.rate, points_max=n_max)
-        warnings = tuple(f"{module_name} is left out" for module_name in network.left_out)
+        warnings = tuple(f"{omission} is left out" for omission in network.left_out)
         exported.append(
             ExportedPart(program_name, program(network, program_name), warnings, loaded.inputs)
         )
@@ -272,9 +279,9 @@ def _struck(piece: Piece, part_names: Sequence[str]) -> list[Target]:
     """Points of these parts that are struck, or that links with other parts end on."""
     targets = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
-        end_targets = module.ends
-        if any(end.part not in part_names for end in end_targets) or owner not in part_names:
-            targets += end_targets
+        ends = module.ends
+        if any(end.part not in part_names for end in ends) or owner not in part_names:
+            targets += ends
     return [target for target in targets if target.part in part_names]
 
 
@@ -285,27 +292,27 @@ def _table(
 ) -> ExportedPart:
     import numpy as np
 
-    swings = part_modes.poles.imag > 0.0
-    poles = part_modes.poles[swings]
+    oscillates = part_modes.poles.imag > 0.0
+    poles = part_modes.poles[oscillates]
     mode_columns: dict[str, NDArray[np.float64]] = {
-        "frequency [Hz]": part_modes.frequencies[swings],
-        "T60 [s]": part_modes.t60[swings],
+        "frequency [Hz]": part_modes.frequencies[oscillates],
+        "T60 [s]": part_modes.t60[oscillates],
         "decay [1/s]": 0.0 - poles.real,
     }
     per_second = swing(poles, ca_rate)
-    points = {label: moves[swings] for label, moves in shape_by_label.items()}
-    for struck_index, listener in _ways(points):
-        gain = points[struck_index] * points[listener] / per_second
-        mode_columns[f"amplitude {struck_index} to {listener} [m/Ns]"] = np.abs(gain)
-        mode_columns[f"phase {struck_index} to {listener} [rad]"] = np.angle(gain)
-    table_text = io.StringIO()
-    table_text.write(f"# modes of {part_modes.part}, made by ergon\n")
-    csv_rows = csv.writer(table_text, lineterminator="\n")
-    csv_rows.writerow(("mode", *mode_columns))
-    values = zip(*(column.tolist() for column in mode_columns.values()), strict=True)
-    csv_rows.writerows((number, *map(repr, row)) for number, row in enumerate(values, 1))
+    points = {label: shape[oscillates] for label, shape in shape_by_label.items()}
+    for struck_label, output_label in _ways(points):
+        gains = points[struck_label] * points[output_label] / per_second
+        mode_columns[f"amplitude {struck_label} to {output_label} [m/Ns]"] = np.abs(gains)
+        mode_columns[f"phase {struck_label} to {output_label} [rad]"] = np.angle(gains)
+    text = io.StringIO()
+    text.write(f"# modes of {part_modes.part}, made by ergon\n")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("mode", *mode_columns))
+    rows = zip(*(column.tolist() for column in mode_columns.values()), strict=True)
+    writer.writerows((number, *map(repr, row)) for number, row in enumerate(rows, 1))
     return ExportedPart(
-        part_modes.part, table_text.getvalue(), tuple(left_out(part_modes)), part_modes.inputs
+        part_modes.part, text.getvalue(), tuple(left_out(part_modes)), part_modes.inputs
     )
 
 
@@ -314,5 +321,9 @@ def _ways(named_points: Mapping[str, object]) -> list[tuple[str, str]]:
     replaces it.
     """
     output_labels = [label for label in named_points if label.split(" ")[0] == "out"]
-    struck = [label for label in named_points if label not in output_labels]
-    return [(a, b) for a in struck or output_labels for b in output_labels or struck]
+    struck_labels = [label for label in named_points if label not in output_labels]
+    return [
+        (struck_label, output_label)
+        for struck_label in struck_labels or output_labels
+        for output_label in output_labels or struck_labels
+    ]

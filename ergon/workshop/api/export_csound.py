@@ -31,21 +31,23 @@ def csound_orchestras(
     piece = scores.piece_of(loaded)
     upto = HIGHEST if options.upto is None else frequency_option("upto", options.upto)
     with scores.staging(lambda: loaded, report):
-        asked_names = audible_parts(piece, options.parts)
+        part_names = audible_parts(piece, options.parts)
         if options.parts:
-            return banks_of(piece, loaded.inputs, asked_names, upto, orchestra, BANK_MAX, report)
-        banks = part_banks(piece, loaded.inputs, asked_names, upto, BANK_MAX, report)
+            return banks_of(piece, loaded.inputs, part_names, upto, orchestra, BANK_MAX, report)
+        banks = part_banks(piece, loaded.inputs, part_names, upto, BANK_MAX, report)
     if not banks:
         return ()
     model_title = Path(score).stem if str(score) != scores.STDIN else "score"
     bank = joined(model_title, [bank for bank, _ in banks])
-    n_modes = sum(len(path.rows) for path in bank.ways)
-    if n_modes > BANK_MAX:
-        reason = f"the piece takes {n_modes:,} resonators, and a file has {BANK_MAX:,} at most"
+    resonator_count = sum(len(path.rows) for path in bank.ways)
+    if resonator_count > BANK_MAX:
+        reason = (
+            f"the piece takes {resonator_count:,} resonators, and a file has {BANK_MAX:,} at most"
+        )
         raise OptionError("parts", f"{reason}; name the parts to write, or lower `upto`")
     warnings = tuple(
-        f"{bank_made.name}: {warning}"
-        for bank_made, bank_warnings in banks
+        f"{part_bank.name}: {warning}"
+        for part_bank, bank_warnings in banks
         for warning in bank_warnings
     )
     return (ExportedPart(model_title, orchestra(bank), warnings, loaded.inputs),)

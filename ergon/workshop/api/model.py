@@ -203,26 +203,31 @@ def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
 
 def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
     """The dialect that can read a model. Raises the ModelError of the dialect that got farther."""
-    read: dict[Dialect, str] = {}
-    refused: dict[Dialect, ModelError] = {}
+    score_by_dialect: dict[Dialect, str] = {}
+    error_by_dialect: dict[Dialect, ModelError] = {}
     for dialect in FORMS:
         try:
             model = parse(text, dialect, str(path), options.values)
-            read[dialect] = _sense(model, options.laws)
+            score_by_dialect[dialect] = _sense(model, options.laws)
         except ModelError as error:
-            refused[dialect] = error
-    if not read and options.values:  # a value that is refused says nothing of the dialect
-        legible = [dialect for dialect in FORMS if _is_legible(text, dialect, path)]
-        refused = {dialect: refused[dialect] for dialect in legible or refused}
-    if not read:
-        farthest = max(refused, key=lambda dialect: (refused[dialect].line, dialect == "v2"))
-        raise refused[farthest]
-    if len(set(read.values())) > 1:
+            error_by_dialect[dialect] = error
+    # A value that is refused says nothing of the dialect.
+    if not score_by_dialect and options.values:
+        legible_dialects = [dialect for dialect in FORMS if _is_legible(text, dialect, path)]
+        error_by_dialect = {
+            dialect: error_by_dialect[dialect] for dialect in legible_dialects or error_by_dialect
+        }
+    if not score_by_dialect:
+        farthest = max(
+            error_by_dialect, key=lambda dialect: (error_by_dialect[dialect].line, dialect == "v2")
+        )
+        raise error_by_dialect[farthest]
+    if len(set(score_by_dialect.values())) > 1:
         message = f"both {' and '.join(NAMES.values())} read it, and it sounds otherwise in each; "
         dialect_error = DialectError(message + "write --dialect v1 or --dialect v2")
         dialect_error.file = str(path)
         raise dialect_error
-    return "v2" if "v2" in read else "v1"
+    return "v2" if "v2" in score_by_dialect else "v1"
 
 
 def _is_legible(text: str, dialect: Dialect, path: Path) -> bool:
@@ -269,10 +274,10 @@ def _input(name: str, file: str | Path, beside: str | Path) -> Input:
     if not path.resolve().is_relative_to(folder):
         message = f"{file} lies outside {folder}, and a score names files of its own folder"
         raise OptionError("feed", message, value=name)
-    first_value, last_value = (float(value) for value in [*blocks[0][:2], *blocks[-1][-1:]][:2])
+    first_sample, second_sample = (float(value) for value in [*blocks[0][:2], *blocks[-1][-1:]][:2])
     least = min(float(block.min()) for block in blocks)
-    highest = max(float(block.max()) for block in blocks)
-    if not isfinite(least + highest):
+    greatest = max(float(block.max()) for block in blocks)
+    if not isfinite(least + greatest):
         raise OptionError("feed", f"{file} has samples that are no numbers", value=name)
     file_of_score = path.resolve().relative_to(folder).as_posix()
-    return Input(file_of_score, first_value, last_value, least, highest, info.n_frames)
+    return Input(file_of_score, first_sample, second_sample, least, greatest, info.n_frames)

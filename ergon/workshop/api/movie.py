@@ -117,13 +117,13 @@ class MovieMaker:
 
     def _instants(self, page: Page) -> list[float]:
         """The instant of each picture [s]."""
-        movie_options = self._options
+        options = self._options
         duration = float(page.run("ergon.page.story.duration"))
         script = "ergon.page.story.model.marks.map((mark) => [mark.name, mark.seconds])"
         marks = dict(page.run(script))
         start_seconds, end_seconds = (
-            _instant("from", movie_options.start, marks),
-            _instant("to", movie_options.end, marks),
+            _instant("from", options.start, marks),
+            _instant("to", options.end, marks),
         )
         start_seconds, end_seconds = (
             start_seconds or 0.0,
@@ -131,21 +131,25 @@ class MovieMaker:
         )
         if start_seconds >= duration:
             reason = f"the piece ends at {duration:.2f} s"
-            raise OptionError("from", reason, value=movie_options.start)
+            raise OptionError("from", reason, value=options.start)
         if start_seconds >= end_seconds:
             raise OptionError(
-                "to", "the end of a film must be after its beginning", value=movie_options.end
+                "to", "the end of a film must be after its beginning", value=options.end
             )
-        n = max(1, round((end_seconds - start_seconds) * movie_options.rate))
-        if n > _PICTURES_MAX:
-            raise OptionError("fps", f"{n:,} pictures; a film has at most {_PICTURES_MAX:,}")
-        return [start_seconds + i / movie_options.rate for i in range(n)]
+        picture_count = max(1, round((end_seconds - start_seconds) * options.rate))
+        if picture_count > _PICTURES_MAX:
+            raise OptionError(
+                "fps", f"{picture_count:,} pictures; a film has at most {_PICTURES_MAX:,}"
+            )
+        return [
+            start_seconds + picture_index / options.rate for picture_index in range(picture_count)
+        ]
 
     def _look(self, page: Page) -> None:
         stops = [[reached_at, view - 1] for view, reached_at in self._stops]
-        n_views = page.run(f"ergon.page.travel({json.dumps(stops)})")
-        if n_views is not None:
-            reason = f"the piece has the views 1 to {n_views}"
+        view_count = page.run(f"ergon.page.travel({json.dumps(stops)})")
+        if view_count is not None:
+            reason = f"the piece has the views 1 to {view_count}"
             raise OptionError("camera", reason, value=self._options.camera)
 
     def _draw(self, page: Page, instants: list[float], shown: Shown, report: Report) -> Movie:
@@ -153,43 +157,47 @@ class MovieMaker:
         from ergon.exchange.safe import open_for_writing
         from ergon.workshop.movies.video import VideoFile
 
-        movie_options, n = self._options, len(instants)
+        options, picture_count = self._options, len(instants)
         stretch_sound = None
         with ExitStack() as stack:
             if self._is_folder:
                 folder = stack.enter_context(new_folder(self._target))
             else:
-                force = movie_options.force
+                force = options.force
                 movie_file = stack.enter_context(
                     open_for_writing(self._target, binary=True, force=force)
                 )
                 if shown.sound is not None:
-                    stretch = instants[0], instants[0] + n / movie_options.rate
+                    stretch = instants[0], instants[0] + picture_count / options.rate
                     stretch_sound = _sound(shown.sound, *stretch)
                 video_file = VideoFile(
-                    movie_file, self._suffix, self._size, movie_options.rate, stretch_sound
+                    movie_file, self._suffix, self._size, options.rate, stretch_sound
                 )
                 stack.callback(video_file.discard)
-            progress = stack.enter_context(report.progress("drawing", n, movie_options.rate))
-            for i, t in enumerate(instants):
-                page.run(f"ergon.seek({t!r})")
+            progress = stack.enter_context(report.progress("drawing", picture_count, options.rate))
+            for picture_index, instant in enumerate(instants):
+                page.run(f"ergon.seek({instant!r})")
                 picture = page.picture()
                 if self._is_folder:
-                    (folder / f"{i:06}.png").write_bytes(picture)
+                    (folder / f"{picture_index:06}.png").write_bytes(picture)
                 else:
                     video_file.add(picture)
-                progress.update(i + 1)
+                progress.update(picture_index + 1)
             if not self._is_folder:
                 video_file.close()
         return Movie(
-            str(self._target), n, n / movie_options.rate, *self._size, stretch_sound is not None
+            str(self._target),
+            picture_count,
+            picture_count / options.rate,
+            *self._size,
+            stretch_sound is not None,
         )
 
 
 def _size(size_text: str) -> tuple[int, int]:
     match = _SIZE.fullmatch(size_text)
     sides = [int(side) for side in match.groups()] if match else []
-    if not sides or any(s % 2 or not _SIDE_MIN <= s <= _SIDE_MAX for s in sides):
+    if not sides or any(side % 2 or not _SIDE_MIN <= side <= _SIDE_MAX for side in sides):
         reason = f"write two even numbers from {_SIDE_MIN} to {_SIDE_MAX}, such as 1920x1080"
         raise OptionError("size", reason, value=size_text)
     return sides[0], sides[1]
@@ -247,21 +255,21 @@ def _sound(path: Path, start_seconds: float, end_seconds: float) -> Sound:
     from ergon.workshop.movies.video import Sound
 
     format = sound.read_info(path).format
-    first_frame, last_frame = (
+    start_frame, stop_frame = (
         round(seconds * format.rate) for seconds in (start_seconds, end_seconds)
     )
-    return Sound(_between(path, first_frame, last_frame), format.rate, format.n_channels)
+    return Sound(_between(path, start_frame, stop_frame), format.rate, format.n_channels)
 
 
 def _between(path: Path, start_frame: int, stop_frame: int) -> Iterator[NDArray[np.float64]]:
     """The frames of a file from `start_frame` up to `stop_frame`, which is left out."""
     from ergon.exchange import sound
 
-    first_frame = 0
+    block_begin = 0
     for block in sound.read_blocks(path):
-        frames_between = block[max(0, start_frame - first_frame) : max(0, stop_frame - first_frame)]
-        first_frame += len(block)
+        frames_between = block[max(0, start_frame - block_begin) : max(0, stop_frame - block_begin)]
+        block_begin += len(block)
         if len(frames_between):
             yield frames_between
-        if first_frame >= stop_frame:
+        if block_begin >= stop_frame:
             return

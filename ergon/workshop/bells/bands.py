@@ -36,40 +36,46 @@ class Bands:
 
         The window of the band falls to zero within half of its width on both sides.
         """
-        band_width = high - low
-        n_bins = ceil(2.0 * band_width * self.n / self.rate)
-        rate = n_bins * self.rate / self.n
+        width = high - low
+        bin_count = ceil(2.0 * width * self.n / self.rate)
+        band_rate = bin_count * self.rate / self.n
         centre = round(0.5 * (low + high) * self.n / self.rate)
-        bin_offsets = np.arange(-(n_bins // 2), n_bins - n_bins // 2)
+        bin_offsets = np.arange(-(bin_count // 2), bin_count - bin_count // 2)
         distances = np.abs(bin_offsets * self.rate / self.n)
-        slopes = np.clip((0.5 * rate - distances) / (0.5 * (rate - band_width)), 0.0, 1.0)
-        weights = np.sin(0.5 * np.pi * slopes) ** 2
-        source_bins = centre + bin_offsets
-        is_there = (source_bins > 0) & (source_bins < self.spectrum.size)
-        bins = np.zeros(n_bins, complex)
-        bins[bin_offsets[is_there] % n_bins] = (
-            self.spectrum[source_bins[is_there]] * weights[is_there]
+        window_positions = np.clip(
+            (0.5 * band_rate - distances) / (0.5 * (band_rate - width)), 0.0, 1.0
         )
-        return np.fft.ifft(bins) * (2.0 * n_bins / self.n), rate, centre * self.rate / self.n
+        weights = np.sin(0.5 * np.pi * window_positions) ** 2
+        spectrum_bins = centre + bin_offsets
+        is_in_spectrum = (spectrum_bins > 0) & (spectrum_bins < self.spectrum.size)
+        spectrum_at_zero = np.zeros(bin_count, complex)
+        spectrum_at_zero[bin_offsets[is_in_spectrum] % bin_count] = (
+            self.spectrum[spectrum_bins[is_in_spectrum]] * weights[is_in_spectrum]
+        )
+        return (
+            np.fft.ifft(spectrum_at_zero) * (2.0 * bin_count / self.n),
+            band_rate,
+            centre * self.rate / self.n,
+        )
 
-    def occupied(
-        self, low_hertz: float, high_hertz: float, band_width: float
-    ) -> Iterator[tuple[float, float]]:
-        """Bands about `band_width` wide [Hz] with a peak above the noise; they are cut where the
+    def occupied(self, low: float, high: float, width: float) -> Iterator[tuple[float, float]]:
+        """Bands about `width` wide [Hz] with a peak above the noise; they are cut where the
         spectrum is low.
         """
         power_spectrum = np.abs(self.spectrum) ** 2
         bin_width = self.rate / self.n
-        smooth = np.convolve(power_spectrum, np.full(_SMOOTH, 1.0 / _SMOOTH), "same")
-        edges = [low_hertz]
-        while edges[-1] < high_hertz - 1.5 * band_width:
-            band_begin, band_end = (
-                int((edges[-1] + part * band_width) / bin_width)
+        smoothed_power = np.convolve(power_spectrum, np.full(_SMOOTH, 1.0 / _SMOOTH), "same")
+        edges_hertz = [low]
+        while edges_hertz[-1] < high - 1.5 * width:
+            search_begin, search_end = (
+                int((edges_hertz[-1] + part * width) / bin_width)
                 for part in (_EDGE_SHARE_MIN, _EDGE_SHARE_MAX)
             )
-            edges.append((band_begin + int(np.argmin(smooth[band_begin:band_end]))) * bin_width)
-        edges.append(high_hertz)
-        for low_edge, high_edge in pairwise(edges):
+            edges_hertz.append(
+                (search_begin + int(np.argmin(smoothed_power[search_begin:search_end]))) * bin_width
+            )
+        edges_hertz.append(high)
+        for low_edge, high_edge in pairwise(edges_hertz):
             power_in_band = power_spectrum[int(low_edge / bin_width) : int(high_edge / bin_width)]
             power_around = power_spectrum[
                 max(1, int(0.7 * low_edge / bin_width)) : int(1.4 * high_edge / bin_width)

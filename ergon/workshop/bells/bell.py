@@ -69,30 +69,30 @@ def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], mode_count: int | N
 
     Raises NotAStrokeError if modes leave more than a quarter of the energy of a stroke.
     """
-    stroke_modes = []
-    for _, recorded in strokes:
-        recorded_modes, residual = find_modes(recorded.sound, recorded.rate)
-        residual_share = float(np.sum(residual**2) / np.sum(recorded.sound**2))
-        if not recorded_modes.f.size or residual_share > RESIDUAL_ENERGY_MAX:
-            problem = (
+    modes_and_errors = []
+    for _, stroke in strokes:
+        modes, residual = find_modes(stroke.sound, stroke.rate)
+        residual_share = float(np.sum(residual**2) / np.sum(stroke.sound**2))
+        if not modes.f.size or residual_share > RESIDUAL_ENERGY_MAX:
+            explained = (
                 "none of it"
-                if not recorded_modes.f.size
+                if not modes.f.size
                 else f"only {100.0 * (1.0 - residual_share):.0f} % of it"
             )
             message = (
-                f"{recorded.name}: it is not a single stroke of something that rings: damped modes "
+                f"{stroke.name}: it is not a single stroke of something that rings: damped modes "
             )
-            raise NotAStrokeError(message + f"explain {problem}; 75 % is the least")
-        stroke_modes.append((recorded_modes, uncertainty(recorded_modes, residual, recorded.rate)))
-    mode_frequencies, decay_rates = _merged_modes(stroke_modes)
-    fits = [_fit(recorded, mode_frequencies, decay_rates) for _, recorded in strokes]
-    shares = np.stack([fit.energy for fit in fits]).max(axis=0)
-    loudest = np.argsort(shares)[::-1][:mode_count]
-    audible = np.sort(loudest[shares[loudest] > _FAINT])
-    if audible.size < mode_frequencies.size:
-        mode_frequencies, decay_rates = mode_frequencies[audible], decay_rates[audible]
-        fits = [_fit(recorded, mode_frequencies, decay_rates) for _, recorded in strokes]
-    return _bell([place for place, _ in strokes], [recorded for _, recorded in strokes], fits)
+            raise NotAStrokeError(message + f"explain {explained}; 75 % is the least")
+        modes_and_errors.append((modes, uncertainty(modes, residual, stroke.rate)))
+    mode_frequencies, decay_rates = _merged_modes(modes_and_errors)
+    fits = [_fit(stroke, mode_frequencies, decay_rates) for _, stroke in strokes]
+    energy_shares = np.stack([fit.energy for fit in fits]).max(axis=0)
+    loudest_modes = np.argsort(energy_shares)[::-1][:mode_count]
+    audible_modes = np.sort(loudest_modes[energy_shares[loudest_modes] > _FAINT])
+    if audible_modes.size < mode_frequencies.size:
+        mode_frequencies, decay_rates = mode_frequencies[audible_modes], decay_rates[audible_modes]
+        fits = [_fit(stroke, mode_frequencies, decay_rates) for _, stroke in strokes]
+    return _bell([place for place, _ in strokes], [stroke for _, stroke in strokes], fits)
 
 
 @dataclass(frozen=True)
@@ -121,139 +121,145 @@ def _fit(stroke: Stroke, mode_frequencies: Array, decay_rates: Array) -> _Fit:
 
 def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
     """f and d of all modes; a mode found in several strokes appears once."""
-    mode_rows = [
-        (float(f), float(d), float(max(sf, 1e-9)), float(max(sd, 1e-9)), stroke_index)
+    rows = [
+        (float(f), float(d), float(max(f_error, 1e-9)), float(max(d_error, 1e-9)), stroke_index)
         for stroke_index, (modes, errors) in enumerate(modes_and_errors)
-        for f, d, sf, sd in zip(modes.f, modes.d, errors.f, errors.d, strict=True)
+        for f, d, f_error, d_error in zip(modes.f, modes.d, errors.f, errors.d, strict=True)
     ]
-    mode_groups: list[list[tuple[float, float, float, float, int]]] = []
-    for mode_row in sorted(mode_rows):
+    groups: list[list[tuple[float, float, float, float, int]]] = []
+    for row in sorted(rows):
         near_groups = [
             group
-            for group in mode_groups[-4:]
+            for group in groups[-4:]
             if (
-                mode_row[4] not in {row_in_group[4] for row_in_group in group}
-                or mode_row[0] - group[0][0] < _SAME_MODE * mode_row[1]
+                row[4] not in {row_in_group[4] for row_in_group in group}
+                or row[0] - group[0][0] < _SAME_MODE * row[1]
             )
-            and abs(mode_row[0] - group[0][0])
+            and abs(row[0] - group[0][0])
             <= max(
-                _SAME_MODE_DEVIATIONS * float(np.hypot(mode_row[2], group[0][2])),
+                _SAME_MODE_DEVIATIONS * float(np.hypot(row[2], group[0][2])),
                 _LEAST_APART,
-                _NEAR_WIDTHS * mode_row[1],
+                _NEAR_WIDTHS * row[1],
             )
         ]
         if near_groups:
-            min(near_groups, key=lambda group: abs(mode_row[0] - group[0][0])).append(mode_row)
+            min(near_groups, key=lambda group: abs(row[0] - group[0][0])).append(row)
         else:
-            mode_groups.append([mode_row])
+            groups.append([row])
     mode_frequencies: list[float] = []
     decay_rates: list[float] = []
-    for group in mode_groups:
-        group_table = np.array(group)
-        for errors, stroke_index in ((mode_frequencies, 0), (decay_rates, 1)):
-            weight = 1.0 / group_table[:, stroke_index + 2] ** 2
-            errors.append(float(np.sum(group_table[:, stroke_index] * weight) / np.sum(weight)))
+    for group in groups:
+        table = np.array(group)
+        for means, column in ((mode_frequencies, 0), (decay_rates, 1)):
+            weights = 1.0 / table[:, column + 2] ** 2
+            means.append(float(np.sum(table[:, column] * weights) / np.sum(weights)))
     order = np.argsort(mode_frequencies)
     return np.array(mode_frequencies)[order], np.array(decay_rates)[order]
 
 
 def _bell(stroke_places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]) -> Bell:
-    bell_modes = fits[0].modes
+    modes = fits[0].modes
     place_names = tuple(dict.fromkeys(stroke_places))
-    level_table = np.zeros((bell_modes.f.size, len(place_names)))
+    products = np.zeros((modes.f.size, len(place_names)))
     impulse_and_length: dict[int, tuple[float, float | None]] = {}
     contact_lengths = []
-    for place_index, name in enumerate(place_names):
-        place_rows = [i for i, place in enumerate(stroke_places) if place == name]
-        amplitudes = np.stack([np.abs(fits[i].modes.c) for i in place_rows])
-        errors = np.stack([fits[i].deviation.level for i in place_rows])
-        contact_levels = contact.levels(bell_modes.f, amplitudes, errors)
-        hardest = place_rows[int(np.argmax(contact_levels.impulses))]
-        level_table[:, place_index] = contact_levels.levels * _signs(fits[hardest].modes)
-        shortest = contact_levels.lengths[int(np.argmax(contact_levels.impulses))]
-        contact_lengths += [] if shortest is None else [shortest]
-        for i, impulse, contact_length in zip(
-            place_rows, contact_levels.impulses, contact_levels.lengths, strict=True
+    for column, place_name in enumerate(place_names):
+        stroke_indices = [
+            stroke_index for stroke_index, place in enumerate(stroke_places) if place == place_name
+        ]
+        amplitudes = np.stack(
+            [np.abs(fits[stroke_index].modes.c) for stroke_index in stroke_indices]
+        )
+        errors = np.stack([fits[stroke_index].deviation.level for stroke_index in stroke_indices])
+        level_fit = contact.levels(modes.f, amplitudes, errors)
+        hardest_index = stroke_indices[int(np.argmax(level_fit.impulses))]
+        products[:, column] = level_fit.levels * _signs(fits[hardest_index].modes)
+        hardest_length = level_fit.lengths[int(np.argmax(level_fit.impulses))]
+        contact_lengths += [] if hardest_length is None else [hardest_length]
+        for stroke_index, impulse, contact_length in zip(
+            stroke_indices, level_fit.impulses, level_fit.lengths, strict=True
         ):
-            impulse_and_length[i] = float(impulse), contact_length
+            impulse_and_length[stroke_index] = float(impulse), contact_length
     contact_length = min(contact_lengths, default=contact.LENGTH)
-    reference = float(np.abs(level_table).max())
-    level_table /= reference
-    listened, levels = _split(level_table)
+    reference = float(np.abs(products).max())
+    products /= reference
+    listened, levels = _split(products)
     loudest = max(fits, key=lambda fit: float(np.sum(np.abs(fit.modes.c) ** 2)))
-    best_fits = [
+    smallest_deviations = [
         np.min([getattr(fit.deviation, field_name) for fit in fits], axis=0) for field_name in "fd"
     ]
     level_deviation = np.min([fit.deviation.level for fit in fits], axis=0)
-    stroke_contacts = tuple(
-        StrokeReport(recorded.name, place, *impulse_and_length[i], fits[i].explained)
-        for i, (place, recorded) in enumerate(zip(stroke_places, strokes, strict=True))
+    reports = tuple(
+        StrokeReport(
+            recorded.name, place, *impulse_and_length[stroke_index], fits[stroke_index].explained
+        )
+        for stroke_index, (place, recorded) in enumerate(zip(stroke_places, strokes, strict=True))
     )
     return Bell(
-        bell_modes.f,
-        LN_1000 / bell_modes.d,
+        modes.f,
+        LN_1000 / modes.d,
         place_names,
         levels,
         listened,
         loudest.energy,
-        Uncertainty(best_fits[0], best_fits[1], level_deviation),
-        stroke_contacts,
+        Uncertainty(smallest_deviations[0], smallest_deviations[1], level_deviation),
+        reports,
         contact_length,
         reference,
     )
 
 
-def _split(level_table: Array) -> tuple[Array, Array]:
+def _split(products: Array) -> tuple[Array, Array]:
     """Split products of levels (n, places) into levels at the place of listening and at the struck
     places.
     """
-    loudest = int(np.argmax(np.sum(level_table**2, axis=0)))
-    loudest_level = np.abs(level_table[:, loudest])
-    least = 1e-3 * np.abs(level_table).max(axis=1)
-    loudness: Array = np.sqrt(np.maximum(np.maximum(loudest_level, least), 1e-12))
-    return loudness, np.asarray(level_table / loudness[:, None])
+    loudest_column = int(np.argmax(np.sum(products**2, axis=0)))
+    levels_at_loudest = np.abs(products[:, loudest_column])
+    level_floor = 1e-3 * np.abs(products).max(axis=1)
+    listened: Array = np.sqrt(np.maximum(np.maximum(levels_at_loudest, level_floor), 1e-12))
+    return listened, np.asarray(products / listened[:, None])
 
 
-def _signs(bell_modes: Modes) -> Array:
+def _signs(modes: Modes) -> Array:
     """Signs of the modes. At the instant of the push all modes have the same phase or the opposite
     one.
     """
-    weight = np.abs(bell_modes.c) ** 0.5
-    phase = np.angle(bell_modes.c)
-    turns = phase[None, :] + 2.0 * np.pi * _STROKE_OFFSETS[:, None] * bell_modes.f[None, :]
-    phasor_sums = np.exp(2j * turns) @ weight
-    loudest_row = int(np.argmax(np.abs(phasor_sums)))
+    weights = np.abs(modes.c) ** 0.5
+    phases = np.angle(modes.c)
+    turned_phases = phases[None, :] + 2.0 * np.pi * _STROKE_OFFSETS[:, None] * modes.f[None, :]
+    phasor_sums = np.exp(2j * turned_phases) @ weights
+    best_row = int(np.argmax(np.abs(phasor_sums)))
     signs = np.where(
-        np.cos(turns[loudest_row] - 0.5 * np.angle(phasor_sums[loudest_row])) >= 0.0, 1.0, -1.0
+        np.cos(turned_phases[best_row] - 0.5 * np.angle(phasor_sums[best_row])) >= 0.0, 1.0, -1.0
     )
-    return np.asarray(signs * signs[int(np.argmax(np.abs(bell_modes.c)))])
+    return np.asarray(signs * signs[int(np.argmax(np.abs(modes.c)))])
 
 
 def bell_from_table(
-    resonance_rows: Sequence[tuple[float, float, float]], mode_count: int | None = None
+    resonance_rows: Sequence[tuple[float, float, float]], count_max: int | None = None
 ) -> Bell:
     """The bell of a table of resonances, each f [Hz], t60 [s] and amplitude; the loudest
-    `mode_count`.
+    `count_max`.
 
     A table has no full scale: the amplitudes of all modes together are set to half of it.
     """
     loudest_rows = sorted(resonance_rows, key=lambda row: -(row[2] ** 2) * row[1])[
-        : mode_count or len(resonance_rows)
+        : count_max or len(resonance_rows)
     ]
-    f, t60, a = (np.array(column) for column in zip(*sorted(loudest_rows), strict=True))
-    loudness, place_levels = _split((a / np.abs(a).max())[:, None])
-    energy = a * a * t60
+    f, t60, amplitudes = (np.array(column) for column in zip(*sorted(loudest_rows), strict=True))
+    listened, place_levels = _split((amplitudes / np.abs(amplitudes).max())[:, None])
+    energy = amplitudes * amplitudes * t60
     energy_total = sum(row[2] ** 2 * row[1] for row in resonance_rows)
-    reference = _PEAK / float(np.sum(np.abs(place_levels[:, 0] * loudness)))
-    reference_contact = contact.LENGTH, reference
+    reference = _PEAK / float(np.sum(np.abs(place_levels[:, 0] * listened)))
+    contact_and_reference = contact.LENGTH, reference
     return Bell(
         f,
         t60,
         ("point",),
         place_levels,
-        loudness,
+        listened,
         energy / energy_total,
         None,
         (),
-        *reference_contact,
+        *contact_and_reference,
     )

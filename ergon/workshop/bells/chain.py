@@ -26,8 +26,8 @@ class Chain:
     grounds: Array
 
 
-def chain(mode_frequencies: Array, t60: Array, mode_shares: Array, chain_mass: float) -> Chain:
-    """The chain whose first mass [kg] has modes f [Hz] with shares `mode_shares` of its movement.
+def chain(mode_frequencies: Array, t60: Array, shares: Array, chain_mass: float) -> Chain:
+    """The chain whose first mass [kg] has modes f [Hz] with these `shares` of its movement.
 
     Lanczos' process from the weights (de Boor and Golub, 1978); dampers by non-negative least
     squares. Raises ValueError if there is no such chain.
@@ -40,38 +40,40 @@ def chain(mode_frequencies: Array, t60: Array, mode_shares: Array, chain_mass: f
     if np.any(mode_frequencies[1:] < _NEIGHBOUR_RATIO_MIN * mode_frequencies[:-1]):
         raise ValueError("a chain cannot have modes that beat: two are nearer than 2 %")
     sigma = LN_1000 / t60
-    eigen = (2.0 * np.pi * mode_frequencies) ** 2 + sigma**2
-    diagonal, off_diagonal, basis = _lanczos(eigen, np.sqrt(mode_shares / mode_shares.sum()))
-    n = mode_frequencies.size
-    masses, springs = np.zeros(n), np.zeros(n)
+    eigenvalues = (2.0 * np.pi * mode_frequencies) ** 2 + sigma**2
+    diagonal, off_diagonal, basis = _lanczos(eigenvalues, np.sqrt(shares / shares.sum()))
+    mass_count = mode_frequencies.size
+    masses, springs = np.zeros(mass_count), np.zeros(mass_count)
     masses[0] = chain_mass
     stiffness_before = 0.0
-    for i in range(n):
+    for i in range(mass_count):
         springs[i] = masses[i] * diagonal[i] - stiffness_before
         stiffness_before = springs[i]
-        if i + 1 < n:
+        if i + 1 < mass_count:
             masses[i + 1] = (springs[i] / off_diagonal[i]) ** 2 / masses[i]
     # (masses, modes) for modes of mass 1. The signs alternate, because springs pull masses
     # together.
-    shapes = basis * ((-1.0) ** np.arange(n) / np.sqrt(masses))[:, None]
-    stretched = np.vstack([shapes[1:] - shapes[:-1], -shapes[-1:]])
-    element_squares = np.vstack([stretched**2, shapes**2])
-    z = _not_negative((element_squares / (2.0 * sigma)).T, np.ones(n))
-    rebuilt = element_squares.T @ z / 2.0
-    worst = float(np.max(np.abs(rebuilt / sigma - 1.0)))
-    if not worst < _DECAY_ERROR_MAX:
-        message = f"no dampers of a chain give these decays: one would be {100 * worst:.0f} % off"
+    shapes = basis * ((-1.0) ** np.arange(mass_count) / np.sqrt(masses))[:, None]
+    elongations = np.vstack([shapes[1:] - shapes[:-1], -shapes[-1:]])
+    element_squares = np.vstack([elongations**2, shapes**2])
+    dampers = _not_negative((element_squares / (2.0 * sigma)).T, np.ones(mass_count))
+    rebuilt_sigma = element_squares.T @ dampers / 2.0
+    decay_error = float(np.max(np.abs(rebuilt_sigma / sigma - 1.0)))
+    if not decay_error < _DECAY_ERROR_MAX:
+        message = (
+            f"no dampers of a chain give these decays: one would be {100 * decay_error:.0f} % off"
+        )
         raise ValueError(message)
-    return Chain(masses, springs, z[:n], z[n:])
+    return Chain(masses, springs, dampers[:mass_count], dampers[mass_count:])
 
 
-def _lanczos(eigen: Array, start_vector: Array) -> tuple[Array, Array, Array]:
-    n = eigen.size
+def _lanczos(eigenvalues: Array, start_vector: Array) -> tuple[Array, Array, Array]:
+    n = eigenvalues.size
     basis = np.zeros((n, n))  # a row for each mass
     diagonal, off_diagonal = np.zeros(n), np.zeros(max(0, n - 1))
     basis[0] = start_vector
     for i in range(n):
-        image = eigen * basis[i]
+        image = eigenvalues * basis[i]
         diagonal[i] = basis[i] @ image
         for _ in range(2):
             image = image - basis[: i + 1].T @ (basis[: i + 1] @ image)
@@ -81,28 +83,32 @@ def _lanczos(eigen: Array, start_vector: Array) -> tuple[Array, Array, Array]:
     return diagonal, off_diagonal, basis
 
 
-def _not_negative(a: Array, b: Array) -> Array:
+def _not_negative(matrix: Array, right_side: Array) -> Array:
     """Non-negative least squares (Lawson and Hanson, 1974)."""
-    n = a.shape[1]
-    column_norms = np.linalg.norm(a, axis=0)
-    a = a / column_norms
-    x, active = np.zeros(n), np.zeros(n, bool)
-    for _ in range(10 * n):
-        rise = a.T @ (b - a @ x)
-        rise[active] = -np.inf
-        largest_row = int(np.argmax(rise))
-        if rise[largest_row] <= 1e-12:
+    unknown_count = matrix.shape[1]
+    column_norms = np.linalg.norm(matrix, axis=0)
+    matrix = matrix / column_norms
+    solution, is_active = np.zeros(unknown_count), np.zeros(unknown_count, bool)
+    for _ in range(10 * unknown_count):
+        gradient = matrix.T @ (right_side - matrix @ solution)
+        gradient[is_active] = -np.inf
+        steepest = int(np.argmax(gradient))
+        if gradient[steepest] <= 1e-12:
             break
-        active[largest_row] = True
+        is_active[steepest] = True
         while True:
-            trial = np.zeros(n)
-            trial[active] = np.linalg.lstsq(a[:, active], b, rcond=None)[0]
-            low_rows = active & (trial <= 0.0)
-            if not low_rows.any():
-                x = trial
+            trial_solution = np.zeros(unknown_count)
+            trial_solution[is_active] = np.linalg.lstsq(
+                matrix[:, is_active], right_side, rcond=None
+            )[0]
+            is_blocked = is_active & (trial_solution <= 0.0)
+            if not is_blocked.any():
+                solution = trial_solution
                 break
-            share = np.min(x[low_rows] / (x[low_rows] - trial[low_rows]))
-            x = x + share * (trial - x)
-            active &= x > 1e-15
-            x[~active] = 0.0
-    return np.asarray(x / column_norms)
+            share = np.min(
+                solution[is_blocked] / (solution[is_blocked] - trial_solution[is_blocked])
+            )
+            solution = solution + share * (trial_solution - solution)
+            is_active &= solution > 1e-15
+            solution[~is_active] = 0.0
+    return np.asarray(solution / column_norms)

@@ -47,18 +47,20 @@ def text(bell: Bell, instrument_name: str = "bell", form: str = "modes") -> str:
     return "\n".join([*header_lines, *yaml_lines, *body(bell)]) + "\n"
 
 
-def _head(bell: Bell, network_form: str) -> Iterator[str]:
+def _head(bell: Bell, form: str) -> Iterator[str]:
     yield f"{len(bell.f)} modes, struck at {', '.join(bell.places)}."
     for stroke in bell.strokes:
-        length = "" if stroke.contact is None else f", contact {1e3 * stroke.contact:.2g} ms"
-        share = f"{100.0 * stroke.explained:.2f} % of its energy explained"
-        yield f"{stroke.name} at {stroke.place}: impulse {stroke.impulse:.3g}{length}, {share}"
+        contact_words = "" if stroke.contact is None else f", contact {1e3 * stroke.contact:.2g} ms"
+        explained_words = f"{100.0 * stroke.explained:.2f} % of its energy explained"
+        impulse_words = f"impulse {stroke.impulse:.3g}{contact_words}"
+        yield f"{stroke.name} at {stroke.place}: {impulse_words}, {explained_words}"
     yield "Masses are chosen, for a recording tells levels only."
-    if network_form == "modes":
-        loud = f"{20.0 * np.log10(bell.reference):.1f} dBFS"
+    if form == "modes":
+        loudness_words = f"{20.0 * np.log10(bell.reference):.1f} dBFS"
         loudness_note = " as in the recording" if bell.strokes else ""
         yield (
-            f"A hammer at {contact.SPEED:g} m/s makes the loudest mode {loud} loud{loudness_note}."
+            f"A hammer at {contact.SPEED:g} m/s makes the loudest mode {loudness_words} "
+            f"loud{loudness_note}."
         )
     yield "A key gives the hammer a push, and stops before `gap`:"
     yield "  {BUT: {between: [k1, bell.hammer], K: 4kN/m, Z: 2Ns/m}}"
@@ -79,11 +81,11 @@ def _mass(bell: Bell) -> float:
     return PLACE_MASS * float(np.sum(bell.levels[:, 0] ** 2))
 
 
-def _contact_line(bell: Bell, place_name: str, instrument_name: str = "felt") -> str:
-    k = contact.stiffness(bell.contact)
+def _contact_line(bell: Bell, place_name: str, link_name: str = "felt") -> str:
+    stiffness = contact.stiffness(bell.contact)
     return (
-        f"      {instrument_name}: "
-        f"{{BUT: {{between: [hammer, {place_name}], K: {k:.4g}, exponent: 1.5, gap: "
+        f"      {link_name}: "
+        f"{{BUT: {{between: [hammer, {place_name}], K: {stiffness:.4g}, exponent: 1.5, gap: "
         "7mm}}"
     )
 
@@ -94,64 +96,67 @@ def _modes(bell: Bell) -> list[str]:
     levels_by_place[LISTENED] = bell.listened * (
         bell.reference * _FULL_SCALE * _mass(bell) / _IMPULSE
     )
-    yaml_rows = ["      body:", "        MODES:", f"          M: {_number(_mass(bell) * 1e3)}g"]
-    yaml_rows += _list("          f: ", [f"{_number(f)}Hz" for f in bell.f])
-    yaml_rows += _list("          t60: ", [f"{_number(t, 6)}s" for t in bell.t60])
-    yaml_rows.append("          places:")
+    lines = ["      body:", "        MODES:", f"          M: {_number(_mass(bell) * 1e3)}g"]
+    lines += _list("          f: ", [f"{_number(f)}Hz" for f in bell.f])
+    lines += _list("          t60: ", [f"{_number(t, 6)}s" for t in bell.t60])
+    lines.append("          places:")
     for name, levels in levels_by_place.items():
-        yaml_rows += _list(f"            {name}: ", [_number(level, 6) for level in levels])
-    yaml_rows.append(_contact_line(bell, f"body.{bell.places[0]}"))
-    return [*yaml_rows, f"    out: {{SOV: body.{LISTENED}}}"]
+        lines += _list(f"            {name}: ", [_number(level, 6) for level in levels])
+    lines.append(_contact_line(bell, f"body.{bell.places[0]}"))
+    return [*lines, f"    out: {{SOV: body.{LISTENED}}}"]
 
 
 def _cels(bell: Bell) -> list[str]:
-    weight = np.abs(bell.levels[:, 0] * bell.listened)
-    cel_mass = PLACE_MASS * float(np.sum(weight))
-    yaml_rows, link_rows = [], []
-    for i, (f, t60, modal_weight) in enumerate(zip(bell.f, bell.t60, weight, strict=True), 1):
-        grams = _number(1e3 * cel_mass / max(modal_weight, 1e-9))
-        yaml_rows.append(
-            f"      p{i}: {{CEL: {{M: {grams}g, f: {_number(f)}Hz, t60: {_number(t60, 6)}s}}}}"
+    mode_weights = np.abs(bell.levels[:, 0] * bell.listened)
+    total_mass = PLACE_MASS * float(np.sum(mode_weights))
+    mass_lines, contact_lines = [], []
+    for i, (f, t60, mode_weight) in enumerate(zip(bell.f, bell.t60, mode_weights, strict=True), 1):
+        mass_grams = _number(1e3 * total_mass / max(mode_weight, 1e-9))
+        mass_lines.append(
+            f"      p{i}: {{CEL: {{M: {mass_grams}g, f: {_number(f)}Hz, t60: {_number(t60, 6)}s}}}}"
         )
-        link_rows.append(_contact_line(bell, f"p{i}", f"b{i}"))
-    names = _list("    out: {SOV: ", [f"p{i}" for i in range(1, len(bell.f) + 1)])
-    return [*yaml_rows, *link_rows, *names[:-1], names[-1] + "}"]
+        contact_lines.append(_contact_line(bell, f"p{i}", f"b{i}"))
+    out_lines = _list("    out: {SOV: ", [f"p{i}" for i in range(1, len(bell.f) + 1)])
+    return [*mass_lines, *contact_lines, *out_lines[:-1], out_lines[-1] + "}"]
 
 
 def _chain(bell: Bell) -> list[str]:
-    weight = np.abs(bell.levels[:, 0] * bell.listened)
+    mode_weights = np.abs(bell.levels[:, 0] * bell.listened)
     try:
-        built_chain = chain(bell.f, bell.t60, weight, PLACE_MASS)
+        built_chain = chain(bell.f, bell.t60, mode_weights, PLACE_MASS)
     except ValueError as error:
         raise FormError(f"{error}; write the bell as modes") from None
-    yaml_rows = ["      wall: {SOL: {}}"]
-    last_mass = len(built_chain.masses)
-    for i, (m, z) in enumerate(zip(built_chain.masses, built_chain.grounds, strict=True), 1):
-        yaml_rows.append(f"      m{i}: {{MAS: {{M: {_number(m * 1e3)}g}}}}")
-        if z > 0.0 and i < last_mass:
-            yaml_rows.append(f"      z{i}: {{FRO: {{between: [wall, m{i}], Z: {_number(z)}}}}}")
-    for i, (k, z) in enumerate(zip(built_chain.springs, built_chain.dampers, strict=True), 1):
-        end_names = f"[m{i}, m{i + 1}]" if i < last_mass else f"[m{i}, wall]"
-        z += built_chain.grounds[-1] if i == last_mass else 0.0
-        yaml_rows.append(
-            f"      s{i}: {{REF: {{between: {end_names}, K: {_number(k)}, Z: {_number(z)}}}}}"
+    lines = ["      wall: {SOL: {}}"]
+    mass_count = len(built_chain.masses)
+    for i, (mass, damper) in enumerate(
+        zip(built_chain.masses, built_chain.grounds, strict=True), 1
+    ):
+        lines.append(f"      m{i}: {{MAS: {{M: {_number(mass * 1e3)}g}}}}")
+        if damper > 0.0 and i < mass_count:
+            lines.append(f"      z{i}: {{FRO: {{between: [wall, m{i}], Z: {_number(damper)}}}}}")
+    for i, (spring, damper) in enumerate(
+        zip(built_chain.springs, built_chain.dampers, strict=True), 1
+    ):
+        end_names = f"[m{i}, m{i + 1}]" if i < mass_count else f"[m{i}, wall]"
+        damper += built_chain.grounds[-1] if i == mass_count else 0.0
+        lines.append(
+            f"      s{i}: {{REF: {{between: {end_names}, K: {_number(spring)}, "
+            f"Z: {_number(damper)}}}}}"
         )
-    return [*yaml_rows, _contact_line(bell, "m1"), "    out: {SOV: m1}"]
+    return [*lines, _contact_line(bell, "m1"), "    out: {SOV: m1}"]
 
 
 def _number(value: float, digits: int = 10) -> str:
     return f"{float(value):.{digits}g}"
 
 
-def _list(line_head: str, list_words: Sequence[str]) -> list[str]:
+def _list(head: str, words: Sequence[str]) -> list[str]:
     """`head [a, b, …]`, broken into lines of limited width."""
-    yaml_lines, yaml_line = [], line_head + "["
-    for i, list_word in enumerate(list_words):
-        list_word += "]" if i == len(list_words) - 1 else ","
-        if len(yaml_line) + len(list_word) > _WIDTH:
-            yaml_lines.append(yaml_line.rstrip())
-            yaml_line = " " * (len(line_head) + 1)
-        yaml_line += (
-            list_word if yaml_line.endswith("[") or not yaml_line.strip() else f" {list_word}"
-        )
-    return [*yaml_lines, yaml_line]
+    lines, line = [], head + "["
+    for i, word in enumerate(words):
+        word += "]" if i == len(words) - 1 else ","
+        if len(line) + len(word) > _WIDTH:
+            lines.append(line.rstrip())
+            line = " " * (len(head) + 1)
+        line += word if line.endswith("[") or not line.strip() else f" {word}"
+    return [*lines, line]

@@ -64,45 +64,44 @@ NONE = Modes(np.zeros(0), np.zeros(0), np.zeros(0, complex))
 
 def find_modes(stroke_sound: Array, rate: float) -> tuple[Modes, Array]:
     """The modes of a sound (n,) that begins after its stroke, and the residual (n,)."""
-    bell_modes, residual = NONE, stroke_sound
+    modes, residual = NONE, stroke_sound
     for band_width in _WIDTHS:
         bands = Bands(residual, rate)
-        high = min(HIGH, 0.45 * rate)
-        mode_frequencies, decay_rates = list(bell_modes.f), list(bell_modes.d)
-        for low, top in bands.occupied(LOW, high, band_width):
+        highest = min(HIGH, 0.45 * rate)
+        mode_frequencies, decay_rates = list(modes.f), list(modes.d)
+        for low, high in bands.occupied(LOW, highest, band_width):
             _core.poll()
-            band_modes = _in_band(bands, low, top, band_width)
+            band_modes = _in_band(bands, low, high, band_width)
             mode_frequencies += list(band_modes[0])
             decay_rates += list(band_modes[1])
         if mode_frequencies:
             order = np.argsort(mode_frequencies)
-            bell_modes, residual = fit_amplitudes(
+            modes, residual = fit_amplitudes(
                 stroke_sound, rate, np.array(mode_frequencies)[order], np.array(decay_rates)[order]
             )
     for _ in range(_ROUNDS_MAX):
-        errors = uncertainty(bell_modes, residual, rate)
-        worst = _unknown(bell_modes, errors)
-        if not worst:
+        errors = uncertainty(modes, residual, rate)
+        worst_modes = _unknown(modes, errors)
+        if not worst_modes:
             break
-        bell_modes, residual = _without_modes(bell_modes, residual, worst, stroke_sound, rate)
-    return bell_modes, residual
+        modes, residual = _without_modes(modes, residual, worst_modes, stroke_sound, rate)
+    return modes, residual
 
 
-def _unknown(bell_modes: Modes, errors: Uncertainty) -> list[int]:
+def _unknown(modes: Modes, errors: Uncertainty) -> list[int]:
     """Modes whose decay is not known, the worst first; of neighbours only the worst."""
-    decay_share = errors.d / bell_modes.d
-    chosen_modes: list[int] = []
-    for mode_index in np.argsort(-decay_share):
-        if decay_share[mode_index] < _DECAY_ERROR_MAX:
+    decay_errors = errors.d / modes.d
+    chosen: list[int] = []
+    for mode in np.argsort(-decay_errors):
+        if decay_errors[mode] < _DECAY_ERROR_MAX:
             break
-        reach = _reach(bell_modes, mode_index)
+        reach = _reach(modes, mode)
         if all(
-            abs(bell_modes.f[mode_index] - bell_modes.f[chosen_mode])
-            > reach + _reach(bell_modes, chosen_mode)
-            for chosen_mode in chosen_modes
+            abs(modes.f[mode] - modes.f[chosen_mode]) > reach + _reach(modes, chosen_mode)
+            for chosen_mode in chosen
         ):
-            chosen_modes.append(int(mode_index))
-    return chosen_modes
+            chosen.append(int(mode))
+    return chosen
 
 
 def _reach(modes: Modes, mode: int) -> float:
@@ -113,68 +112,70 @@ def _reach(modes: Modes, mode: int) -> float:
 
 
 def _without_modes(
-    bell_modes: Modes, residual: Array, worst_modes: list[int], stroke_sound: Array, rate: float
+    modes: Modes, residual: Array, worst_modes: list[int], stroke_sound: Array, rate: float
 ) -> tuple[Modes, Array]:
     """The modes without some; neighbours of each removed mode are fitted again to take over its
     energy.
     """
-    mode_frequencies, decay_rates = bell_modes.f.copy(), bell_modes.d.copy()
+    mode_frequencies, decay_rates = modes.f.copy(), modes.d.copy()
     for mode in worst_modes:
         _core.poll()
-        mode_reach = _reach(bell_modes, mode)
-        near_modes = np.flatnonzero(np.abs(bell_modes.f - bell_modes.f[mode]) < mode_reach)
-        other_modes = near_modes[near_modes != mode]
-        if not other_modes.size:
+        reach = _reach(modes, mode)
+        near = np.flatnonzero(np.abs(modes.f - modes.f[mode]) < reach)
+        neighbours = near[near != mode]
+        if not neighbours.size:
             continue
-        near_sound = residual + synthesise(bell_modes.some(near_modes), residual.size, rate)
-        low_hertz, top = (
-            float(mode_frequencies[near_modes].min()) - mode_reach,
-            float(mode_frequencies[near_modes].max()) + mode_reach,
+        near_sound = residual + synthesise(modes.some(near), residual.size, rate)
+        low, high = (
+            float(mode_frequencies[near].min()) - reach,
+            float(mode_frequencies[near].max()) + reach,
         )
-        signal, band_rate, centre = Bands(near_sound, rate).take(max(low_hertz, 1.0), top)
-        skip = ceil(_SKIP * band_rate / (top - low_hertz))
-        signal = signal[skip : max(skip + _SAMPLES_MIN, min(signal.size - skip, _POLISHED))]
-        z = np.exp(
-            (-decay_rates[other_modes] + 2j * np.pi * (mode_frequencies[other_modes] - centre))
+        band_signal, band_rate, centre = Bands(near_sound, rate).take(max(low, 1.0), high)
+        skipped = ceil(_SKIP * band_rate / (high - low))
+        band_signal = band_signal[
+            skipped : max(skipped + _SAMPLES_MIN, min(band_signal.size - skipped, _POLISHED))
+        ]
+        band_poles = np.exp(
+            (-decay_rates[neighbours] + 2j * np.pi * (mode_frequencies[neighbours] - centre))
             / band_rate
         )
-        z, _, _ = polish_poles(signal, z)
+        band_poles, _, _ = polish_poles(band_signal, band_poles)
         new_f, new_d = (
-            centre + np.angle(z) * band_rate / (2.0 * np.pi),
-            -np.log(np.abs(z)) * band_rate,
+            centre + np.angle(band_poles) * band_rate / (2.0 * np.pi),
+            -np.log(np.abs(band_poles)) * band_rate,
         )
-        is_fit = (
-            (np.abs(new_f - mode_frequencies[other_modes]) < mode_reach)
+        is_plausible = (
+            (np.abs(new_f - mode_frequencies[neighbours]) < reach)
             & (new_d > _DECAYS[0])
             & (new_d < _DECAY_RATE_MAX)
         )
-        mode_frequencies[other_modes[is_fit]], decay_rates[other_modes[is_fit]] = (
-            new_f[is_fit],
-            new_d[is_fit],
+        mode_frequencies[neighbours[is_plausible]], decay_rates[neighbours[is_plausible]] = (
+            new_f[is_plausible],
+            new_d[is_plausible],
         )
     remaining = np.delete(np.arange(mode_frequencies.size), worst_modes)
     remaining = remaining[np.argsort(mode_frequencies[remaining])]
     return fit_amplitudes(stroke_sound, rate, mode_frequencies[remaining], decay_rates[remaining])
 
 
-def _in_band(
-    bands: Bands, low_hertz: float, top_hertz: float, band_width: float
-) -> tuple[Array, Array]:
-    signal, rate, centre = bands.take(low_hertz, top_hertz)
-    skip = ceil(_SKIP * rate / (top_hertz - low_hertz))
-    signal = signal[skip : max(skip + _SAMPLES_MIN, min(signal.size - skip, _SAMPLES_MAX))]
-    if signal.size < _SAMPLES_MIN:
+def _in_band(bands: Bands, low: float, high: float, band_width: float) -> tuple[Array, Array]:
+    band_signal, rate, centre = bands.take(low, high)
+    skipped = ceil(_SKIP * rate / (high - low))
+    band_signal = band_signal[
+        skipped : max(skipped + _SAMPLES_MIN, min(band_signal.size - skipped, _SAMPLES_MAX))
+    ]
+    if band_signal.size < _SAMPLES_MIN:
         return np.zeros(0), np.zeros(0)
-    z, _ = exponentials(signal, min(_BAND_MODES_MAX, signal.size // 5))
-    band_frequencies = centre + np.angle(z) * rate / (2.0 * np.pi)
-    d = -np.log(np.abs(z)) * rate
-    is_ours = (
-        (band_frequencies >= low_hertz)
-        & (band_frequencies < top_hertz)
-        & (d > _DECAYS[0])
-        & (d < _DECAYS[1] * band_width)
+    band_poles, _ = exponentials(band_signal, min(_BAND_MODES_MAX, band_signal.size // 5))
+    band_frequencies = centre + np.angle(band_poles) * rate / (2.0 * np.pi)
+    decay_rates = -np.log(np.abs(band_poles)) * rate
+    is_accepted = (
+        (band_frequencies >= low)
+        & (band_frequencies < high)
+        & (decay_rates > _DECAYS[0])
+        & (decay_rates < _DECAYS[1] * band_width)
     )
-    return band_frequencies[is_ours], d[is_ours]
+    return band_frequencies[is_accepted], decay_rates[is_accepted]
 
 
 def fit_amplitudes(
@@ -183,24 +184,30 @@ def fit_amplitudes(
     """Modes of known f [Hz] and d [1/s] with the amplitudes that fit a sound best; the residual."""
     if not mode_frequencies.size:
         return NONE, stroke_sound
-    n = min(stroke_sound.size, round(_FITTED * rate))
+    fitted_frames = min(stroke_sound.size, round(_FITTED * rate))
     pole_logarithms = (-decay_rates + 2j * np.pi * mode_frequencies) / rate
     # Sums of products of the real parts u and of -v, from sums of e^(s+s')k and of e^(s+s'*)k.
-    plain_sums, rotated_sums = (
-        _sum(pole_logarithms[:, None] + pole_logarithms, n),
-        _sum(pole_logarithms[:, None] + pole_logarithms.conj(), n),
+    sums_of_products, sums_of_conjugate_products = (
+        _sum(pole_logarithms[:, None] + pole_logarithms, fitted_frames),
+        _sum(pole_logarithms[:, None] + pole_logarithms.conj(), fitted_frames),
     )
     gram = 0.5 * np.block(
         [
-            [(rotated_sums + plain_sums).real, (rotated_sums - plain_sums).imag],
-            [-(rotated_sums + plain_sums).imag, (rotated_sums - plain_sums).real],
+            [
+                (sums_of_conjugate_products + sums_of_products).real,
+                (sums_of_conjugate_products - sums_of_products).imag,
+            ],
+            [
+                -(sums_of_conjugate_products + sums_of_products).imag,
+                (sums_of_conjugate_products - sums_of_products).real,
+            ],
         ]
     )
-    products = _exponential_products(pole_logarithms, stroke_sound[:n])
+    products = _exponential_products(pole_logarithms, stroke_sound[:fitted_frames])
     right_side = np.concatenate([products.real, -products.imag])
-    size = np.sqrt(gram.diagonal())
+    norms = np.sqrt(gram.diagonal())
     solution = (
-        np.linalg.lstsq(gram / np.outer(size, size), right_side / size, rcond=1e-12)[0] / size
+        np.linalg.lstsq(gram / np.outer(norms, norms), right_side / norms, rcond=1e-12)[0] / norms
     )
     modes = Modes(
         mode_frequencies,
@@ -217,22 +224,22 @@ def _sum(s: NDArray[Any], n: int) -> Complex:
 
 def _exponential_products(exponent_steps: NDArray[Any], stroke_sound: Array) -> Complex:
     """Σ of sound[k]·e^(s·k), for each s (m,)."""
-    block_step = np.exp(np.arange(_BLOCK)[:, None] * exponent_steps)
-    product_sum = np.zeros(exponent_steps.size, complex)
+    block_powers = np.exp(np.arange(_BLOCK)[:, None] * exponent_steps)
+    products = np.zeros(exponent_steps.size, complex)
     for begin in range(0, stroke_sound.size, _BLOCK):
         block = stroke_sound[begin : begin + _BLOCK]
-        product_sum += np.exp(begin * exponent_steps) * (block @ block_step[: block.size])
-    return product_sum
+        products += np.exp(begin * exponent_steps) * (block @ block_powers[: block.size])
+    return products
 
 
 def synthesise(modes: Modes, n: int, rate: float) -> Array:
     """The sum of modes as a sound (n,)."""
-    synthesised_sound = np.zeros(n)
-    block_step = np.exp(np.arange(_BLOCK)[:, None] / rate * modes.poles)
+    sound = np.zeros(n)
+    block_powers = np.exp(np.arange(_BLOCK)[:, None] / rate * modes.poles)
     for begin in range(0, n, _BLOCK):
         c = modes.c * np.exp(begin / rate * modes.poles)
-        synthesised_sound[begin : begin + _BLOCK] = (block_step[: n - begin] @ c).real
-    return synthesised_sound
+        sound[begin : begin + _BLOCK] = (block_powers[: n - begin] @ c).real
+    return sound
 
 
 @dataclass(frozen=True)
@@ -244,33 +251,43 @@ class Uncertainty:
     level: Array
 
 
-def uncertainty(bell_modes: Modes, residual: Array, rate: float) -> Uncertainty:
+def uncertainty(modes: Modes, residual: Array, rate: float) -> Uncertainty:
     """The Cramér-Rao bound for modes in noise as strong as the residual around each mode."""
     duration = residual.size / rate
-    n = bell_modes.f.size
-    pole_sums = bell_modes.poles.conj()[:, None] + bell_modes.poles[None, :]
+    mode_count = modes.f.size
+    pole_sums = modes.poles.conj()[:, None] + modes.poles[None, :]
     pole_sums = np.where(np.abs(pole_sums) * duration < 1e-3, -1e-3 / duration, pole_sums)
     end_values = np.exp(pole_sums * duration)
     i0 = (end_values - 1.0) / pole_sums
     i1 = (duration * end_values - i0) / pole_sums
     i2 = (duration * duration * end_values - 2.0 * i1) / pole_sums
-    weight = bell_modes.c.conj()[:, None] * bell_modes.c[None, :]
-    fisher = np.block([[i2 * weight, i1 * weight], [i1 * weight, i0 * weight]])
-    size = np.sqrt(np.maximum(fisher.diagonal().real, 1e-300))
-    bound = np.linalg.pinv(fisher / np.outer(size, size), hermitian=True).diagonal().real
-    deviation = np.sqrt(np.maximum(bound, 0.0)) / size
-    noise = np.sqrt(2.0 * _noise(bell_modes.f, residual, rate) / rate)
-    d, level = deviation[:n] * noise, deviation[n:] * noise
-    return Uncertainty(d / (2.0 * np.pi), d, level)
+    amplitude_products = modes.c.conj()[:, None] * modes.c[None, :]
+    fisher = np.block(
+        [
+            [i2 * amplitude_products, i1 * amplitude_products],
+            [i1 * amplitude_products, i0 * amplitude_products],
+        ]
+    )
+    norms = np.sqrt(np.maximum(fisher.diagonal().real, 1e-300))
+    bound = np.linalg.pinv(fisher / np.outer(norms, norms), hermitian=True).diagonal().real
+    deviations = np.sqrt(np.maximum(bound, 0.0)) / norms
+    noise = np.sqrt(2.0 * _noise(modes.f, residual, rate) / rate)
+    decay_deviation, level_deviation = (
+        deviations[:mode_count] * noise,
+        deviations[mode_count:] * noise,
+    )
+    return Uncertainty(decay_deviation / (2.0 * np.pi), decay_deviation, level_deviation)
 
 
 def _noise(f: Array, residual: Array, rate: float) -> Array:
     """Variance of white noise that is as strong as the residual near each frequency."""
     power = np.abs(np.fft.rfft(residual)) ** 2 / residual.size
-    step = rate / residual.size
+    bin_width = rate / residual.size
     neighbours = [
         power[
-            max(1, int((frequency - _NOISE_HERTZ) / step)) : int((frequency + _NOISE_HERTZ) / step)
+            max(1, int((frequency - _NOISE_HERTZ) / bin_width)) : int(
+                (frequency + _NOISE_HERTZ) / bin_width
+            )
             + 2
         ]
         for frequency in f

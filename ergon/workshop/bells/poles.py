@@ -29,16 +29,16 @@ def exponentials(band_signal: Complex, count_max: int) -> tuple[Complex, Complex
     z = z[(np.abs(z) < 1.0) & (np.abs(z) > _MODULUS_MIN)]
     while z.size:  # the worst goes first, before the others are polished
         pole_amplitudes, residual = _amplitudes(band_signal, z)
-        score = _scores(z, pole_amplitudes, residual)
-        worst_pole = int(np.argmin(score))
-        if score[worst_pole] >= NOISE_RATIO_MIN:
+        scores = _scores(z, pole_amplitudes, residual)
+        worst_pole = int(np.argmin(scores))
+        if scores[worst_pole] >= NOISE_RATIO_MIN:
             break
         z = _complex(np.delete(z, worst_pole))
     while z.size:
         z, pole_amplitudes, residual = polish_poles(band_signal, z)
-        score = _scores(z, pole_amplitudes, residual)
-        worst_pole = int(np.argmin(score))
-        if score[worst_pole] >= NOISE_RATIO_MIN:
+        scores = _scores(z, pole_amplitudes, residual)
+        worst_pole = int(np.argmin(scores))
+        if scores[worst_pole] >= NOISE_RATIO_MIN:
             return z, pole_amplitudes
         z = _complex(np.delete(z, worst_pole))
     return z, np.zeros(0, complex)
@@ -56,21 +56,23 @@ def _esprit(signal: Complex, count_max: int) -> Complex:
         [_shift_error(vectors[:, : order + 1]) for order in range(vectors.shape[1])]
     )
     order = int(np.flatnonzero(shift_errors.min() >= 0.1 * shift_errors).max()) + 1
-    chosen = vectors[:, :order]
-    turn = np.linalg.lstsq(chosen[:-1], chosen[1:], rcond=None)[0]
-    return _complex(np.linalg.eigvals(turn))
+    signal_vectors = vectors[:, :order]
+    shift_matrix = np.linalg.lstsq(signal_vectors[:-1], signal_vectors[1:], rcond=None)[0]
+    return _complex(np.linalg.eigvals(shift_matrix))
 
 
 def _shift_error(vectors: Complex) -> float:
     upper_rows, lower_rows = vectors[:-1], vectors[1:]
     last_row = vectors[-1]
     remainder = 1.0 - float(np.vdot(last_row, last_row).real)
-    turn = upper_rows.conj().T @ lower_rows
+    shift_matrix = upper_rows.conj().T @ lower_rows
     if remainder > 1e-12:  # the pseudo-inverse of orthonormal columns without their last row
-        turn = _complex(turn + np.outer(last_row.conj(), last_row @ turn) / remainder)
+        shift_matrix = _complex(
+            shift_matrix + np.outer(last_row.conj(), last_row @ shift_matrix) / remainder
+        )
     else:
-        turn = _complex(np.linalg.lstsq(upper_rows, lower_rows, rcond=None)[0])
-    error = _complex(lower_rows - upper_rows @ turn)
+        shift_matrix = _complex(np.linalg.lstsq(upper_rows, lower_rows, rcond=None)[0])
+    error = _complex(lower_rows - upper_rows @ shift_matrix)
     # The largest singular value of a narrow matrix, squared, from its Gram matrix.
     return max(float(np.linalg.eigvalsh(error.conj().T @ error)[-1]), 1e-30)
 
@@ -105,24 +107,26 @@ def polish_poles(band_signal: Complex, z: Complex) -> tuple[Complex, Complex, Co
     pole_amplitudes, residual = _amplitudes(band_signal, z)
     for polish_step in range(_POLISH):
         basis = np.exp(sample_indices * pole_logarithms)
-        q, _ = np.linalg.qr(basis)
-        amplitudes = _complex(np.linalg.lstsq(basis, band_signal, rcond=None)[0])
-        residual_now = _complex(band_signal - basis @ amplitudes)
-        cost = float(np.vdot(residual_now, residual_now).real)
+        orthonormal_basis, _ = np.linalg.qr(basis)
+        trial_amplitudes = _complex(np.linalg.lstsq(basis, band_signal, rcond=None)[0])
+        trial_residual = _complex(band_signal - basis @ trial_amplitudes)
+        cost = float(np.vdot(trial_residual, trial_residual).real)
         if not cost < last_cost * (1.0 - _RESIDUAL_TOLERANCE):
             break
         last_cost, best_logarithms, pole_amplitudes, residual = (
             cost,
             pole_logarithms,
-            amplitudes,
-            residual_now,
+            trial_amplitudes,
+            trial_residual,
         )
-        tangents = sample_indices * basis * amplitudes
-        tangents = tangents - q @ (q.conj().T @ tangents)
-        change = np.linalg.lstsq(tangents, residual_now, rcond=None)[0]
+        tangents = sample_indices * basis * trial_amplitudes
+        tangents = tangents - orthonormal_basis @ (orthonormal_basis.conj().T @ tangents)
+        logarithm_changes = np.linalg.lstsq(tangents, trial_residual, rcond=None)[0]
         if polish_step == 0:
-            change *= min(1.0, _FIRST_STEP / max(1e-300, float(np.abs(change).max())))
-        pole_logarithms = pole_logarithms + change
+            logarithm_changes *= min(
+                1.0, _FIRST_STEP / max(1e-300, float(np.abs(logarithm_changes).max()))
+            )
+        pole_logarithms = pole_logarithms + logarithm_changes
         pole_logarithms = _complex(
             np.minimum(pole_logarithms.real, 1e-4) + 1j * pole_logarithms.imag
         )

@@ -13,7 +13,7 @@ from ergon.exchange import sound as sound_files
 from ergon.exchange.wave_header import NotWaveError
 from ergon.workshop.bells.bands import Array
 
-LONGEST = 30.0  # [s] of a stroke that are analysed
+ANALYSED_SECONDS_MAX = 30.0  # [s] of a stroke that are analysed
 _SAMPLES_MAX = 1 << 27  # of a file, all channels: 1 GB
 _STROKE_SECONDS_MIN = 0.1  # [s]
 _ATTACK_SECONDS = 0.004  # [s] from its beginning to what is analysed: the stroke itself is over
@@ -81,8 +81,8 @@ def stroke(file_name: str, stroke_sound: Array, rate: float) -> Stroke:
     if peak < _SILENT_PEAK:
         raise NotAStrokeError(f"{file_name}: it is silent; record a stroke")
     stroke_sound = stroke_sound - stroke_sound.mean()
-    begin = _onset(stroke_sound, rate)
-    audible = stroke_sound[begin : begin + round(LONGEST * rate)]
+    onset_frame = _onset(stroke_sound, rate)
+    audible = stroke_sound[onset_frame : onset_frame + round(ANALYSED_SECONDS_MAX * rate)]
     if audible.size < _STROKE_SECONDS_MIN * rate:
         message = f"{file_name}: only {1e3 * audible.size / rate:.0f} ms follow its stroke; record "
         raise NotAStrokeError(message + "until it has died away, 100 ms at least")
@@ -90,17 +90,21 @@ def stroke(file_name: str, stroke_sound: Array, rate: float) -> Stroke:
     _refuse_steady(file_name, audible)
     _refuse_second(file_name, audible, rate)
     loudest = int(np.argmax(np.abs(audible[: round(_LATEST * rate)]))) + round(0.001 * rate)
-    skip = max(round(_ATTACK_SECONDS * rate), min(loudest, round(_LATEST * rate)))
+    skipped_frames = max(round(_ATTACK_SECONDS * rate), min(loudest, round(_LATEST * rate)))
     # The middle of a soft push is shortly before the loudest sample, not where the push begins.
     # Extrapolated to its beginning, quickly decaying modes would be hundreds of dB louder.
-    return Stroke(file_name, audible[skip:], rate, min(skip / rate, _ATTACK_SECONDS))
+    return Stroke(
+        file_name, audible[skipped_frames:], rate, min(skipped_frames / rate, _ATTACK_SECONDS)
+    )
 
 
 def _onset(stroke_sound: Array, rate: float) -> int:
     """The first sample of the stroke, within 1 ms."""
-    n = max(1, round(0.001 * rate))
-    power = np.convolve(stroke_sound * stroke_sound, np.full(n, 1.0 / n))[: stroke_sound.size]
-    return max(0, int(np.argmax(power > 0.01 * power.max())) - n // 2)
+    window_frames = max(1, round(0.001 * rate))
+    power = np.convolve(stroke_sound * stroke_sound, np.full(window_frames, 1.0 / window_frames))[
+        : stroke_sound.size
+    ]
+    return max(0, int(np.argmax(power > 0.01 * power.max())) - window_frames // 2)
 
 
 def _refuse_clipped(file_name: str, sound: Array) -> None:
@@ -109,9 +113,10 @@ def _refuse_clipped(file_name: str, sound: Array) -> None:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], is_peak.astype(int), [0]])))
         runs = edges[1::2] - edges[::2]
         if int(np.sum(runs >= _CLIPPED_RUN)) >= _CLIPPED_RUNS:
-            times = int(np.sum(runs >= _CLIPPED_RUN))
+            clipped_count = int(np.sum(runs >= _CLIPPED_RUN))
             message = (
-                f"{file_name}: it is clipped: {times} times it stays at its peak; record softer"
+                f"{file_name}: it is clipped: {clipped_count} times it stays at its peak; "
+                "record softer"
             )
             raise NotAStrokeError(message)
 
@@ -128,29 +133,27 @@ def _refuse_second(file_name: str, stroke_sound: Array, rate: float) -> None:
     """Refuse a second stroke: it raises most partials at once, whereas beats raise single partials,
     slowly.
     """
-    n_frames = (stroke_sound.size - _FRAME) // _HOP
-    if n_frames < 2 * (_BEFORE + _GAP_HOPS):
+    hop_count = (stroke_sound.size - _FRAME) // _HOP
+    if hop_count < 2 * (_BEFORE + _GAP_HOPS):
         return
-    windows = np.lib.stride_tricks.sliding_window_view(stroke_sound, _FRAME)[::_HOP][:n_frames]
+    windows = np.lib.stride_tricks.sliding_window_view(stroke_sound, _FRAME)[::_HOP][:hop_count]
     spectra = np.abs(np.fft.rfft(windows * np.hanning(_FRAME), axis=1)) ** 2
     edges = np.unique(np.geomspace(2, _FRAME // 2, _BANDS + 1).astype(int))
-    power_spectrum = np.add.reduceat(spectra, edges[:-1], axis=1)
-    noise = np.percentile(power_spectrum, 5, axis=0)
-    first_frame = 2 * _GAP_HOPS + _BEFORE
-    for frame_index in range(first_frame, n_frames):
-        peak_before = power_spectrum[
-            frame_index - _GAP_HOPS - _BEFORE : frame_index - _GAP_HOPS
-        ].max(axis=0)
-        is_sounding = (power_spectrum[frame_index] > _SOUNDING * noise) & (
-            power_spectrum[frame_index] > 1e-6 * power_spectrum.max()
+    band_powers = np.add.reduceat(spectra, edges[:-1], axis=1)
+    noise = np.percentile(band_powers, 5, axis=0)
+    first_hop = 2 * _GAP_HOPS + _BEFORE
+    for hop in range(first_hop, hop_count):
+        peaks_before = band_powers[hop - _GAP_HOPS - _BEFORE : hop - _GAP_HOPS].max(axis=0)
+        is_sounding = (band_powers[hop] > _SOUNDING * noise) & (
+            band_powers[hop] > 1e-6 * band_powers.max()
         )
-        is_raised = is_sounding & (power_spectrum[frame_index] > _SECOND_STROKE_RATIO * peak_before)
-        weight = power_spectrum[frame_index] > 1e-4 * power_spectrum[frame_index].max()
+        is_struck = is_sounding & (band_powers[hop] > _SECOND_STROKE_RATIO * peaks_before)
+        is_loud = band_powers[hop] > 1e-4 * band_powers[hop].max()
         if (
-            is_raised.sum() >= 3
-            and (is_raised & weight).sum() > _STRUCK_BAND_SHARE * (weight).sum()
+            is_struck.sum() >= 3
+            and (is_struck & is_loud).sum() > _STRUCK_BAND_SHARE * (is_loud).sum()
         ):
-            seconds = frame_index * _HOP / rate
+            seconds = hop * _HOP / rate
             message = (
                 f"{file_name}: something strikes again {seconds:.2f} s after the first stroke; "
             )

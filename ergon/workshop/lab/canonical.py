@@ -58,16 +58,16 @@ def cell(kappa: float, zeta: float, method: str = _PLAIN_METHOD) -> Bare:
     """A mass on a link to a fixed point, with κ = K·T²/M and ζ = Z·T/M at 44.1 kHz, released from 1
     mm.
     """
-    k, z = kappa * _MASS * RATE**2, zeta * _MASS * RATE
+    stiffness, viscosity = kappa * _MASS * RATE**2, zeta * _MASS * RATE
 
     def build(network: _core.Network) -> None:
         network.part("cell")
         ground = network.sol("g")
         masses = [network.mas(f"m{i}", M=_MASS, X0=_START) for i in range(_copies(1, method))]
         for i, mass in enumerate(masses):
-            network.ref(f"r{i}", mass, ground, K=k, Z=z)
-        for i, (mass_before, next_) in enumerate(pairwise(masses)):
-            network.ref(f"j{i}", mass_before, next_, K=_WEAK * k)
+            network.ref(f"r{i}", mass, ground, K=stiffness, Z=viscosity)
+        for i, (mass_before, mass_after) in enumerate(pairwise(masses)):
+            network.ref(f"j{i}", mass_before, mass_after, K=_WEAK * stiffness)
         network.listen("m", positions=[(masses[0], 1, 1.0)])
 
     return Bare(build, RATE)
@@ -76,14 +76,19 @@ def cell(kappa: float, zeta: float, method: str = _PLAIN_METHOD) -> Bare:
 def cell_exactly(kappa: float, zeta: float, n_frames: int) -> Floats:
     """The same motion from the differential equation: for any damping, by its two exponentials."""
     root = np.sqrt(complex(zeta * zeta / 4.0 - kappa))
-    n = np.arange(n_frames)
-    a, b = -zeta / 2.0 + root, -zeta / 2.0 - root
-    if abs(a - b) < 1e-6:  # critically damped: their limit
-        x = (1.0 - a * n) * np.exp(a * n)
+    frame_numbers = np.arange(n_frames)
+    first_pole, second_pole = -zeta / 2.0 + root, -zeta / 2.0 - root
+    if abs(first_pole - second_pole) < 1e-6:  # critically damped: their limit
+        positions_over_start = (1.0 - first_pole * frame_numbers) * np.exp(
+            first_pole * frame_numbers
+        )
     else:
-        x = (a * np.exp(b * n) - b * np.exp(a * n)) / (a - b)
-    exact: Floats = _START * np.real(x)[:, None]
-    return exact
+        positions_over_start = (
+            first_pole * np.exp(second_pole * frame_numbers)
+            - second_pole * np.exp(first_pole * frame_numbers)
+        ) / (first_pole - second_pole)
+    positions: Floats = _START * np.real(positions_over_start)[:, None]
+    return positions
 
 
 def cell_load(kappa: float, zeta: float, method: str) -> float:
@@ -121,38 +126,43 @@ def _stiffness(kappa: float, first_cell: Cell, second_cell: Cell) -> float:
 
 def contact(kappa: float) -> Bare:
     """A hammer on a weak spring that falls on a bar and bounces repeatedly."""
-    return _pair(HAMMER, BAR, lambda network, a, b: network.but(
-        "b", a, b, K=_stiffness(kappa, HAMMER, BAR), side="above"))  # fmt: skip
+    return _pair(HAMMER, BAR, lambda network, hammer_mat, bar_mat: network.but(
+        "b", hammer_mat, bar_mat, K=_stiffness(kappa, HAMMER, BAR), side="above"))  # fmt: skip
 
 
 def coupled(kappa: float, method: str = _PLAIN_METHOD) -> Bare:
     """Two cells a fifth apart, joined by a spring."""
-    k = _stiffness(kappa, LEFT, RIGHT)
-    return _pair(LEFT, RIGHT, lambda network, a, b: network.ref("k", a, b, K=k),
-                 _copies(2, method), _WEAK * k)  # fmt: skip
+    stiffness = _stiffness(kappa, LEFT, RIGHT)
+
+    def join(network: _core.Network, left_mat: int, right_mat: int) -> int:
+        return network.ref("k", left_mat, right_mat, K=stiffness)
+
+    return _pair(LEFT, RIGHT, join, _copies(2, method), _WEAK * stiffness)
 
 
 def _pair(
     first_cell: Cell,
-    two: Cell,
+    second_cell: Cell,
     join: Callable[[_core.Network, int, int], int],
     copies: int = 1,
-    weak: float = 0.0,
+    copy_stiffness: float = 0.0,
 ) -> Bare:
-    """Two cells and the link that joins them; `weak` [N/m] joins the first cells of the copies."""
+    """Two cells and the link that joins them; `copy_stiffness` [N/m] joins the first cells of the
+    copies.
+    """
 
     def build(network: _core.Network) -> None:
         network.part("pair")
         mass_pairs = []
         for _ in range(copies):
-            a, b = (
+            first_mat, second_mat = (
                 network.cel(name, M=cell.M, f=cell.f, t60=cell.t60, X0=cell.X0)
-                for name, cell in (("a", first_cell), ("b", two))
+                for name, cell in (("a", first_cell), ("b", second_cell))
             )
-            join(network, a, b)
-            mass_pairs.append((a, b))
-        for (before, _), (after, _) in pairwise(mass_pairs):
-            network.ref("j", before, after, K=weak)
+            join(network, first_mat, second_mat)
+            mass_pairs.append((first_mat, second_mat))
+        for (mat_before, _), (mat_after, _) in pairwise(mass_pairs):
+            network.ref("j", mat_before, mat_after, K=copy_stiffness)
         network.listen("b", positions=[(mass_pairs[0][1], 1, 1.0)])
 
     return Bare(build, RATE)
@@ -166,48 +176,51 @@ def rattle(f: float, ratio: float) -> Bare:
     """An undamped mass on a spring of pitch f [Hz], released from 1 mm, that meets a stop `ratio`
     times as stiff as the spring.
     """
-    k = _MASS * (2.0 * pi * f) ** 2
+    stiffness = _MASS * (2.0 * pi * f) ** 2
 
     def build(network: _core.Network) -> None:
         network.part("rattle")
         ground, stop_mat = network.sol("g"), network.sol("s", X0=-_STOP_GAP)
         mass_mat = network.mas("m", M=_MASS, X0=_START)
-        network.ref("r", ground, mass_mat, K=k)
-        network.but("c", stop_mat, mass_mat, K=ratio * k)
+        network.ref("r", ground, mass_mat, K=stiffness)
+        network.but("c", stop_mat, mass_mat, K=ratio * stiffness)
         network.listen("m", positions=[(mass_mat, 1, 1.0)])
 
     return Bare(build, RATE)
 
 
-def risen(run_frames: Floats) -> float:
+def risen(frames: Floats) -> float:
     """How far the energy of `rattle` rose, over what it was: where the mass turns away from the
     stop, all of it is in the spring, and goes as the square of the distance.
     """
-    spans = np.array_split(run_frames[:, 0], _SPANS)
-    peaks = np.array([span.max() for span in spans]) ** 2
-    return float(max(0.0, peaks.max() / peaks[0] - 1.0))
+    spans = np.array_split(frames[:, 0], _SPANS)
+    spring_energies = np.array([span.max() for span in spans]) ** 2
+    return float(max(0.0, spring_energies.max() / spring_energies[0] - 1.0))
 
 
-def contact_load(kappa: float, times: float, method: str) -> float:
-    """λ over the limit while the contact is closed, at `times` the rate."""
-    return _pair_load(HAMMER, BAR, kappa, times, _PLAIN_METHOD)
+def contact_load(kappa: float, rate_multiple: float, method: str) -> float:
+    """λ over the limit while the contact is closed, at `rate_multiple` the rate."""
+    return _pair_load(HAMMER, BAR, kappa, rate_multiple, _PLAIN_METHOD)
 
 
-def coupled_load(kappa: float, times: float, method: str) -> float:
-    """λ over the limit, at `times` the rate."""
-    return _pair_load(LEFT, RIGHT, kappa, times, method)
+def coupled_load(kappa: float, rate_multiple: float, method: str) -> float:
+    """λ over the limit, at `rate_multiple` the rate."""
+    return _pair_load(LEFT, RIGHT, kappa, rate_multiple, method)
 
 
 def _pair_load(
-    first_cell: Cell, second_cell: Cell, kappa: float, times: float, method_name: str
+    first_cell: Cell, second_cell: Cell, kappa: float, rate_multiple: float, method_name: str
 ) -> float:
-    rate, k = RATE * times, _stiffness(kappa, first_cell, second_cell)
-    p, q = (
-        cell.load(rate, damped(method_name)) + k / (cell.M * rate**2)
+    rate, stiffness = RATE * rate_multiple, _stiffness(kappa, first_cell, second_cell)
+    first_load, second_load = (
+        cell.load(rate, damped(method_name)) + stiffness / (cell.M * rate**2)
         for cell in (first_cell, second_cell)
     )
-    joint = k / (sqrt(first_cell.M * second_cell.M) * rate**2)
-    return (0.5 * (p + q) + sqrt(0.25 * (p - q) ** 2 + joint * joint)) / limit(method_name)
+    coupling = stiffness / (sqrt(first_cell.M * second_cell.M) * rate**2)
+    return (
+        0.5 * (first_load + second_load)
+        + sqrt(0.25 * (first_load - second_load) ** 2 + coupling * coupling)
+    ) / limit(method_name)
 
 
 # --- strings ------------------------------------------------------------------------------------
@@ -233,8 +246,8 @@ def string(masses: int, rate: float) -> Bare:
 
 def string_load(masses: float, rate: float, method: str) -> float:
     """λ over the limit for the highest mode of a row of masses."""
-    k, m = _spring(masses), _STRING / masses
-    return 4.0 * k / m / rate**2 * cos(pi / (2.0 * (masses + 1.0))) ** 2 / limit(method)
+    stiffness, mass = _spring(masses), _STRING / masses
+    return 4.0 * stiffness / mass / rate**2 * cos(pi / (2.0 * (masses + 1.0))) ** 2 / limit(method)
 
 
 def _spring(masses: float) -> float:
@@ -257,13 +270,17 @@ def struck(speed: float) -> Bare:
     return Bare(build, RATE)
 
 
-def struck_load(speed: float, speed_times: float, method_name: str) -> float:
+def struck_load(speed: float, rate_multiple: float, method_name: str) -> float:
     """λ over the limit if all the energy of the stroke is in one spring: an upper bound.
 
     The elongation d then satisfies ½k·d² + ¼q·d⁴ = ½m·v², and the slope is k + 3q·d².
     """
-    k, m, q = _spring(_STRING_MASSES), _STRING / _STRING_MASSES, _HARDENING
-    square = (sqrt(k * k + 2.0 * q * m * speed * speed) - k) / q
+    stiffness, mass, hardening = _spring(_STRING_MASSES), _STRING / _STRING_MASSES, _HARDENING
+    elongation_squared = (
+        sqrt(stiffness * stiffness + 2.0 * hardening * mass * speed * speed) - stiffness
+    ) / hardening
     # Modes do not step laws: there CA does.
-    stepped = _PLAIN_METHOD if method_name == "modal" else method_name
-    return (1.0 + 3.0 * q * square / k) * string_load(_STRING_MASSES, RATE * speed_times, stepped)
+    stepping_method = _PLAIN_METHOD if method_name == "modal" else method_name
+    return (1.0 + 3.0 * hardening * elongation_squared / stiffness) * string_load(
+        _STRING_MASSES, RATE * rate_multiple, stepping_method
+    )

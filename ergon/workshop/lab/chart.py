@@ -23,13 +23,13 @@ from ergon.workshop.lab.runs import Run, Setting
 from ergon.workshop.lab.scene import Scene
 
 ROUNDS = 3  # timed, after one that warms up and makes the sound
-_LOOKS = 20  # into the ledger, to see a drift
+_LEDGER_READINGS = 20  # into the ledger, to see a drift
 _DOUBLINGS = 2  # of the reference, beyond all that is charted
 # A plan for this error becomes the reference where it is surer than any fixed method: what judges
 # the planner's choices is to be finer than they are.
 _EXACT_PLAN = Setting(None, budget_db=-120.0)
-_YARDSTICK = 100  # masses of a string, for a second: some 10 ms
-_SCATTER = 1.1  # between two timings of the same work
+_YARDSTICK_MASSES = 100  # masses of a string, for a second: some 10 ms
+_TIMING_RATIO_MAX = 1.1  # between two timings of the same work
 _SAME_SOUND_RATIO = (
     1e-10  # of the largest sample: so little differ sounds of one motion, in their last bits
 )
@@ -153,10 +153,10 @@ def planned(budget_db: float | None = None) -> list[Setting]:
 
 def work(settings_wanted: Sequence[Setting], n_frames: int) -> int:
     """Frames to compute for a chart, for the display of progress."""
-    top = max(setting.oversampling for setting in settings_wanted)
-    beyond = sum(top << i for i in range(1, _DOUBLINGS + 1))
+    oversampling_max = max(setting.oversampling for setting in settings_wanted)
+    reference_steps = sum(oversampling_max << i for i in range(1, _DOUBLINGS + 1))
     return n_frames * (
-        (ROUNDS + 1) * sum(setting.oversampling for setting in settings_wanted) + beyond
+        (ROUNDS + 1) * sum(setting.oversampling for setting in settings_wanted) + reference_steps
     )
 
 
@@ -197,33 +197,33 @@ def measure(
         played = _play_settings(bench, settings_wanted, has_energy=has_energy)
     else:
         played = _play_with(players, bench, settings_wanted, has_energy=has_energy)
-    sounds_by_setting = {
+    played_sounds = {
         played_setting.point.setting: played_setting.sound
         for played_setting in played
         if played_setting.sound is not None
     }
-    sounds = dict(sounds_by_setting)
+    sounds = dict(played_sounds)
     has_plans = any(setting.method is None for setting in settings_wanted)
     rival = _EXACT_PLAN if has_plans else None
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS, rival=rival)
-    points = _with_ledger_of_ca([played.point for played in played], sounds_by_setting)
+    points = _with_ledger_of_ca([played.point for played in played], played_sounds)
     floor = None
-    doubtful: tuple[str, ...] = ()
+    doubts_found: tuple[str, ...] = ()
     if reference is not None:
-        doubtful = tuple(doubts(sounds, reference))
+        doubts_found = tuple(doubts(sounds, reference))
         if onset(reference.sound) is None:
             raise SilentPieceError(f"nothing sounds in the first {seconds:g} s")
         judge = Judge(reference, scene.rate)
         points = [
-            judge.point(point, sounds_by_setting[point.setting])
-            if point.setting in sounds_by_setting
+            judge.point(point, played_sounds[point.setting])
+            if point.setting in played_sounds
             else point
             for point in points
         ]
         floor = judge.floor(metric)
     alike = _alike(sounds)
-    marked = _marked(points, metric, floor, alike)
-    return Chart(marked, reference, floor, metric, seconds, scene.rate, doubtful, alike)
+    marked_points = _marked(points, metric, floor, alike)
+    return Chart(marked_points, reference, floor, metric, seconds, scene.rate, doubts_found, alike)
 
 
 def _play_settings(
@@ -272,21 +272,21 @@ def played_beside(
     frames = None if run is None else bench.play(setting, run)
     if run is None or frames is None:
         return Played(bench.failed[setting], None), nan
-    costs_in_rounds, reference_rounds = [], []
+    run_seconds, yardstick_seconds = [], []
     for _ in range(ROUNDS):
-        reference_rounds.append(yardstick())
+        yardstick_seconds.append(yardstick())
         run.rewind()
         bench.play(setting, run)
-        costs_in_rounds.append(run.spent)
-    point = Point(setting, "ok", run.chosen, median(costs_in_rounds) * scene.rate / n_frames)
+        run_seconds.append(run.spent)
+    point = Point(setting, "ok", run.chosen, median(run_seconds) * scene.rate / n_frames)
     if has_energy:
         point = _with_energy(bench, point)
-    return Played(point, scene.hear(frames)), median(reference_rounds)
+    return Played(point, scene.hear(frames)), median(yardstick_seconds)
 
 
 def yardstick() -> float:
     """The time of a fixed piece of work on this processor [s]."""
-    run = runs.start(canonical.string(_YARDSTICK, canonical.RATE), Setting("ca"))
+    run = runs.start(canonical.string(_YARDSTICK_MASSES, canonical.RATE), Setting("ca"))
     run.frames(round(canonical.RATE))
     return run.spent
 
@@ -331,19 +331,19 @@ def _with_energy(bench: _Bench, point: Point) -> Point:
     """
     if point.status != "ok":
         return point
-    edges = np.linspace(0, bench.n_frames, _LOOKS + 1).astype(int)
+    reading_frames = np.linspace(0, bench.n_frames, _LEDGER_READINGS + 1).astype(int)
     try:
         run = runs.start(bench.scene, point.setting, ledger=True)
         ledgers = []
-        for n_frames in np.diff(edges):
+        for n_frames in np.diff(reading_frames):
             run.frames(int(n_frames))
             ledgers.append(run.energy())
     except _core.EngineError:
         run = runs.start(bench.scene, point.setting)
         run.frames(bench.n_frames)
         return replace(point, energy_db=run.created_db(), energy_of="links")
-    t = [float(edge) / bench.scene.rate for edge in edges[1:]]
-    energy_drift = drift(t, ledgers)
+    instants = [float(edge) / bench.scene.rate for edge in reading_frames[1:]]
+    energy_drift = drift(instants, ledgers)
     return replace(
         point,
         energy_db=production_db(ledgers[-1]),
@@ -357,14 +357,14 @@ def _with_ledger_of_ca(points: list[Point], sounds: Mapping[Setting, Floats]) ->
 
     A plan keeps no ledger, and steps the most of a piece by CA.
     """
-    by_ca = {
+    ca_by_oversampling = {
         point.setting.oversampling: point
         for point in points
         if point.setting.method == "ca" and point.setting.precision == "f64"
     }
 
     def with_ledger(point: Point) -> Point:
-        twin = by_ca.get(point.setting.oversampling)
+        twin = ca_by_oversampling.get(point.setting.oversampling)
         if point.energy_of != "links" or twin is None or twin.energy_of != "all":
             return point
         sound, twin_sound = sounds.get(point.setting), sounds.get(twin.setting)
@@ -391,21 +391,23 @@ class Judge:
         self._first = onset(x) or 0
         self._partials = strongest(x[self._first :, self._channel], rate)
 
-    def point(self, point: Point, y: Floats) -> Point:
+    def point(self, point: Point, sound: Floats) -> Point:
         """The point with all its errors."""
-        x = self.reference.sound
-        spectral_result = spectral(y, x)
-        partials = self._compared(y)
-        t60 = [abs(p.t60_ratio - 1.0) for p in partials if not isnan(p.t60_ratio)]
+        reference_sound = self.reference.sound
+        spectral_result = spectral(sound, reference_sound)
+        partials = self._compared(sound)
+        t60_errors = [
+            abs(partial.t60_ratio - 1.0) for partial in partials if not isnan(partial.t60_ratio)
+        ]
         return replace(
             point,
-            waveform_db=waveform_db(y, x),
-            early_db=early_db(y, x, self.rate),
+            waveform_db=waveform_db(sound, reference_sound),
+            early_db=early_db(sound, reference_sound, self.rate),
             spectral_db=spectral_result.difference,
             convergence=spectral_result.convergence,
-            bands_db=bands_db(y, x, self.rate),
-            cents=max((abs(p.cents) for p in partials), default=None),
-            t60=100.0 * max(t60) if t60 else None,
+            bands_db=bands_db(sound, reference_sound, self.rate),
+            cents=max((abs(partial.cents) for partial in partials), default=None),
+            t60=100.0 * max(t60_errors) if t60_errors else None,
         )
 
     def floor(self, metric: Metric) -> float | None:
@@ -414,10 +416,10 @@ class Judge:
             return self.reference.floor_db
         if metric == "energy":
             return ROUNDING_DB
-        point_before = self.point(Point(self.reference.setting), self.reference.before).error(
+        error_before = self.point(Point(self.reference.setting), self.reference.before).error(
             metric
         )
-        return None if point_before is None else point_before * self.reference.share
+        return None if error_before is None else error_before * self.reference.share
 
     def _compared(self, y: Floats) -> list[Partial]:
         span = slice(self._first, None), self._channel
@@ -454,11 +456,11 @@ def _front(
     counts, and of equal errors the first point. The first of methods that are alike stands for
     all.
     """
-    echoes = {method for group in alike for method in group[1:]}
+    alike_others = {method for group in alike for method in group[1:]}
     candidates = [
         (point.cost, error if floor is None else max(error, floor), point_index, point.setting)
         for point_index, point in enumerate(points)
-        if point.setting.method not in (None, *echoes)
+        if point.setting.method not in (None, *alike_others)
         and point.cost is not None
         and (error := point.error(metric)) is not None
     ]
@@ -466,12 +468,13 @@ def _front(
         rivals = (
             candidate
             for candidate in candidates
-            if candidate[0] <= cost * _SCATTER and candidate[1:3] != (error, point_index)
+            if candidate[0] <= cost * _TIMING_RATIO_MAX and candidate[1:3] != (error, point_index)
         )
         if not any(
             rival_error < error
             or (
-                rival_error == error and (rival_cost < cost / _SCATTER or rival_index < point_index)
+                rival_error == error
+                and (rival_cost < cost / _TIMING_RATIO_MAX or rival_index < point_index)
             )
             for rival_cost, rival_error, rival_index, _ in rivals
         ):
@@ -484,24 +487,26 @@ def likely_cost(chart: Chart, point: Point) -> float | None:
     """
     if point.cost is not None:
         return point.cost
-    same_method = [p for p in chart.points if p.setting.method == point.setting.method and p.cost]
-    with_cost = same_method or [p for p in chart.points if p.cost]
-    if not with_cost:
+    points_of_method = [
+        p for p in chart.points if p.setting.method == point.setting.method and p.cost
+    ]
+    points_with_cost = points_of_method or [p for p in chart.points if p.cost]
+    if not points_with_cost:
         return None
-    shares = [p.cost / p.setting.oversampling for p in with_cost if p.cost]
-    return max(shares) * point.setting.oversampling
+    costs_per_step = [p.cost / p.setting.oversampling for p in points_with_cost if p.cost]
+    return max(costs_per_step) * point.setting.oversampling
 
 
 def slope(chart: Chart, method: str) -> float | None:
     """Decades of error per decade of step, from the waveform of one method above the floor."""
     floor = -300.0 if chart.reference is None else chart.reference.floor_db + 6.0
-    row = [
+    rows = [
         (log10(p.setting.oversampling), p.waveform_db / 20.0)
         for p in chart.points
         if p.setting.method == method and p.setting.precision == "f64" and p.waveform_db is not None
         if isfinite(p.waveform_db) and floor < p.waveform_db < -6.0
     ]
-    if len(row) < 2:
+    if len(rows) < 2:
         return None
-    doublings, errors = zip(*row, strict=True)
+    doublings, errors = zip(*rows, strict=True)
     return -float(np.polyfit(doublings, errors, 1)[0])

@@ -33,7 +33,7 @@ _HEAD = ("method", "oversampling", "precision", "budget_db", "status")
 def fields(point: Point) -> dict[str, table.Value]:
     """Everything about a point."""
     setting = point.setting
-    first_fields = (
+    heading_values = (
         setting.method or "planner",
         setting.oversampling,
         setting.precision,
@@ -41,7 +41,7 @@ def fields(point: Point) -> dict[str, table.Value]:
         point.status,
     )
     measures = {name: getattr(point, name) for name in _MEASURES}
-    return {**dict(zip(_HEAD, first_fields, strict=True)), **measures, "reason": point.reason}
+    return {**dict(zip(_HEAD, heading_values, strict=True)), **measures, "reason": point.reason}
 
 
 def reference(chart: Chart) -> dict[str, table.Value]:
@@ -63,13 +63,13 @@ def lines(chart: Chart) -> str:
     rows = []
     for point in chart.points:
         error = point.error(chart.metric)
-        star = "*" if point.on_front else " "
-        note = f"  {point.reason}" if point.reason else ""
+        mark = "*" if point.on_front else " "
+        reason = f"  {point.reason}" if point.reason else ""
         if point.status != "ok":
             rows.append(f"  {point.setting!s:<14} {point.status}: {point.reason}\n")
         elif point.cost is not None:
-            shown = _shown(chart, point, error)
-            rows.append(f"{star} {point.setting!s:<14} {point.cost:9.3g} {shown:>9}{note}\n")
+            error_text = _shown(chart, point, error)
+            rows.append(f"{mark} {point.setting!s:<14} {point.cost:9.3g} {error_text:>9}{reason}\n")
     if chart.reference is not None:
         order = chart.reference.order
         order_text = "" if order is None else f", order {order:.1f} seen"
@@ -77,7 +77,7 @@ def lines(chart: Chart) -> str:
             f"  reference: {chart.reference.setting}, own error about "
             f"{chart.reference.floor_db:.0f} dB of waveform{order_text}\n"
         )
-    rows.extend(f"  {note}\n" for note in _notes(chart))
+    rows.extend(f"  {reason}\n" for reason in _notes(chart))
     rows.extend(f"  the same samples here: {', '.join(group)}\n" for group in chart.alike)
     return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(rows)
 
@@ -107,7 +107,7 @@ def _shown(chart: Chart, point: Point, error: float | None) -> str:
     """The error in the metric of the chart, no smaller than the reference's own."""
     if error is None:
         return "unknown"
-    mark = "+" if _counts_links(chart, point) else ""
+    plus = "+" if _counts_links(chart, point) else ""
     if point.is_bounded and chart.floor is not None:
-        return f"<{chart.floor:.3g}{mark}"
-    return f"{error:.3g}{mark}"
+        return f"<{chart.floor:.3g}{plus}"
+    return f"{error:.3g}{plus}"

@@ -46,13 +46,15 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
         p for p in chart.points if p.status == "ok" and p.error(chart.metric) is not None
     ]
     _front(ax, chart, measured_points)
-    names: dict[str, str] = {method: method for method in METHODS}
+    label_by_method: dict[str, str] = {method: method for method in METHODS}
     for group in chart.alike:
-        names.update({method: "" for method in group[1:]}, **{group[0]: " = ".join(group)})
+        label_by_method.update(
+            {method: "" for method in group[1:]}, **{group[0]: " = ".join(group)}
+        )
     for method in METHODS:
-        if names[method]:
-            row = [p for p in measured_points if p.setting.method == method]
-            _method(ax, chart, row, method, names[method])
+        if label_by_method[method]:
+            points_of_method = [p for p in measured_points if p.setting.method == method]
+            _method(ax, chart, points_of_method, method, label_by_method[method])
     for point in measured_points:
         if point.setting.method is None:
             _planner(ax, chart, point)
@@ -103,42 +105,54 @@ def _method(ax: Axes, chart: Chart, points: list[Point], method: str, name: str)
 def _planner(ax: Axes, chart: Chart, point: Point) -> None:
     """A full star is the planner's choice by ear, an empty one its choice for an error."""
     position, budget = (_cost(point), _height(chart, point)), point.setting.budget_db
-    inside, label = "black", "the planner's choice"
+    fill_colour, label = "black", "the planner's choice"
     if budget is not None:
-        inside, label = "white", f"the planner's choice for {budget:g} dB"
+        fill_colour, label = "white", f"the planner's choice for {budget:g} dB"
         if chart.metric == "waveform":
             ax.axhline(budget, color="black", linewidth=0.8, linestyle=":", zorder=0,
                        label=f"{budget:g} dB, as asked for")  # fmt: skip
     ax.plot(
-        *position, "*", color="black", markerfacecolor=inside, markersize=14, label=label, zorder=4
+        *position,
+        "*",
+        color="black",
+        markerfacecolor=fill_colour,
+        markersize=14,
+        label=label,
+        zorder=4,
     )
     _word(ax, point.reason, position, "black", below=True)
 
 
 def _energy_notes(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
     """Point down from what made no energy, ring what is counted in part, and say both below."""
-    below = [(_cost(p), _height(chart, p)) for p in measured_points if p.is_bounded]
-    in_part = [(_cost(p), _height(chart, p)) for p in measured_points if p.energy_of == "links"]
-    if below:
-        x, y = zip(*((cost, height - 0.3 * _BELOW_DB) for cost, height in below), strict=True)
+    positions_below = [(_cost(p), _height(chart, p)) for p in measured_points if p.is_bounded]
+    positions_in_part = [
+        (_cost(p), _height(chart, p)) for p in measured_points if p.energy_of == "links"
+    ]
+    if positions_below:
+        x, y = zip(
+            *((cost, height - 0.3 * _BELOW_DB) for cost, height in positions_below), strict=True
+        )
         label = f"made none above rounding ({ROUNDING_DB:g} dB)"
         ax.plot(x, y, linestyle="", marker=r"$\downarrow$", markersize=10, color="#666666",
                 label=label, zorder=4)  # fmt: skip
-        edge = max(height for _, height in below) + 0.5 * _BELOW_DB
-        ax.axhline(edge, color="#999999", linewidth=0.8, linestyle="--", zorder=0)
+        scale_end = max(height for _, height in positions_below) + 0.5 * _BELOW_DB
+        ax.axhline(scale_end, color="#999999", linewidth=0.8, linestyle="--", zorder=0)
         # Below this line is no scale.
-        ax.yaxis.set_major_formatter(lambda db, _: f"{db:g}".replace("-", "−") if db > edge else "")
-    if in_part:
-        x, y = zip(*in_part, strict=True)
+        ax.yaxis.set_major_formatter(
+            lambda db, _: f"{db:g}".replace("-", "−") if db > scale_end else ""
+        )
+    if positions_in_part:
+        x, y = zip(*positions_in_part, strict=True)
         ax.plot(x, y, "o", color="#666666", markerfacecolor="none", markersize=17,
                 label="only what contacts and laws made is counted", zorder=2)  # fmt: skip
 
 
 def _front(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
     """No fixed setting is both cheaper and better than the points on this line; stars may be."""
-    row = sorted((_cost(p), _height(chart, p)) for p in measured_points if p.on_front)
-    if row:
-        x, y = zip(*row, strict=True)
+    costs_and_heights = sorted((_cost(p), _height(chart, p)) for p in measured_points if p.on_front)
+    if costs_and_heights:
+        x, y = zip(*costs_and_heights, strict=True)
         label = "best fixed setting for its cost"
         ax.step(x, y, where="post", color="#bbbbbb", linewidth=5, label=label,
                 solid_capstyle="round", zorder=1)  # fmt: skip
@@ -154,10 +168,13 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
         heights_and_floor = (
             heights if shown_floor is None else [*heights, max(shown_floor, _LEAST_DB)]
         )
-        low, high = min(heights_and_floor), max(heights)
-        room = max(6.0, 0.08 * (high - low))
-        rows = len(_failed_methods(chart))
-        ax.set_ylim(low - room, high + 2 * room + rows * _ROW * (high - low + 3 * room))
+        lowest, highest = min(heights_and_floor), max(heights)
+        margin = max(6.0, 0.08 * (highest - lowest))
+        row_count = len(_failed_methods(chart))
+        ax.set_ylim(
+            lowest - margin,
+            highest + 2 * margin + row_count * _ROW * (highest - lowest + 3 * margin),
+        )
     costs = [cost for p in chart.points if (cost := likely_cost(chart, p))] or [0.3]
     ax.set_xlim(min(costs) / 1.5, max(costs) * 2.0)
     if ax.get_xlim()[0] < 1.0 < ax.get_xlim()[1]:
@@ -203,12 +220,12 @@ def _failed_methods(chart: Chart) -> list[str | None]:
 
 def _what_failed(failed: list[Point]) -> str:
     """`×1, ×2 refused, ×4 diverged`."""
-    words = []
+    status_texts = []
     for status in dict.fromkeys(point.status for point in failed):
         settings = (point.setting for point in failed if point.status == status)
         names = [str(setting).split(" ", 1)[1] if setting.method else "" for setting in settings]
-        words.append(f"{', '.join(filter(None, names))} {status}".strip())
-    return ", ".join(words)
+        status_texts.append(f"{', '.join(filter(None, names))} {status}".strip())
+    return ", ".join(status_texts)
 
 
 def _word(

@@ -39,8 +39,10 @@ def draw(surveyed: Surveyed, title: str) -> Figure:
     column_count = min(_COLUMNS, len(surveyed))
     row_count = -(-len(surveyed) // column_count)
     # The keys of the legend take more rows below a single panel.
-    legend = 1.0 if column_count > 1 else 1.5
-    figure = Figure(figsize=(_PANEL * column_count, 3.4 * row_count + legend), layout="constrained")
+    legend_height = 1.0 if column_count > 1 else 1.5
+    figure = Figure(
+        figsize=(_PANEL * column_count, 3.4 * row_count + legend_height), layout="constrained"
+    )
     figure.suptitle(fill(title, int(_TITLE * _PANEL * column_count)), fontweight="bold")
     grid = figure.subplots(row_count, column_count, squeeze=False).ravel()
     for ax, (surveyed_map, spots) in zip(grid, surveyed.values(), strict=False):
@@ -75,18 +77,19 @@ def _colours(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
     from matplotlib.patches import Rectangle
 
     x, y = _edges(surveyed_map.xs, surveyed_map.log_x), _edges(surveyed_map.ys, surveyed_map.log_y)
-    n = len(surveyed_map.xs)
-    for map_row in range(len(surveyed_map.ys)):
-        happened = groupby(
-            enumerate(s.stable for s in spots[map_row * n : (map_row + 1) * n]), _second
+    column_count = len(surveyed_map.xs)
+    for row in range(len(surveyed_map.ys)):
+        runs = groupby(
+            enumerate(s.stable for s in spots[row * column_count : (row + 1) * column_count]),
+            _second,
         )
-        for stable, run in happened:
-            columns = [column for column, _ in run]
-            left_edge, right = x[columns[0]], x[columns[-1] + 1]
-            size = float(right - left_edge), float(y[map_row + 1] - y[map_row])
+        for stable, run_of_spots in runs:
+            columns = [column for column, _ in run_of_spots]
+            left, right = x[columns[0]], x[columns[-1] + 1]
+            rectangle_size = float(right - left), float(y[row + 1] - y[row])
             colour = _HAPPENED[stable]
             ax.add_patch(
-                Rectangle((float(left_edge), float(y[map_row])), *size, color=colour, zorder=0)
+                Rectangle((float(left), float(y[row])), *rectangle_size, color=colour, zorder=0)
             )
     ax.set_xlim(x[0], x[-1])
     ax.set_ylim(y[0], y[-1])
@@ -117,14 +120,16 @@ def _borders(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
                 (surveyed_map.ys, surveyed_map.log_y),
             )
         )
-        load = np.array([[np.log(max(surveyed_map.load(a, b), 1e-300)) for a in x] for b in y])
-        if load.min() < 0.0 < load.max():
-            ax.contour(x, y, load, levels=[0.0], colors="black", linewidths=1.4)
-    allowed = np.array([s.certified is not False for s in spots]).reshape(len(surveyed_map.ys), -1)
+        log_load = np.array([[np.log(max(surveyed_map.load(a, b), 1e-300)) for a in x] for b in y])
+        if log_load.min() < 0.0 < log_load.max():
+            ax.contour(x, y, log_load, levels=[0.0], colors="black", linewidths=1.4)
+    is_allowed = np.array([s.certified is not False for s in spots]).reshape(
+        len(surveyed_map.ys), -1
+    )
     x, y = _edges(surveyed_map.xs, surveyed_map.log_x), _edges(surveyed_map.ys, surveyed_map.log_y)
-    for row_index, column_index in np.argwhere(allowed[:, 1:] != allowed[:, :-1]):
+    for row_index, column_index in np.argwhere(is_allowed[:, 1:] != is_allowed[:, :-1]):
         _parting(ax, [x[column_index + 1]] * 2, y[row_index : row_index + 2])
-    for row_index, column_index in np.argwhere(allowed[1:] != allowed[:-1]):
+    for row_index, column_index in np.argwhere(is_allowed[1:] != is_allowed[:-1]):
         _parting(ax, x[column_index : column_index + 2], [y[row_index + 1]] * 2)
 
 
@@ -134,12 +139,12 @@ def _parting(ax: Axes, x: Sequence[float] | Floats, y: Sequence[float] | Floats)
 
 def _edges(values: Sequence[float], is_log: bool) -> Floats:
     """The boundaries of cells centred on some values."""
-    log_positions = np.log(values) if is_log else np.array(values)
-    if len(log_positions) == 1:
-        edges = np.array([log_positions[0] - 0.5, log_positions[0] + 0.5])
+    positions = np.log(values) if is_log else np.array(values)
+    if len(positions) == 1:
+        edges = np.array([positions[0] - 0.5, positions[0] + 0.5])
     else:
-        middle = 0.5 * (log_positions[1:] + log_positions[:-1])
-        first_edge, last_edge = 2 * log_positions[0] - middle[0], 2 * log_positions[-1] - middle[-1]
+        middle = 0.5 * (positions[1:] + positions[:-1])
+        first_edge, last_edge = 2 * positions[0] - middle[0], 2 * positions[-1] - middle[-1]
         edges = np.concatenate([[first_edge], middle, [last_edge]])
     return np.exp(edges) if is_log else edges
 

@@ -47,8 +47,8 @@ def drift(t: Sequence[float], ledgers: Sequence[_core.Energy]) -> Drift:
             for ledger in ledgers
         ]
     )
-    drift_level = 10.0 * np.log10(np.maximum(ratios, 1e-300))
-    if len(drift_level) < 2:
-        return Drift(0.0, float(np.abs(drift_level).max(initial=0.0)))
-    slope = np.polyfit(np.asarray(t), drift_level, 1)[0]
-    return Drift(float(slope), float(np.abs(drift_level).max()))
+    levels_db = 10.0 * np.log10(np.maximum(ratios, 1e-300))
+    if len(levels_db) < 2:
+        return Drift(0.0, float(np.abs(levels_db).max(initial=0.0)))
+    slope = np.polyfit(np.asarray(t), levels_db, 1)[0]
+    return Drift(float(slope), float(np.abs(levels_db).max()))

@@ -95,16 +95,16 @@ def chart(
                 raise OptionError(option, f"there is no '{method_name}'{advice}")
     loaded = scores.read(score, chart_options, report)
     piece = scores.piece_of(loaded)
-    chosen_settings = [
+    all_settings = [
         *settings(methods, PRECISIONS, chart_options.upto),
         *planned(chart_options.error),
     ]
-    total = work(chosen_settings, round(chart_options.seconds * piece.rate))
+    frame_count = work(all_settings, round(chart_options.seconds * piece.rate))
     try:
-        with report.progress(f"charting {score}", total, piece.rate) as progress:
+        with report.progress(f"charting {score}", frame_count, piece.rate) as progress:
             measured_chart = measure(
                 Score(piece),
-                chosen_settings,
+                all_settings,
                 chart_options.seconds,
                 chart_options.metric,
                 progress.update,

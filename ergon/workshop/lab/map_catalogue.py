@@ -86,19 +86,21 @@ def _cell(method_name: str) -> Map:
 
 
 def _oversampled(
-    method: str, make: Callable[[float], Bare], finer: int = 16
+    method: str, make: Callable[[float], Bare], refinement: int = 16
 ) -> Callable[[float, float], MapPoint]:
     """Cases of a scene over oversampling. The true motion does not depend on the oversampling, so
     it is cached.
     """
 
     @cache
-    def truth(x: float, n_frames: int) -> Truth:
-        return converged(make(x), n_frames, finer)
+    def truth(kappa_or_speed: float, n_frames: int) -> Truth:
+        return converged(make(kappa_or_speed), n_frames, refinement)
 
-    def case(x: float, times: float) -> MapPoint:
-        setting = Setting(method, round(times))
-        return Stepped(make(x), setting, lambda n_frames: truth(x, n_frames))
+    def case(kappa_or_speed: float, oversampling: float) -> MapPoint:
+        setting = Setting(method, round(oversampling))
+        return Stepped(
+            make(kappa_or_speed), setting, lambda n_frames: truth(kappa_or_speed, n_frames)
+        )
 
     return case
 
@@ -109,10 +111,10 @@ def _setting(method: str) -> Setting:
 
 def _rattle(method: str) -> Map:
     def case(f: float, ratio: float) -> MapPoint:
-        def unknown(n_frames: int) -> Truth:
+        def no_truth(n_frames: int) -> Truth:
             return Truth(None, inf)
 
-        return Stepped(canonical.rattle(f, ratio), _setting(method), unknown, canonical.risen)
+        return Stepped(canonical.rattle(f, ratio), _setting(method), no_truth, canonical.risen)
 
     return Map("rattle", "an undamped mass on a spring, which meets a stop", "its pitch [Hz]",
                "K of the stop over K of the spring", _spaced(100.0, 6000.0, 13),
@@ -145,16 +147,16 @@ def _strike(method_name: str) -> Map:
 
 
 def _rate(method_name: str) -> Map:
-    def case(rate: float, masses: float) -> MapPoint:
-        scene = canonical.string(round(masses), rate)
+    def case(rate: float, mass_count: float) -> MapPoint:
+        scene = canonical.string(round(mass_count), rate)
         return Stepped(scene, Setting(method_name), _truth_of(scene))
 
-    def load(rate: float, masses: float) -> float:
-        return canonical.string_load(masses, rate, method_name)
+    def load(rate: float, mass_count: float) -> float:
+        return canonical.string_load(mass_count, rate, method_name)
 
-    masses = tuple(float(n) for n in (10, 14, 20, 28, 40, 57, 80, 113, 160))
+    mass_counts = tuple(float(n) for n in (10, 14, 20, 28, 40, 57, 80, 113, 160))
     return Map("rate", "a string of many masses, 110 Hz", "rate [Hz]", "masses",
-               _spaced(RATE / 16.3, RATE * 2.1, 17), masses, 0.1, case, load)  # fmt: skip
+               _spaced(RATE / 16.3, RATE * 2.1, 17), mass_counts, 0.1, case, load)  # fmt: skip
 
 
 def _coupling(method_name: str) -> Map:
@@ -211,27 +213,27 @@ def maps_of_score(piece: Piece, run_seconds: float, method: str) -> dict[str, Ma
 def _stiffer(
     piece: Piece, run_seconds: float, method: str, map_name: str, *, contacts_only: bool
 ) -> Map:
-    top_factor = _RATE_FACTORS[-1]
+    rate_factor_max = _RATE_FACTORS[-1]
 
-    def scene(factor: float, times: float) -> Score:
-        changed = stiffer(piece, factor, contacts_only=contacts_only)
-        return Score(replace(changed, rate=piece.rate * times))
+    def scene(factor: float, rate_multiple: float) -> Score:
+        stiffer_piece = stiffer(piece, factor, contacts_only=contacts_only)
+        return Score(replace(stiffer_piece, rate=piece.rate * rate_multiple))
 
     @cache
-    def finest(factor: float) -> Motion | None:
-        n_frames = round(run_seconds * piece.rate * top_factor) + 1
-        return motion(scene(factor, top_factor), n_frames, finer=4)
+    def finest_motion(factor: float) -> Motion | None:
+        n_frames = round(run_seconds * piece.rate * rate_factor_max) + 1
+        return motion(scene(factor, rate_factor_max), n_frames, finer=4)
 
-    def case(factor: float, stiffness_times: float) -> MapPoint:
+    def case(factor: float, rate_multiple: float) -> MapPoint:
         def truth(n_frames: int) -> Truth:
-            finest_run = finest(factor)
+            finest_run = finest_motion(factor)
             return (
                 UNKNOWN
                 if finest_run is None
-                else finest_run.sampled(piece.rate * stiffness_times, n_frames)
+                else finest_run.sampled(piece.rate * rate_multiple, n_frames)
             )
 
-        return Stepped(scene(factor, stiffness_times), _setting(method), truth)
+        return Stepped(scene(factor, rate_multiple), _setting(method), truth)
 
     noun = "all its contacts" if contacts_only else "all its springs"
     title = f"{piece.title or 'the score'}: {noun} stiffer"

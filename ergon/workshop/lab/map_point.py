@@ -81,19 +81,19 @@ class Stepped:
         except _core.UnstableError as error:
             return Outcome(None, reason=str(error))
         try:
-            run_frames = run.frames(n_frames)
+            frames = run.frames(n_frames)
         except _core.DivergedError as error:
             return Outcome(False, reason=str(error))
-        if not np.all(np.isfinite(run_frames)):
+        if not np.all(np.isfinite(frames)):
             return Outcome(False, reason="an output is not finite")
         produced_db = production_db(run.energy()) if keeps_ledger else run.created_db()
         energy_db = (
-            produced_db if self.created_share is None else share_db(self.created_share(run_frames))
+            produced_db if self.created_share is None else share_db(self.created_share(frames))
         )
         if produced_db > RUNAWAY_DB:
             energy_ratio = f"{10 ** (produced_db / 10):.3g} times the energy given"
-            return Outcome(False, run_frames, f"the scheme made {energy_ratio}", energy_db)
-        return Outcome(True, run_frames, energy_db=energy_db)
+            return Outcome(False, frames, f"the scheme made {energy_ratio}", energy_db)
+        return Outcome(True, frames, energy_db=energy_db)
 
     def truth(self, n_frames: int) -> Truth:
         """The truth from `reference`."""

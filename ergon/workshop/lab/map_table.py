@@ -32,10 +32,10 @@ def csv(surveyed: Surveyed, method: str) -> str:
 
 
 def _bar(surveyed_map: Map) -> str:
-    *steps, (_, last_error) = surveyed_map.right
-    upto = [f"{db:g} dB up to {y:g}, " for y, db in steps]
+    *steps, (_, last_limit) = surveyed_map.right
+    limits_below = [f"{db:g} dB up to {y:g}, " for y, db in steps]
     metric_field = "energy_db" if surveyed_map.metric == "energy" else "error_db"
-    return f"{metric_field} of at most {''.join(upto)}{last_error:g} dB"
+    return f"{metric_field} of at most {''.join(limits_below)}{last_limit:g} dB"
 
 
 def records(surveyed: Surveyed) -> list[dict[str, table.Value]]:
@@ -56,21 +56,21 @@ def lines(surveyed: Surveyed) -> str:
     """One line a map: how many spots are stable, how many accurate, and where predictions
     failed.
     """
-    map_rows = []
+    rows = []
     for map_name, (surveyed_map, spots) in surveyed.items():
-        stable = sum(1 for spot in spots if spot.stable)
-        right_count = sum(1 for spot in spots if spot.accurate)
-        missed, strict = disagreements(spots)
-        outcome_words = (
-            f"{map_name}: {surveyed_map.title}. Of {len(spots)} spots {stable} are stable, "
-            f"{right_count} "
+        stable_count = sum(1 for spot in spots if spot.stable)
+        accurate_count = sum(1 for spot in spots if spot.accurate)
+        runaway_count, needless_count = disagreements(spots)
+        sentence = (
+            f"{map_name}: {surveyed_map.title}. Of {len(spots)} spots {stable_count} are stable, "
+            f"{accurate_count} "
             "accurate"
         )
-        if missed:
-            outcome_words += f"; {missed} ran away though certified"
-        if strict:
-            outcome_words += f"; {strict} stayed though refused"
+        if runaway_count:
+            sentence += f"; {runaway_count} ran away though certified"
+        if needless_count:
+            sentence += f"; {needless_count} stayed though refused"
         if refused := sum(1 for spot in spots if spot.stable is None):
-            outcome_words += f"; {refused} could not be run"
-        map_rows.append(outcome_words + "\n")
-    return "".join(map_rows)
+            sentence += f"; {refused} could not be run"
+        rows.append(sentence + "\n")
+    return "".join(rows)

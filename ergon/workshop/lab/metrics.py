@@ -34,27 +34,27 @@ def waveform_db(y: Floats, x: Floats) -> float:
     beside the others, within rounding, is not counted.
     """
     y_columns, x_columns = _columns(y), _columns(x)
-    least = _ROUNDED * np.linalg.norm(x_columns)
-    counted = np.linalg.norm(y_columns - x_columns, axis=0) > least
-    if not counted.any():
+    rounding = _ROUNDED * np.linalg.norm(x_columns)
+    is_counted = np.linalg.norm(y_columns - x_columns, axis=0) > rounding
+    if not is_counted.any():
         return -inf
     y_columns, x_columns = (
-        np.ascontiguousarray(sound[:, counted]) for sound in (y_columns, x_columns)
+        np.ascontiguousarray(sound[:, is_counted]) for sound in (y_columns, x_columns)
     )
     return _core.waveform_errors(y_columns, x_columns, [len(x_columns)])[0]
 
 
 def onset(x: Floats) -> int | None:
     """The first frame within 60 dB of the peak; None for silence."""
-    size = np.abs(_columns(x)).max(axis=1, initial=0.0)
-    peak = size.max(initial=0.0)
-    return int(np.argmax(size >= _ONSET * peak)) if peak > 0.0 else None
+    sizes = np.abs(_columns(x)).max(axis=1, initial=0.0)
+    peak = sizes.max(initial=0.0)
+    return int(np.argmax(sizes >= _ONSET * peak)) if peak > 0.0 else None
 
 
-def early_db(y: Floats, x: Floats, rate: float, run_seconds: float = EARLY) -> float:
-    """`waveform_db` over the first `run_seconds` of sound, by default 0.1 s."""
+def early_db(y: Floats, x: Floats, rate: float, seconds: float = EARLY) -> float:
+    """`waveform_db` over the first `seconds` of sound, by default 0.1 s."""
     first_frame = onset(x) or 0
-    span = slice(first_frame, first_frame + max(1, round(run_seconds * rate)))
+    span = slice(first_frame, first_frame + max(1, round(seconds * rate)))
     return waveform_db(y[span], x[span])
 
 
@@ -78,24 +78,26 @@ def spectral(y: Floats, x: Floats) -> Spectral:
 
 def _by_frames(y: Floats, x: Floats, window_size: int) -> tuple[float, float]:
     """(mean |ΔdB|, convergence) with windows of `window_size` frames."""
-    total_db, n_bins, error, energy = 0.0, 0, 0.0, 0.0
+    total_db, n_bins, error_energy, energy = 0.0, 0, 0.0, 0.0
     for y_column, x_column in zip(_columns(y).T, _columns(x).T, strict=True):
         magnitudes, reference_magnitudes = (
             _magnitudes(y_column, window_size),
             _magnitudes(x_column, window_size),
         )
-        error += float(np.sum((magnitudes - reference_magnitudes) ** 2))
+        error_energy += float(np.sum((magnitudes - reference_magnitudes) ** 2))
         energy += float(np.sum(reference_magnitudes**2))
-        peak = reference_magnitudes.max(axis=1, keepdims=True)
-        loud = peak > 10.0 ** (_SILENT_DB / 20.0) * peak.max()
-        audible = loud & (reference_magnitudes > 10.0 ** (_COMPARED_DB / 20.0) * peak)
-        floor = 10.0 ** (-_WORST_DB / 20.0)
-        ratio = np.maximum(magnitudes[audible] / reference_magnitudes[audible], floor)
-        total_db += float(np.sum(np.abs(20.0 * np.log10(ratio))))
-        n_bins += int(np.count_nonzero(audible))
+        frame_peaks = reference_magnitudes.max(axis=1, keepdims=True)
+        is_loud = frame_peaks > 10.0 ** (_SILENT_DB / 20.0) * frame_peaks.max()
+        is_audible = is_loud & (reference_magnitudes > 10.0 ** (_COMPARED_DB / 20.0) * frame_peaks)
+        ratio_min = 10.0 ** (-_WORST_DB / 20.0)
+        magnitude_ratios = np.maximum(
+            magnitudes[is_audible] / reference_magnitudes[is_audible], ratio_min
+        )
+        total_db += float(np.sum(np.abs(20.0 * np.log10(magnitude_ratios))))
+        n_bins += int(np.count_nonzero(is_audible))
     if n_bins == 0:
-        return 0.0, 0.0 if error == 0.0 else inf
-    return total_db / n_bins, float(np.sqrt(error / energy))
+        return 0.0, 0.0 if error_energy == 0.0 else inf
+    return total_db / n_bins, float(np.sqrt(error_energy / energy))
 
 
 def _magnitudes(x: Floats, window_size: int) -> Floats:
@@ -109,15 +111,17 @@ def _magnitudes(x: Floats, window_size: int) -> Floats:
 
 def third_octaves(x: Floats, rate: float) -> tuple[Floats, Floats]:
     """Centres [Hz] and rms levels [dB re 1] of the third octaves from 25 Hz to 0.45·rate."""
-    band_columns = _columns(x)
-    power = np.sum(np.abs(np.fft.rfft(band_columns, axis=0)) ** 2, axis=1) / len(band_columns) ** 2
+    columns = _columns(x)
+    power = np.sum(np.abs(np.fft.rfft(columns, axis=0)) ** 2, axis=1) / len(columns) ** 2
     power[1:] *= 2.0  # negative frequencies
-    frequency = np.fft.rfftfreq(len(band_columns), 1.0 / rate)
+    frequency = np.fft.rfftfreq(len(columns), 1.0 / rate)
     centres = np.array(list(_centres(min(20e3, 0.45 * rate))))
-    low, high = (np.searchsorted(frequency, centres * 2.0**step) for step in (-1 / 6, 1 / 6))
-    sums = np.concatenate([[0.0], np.cumsum(power)])
-    band = sums[high] - sums[low]
-    return centres, 10.0 * np.log10(np.maximum(band, 1e-300))
+    first_bins, end_bins = (
+        np.searchsorted(frequency, centres * 2.0**step) for step in (-1 / 6, 1 / 6)
+    )
+    cumulative_power = np.concatenate([[0.0], np.cumsum(power)])
+    band_powers = cumulative_power[end_bins] - cumulative_power[first_bins]
+    return centres, 10.0 * np.log10(np.maximum(band_powers, 1e-300))
 
 
 def bands_db(y: Floats, x: Floats, rate: float) -> float:
@@ -127,8 +131,8 @@ def bands_db(y: Floats, x: Floats, rate: float) -> float:
     rattle.
     """
     y_levels, x_levels = (third_octaves(sound, rate)[1] for sound in (y, x))
-    audible = x_levels > x_levels.max() + _COMPARED_DB
-    return float(np.mean(np.minimum(np.abs(y_levels - x_levels)[audible], _WORST_DB)))
+    is_audible = x_levels > x_levels.max() + _COMPARED_DB
+    return float(np.mean(np.minimum(np.abs(y_levels - x_levels)[is_audible], _WORST_DB)))
 
 
 def _centres(highest: float) -> Iterator[float]:

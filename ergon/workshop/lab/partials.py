@@ -39,29 +39,37 @@ def compare(y: Floats, x: Floats, partial_frequency: float, rate: float) -> Part
     ln|ρ|, weighted by |X|², are the difference of frequency (2πΔf) and of decay (-Δσ).
     """
     start_samples, Y, X = _baseband(y, x, partial_frequency, rate)
-    ringing_span = _ringing(np.abs(X))
+    ringing = _ringing(np.abs(X))
     if (
-        ringing_span is None
-        or not np.all(np.isfinite(Y[ringing_span]))
-        or not np.all(np.abs(Y[ringing_span]) > 0.0)
+        ringing is None
+        or not np.all(np.isfinite(Y[ringing]))
+        or not np.all(np.abs(Y[ringing]) > 0.0)
     ):
         return None
     t, amplitude_ratio, amplitude_weight = (
-        start_samples[ringing_span] / rate,
-        Y[ringing_span] / X[ringing_span],
-        np.abs(X[ringing_span]) ** 2,
+        start_samples[ringing] / rate,
+        Y[ringing] / X[ringing],
+        np.abs(X[ringing]) ** 2,
     )
-    drift = _slope(t, np.unwrap(np.angle(amplitude_ratio)), amplitude_weight) / (2.0 * pi)
-    # The reference of the comparison is the true frequency of the partial, not the
-    # `f` of the search.
-    true = partial_frequency + _slope(t, np.unwrap(np.angle(X[ringing_span])), amplitude_weight) / (
+    frequency_difference = _slope(t, np.unwrap(np.angle(amplitude_ratio)), amplitude_weight) / (
         2.0 * pi
     )
-    decay = -_slope(t, np.log(np.abs(X[ringing_span])), amplitude_weight)
+    # The reference of the comparison is the true frequency of the partial, not the
+    # `f` of the search.
+    true_frequency = partial_frequency + _slope(
+        t, np.unwrap(np.angle(X[ringing])), amplitude_weight
+    ) / (2.0 * pi)
+    decay = -_slope(t, np.log(np.abs(X[ringing])), amplitude_weight)
     measured_decay = decay - _slope(t, np.log(np.abs(amplitude_ratio)), amplitude_weight)
-    ratio60 = decay / measured_decay if decay > 0.0 and measured_decay > 0.0 else nan
-    cents = 1200.0 * log2(1.0 + drift / true) if drift > -true else -inf
-    return Partial(true, cents, ratio60, 3.0 * log(10.0) / decay if decay > 0.0 else inf)
+    t60_ratio = decay / measured_decay if decay > 0.0 and measured_decay > 0.0 else nan
+    cents = (
+        1200.0 * log2(1.0 + frequency_difference / true_frequency)
+        if frequency_difference > -true_frequency
+        else -inf
+    )
+    return Partial(
+        true_frequency, cents, t60_ratio, 3.0 * log(10.0) / decay if decay > 0.0 else inf
+    )
 
 
 def strongest(x: Floats, rate: float, count: int = 5, window: Floats | None = None) -> list[float]:
@@ -77,22 +85,29 @@ def strongest(x: Floats, rate: float, count: int = 5, window: Floats | None = No
         window = np.hanning(len(x) + 1)[:-1]
     magnitude = np.abs(np.fft.rfft(x * window, window_size))
     reach = max(2, int(_RESOLUTION_HERTZ * window_size / rate))
-    low_bin, high_bin = int(1.5 * reach), int(0.45 * window_size)
+    first_bin, end_bin = int(1.5 * reach), int(0.45 * window_size)
     # The rise towards a stronger peak's neighbour is not a peak.
-    nearby = sliding_window_view(np.pad(magnitude, reach), 2 * reach + 1)
-    tops: list[int] = []
-    for bin_index in np.argsort(magnitude[low_bin:high_bin])[::-1] + low_bin:
-        if len(tops) == count or magnitude[bin_index] < _DOWN * magnitude[low_bin:high_bin].max():
+    neighbourhoods = sliding_window_view(np.pad(magnitude, reach), 2 * reach + 1)
+    peak_bins: list[int] = []
+    for bin_index in np.argsort(magnitude[first_bin:end_bin])[::-1] + first_bin:
+        if (
+            len(peak_bins) == count
+            or magnitude[bin_index] < _DOWN * magnitude[first_bin:end_bin].max()
+        ):
             break
-        if magnitude[bin_index] > 0.0 and magnitude[bin_index] == nearby[bin_index].max():
-            tops.append(int(bin_index))
-    return [_between(magnitude, index) * rate / window_size for index in tops]
+        if magnitude[bin_index] > 0.0 and magnitude[bin_index] == neighbourhoods[bin_index].max():
+            peak_bins.append(int(bin_index))
+    return [_between(magnitude, index) * rate / window_size for index in peak_bins]
 
 
 def _between(magnitude: Floats, index: int) -> float:
-    a, b, c = np.log(np.maximum(magnitude[index - 1 : index + 2], 1e-300))
-    curve = a - 2.0 * b + c
-    return index + 0.5 * float((a - c) / curve) if curve < 0.0 and isfinite(curve) else float(index)
+    log_before, log_peak, log_after = np.log(np.maximum(magnitude[index - 1 : index + 2], 1e-300))
+    curvature = log_before - 2.0 * log_peak + log_after
+    return (
+        index + 0.5 * float((log_before - log_after) / curvature)
+        if curvature < 0.0 and isfinite(curvature)
+        else float(index)
+    )
 
 
 def _baseband(y: Floats, x: Floats, f: float, rate: float) -> tuple[Floats, Complexes, Complexes]:
@@ -114,22 +129,24 @@ def _baseband(y: Floats, x: Floats, f: float, rate: float) -> tuple[Floats, Comp
 
 def _ringing(amplitude_sizes: Floats) -> slice | None:
     """The section with most energy in which a partial only decays: from one stroke to the next."""
-    window = round(_SMOOTHING / _HOP)
-    strong = amplitude_sizes > _DOWN * amplitude_sizes.max(initial=0.0)
-    rising = np.zeros(len(amplitude_sizes), dtype=bool)
-    for i in np.flatnonzero(amplitude_sizes[window:] > _STROKE_GROWTH * amplitude_sizes[:-window]):
-        rising[i : i + window] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], strong & ~rising, [False]])))
+    window_hops = round(_SMOOTHING / _HOP)
+    is_strong = amplitude_sizes > _DOWN * amplitude_sizes.max(initial=0.0)
+    is_struck = np.zeros(len(amplitude_sizes), dtype=bool)
+    for i in np.flatnonzero(
+        amplitude_sizes[window_hops:] > _STROKE_GROWTH * amplitude_sizes[:-window_hops]
+    ):
+        is_struck[i : i + window_hops] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_strong & ~is_struck, [False]])))
     spans = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     spans = [span for span in spans if (span.stop - span.start) * _HOP >= _RING_SECONDS_MIN]
     return max(spans, key=lambda span: float(np.sum(amplitude_sizes[span] ** 2)), default=None)
 
 
-def _slope(t: Floats, phase_values: Floats, weight: Floats) -> float:
+def _slope(t: Floats, values: Floats, weight: Floats) -> float:
     """The slope of the line fitted by weighted least squares."""
     total = np.sum(weight)
-    t, phase_values = (
+    t, values = (
         t - np.sum(weight * t) / total,
-        phase_values - np.sum(weight * phase_values) / total,
+        values - np.sum(weight * values) / total,
     )
-    return float(np.sum(weight * t * phase_values) / np.sum(weight * t * t))
+    return float(np.sum(weight * t * values) / np.sum(weight * t * t))

@@ -54,22 +54,22 @@ class Reference:
     def share(self) -> float:
         """The reference's own error over the change of the last doubling."""
         order, last_change = self._line()
-        luck: float = 10.0 ** (max(0.0, last_change - self.changes[-1]) / 20.0)
-        return luck if order is None else luck / float(2.0**order - 1.0)
+        luck_ratio: float = 10.0 ** (max(0.0, last_change - self.changes[-1]) / 20.0)
+        return luck_ratio if order is None else luck_ratio / float(2.0**order - 1.0)
 
     def _line(self) -> tuple[float | None, float]:
         """The order, and the last change [dB], from a straight line through the last changes."""
         if len(self.changes) < 2 or min(self.changes[-_CHANGES_FOR_ORDER:]) < EXACT_DB:
             return None, self.changes[-1]
         steepest = _DOUBLING_DB * (order_of(self.setting.method))
-        lifted_changes = [self.changes[0]]
+        slowed_changes = [self.changes[0]]
         for change in self.changes[1:]:
-            lifted_changes.append(max(change, lifted_changes[-1] - steepest))
-        lifted_changes = lifted_changes[-_CHANGES_FOR_ORDER:]
-        fall, start = np.polyfit(np.arange(len(lifted_changes)), lifted_changes, 1)
-        last_change = max(float(start + fall * (len(lifted_changes) - 1)), lifted_changes[-1])
-        p = -float(fall) / _DOUBLING_DB
-        return (p, last_change) if p >= _ORDER_MIN else (None, last_change)
+            slowed_changes.append(max(change, slowed_changes[-1] - steepest))
+        slowed_changes = slowed_changes[-_CHANGES_FOR_ORDER:]
+        slope, start = np.polyfit(np.arange(len(slowed_changes)), slowed_changes, 1)
+        last_change = max(float(start + slope * (len(slowed_changes) - 1)), slowed_changes[-1])
+        order = -float(slope) / _DOUBLING_DB
+        return (order, last_change) if order >= _ORDER_MIN else (None, last_change)
 
 
 def steps(upto: int) -> tuple[int, ...]:
@@ -90,15 +90,16 @@ def best(sounds: Mapping[Setting, Floats]) -> str | None:
 def ladder(sounds: Mapping[Setting, Floats], method: str) -> list[tuple[int, Floats]]:
     """Sounds of one method in double precision, each twice as oversampled as the one before."""
     rungs = sorted(
-        ((s.oversampling, sound) for s, sound in sounds.items()
-         if s.method == method and s.precision == "f64"),
+        ((setting.oversampling, sound) for setting, sound in sounds.items()
+         if setting.method == method and setting.precision == "f64"),
         key=lambda rate_and_sound: rate_and_sound[0],
     )  # fmt: skip
     # A run that failed breaks the ladder: only the part above it counts.
-    last_doubled = next(
-        (i for i in range(len(rungs) - 1, 0, -1) if rungs[i][0] != 2 * rungs[i - 1][0]), 0
+    first_doubled = next(
+        (rung for rung in range(len(rungs) - 1, 0, -1) if rungs[rung][0] != 2 * rungs[rung - 1][0]),
+        0,
     )
-    return rungs[last_doubled:]
+    return rungs[first_doubled:]
 
 
 def refine(
@@ -128,16 +129,16 @@ def _rival(run: Callable[[Setting], Floats | None], rival: Setting) -> Reference
 
     A plan of the scene at twice the rate may take the very same steps: then nothing is compared.
     """
-    sound_before = run(rival)
-    for step_times in (2, 4, 8, 16):
-        setting = replace(rival, oversampling=step_times * rival.oversampling)
-        setting_sound = run(setting)
-        if sound_before is None or setting_sound is None:
+    coarser_sound = run(rival)
+    for step_multiple in (2, 4, 8, 16):
+        finer_setting = replace(rival, oversampling=step_multiple * rival.oversampling)
+        finer_sound = run(finer_setting)
+        if coarser_sound is None or finer_sound is None:
             return None
-        (change,) = _changes([(1, sound_before), (step_times, setting_sound)])
+        (change,) = _changes([(1, coarser_sound), (step_multiple, finer_sound)])
         if change > EXACT_DB:
-            return Reference(setting, setting_sound, sound_before, (change,))
-        sound_before = setting_sound
+            return Reference(finer_setting, finer_sound, coarser_sound, (change,))
+        coarser_sound = finer_sound
     return None
 
 
@@ -152,17 +153,17 @@ def _refined(
         method_ladder = ladder(sounds, method_name)
         if waveform_db(method_ladder[-2][1], method_ladder[-1][1]) < EXACT_DB:
             break
-        further = Setting(method_name, 2 * method_ladder[-1][0])
-        finer_sound = run(further)
+        finer_setting = Setting(method_name, 2 * method_ladder[-1][0])
+        finer_sound = run(finer_setting)
         if finer_sound is None:
             break
-        sounds[further] = finer_sound
+        sounds[finer_setting] = finer_sound
     return _top(sounds, method_name)
 
 
 def _top(sounds: Mapping[Setting, Floats], method: str) -> Reference:
-    row = ladder(sounds, method)
-    return Reference(Setting(method, row[-1][0]), row[-1][1], row[-2][1], _changes(row))
+    rungs = ladder(sounds, method)
+    return Reference(Setting(method, rungs[-1][0]), rungs[-1][1], rungs[-2][1], _changes(rungs))
 
 
 def doubts(sounds: Mapping[Setting, Floats], chosen_reference: Reference) -> list[str]:
@@ -172,11 +173,11 @@ def doubts(sounds: Mapping[Setting, Floats], chosen_reference: Reference) -> lis
         if method == chosen_reference.setting.method or len(ladder(sounds, method)) < 2:
             continue
         rival_top = _top(sounds, method)
-        rival_difference = waveform_db(rival_top.sound, chosen_reference.sound)
-        if rival_difference > max(rival_top.floor_db, chosen_reference.floor_db) + _DOUBT_DB:
+        difference_db = waveform_db(rival_top.sound, chosen_reference.sound)
+        if difference_db > max(rival_top.floor_db, chosen_reference.floor_db) + _DOUBT_DB:
             sentences.append(
                 f"{rival_top.setting} and {chosen_reference.setting} differ by "
-                f"{rival_difference:.0f} dB, "
+                f"{difference_db:.0f} dB, "
                 "though their "
                 "own "
                 f"errors seem to be {rival_top.floor_db:.0f} and {chosen_reference.floor_db:.0f} dB"
@@ -184,9 +185,9 @@ def doubts(sounds: Mapping[Setting, Floats], chosen_reference: Reference) -> lis
     return sentences
 
 
-def _changes(row: Sequence[tuple[int, Floats]]) -> tuple[float, ...]:
+def _changes(rungs: Sequence[tuple[int, Floats]]) -> tuple[float, ...]:
     """The change of each doubling [dB]."""
     return tuple(
-        max(waveform_db(level, next_level), 2.0 * EXACT_DB)
-        for (_, level), (_, next_level) in pairwise(row)
+        max(waveform_db(sound, finer_sound), 2.0 * EXACT_DB)
+        for (_, sound), (_, finer_sound) in pairwise(rungs)
     )

@@ -63,14 +63,14 @@ class Oversampled(NetworkAndTimeline):
     def from_scene(cls, scene: Scene, rate_multiple: int) -> Oversampled:
         """A scene at `rate_multiple` its rate. Raises EngineError or StageError."""
         scene_at_rate = scene.build_at(scene.rate * rate_multiple)
-        differentiated_positions = scene_at_rate.network.undifferentiated()
+        position_network = scene_at_rate.network.undifferentiated()
         # At its own rate the engine derives speeds itself, and nothing is left to derive.
-        output_network, derived = (
-            (scene_at_rate.network, differentiated_positions)
+        network_to_run, derived = (
+            (scene_at_rate.network, position_network)
             if rate_multiple == 1
-            else (differentiated_positions, scene_at_rate.network)
+            else (position_network, scene_at_rate.network)
         )
-        return cls(output_network, scene_at_rate.timeline, rate_multiple, derived, scene.rate)
+        return cls(network_to_run, scene_at_rate.timeline, rate_multiple, derived, scene.rate)
 
     def derivatives(self) -> _core.Derivatives:
         """The derivatives still to compute from every `times`-th frame, from frame 0 on."""
@@ -100,12 +100,12 @@ class Run:
         output_frames = np.empty((n_frames, self.n_out))
         stride = self._oversampled.times
         block = np.empty((min(_BLOCK, n_frames) * stride, self.n_out))
-        for first_frame in range(0, n_frames, _BLOCK):
-            block_part = block[: min(_BLOCK, n_frames - first_frame) * stride]
-            begin = time.thread_time()
+        for block_begin in range(0, n_frames, _BLOCK):
+            block_part = block[: min(_BLOCK, n_frames - block_begin) * stride]
+            begin_seconds = time.thread_time()
             self._simulation.process(block_part)
-            self.spent += time.thread_time() - begin
-            output_frames[first_frame : first_frame + _BLOCK] = block_part[::stride]
+            self.spent += time.thread_time() - begin_seconds
+            output_frames[block_begin : block_begin + _BLOCK] = block_part[::stride]
         self._derivatives.process(output_frames)
         return output_frames
 

@@ -13,13 +13,13 @@ def text(
     facts: Sequence[str], column_names: Sequence[str], table_rows: Iterable[Sequence[Value]]
 ) -> str:
     """The whole file. A value that was not measured is an empty field."""
-    out = io.StringIO()
+    text = io.StringIO()
     for fact in ("made by ergon", *facts):
-        out.write(f"# {' '.join(fact.split())}\n")
-    table = csv.writer(out, lineterminator="\n")
-    table.writerow(column_names)
-    table.writerows([_written(value) for value in row] for row in table_rows)
-    return out.getvalue()
+        text.write(f"# {' '.join(fact.split())}\n")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(column_names)
+    writer.writerows([_written(value) for value in row] for row in table_rows)
+    return text.getvalue()
 
 
 def _written(table_value: Value) -> str:

@@ -53,13 +53,13 @@ def _completions(
     for cursor, read in cursors.cursors_at_unwritten(document_text, text_index, score_file):
         for part in music_parts.parts_beside(cursor, read):
             by_word[part.id] = Completion(part.id, "value", music_parts.about(part))
-        completion_words = (
+        completions = (
             _key_completions(cursor)
             if cursor.is_name
             else _value_completions(cursor.shape, catalogue, number_text)
         )
-        for word in completion_words:
-            by_word.setdefault(word.word, word)
+        for completion in completions:
+            by_word.setdefault(completion.word, completion)
     return list(by_word.values())
 
 
@@ -176,19 +176,21 @@ def _explanation(
     for part in music_parts.parts_beside(cursor, score_file):
         if cursor.node.text in (part.id, part.name):
             return f"**{part.id}**: {music_parts.about(part)}"
-    definition_place = definition(text_index, score_file, catalogue)
-    heights = None if cursor.is_name else _pitch_text(text_index, cursor, score_file.text)
-    if definition_place is None or heights is not None:
-        return heights
-    meaning_line = (
-        score_file.line(definition_place.place.line).strip()
-        if definition_place.place.file == score_file.file
+    name_definition = definition(text_index, score_file, catalogue)
+    pitch_text = None if cursor.is_name else _pitch_text(text_index, cursor, score_file.text)
+    if name_definition is None or pitch_text is not None:
+        return pitch_text
+    definition_line = (
+        score_file.line(name_definition.place.line).strip()
+        if name_definition.place.file == score_file.file
         else ""
     )
     source = (
-        f"\n```yaml\n{meaning_line}\n```" if meaning_line else f" of {definition_place.place.file}"
+        f"\n```yaml\n{definition_line}\n```"
+        if definition_line
+        else f" of {name_definition.place.file}"
     )
-    return f"{definition_place.noun} **{definition_place.name}**{source}"
+    return f"{name_definition.noun} **{name_definition.name}**{source}"
 
 
 def _meaning(text_index: int, cursor: Cursor, document_text: str) -> str | None:
@@ -229,20 +231,14 @@ def definition(text_index: int, score_file: Document, catalogue: Catalogue) -> D
     cursor_word = cursors.word_at(score_file.text, text_index).strip("/-")
     if cursor is None or cursor.is_name or not cursor_word:
         return None
-    value_shape = cursor.shape
-    if (
-        isinstance(value_shape, Reference)
-        and "modules" in value_shape.sections
-        and len(cursor.path) > 1
-    ):
-        inside = catalogue.find(
+    shape = cursor.shape
+    if isinstance(shape, Reference) and "modules" in shape.sections and len(cursor.path) > 1:
+        module_definition = catalogue.find(
             f"{cursor.path[1]}.{cursor_word}", ("modules",)
         )  # a module of the same one
-        if inside is not None:
-            return inside
-    return catalogue.find(
-        cursor_word, value_shape.sections if isinstance(value_shape, Reference) else ()
-    )
+        if module_definition is not None:
+            return module_definition
+    return catalogue.find(cursor_word, shape.sections if isinstance(shape, Reference) else ())
 
 
 def frequency_of(text: str) -> float:

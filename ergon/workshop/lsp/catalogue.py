@@ -58,7 +58,7 @@ def catalogue(loaded: Loaded) -> Catalogue:
     score_names, uses = loaded.names, loaded.uses
     if score_names is None or uses is None:
         return Catalogue()
-    root_node = score_names.document.root
+    root = score_names.document.root
     sections: dict[str, dict[str, Definition]] = {MODULES: {}}
     for section_name, noun in NOUNS.items():
         sections[section_name] = {
@@ -66,7 +66,7 @@ def catalogue(loaded: Loaded) -> Catalogue:
             for name, entry in score_names.tables[section_name].items()
         }
     for section_name, noun in _LOCAL_SECTIONS.items():
-        node = root_node.get(section_name) if isinstance(root_node, document.Mapping) else None
+        node = root.get(section_name) if isinstance(root, document.Mapping) else None
         entries = node.entries if isinstance(node, document.Mapping) else {}
         sections[section_name] = {
             name: Definition(name, noun, key.place) for name, (key, _) in entries.items()
@@ -75,11 +75,11 @@ def catalogue(loaded: Loaded) -> Catalogue:
         for defined_name, entry in score_names.tables[section_name].items():
             values, _ = uses.resolved(section_name, entry)
             modules = None if values is None else values.by_name.get("modules")
-            for module, fields_read in (modules or {}).items():
-                if isinstance(fields_read, Values):
+            for module, module_fields in (modules or {}).items():
+                if isinstance(module_fields, Values):
                     qualified_name = f"{defined_name}.{module}"
                     sections[MODULES][qualified_name] = Definition(
-                        qualified_name, fields_read.kind or "module", fields_read.place
+                        qualified_name, module_fields.kind or "module", module_fields.place
                     )
     return Catalogue(sections, score_names.tuning, score_names.tunings)
 

@@ -75,13 +75,13 @@ def cursor_at(score_file: Document, text_index: int) -> Cursor | None:
             path = (*path, key_node.text)
             cursor_node, value_shape = child, inner_shape
         elif isinstance(cursor_node, document.Sequence):
-            last_key = _last_before(
+            item_before = _last_before(
                 ((item.start, (i, item)) for i, item in enumerate(cursor_node.items)), text_index
             )
-            if last_key is None:
+            if item_before is None:
                 return None
-            number, cursor_node = last_key
-            value_shape = None if value_shape is None else value_shape.inner(number)
+            index, cursor_node = item_before
+            value_shape = None if value_shape is None else value_shape.inner(index)
         elif isinstance(cursor_node, Scalar) and cursor_node.start <= text_index <= cursor_node.end:
             return Cursor(
                 cursor_node, False, value_shape, value_table, cursor_field, path, entry_names
@@ -104,15 +104,15 @@ def cursors_at_unwritten(
         document_text[text_index : len(document_text) if line_end < 0 else line_end],
     )
     text_before = text_before.removesuffix(word_before(text_before, len(text_before)))
-    text_behind = WORD.sub("", text_after, count=1)
-    closing = "" if text_behind.strip() else _closing_brackets(text_before)
+    rest_of_line = WORD.sub("", text_after, count=1)
+    closing = "" if rest_of_line.strip() else _closing_brackets(text_before)
     cursors = []
     for placeholder in (_PLACEHOLDER, f"{_PLACEHOLDER}: 0"):
-        line = text_before + placeholder + (closing or text_behind)
-        changed = (
+        line = text_before + placeholder + (closing or rest_of_line)
+        changed_text = (
             document_text[:line_begin] + line + ("" if line_end < 0 else document_text[line_end:])
         )
-        read_document = document.compose(changed, score_file.file, Collector())
+        read_document = document.compose(changed_text, score_file.file, Collector())
         cursor = cursor_at(read_document, line_begin + len(text_before))
         if cursor is not None and _PLACEHOLDER in cursor.node.text:
             cursors.append((cursor, read_document))
@@ -144,15 +144,13 @@ def word_before(text: str, index: int) -> str:
     return match.group() if match else ""
 
 
-def pitch_at(document_text: str, text_index: int) -> str | None:
+def pitch_at(text: str, index: int) -> str | None:
     """The pitch round a character, as members are called by it: `A4+50cents`, `c4` of `c4.min`,
     `3to2` of `wires.3/2.m`; None if there is none.
     """
-    begin = document_text.rfind("\n", 0, text_index) + 1
-    for match in _PITCHES.finditer(
-        document_text, begin, min(len(document_text), text_index + _WORD_MAX)
-    ):
-        if match.start() <= text_index <= match.end():
+    begin = text.rfind("\n", 0, index) + 1
+    for match in _PITCHES.finditer(text, begin, min(len(text), index + _WORD_MAX)):
+        if match.start() <= index <= match.end():
             for word in tuning.spelled(match[0].strip(".")).split("."):
                 if (pitch := word_of(word[:1].upper() + word[1:])) is not None:
                     return pitch

@@ -92,27 +92,25 @@ class GuardedInput:
 
     def _body(self) -> bytes | None:
         """The body of a message; None at the end. Raises ProtocolError."""
-        body_length = None
-        for number in range(_LINES_MAX):
+        n_bytes = None
+        for line_number in range(_LINES_MAX):
             header_line = self._source.readline(_LINE_MAX)
-            if not header_line and not number:
+            if not header_line and not line_number:
                 return None
             if match := _CONTENT_LENGTH.fullmatch(header_line):
-                body_length = int(match[1])
+                n_bytes = int(match[1])
             elif not header_line.strip():
                 break
             elif b":" not in header_line or not header_line.endswith(b"\n"):
                 raise ProtocolError("a header must have lines such as Content-Length: 120")
-        if body_length is None:
+        if n_bytes is None:
             raise ProtocolError("a message must begin with a line such as Content-Length: 120")
-        if body_length > BODY_MAX:
-            message = (
-                f"a message of {body_length:,} bytes is announced; at most {BODY_MAX:,} are read"
-            )
-            raise ProtocolError(message)
-        body = self._source.read(body_length)
-        if len(body) < body_length:
-            raise ProtocolError(f"the input ends within a message of {body_length:,} bytes")
+        if n_bytes > BODY_MAX:
+            problem = f"a message of {n_bytes:,} bytes is announced; at most {BODY_MAX:,} are read"
+            raise ProtocolError(problem)
+        body = self._source.read(n_bytes)
+        if len(body) < n_bytes:
+            raise ProtocolError(f"the input ends within a message of {n_bytes:,} bytes")
         return body
 
     def _parsed(self, body: bytes) -> dict[str, Any]:
@@ -124,14 +122,14 @@ class GuardedInput:
         except MalformedTextError as error:
             raise _RefusedError(t.ErrorCodes.ParseError, str(error)) from None
         except (UnicodeEncodeError, RecursionError):
-            refusal_reason = "a text has half of a character"
-            raise _RefusedError(t.ErrorCodes.ParseError, refusal_reason) from None
+            reason = "a text has half of a character"
+            raise _RefusedError(t.ErrorCodes.ParseError, reason) from None
         if not isinstance(message, dict) or message.get("jsonrpc") != "2.0":
-            refusal_reason = 'a message must be a JSON object with "jsonrpc": "2.0"'
-            raise _RefusedError(t.ErrorCodes.InvalidRequest, refusal_reason)
+            reason = 'a message must be a JSON object with "jsonrpc": "2.0"'
+            raise _RefusedError(t.ErrorCodes.InvalidRequest, reason)
         if any(depth > _DEPTH_MAX for depth in _depths(message)):
-            refusal_reason = f"the message is nested more than {_DEPTH_MAX} deep"
-            raise _RefusedError(t.ErrorCodes.InvalidRequest, refusal_reason)
+            reason = f"the message is nested more than {_DEPTH_MAX} deep"
+            raise _RefusedError(t.ErrorCodes.InvalidRequest, reason)
         return message
 
     def _is_handled(self, message: dict[str, Any]) -> bool:
@@ -152,12 +150,12 @@ class GuardedInput:
 
     def _check(self, method: Any, message: dict[str, Any]) -> None:
         if not isinstance(method, str) or method not in self._methods:
-            refusal_reason = f"{printable(str(method)[:80])} is not done by this server"
-            raise _RefusedError(t.ErrorCodes.MethodNotFound, refusal_reason)
-        message_kind = t.METHOD_TO_TYPES[method][0]
-        if hasattr(message_kind, "id") != ("id" in message):
-            refusal_reason = f"{method} has an id if, and only if, it is a request"
-            raise _RefusedError(t.ErrorCodes.InvalidRequest, refusal_reason)
+            reason = f"{printable(str(method)[:80])} is not done by this server"
+            raise _RefusedError(t.ErrorCodes.MethodNotFound, reason)
+        message_type = t.METHOD_TO_TYPES[method][0]
+        if hasattr(message_type, "id") != ("id" in message):
+            reason = f"{method} has an id if, and only if, it is a request"
+            raise _RefusedError(t.ErrorCodes.InvalidRequest, reason)
         if self._is_over and method != t.EXIT:
             raise _RefusedError(t.ErrorCodes.InvalidRequest, "the server was shut down")
         if not self._is_begun and method not in (t.INITIALIZE, t.EXIT):
@@ -165,15 +163,15 @@ class GuardedInput:
         if self._is_begun and method == t.INITIALIZE:
             raise _RefusedError(t.ErrorCodes.InvalidRequest, "initialize comes once")
         try:
-            structured: Any = self._converter.structure(message, message_kind)
+            request: Any = self._converter.structure(message, message_type)
         except Exception as error:  # cattrs and the validators raise errors of many types
             why = printable("; ".join(transform_error(error)))[:_WORDS_MAX]
-            refusal_reason = f"the fields of {method} are not those of the protocol: {why}"
-            raise _RefusedError(t.ErrorCodes.InvalidParams, refusal_reason) from error
+            reason = f"the fields of {method} are not those of the protocol: {why}"
+            raise _RefusedError(t.ErrorCodes.InvalidParams, reason) from error
         self.exits_early = method == t.EXIT and not self._is_over
         self._is_begun = True
         self._is_over |= method == t.SHUTDOWN
-        document = getattr(structured.params, "text_document", None)
+        document = getattr(request.params, "text_document", None)
         if document is not None:
             self._check_open(method, unquote(document.uri))
 
@@ -200,13 +198,13 @@ def _is_id(id: object) -> bool:
     return type(id) is int and abs(id) < _INTEGER_MAX
 
 
-def _depths(json_value: object) -> Iterator[int]:
+def _depths(part: object) -> Iterator[int]:
     """How deep each part of a value lies, without recursion."""
-    values_left = [(json_value, 1)]
-    while values_left:
-        json_value, depth = values_left.pop()
+    parts_left = [(part, 1)]
+    while parts_left:
+        part, depth = parts_left.pop()
         yield depth
-        if isinstance(json_value, dict):
-            values_left += ((inner, depth + 1) for inner in json_value.values())
-        elif isinstance(json_value, list):
-            values_left += ((inner, depth + 1) for inner in json_value)
+        if isinstance(part, dict):
+            parts_left += ((inner_part, depth + 1) for inner_part in part.values())
+        elif isinstance(part, list):
+            parts_left += ((inner_part, depth + 1) for inner_part in part)

@@ -144,14 +144,14 @@ class Server(LanguageServer):
         if loaded.piece is None:
             raise EditError("the score has mistakes; mend them first, so that all uses are known")
         path = str(_path(uri))
-        renamed_texts = Texts(
+        texts = Texts(
             path,
             self.workspace.get_text_document(uri).source,
             {name: file.text for name, file in loaded.files.items() if name != path},
             bounds=scores.bounds(path, False),
         )
-        rename(renamed_texts, loaded.piece, old, new)  # this also tests that the piece is the same
-        return places_named(renamed_texts, loaded.piece, old, new)
+        rename(texts, loaded.piece, old, new)  # this also tests that the piece is the same
+        return places_named(texts, loaded.piece, old, new)
 
     def _publish(
         self, uri: str, open_document: _OpenDocument, reported: Sequence[Diagnostic]
@@ -273,10 +273,10 @@ def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
         else []
     )
     begin = text_index - len(cursor.word_before(text_document.source, text_index))
-    word_range = t.Range(
+    typed_range = t.Range(
         _client_position(text_document, begin), _client_position(text_document, text_index)
     )
-    return t.CompletionList(is_incomplete=True, items=list(_items(completions, word_range)))
+    return t.CompletionList(is_incomplete=True, items=list(_items(completions, typed_range)))
 
 
 def _client_position(text_document: TextDocument, text_index: int) -> t.Position:
@@ -319,11 +319,11 @@ def _hover(ls: Server, params: t.HoverParams) -> t.Hover | None:
 def _definition(ls: Server, params: t.DefinitionParams) -> t.Location | None:
     uri = params.text_document.uri
     _, index, file, catalogue_now = ls.locate(uri, params.position)
-    place_defined = answers.definition(index, file, catalogue_now)
-    if place_defined is None:
+    name_definition = answers.definition(index, file, catalogue_now)
+    if name_definition is None:
         return None
-    target_uri = _uri(place_defined.place.file, uri)
-    return t.Location(target_uri, ls.range(target_uri, place_defined.place))
+    target_uri = _uri(name_definition.place.file, uri)
+    return t.Location(target_uri, ls.range(target_uri, name_definition.place))
 
 
 def _actions(ls: Server, params: t.CodeActionParams) -> list[t.CodeAction]:
@@ -371,10 +371,10 @@ def _symbols(ls: Server, params: t.DocumentSymbolParams) -> list[t.DocumentSymbo
     root = ls.locate(uri, t.Position(0, 0))[2].root if ls.is_score(uri) else None
     entries = root.entries.items() if isinstance(root, document.Mapping) else ()
     symbols = []
-    for symbol_name, (key_node, child) in entries:
-        inner = child.entries.items() if isinstance(child, document.Mapping) else ()
-        children = [_symbol(ls, uri, word, node.place) for word, (node, _) in inner]
-        symbols.append(_symbol(ls, uri, symbol_name, key_node.place, children))
+    for name, (key, child) in entries:
+        inner_entries = child.entries.items() if isinstance(child, document.Mapping) else ()
+        children = [_symbol(ls, uri, word, node.place) for word, (node, _) in inner_entries]
+        symbols.append(_symbol(ls, uri, name, key.place, children))
     return symbols
 
 

@@ -45,45 +45,51 @@ def _fit_figures(fit: Fit) -> tuple[list[str], Floats, Floats]:
     Names, values (n,), covariance (n, n); a figure of a mode has a name such as `mode1.f`. `M`
     is the mass of the key with its modes; without a spring `weight` takes the place of `rest`.
     """
-    parameter_row, fitted_columns = fit.row, fit.columns
+    row, columns = fit.row, fit.columns
     figure_names: list[str] = []
     figure_values: list[float] = []
-    slopes: list[Floats] = []
+    gradient_rows: list[Floats] = []
 
     def add(name: str, value: float, gradient: dict[int, float]) -> None:
         figure_names.append(name)
         figure_values.append(float(value))
-        slopes.append(np.array([gradient.get(index, 0.0) for index in fitted_columns]))
+        gradient_rows.append(np.array([gradient.get(index, 0.0) for index in columns]))
 
     add(
         "M",
-        total_mass(parameter_row),
-        dict.fromkeys((0, *range(N_KEY, len(parameter_row), N_MODE)), 1.0),
+        total_mass(row),
+        dict.fromkeys((0, *range(N_KEY, len(row), N_MODE)), 1.0),
     )
-    k, w = INDEX["stiffness"], INDEX["weight"]
-    has_spring = parameter_row[k] > 3 * fit.deviation(k)
+    stiffness_index, weight_index = INDEX["stiffness"], INDEX["weight"]
+    has_spring = row[stiffness_index] > 3 * fit.deviation(stiffness_index)
     if has_spring:
         add(
             "rest",
-            -parameter_row[w] / parameter_row[k],
-            {k: parameter_row[w] / parameter_row[k] ** 2, w: -1 / parameter_row[k]},
+            -row[weight_index] / row[stiffness_index],
+            {
+                stiffness_index: row[weight_index] / row[stiffness_index] ** 2,
+                weight_index: -1 / row[stiffness_index],
+            },
         )
     for field_name, parameter in _KEY_FIELDS:
         index = INDEX[parameter]
-        if index in fitted_columns and not (has_spring and index == w):
-            add(field_name, parameter_row[index], {index: 1.0})
-    for mode in range(n_modes(parameter_row)):
-        m, f, z = mode_indices(mode)
-        decay = t60(float(parameter_row[f]), float(parameter_row[z]))
-        add(f"mode{mode + 1}.M", parameter_row[m], {m: 1.0})
-        add(f"mode{mode + 1}.f", parameter_row[f], {f: 1.0})
+        if index in columns and not (has_spring and index == weight_index):
+            add(field_name, row[index], {index: 1.0})
+    for mode in range(n_modes(row)):
+        mass_index, frequency_index, ratio_index = mode_indices(mode)
+        decay = t60(float(row[frequency_index]), float(row[ratio_index]))
+        add(f"mode{mode + 1}.M", row[mass_index], {mass_index: 1.0})
+        add(f"mode{mode + 1}.f", row[frequency_index], {frequency_index: 1.0})
         add(
             f"mode{mode + 1}.t60",
             decay,
-            {f: -decay / parameter_row[f], z: -decay / parameter_row[z]},
+            {
+                frequency_index: -decay / row[frequency_index],
+                ratio_index: -decay / row[ratio_index],
+            },
         )
-    slope = np.array(slopes)
-    return figure_names, np.array(figure_values), slope @ fit.covariance @ slope.T
+    gradients = np.array(gradient_rows)
+    return figure_names, np.array(figure_values), gradients @ fit.covariance @ gradients.T
 
 
 def text(measured: Measured, takes: Sequence[str], day: str) -> str:
@@ -95,38 +101,43 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     fit = measured.fit
     figure_names, values, covariance = _fit_figures(fit)
     deviations = np.sqrt(np.diag(covariance))
-    value_and_deviation = dict(zip(figure_names, zip(values, deviations, strict=True), strict=True))
-    yaml_lines = ["ergon: 1"]
-    for figure_name, (figure_value, deviation) in value_and_deviation.items():
+    value_and_deviation_by_name = dict(
+        zip(figure_names, zip(values, deviations, strict=True), strict=True)
+    )
+    lines = ["ergon: 1"]
+    for figure_name, (figure_value, deviation) in value_and_deviation_by_name.items():
         if figure_name in UNITS:
             unit, scale = UNITS[figure_name]
-            yaml_lines.append(
+            lines.append(
                 f"{figure_name}: {figure_value * scale:.7g}{unit} # ± {deviation * scale:.3g}"
             )
     if n_modes(fit.row):
-        yaml_lines.append("modes:")
+        lines.append("modes:")
     for mode in range(1, n_modes(fit.row) + 1):
         mode_figures = [
             (value * MODE_FIELDS[name][1], deviation * MODE_FIELDS[name][1])
             for name in MODE_FIELDS
-            for value, deviation in [value_and_deviation[f"mode{mode}.{name}"]]
+            for value, deviation in [value_and_deviation_by_name[f"mode{mode}.{name}"]]
         ]
-        (m, dm), (f, df), (decay, dt) = mode_figures
-        yaml_lines.append(
-            f"  - {{M: {m:.6g}g, f: {f:.6g}Hz, t60: {decay:.6g}s}} # ± {dm:.3g} {df:.3g} {dt:.3g}"
+        (mass, mass_deviation), (frequency, frequency_deviation), (decay, decay_deviation) = (
+            mode_figures
         )
-    deviation_sizes = np.where(deviations > 0, deviations, 1.0)
-    yaml_lines.append("correlations:")
+        lines.append(
+            f"  - {{M: {mass:.6g}g, f: {frequency:.6g}Hz, t60: {decay:.6g}s}} "
+            f"# ± {mass_deviation:.3g} {frequency_deviation:.3g} {decay_deviation:.3g}"
+        )
+    divisors = np.where(deviations > 0, deviations, 1.0)
+    lines.append("correlations:")
     for i, figure_name in enumerate(figure_names):
-        correlations = covariance[i, :i] / (deviation_sizes[i] * deviation_sizes[:i])
-        yaml_lines.append(" ".join([f"  - {figure_name}", *(f"{x:.6f}" for x in correlations)]))
+        correlations = covariance[i, :i] / (divisors[i] * divisors[:i])
+        lines.append(" ".join([f"  - {figure_name}", *(f"{x:.6f}" for x in correlations)]))
     if measured.noise is not None:
-        yaml_lines.append(f"noise: {measured.noise * 1e3:.4g}mm")
-    yaml_lines.append(f"residual: {fit.rms * 1e6:.3g} um rms in {fit.n} positions")
-    yaml_lines.append(f"date: {day}")
-    yaml_lines.append("takes:")
-    yaml_lines += [f"  - {digest}" for digest in takes]
-    return "\n".join(yaml_lines) + "\n"
+        lines.append(f"noise: {measured.noise * 1e3:.4g}mm")
+    lines.append(f"residual: {fit.rms * 1e6:.3g} um rms in {fit.n} positions")
+    lines.append(f"date: {day}")
+    lines.append("takes:")
+    lines += [f"  - {digest}" for digest in takes]
+    return "\n".join(lines) + "\n"
 
 
 # The figures of a file and of its modes: the unit, and how many of it are one SI unit.
@@ -169,17 +180,17 @@ class Calibration:
 
     def covariance(self, names: Sequence[str]) -> Floats:
         """Covariance of figures with known deviations, (names, names), in SI units."""
-        deviation_sizes = np.array([self.deviations[name] for name in names])
+        deviations = np.array([self.deviations[name] for name in names])
         correlations = self.correlations
-        covariance_rows = [
+        correlation_rows = [
             [
                 1.0 if a == b else correlations.get((a, b), correlations.get((b, a), 0.0))
                 for b in names
             ]
             for a in names
         ]
-        return np.array(covariance_rows).reshape(len(names), len(names)) * np.outer(
-            deviation_sizes, deviation_sizes
+        return np.array(correlation_rows).reshape(len(names), len(names)) * np.outer(
+            deviations, deviations
         )
 
     @property
@@ -207,52 +218,50 @@ def read(file_text: str) -> Calibration:
     figures: dict[str, float] = {}
     deviations: dict[str, float] = {}
     correlations: dict[tuple[str, str], float] = {}
-    lines_before: list[str] = []
-    calibration_modes: list[tuple[float, float, float]] = []
-    date = section_name = ""
-    for text_line in file_text.splitlines():
-        if not text_line.startswith(" "):
-            section_name = text_line
-        if line_match := _MODE.match(text_line):
-            calibration_modes.append(
-                _mode(line_match, f"mode{len(calibration_modes) + 1}", figures, deviations)
-            )
-        elif section_name == "correlations:" and (line_match := _CORRELATED.match(text_line)):
-            correlation_numbers = map(float, line_match[2].split())
+    correlated_names: list[str] = []
+    modes: list[tuple[float, float, float]] = []
+    date = section = ""
+    for line in file_text.splitlines():
+        if not line.startswith(" "):
+            section = line
+        if match := _MODE.match(line):
+            modes.append(_mode(match, f"mode{len(modes) + 1}", figures, deviations))
+        elif section == "correlations:" and (match := _CORRELATED.match(line)):
+            correlations_before = map(float, match[2].split())
             # If a row is damaged, the part of it that exists is used.
             correlations |= {
-                (line_match[1], name): max(-1.0, min(x, 1.0))
-                for name, x in zip(lines_before, correlation_numbers, strict=False)
+                (match[1], name): max(-1.0, min(x, 1.0))
+                for name, x in zip(correlated_names, correlations_before, strict=False)
             }
-            lines_before.append(line_match[1])
-        elif text_line.startswith("date: "):
-            date = text_line.removeprefix("date: ").strip()
-        elif (line_match := _FIGURE.match(text_line)) and line_match[1] in UNITS:
-            figure_name, figure_value, unit, deviation = line_match.groups()
-            usual_unit, per_unit = UNITS[figure_name]
-            if unit != usual_unit:
+            correlated_names.append(match[1])
+        elif line.startswith("date: "):
+            date = line.removeprefix("date: ").strip()
+        elif (match := _FIGURE.match(line)) and match[1] in UNITS:
+            figure_name, figure_value, unit, deviation = match.groups()
+            expected_unit, per_unit = UNITS[figure_name]
+            if unit != expected_unit:
                 raise MeasurementError(
-                    f"{figure_name} must be in {usual_unit}, as ergon metrology writes it"
+                    f"{figure_name} must be in {expected_unit}, as ergon metrology writes it"
                 )
             figures[figure_name] = float(figure_value) / per_unit
             if deviation is not None:
                 deviations[figure_name] = float(deviation) / per_unit
-    missing = [name for name in ("M", "K", "Z") if name not in figures]
-    if missing:
+    missing_names = [name for name in ("M", "K", "Z") if name not in figures]
+    if missing_names:
         raise MeasurementError(
-            f"this is not a calibration file of ergon metrology: it lacks {missing[0]}"
+            f"this is not a calibration file of ergon metrology: it lacks {missing_names[0]}"
         )
     for figure_name, figure_value in (*figures.items(), *deviations.items()):
         is_decay = figure_name.endswith(".t60")  # infinite without damping
         if not (np.isfinite(figure_value) or (is_decay and figure_value > 0.0)):
             raise MeasurementError(f"{figure_name} is not a finite number")
-    if not figures["M"] > sum(mass for mass, _, _ in calibration_modes):
+    if not figures["M"] > sum(mass for mass, _, _ in modes):
         raise MeasurementError("M must be above 0 and above the masses of the modes")
-    return Calibration(figures, deviations, tuple(calibration_modes), date, correlations)
+    return Calibration(figures, deviations, tuple(modes), date, correlations)
 
 
 def _mode(
-    mode_match: re.Match[str],
+    match: re.Match[str],
     mode_name: str,
     figures: dict[str, float],
     deviations: dict[str, float],
@@ -260,14 +269,14 @@ def _mode(
     """A mode from a line: mass, frequency, damping ratio; its figures are also added under its
     name.
     """
-    *number_texts, deviations_text = mode_match.groups()
+    *number_texts, deviations_text = match.groups()
     mode_mass, frequency, decay = (float("inf") if x is None else float(x) for x in number_texts)
     if not (mode_mass > 0.0 and 0.0 < frequency < np.inf and decay > 0.0):
         raise MeasurementError(f"{mode_name} must have a mass, a frequency and a decay above 0")
-    wobbles = (deviations_text or "").split()
+    deviation_texts = (deviations_text or "").split()
     for i, (figure_name, (_, per_unit)) in enumerate(MODE_FIELDS.items()):
         figures[f"{mode_name}.{figure_name}"] = (mode_mass, frequency, decay)[i] / per_unit
-        if len(wobbles) == len(MODE_FIELDS) and re.fullmatch(_NUMBER, wobbles[i]):
-            deviations[f"{mode_name}.{figure_name}"] = float(wobbles[i]) / per_unit
+        if len(deviation_texts) == len(MODE_FIELDS) and re.fullmatch(_NUMBER, deviation_texts[i]):
+            deviations[f"{mode_name}.{figure_name}"] = float(deviation_texts[i]) / per_unit
     ratio = LN_1000 / (2 * np.pi * frequency * decay) if np.isfinite(decay) else 0.0
     return mode_mass / 1e3, frequency, float(ratio)

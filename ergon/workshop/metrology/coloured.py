@@ -24,17 +24,18 @@ def long_run(scores: Floats, rate: float, lag_total: int) -> Floats:
     of all gestures, so that variances are too small; they are lifted by the square of
     `_critical_value` over that of a normal distribution.
     """
-    n, p = scores.shape
-    sums = np.concatenate([np.zeros((1, p)), np.cumsum(scores, axis=0)])
+    tick_count, parameter_count = scores.shape
+    sums = np.concatenate([np.zeros((1, parameter_count)), np.cumsum(scores, axis=0)])
     covariances = []
     for window in _WINDOWS:
-        window_length = max(1, min(round(window * rate), n // 2))
-        stretch_ends = np.arange(1, n + window_length)
+        window_length = max(1, min(round(window * rate), tick_count // 2))
+        stretch_ends = np.arange(1, tick_count + window_length)
         stretches = (
-            sums[np.minimum(stretch_ends, n)] - sums[np.maximum(stretch_ends - window_length, 0)]
+            sums[np.minimum(stretch_ends, tick_count)]
+            - sums[np.maximum(stretch_ends - window_length, 0)]
         )
-        lift = (_critical_value(window_length / lag_total) / _critical_value(0.0)) ** 2
-        covariances.append(lift * (stretches.T @ stretches) / window_length)
+        variance_factor = (_critical_value(window_length / lag_total) / _critical_value(0.0)) ** 2
+        covariances.append(variance_factor * (stretches.T @ stretches) / window_length)
     return np.array(covariances)
 
 
@@ -51,9 +52,11 @@ def covariance(square: Floats, scores: Floats) -> Floats:
 
     The variance of each parameter is the largest that a window gives.
     """
-    inverse = np.linalg.pinv(square, hermitian=True)
-    covariances = inverse @ scores @ inverse
-    size = np.sqrt(np.einsum("wii->wi", covariances))
-    usual_size = np.where(size[_REFERENCE_WINDOW] > 0, size[_REFERENCE_WINDOW], 1.0)
-    greatest = size.max(axis=0) / usual_size
-    return np.asarray(covariances[_REFERENCE_WINDOW] * np.outer(greatest, greatest))
+    inverse_square = np.linalg.pinv(square, hermitian=True)
+    covariances = inverse_square @ scores @ inverse_square
+    deviations = np.sqrt(np.einsum("wii->wi", covariances))
+    reference_deviations = np.where(
+        deviations[_REFERENCE_WINDOW] > 0, deviations[_REFERENCE_WINDOW], 1.0
+    )
+    deviation_ratios = deviations.max(axis=0) / reference_deviations
+    return np.asarray(covariances[_REFERENCE_WINDOW] * np.outer(deviation_ratios, deviation_ratios))

@@ -65,16 +65,16 @@ def replay_difference(first_row: Floats, second_row: Floats) -> float:
 
     Raises MeasurementError.
     """
-    guided = first_row.copy()
-    guided[INDEX["stiffness"]] = max(first_row[1], 1e-3)
-    knock_forces = excitation.knocks(guided, _RATE, _SECONDS, _AMPLITUDE, _FORCE_MAX)
+    knocked_row = first_row.copy()
+    knocked_row[INDEX["stiffness"]] = max(first_row[1], 1e-3)
+    forces = excitation.knocks(knocked_row, _RATE, _SECONDS, _AMPLITUDE, _FORCE_MAX)
     paths = []
     for row in (first_row, second_row):
-        held_row = row.copy()
+        free_row = row.copy()
         # Each path begins at rest at 0, so that only the motion is compared.
-        held_row[START] = held_row[INDEX["weight"]] = 0.0
+        free_row[START] = free_row[INDEX["weight"]] = 0.0
         try:
-            paths.append(_core.key_path(held_row, knock_forces, _RATE, columns=())[0])
+            paths.append(_core.key_path(free_row, forces, _RATE, columns=())[0])
         except _core.EngineError as error:
             raise MeasurementError(f"the motion of this key cannot be computed: {error}") from None
     return float(np.sqrt(np.mean((paths[0] - paths[1]) ** 2)))
@@ -106,33 +106,41 @@ def differences(calibration: Calibration, second_calibration: Calibration) -> li
     mode.
     """
     pairs = [(name, name) for name in UNITS if name != "noise"]
-    for a, b in _alike(calibration, second_calibration):
-        pairs += [(f"mode{a}.{field_name}", f"mode{b}.{field_name}") for field_name in MODE_FIELDS]
-    difference_rows = []
+    for first_mode, other_mode in _alike(calibration, second_calibration):
+        pairs += [
+            (f"mode{first_mode}.{field_name}", f"mode{other_mode}.{field_name}")
+            for field_name in MODE_FIELDS
+        ]
+    differences_found = []
     for first_name, second_name in pairs:
-        x, y = calibration.figures.get(first_name), second_calibration.figures.get(second_name)
-        if x is None and y is None:
+        first_value, other_value = (
+            calibration.figures.get(first_name),
+            second_calibration.figures.get(second_name),
+        )
+        if first_value is None and other_value is None:
             continue
-        sigma = None
+        deviation = None
         if first_name in calibration.deviations and second_name in second_calibration.deviations:
-            sigma = float(
+            deviation = float(
                 np.hypot(
                     calibration.deviations[first_name], second_calibration.deviations[second_name]
                 )
             )
-        difference_rows.append(Difference((first_name, second_name), x, y, sigma))
-    return difference_rows
+        differences_found.append(
+            Difference((first_name, second_name), first_value, other_value, deviation)
+        )
+    return differences_found
 
 
 def _alike(calibration: Calibration, second_calibration: Calibration) -> list[tuple[int, int]]:
     """Pairs of mode numbers, from 1; a mode that only one calibration has is paired with 0."""
-    sorted_differences = sorted(
-        (abs(np.log(f / g)), a, b)
-        for a, (_, f, _) in enumerate(calibration.modes, 1)
-        for b, (_, g, _) in enumerate(second_calibration.modes, 1)
+    pitch_distances = sorted(
+        (abs(np.log(first_frequency / other_frequency)), a, b)
+        for a, (_, first_frequency, _) in enumerate(calibration.modes, 1)
+        for b, (_, other_frequency, _) in enumerate(second_calibration.modes, 1)
     )
     mode_pairs: list[tuple[int, int]] = []
-    for distance, a, b in sorted_differences:
+    for distance, a, b in pitch_distances:
         if distance < _SAME_MODE_DISTANCE and not any(a == x or b == y for x, y in mode_pairs):
             mode_pairs.append((a, b))
     first_modes, second_modes = {a for a, _ in mode_pairs}, {b for _, b in mode_pairs}
@@ -149,16 +157,16 @@ def chi_squared(calibration: Calibration, second_calibration: Calibration) -> tu
     For two calibrations of the same key its mean is this number. Combinations that the
     covariance makes certain, to five digits, are left out and not counted.
     """
-    comparable = [
+    comparable_differences = [
         d for d in differences(calibration, second_calibration) if d.deviations is not None
     ]
-    if not comparable:
+    if not comparable_differences:
         return 0.0, 0
-    first_names, second_names = ([d.names[i] for d in comparable] for i in (0, 1))
+    first_names, second_names = ([d.names[i] for d in comparable_differences] for i in (0, 1))
     covariance = calibration.covariance(first_names) + second_calibration.covariance(second_names)
-    size = np.sqrt(np.diag(covariance))
-    eigen_values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    components = vectors.T @ np.array([d.deviations for d in comparable])
+    deviations = np.sqrt(np.diag(covariance))
+    eigen_values, vectors = np.linalg.eigh(covariance / np.outer(deviations, deviations))
+    components = vectors.T @ np.array([d.deviations for d in comparable_differences])
     is_certain = eigen_values > _EIGENVALUE_MIN
     return float(np.sum(components[is_certain] ** 2 / eigen_values[is_certain])), int(
         is_certain.sum()
@@ -182,33 +190,38 @@ def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[st
     not sink the key. M [kg], K [N/m] and Z [N·s/m] are the true values of the key. Deviations are
     to first order in those of the files and their covariances. Raises MeasurementError.
     """
-    heavier = loaded.figures["M"] - plain.figures["M"]
-    if heavier <= 0:
+    mass_gain_measured = loaded.figures["M"] - plain.figures["M"]
+    if mass_gain_measured <= 0:
         raise MeasurementError("the key with the mass was found no heavier than without it")
-    force_gain = known_mass / heavier
+    mass_factor = known_mass / mass_gain_measured
     # Derivatives of the logarithms with respect to figures of the first file, and of the second.
-    grows = {"M": 1.0 / heavier}, {"M": -1.0 / heavier}
-    by_name = {"mass": _gain(force_gain, plain, loaded, *grows)}
+    mass_slopes = {"M": 1.0 / mass_gain_measured}, {"M": -1.0 / mass_gain_measured}
+    by_name = {"mass": _gain(mass_factor, plain, loaded, *mass_slopes)}
     for figure_name in ("M", "K", "Z"):
         plain_value = plain.figures[figure_name]
-        first_gains = dict(grows[0])
-        first_gains[figure_name] = first_gains.get(figure_name, 0.0) + (
+        first_slopes = dict(mass_slopes[0])
+        first_slopes[figure_name] = first_slopes.get(figure_name, 0.0) + (
             1.0 / plain_value if plain_value else 0.0
         )
-        by_name[figure_name] = _gain(force_gain * plain_value, plain, loaded, first_gains, grows[1])
-    rests = (plain.figures.get("rest"), loaded.figures.get("rest"))
-    if rests[0] is None or rests[1] is None:
+        by_name[figure_name] = _gain(
+            mass_factor * plain_value, plain, loaded, first_slopes, mass_slopes[1]
+        )
+    rest_positions = (plain.figures.get("rest"), loaded.figures.get("rest"))
+    if rest_positions[0] is None or rest_positions[1] is None:
         return by_name
-    sinks, k = rests[1] - rests[0], plain.figures["K"]
-    wobble = 5 * sum(c.deviations.get("rest", 0.0) for c in (plain, loaded))
+    sink, stiffness = rest_positions[1] - rest_positions[0], plain.figures["K"]
+    sink_min = 5 * sum(c.deviations.get("rest", 0.0) for c in (plain, loaded))
     # Dry friction holds a key anywhere near its rest, and the fit knows only the middle.
-    if abs(sinks) <= max(wobble, 1e-9):
+    if abs(sink) <= max(sink_min, 1e-9):
         return by_name
-    pushes = known_mass * _GRAVITY / (abs(sinks) * k)
-    fell = {"K": -1.0 / k, "rest": 1.0 / sinks}, {"rest": -1.0 / sinks}
-    read = {name: -x for name, x in fell[0].items()} | grows[0], {"rest": 1.0 / sinks} | grows[1]
-    by_name["position"] = _gain(force_gain / pushes, plain, loaded, *read)
-    by_name["force"] = _gain(pushes, plain, loaded, *fell)
+    force_factor = known_mass * _GRAVITY / (abs(sink) * stiffness)
+    force_slopes = {"K": -1.0 / stiffness, "rest": 1.0 / sink}, {"rest": -1.0 / sink}
+    position_slopes = (
+        {name: -x for name, x in force_slopes[0].items()} | mass_slopes[0],
+        {"rest": 1.0 / sink} | mass_slopes[1],
+    )
+    by_name["position"] = _gain(mass_factor / force_factor, plain, loaded, *position_slopes)
+    by_name["force"] = _gain(force_factor, plain, loaded, *force_slopes)
     return by_name
 
 
@@ -216,14 +229,16 @@ def _gain(
     figure_value: float,
     plain: Calibration,
     loaded: Calibration,
-    first_gains: Mapping[str, float],
-    second: Mapping[str, float],
+    first_slopes: Mapping[str, float],
+    second_slopes: Mapping[str, float],
 ) -> Gain:
     """A figure from the derivatives of its logarithm with respect to figures of two files."""
     variance = 0.0
-    for calibration, slopes in ((plain, first_gains), (loaded, second)):
-        if not all(name in calibration.deviations for name in slopes):
+    for calibration, slope_by_figure in ((plain, first_slopes), (loaded, second_slopes)):
+        if not all(name in calibration.deviations for name in slope_by_figure):
             return Gain(figure_value, None)
-        slope_values = np.array(list(slopes.values()))
-        variance += float(slope_values @ calibration.covariance(list(slopes)) @ slope_values)
+        slope_values = np.array(list(slope_by_figure.values()))
+        variance += float(
+            slope_values @ calibration.covariance(list(slope_by_figure)) @ slope_values
+        )
     return Gain(figure_value, abs(figure_value) * float(np.sqrt(variance)))

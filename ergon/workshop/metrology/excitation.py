@@ -19,12 +19,12 @@ _STRIKES = 60.0  # a second
 
 def strokes(n: int, rate: float, chance: np.random.Generator) -> Floats:
     """Forces from -1 to 1 that jump every 0.1 to 0.6 s, (n,)."""
-    stroke_forces, stroke_start = np.zeros(n), 0
-    while stroke_start < n:
-        stroke_stop = stroke_start + int(chance.uniform(0.1, 0.6) * rate)
-        stroke_forces[stroke_start:stroke_stop] = chance.uniform(-1, 1)
-        stroke_start = stroke_stop
-    return stroke_forces
+    forces, begin = np.zeros(n), 0
+    while begin < n:
+        end = begin + int(chance.uniform(0.1, 0.6) * rate)
+        forces[begin:end] = chance.uniform(-1, 1)
+        begin = end
+    return forces
 
 
 def rain(n: int, chance: np.random.Generator) -> Floats:
@@ -36,33 +36,31 @@ def strikes(n: int, rate: float, chance: np.random.Generator) -> Floats:
     """Pushes of two ticks at random instants, each of random sign and followed at once by its
     opposite, (n,).
     """
-    strike_forces = np.zeros(n)
+    forces = np.zeros(n)
     for start in np.flatnonzero(chance.random(n - 4) < _STRIKES / rate):
-        strike_forces[start : start + 4] = chance.choice([-1.0, 1.0]) * np.array(
-            [1.0, 1.0, -1.0, -1.0]
-        )
-    return strike_forces
+        forces[start : start + 4] = chance.choice([-1.0, 1.0]) * np.array([1.0, 1.0, -1.0, -1.0])
+    return forces
 
 
-def jolts(n: int, rate: float, chance: np.random.Generator, jolt_length: float = 1.0) -> Floats:
+def jolts(n: int, rate: float, chance: np.random.Generator, length_ratio: float = 1.0) -> Floats:
     """Pushes of 6 to 16 ms, each followed at once by its opposite, so that the key keeps no speed,
     (n,).
 
-    `jolt_length` multiplies their duration.
+    `length_ratio` multiplies their duration.
     """
-    jolt_forces, jolt_start = np.zeros(n), 0
-    while jolt_start < n:
-        half = int(jolt_length * chance.uniform(0.006, 0.016) * rate)
+    forces, begin = np.zeros(n), 0
+    while begin < n:
+        half_length = int(length_ratio * chance.uniform(0.006, 0.016) * rate)
         direction = chance.choice([-1.0, 1.0])
         (
-            jolt_forces[jolt_start : jolt_start + half],
-            jolt_forces[jolt_start + half : jolt_start + 2 * half],
+            forces[begin : begin + half_length],
+            forces[begin + half_length : begin + 2 * half_length],
         ) = (
             direction,
             -direction,
         )
-        jolt_start += 2 * half
-    return jolt_forces
+        begin += 2 * half_length
+    return forces
 
 
 def mixed(n: int, rate: float, chance: np.random.Generator, quick: Floats, share: float) -> Floats:
@@ -77,28 +75,28 @@ def framed(force: Floats, rate: float) -> tuple[Floats, int]:
 
 
 def scaled_to_reach(
-    push_forces: Floats, rate: float, parameter_row: Floats, reach: float, least: float = 0.05
+    push_forces: Floats, rate: float, parameter_row: Floats, reach: float, share_min: float = 0.05
 ) -> Floats:
     """The force, reduced until a key goes no farther than `reach` [m] from its rest.
 
     Quick forces move a key little, so the part of the force below 20 Hz is reduced first.
     """
     spectrum = np.fft.rfft(push_forces)
-    low_passed = np.fft.irfft(
+    slow_forces = np.fft.irfft(
         spectrum * (np.fft.rfftfreq(push_forces.size, 1 / rate) < 20.0), push_forces.size
     )
-    quick, quick_share, all_of_it = push_forces - low_passed, 1.0, 1.0
+    quick_forces, slow_share, total_share = push_forces - slow_forces, 1.0, 1.0
     parameter_row = parameter_row.copy()
     parameter_row[START] = parameter_row[INDEX["weight"]] = 0.0
     while True:
-        weakened: Floats = all_of_it * (quick_share * low_passed + quick)
-        path = _core.key_path(parameter_row, weakened, rate, columns=())[0]
-        if np.abs(path).max() <= reach or all_of_it < least:
-            return weakened
-        if quick_share > least:
-            quick_share *= 0.85
+        reduced_forces: Floats = total_share * (slow_share * slow_forces + quick_forces)
+        path = _core.key_path(parameter_row, reduced_forces, rate, columns=())[0]
+        if np.abs(path).max() <= reach or total_share < share_min:
+            return reduced_forces
+        if slow_share > share_min:
+            slow_share *= 0.85
         else:
-            all_of_it *= 0.85
+            total_share *= 0.85
 
 
 def knocks(
@@ -110,31 +108,31 @@ def knocks(
     They move a key without dry friction by `reach` [m], or as far as `force_max` [N] can.
     """
     n, chance = round(gesture_seconds * rate), np.random.default_rng(99)
-    x, push_start = np.zeros(n), 0
+    target_path, move_begin = np.zeros(n), 0
 
-    def go(target_position: float, duration: float, rest_duration: float = 0.0) -> None:
-        nonlocal push_start
-        push_steps = min(int(duration * rate), n - 1 - push_start)
-        if push_steps <= 0:
+    def move_to(target_position: float, duration: float, rest_duration: float = 0.0) -> None:
+        nonlocal move_begin
+        tick_count = min(int(duration * rate), n - 1 - move_begin)
+        if tick_count <= 0:
             return
-        step_shares = np.arange(1, push_steps + 1) / push_steps
-        position_before = x[push_start]
-        x[push_start : push_start + push_steps] = position_before + (
-            target_position - position_before
-        ) * step_shares**3 * (10 - 15 * step_shares + 6 * step_shares * step_shares)
-        x[push_start + push_steps :] = target_position
-        push_start = min(push_start + push_steps + int(rest_duration * rate), n - 1)
+        time_shares = np.arange(1, tick_count + 1) / tick_count
+        begin_position = target_path[move_begin]
+        target_path[move_begin : move_begin + tick_count] = begin_position + (
+            target_position - begin_position
+        ) * time_shares**3 * (10 - 15 * time_shares + 6 * time_shares * time_shares)
+        target_path[move_begin + tick_count :] = target_position
+        move_begin = min(move_begin + tick_count + int(rest_duration * rate), n - 1)
 
-    while push_start < n - 1:
+    while move_begin < n - 1:
         for _ in range(6):
-            go(1.0, 0.09)
-            go(0.0, 0.12, 0.15)
-        go(1.0, 0.5, 1.0)
-        go(0.0, 0.8)
+            move_to(1.0, 0.09)
+            move_to(0.0, 0.12, 0.15)
+        move_to(1.0, 0.5, 1.0)
+        move_to(0.0, 0.8)
         for _ in range(12):
-            go(chance.uniform(0.3, 0.9), 0.06)
-            go(0.0, 0.07)
-    return _forces(reach * x, parameter_row, rate, force_max)
+            move_to(chance.uniform(0.3, 0.9), 0.06)
+            move_to(0.0, 0.07)
+    return _forces(reach * target_path, parameter_row, rate, force_max)
 
 
 def forces_along_path(
@@ -154,16 +152,16 @@ def _forces(x: Floats, parameter_row: Floats, rate: float, force_max: float) -> 
     """Forces (n,) [N] that move a key without dry friction along x (n,) [m], at most "
     "`force_max`."""
     v = np.gradient(x) * rate
-    path_forces = (
+    forces = (
         total_mass(parameter_row) * np.gradient(v) * rate
         + parameter_row[2] * v
         + parameter_row[1] * x
     )
     # Slow pushes need little force and knocks much: if only knocks need too much, only they are
     # clipped.
-    clipped: Floats = np.clip(
-        path_forces * min(1.0, 2.0 * force_max / max(np.abs(path_forces).max(), 1e-12)),
+    clipped_forces: Floats = np.clip(
+        forces * min(1.0, 2.0 * force_max / max(np.abs(forces).max(), 1e-12)),
         -force_max,
         force_max,
     )
-    return clipped
+    return clipped_forces

@@ -22,19 +22,19 @@ _SLIDING_SPEED = 2e-3  # [m/s] above which dry friction has its full level
 _DELAYS = np.arange(0.0, 8.5, 0.5)  # ticks
 
 
-def _derivatives(signal: Floats, rate: float, cut: float) -> tuple[Floats, Floats, Floats]:
+def _derivatives(signal: Floats, rate: float, cutoff_hertz: float) -> tuple[Floats, Floats, Floats]:
     """A signal through a zero-phase low-pass, and its first and second derivative, each (n,)."""
     n = signal.size
-    end_line = np.linspace(signal[0], signal[-1], n)  # makes the end meet the beginning
-    spectrum = np.fft.rfft(signal - end_line)
+    trend = np.linspace(signal[0], signal[-1], n)  # makes the end meet the beginning
+    spectrum = np.fft.rfft(signal - trend)
     frequency = np.fft.rfftfreq(n, 1 / rate)
-    spectrum /= 1 + (frequency / cut) ** 8
-    s = 2j * np.pi * frequency
-    slope = (end_line[-1] - end_line[0]) / (n - 1) * rate
+    spectrum /= 1 + (frequency / cutoff_hertz) ** 8
+    differentiator = 2j * np.pi * frequency
+    trend_slope = (trend[-1] - trend[0]) / (n - 1) * rate
     return (
-        np.fft.irfft(spectrum, n) + end_line,
-        np.fft.irfft(s * spectrum, n) + slope,
-        np.fft.irfft(s * s * spectrum, n),
+        np.fft.irfft(spectrum, n) + trend,
+        np.fft.irfft(differentiator * spectrum, n) + trend_slope,
+        np.fft.irfft(differentiator * differentiator * spectrum, n),
     )
 
 
@@ -44,28 +44,28 @@ def _equations(
     """The regressors of mass, damping, stiffness, weight and dry friction, (n, 5); forces (n,)."""
     equation_rows, equation_forces = [], []
     for gesture in gestures:
-        x, v, a = _derivatives(gesture.position, gesture.rate, cutoff_hertz)
+        x, v, acceleration = _derivatives(gesture.position, gesture.rate, cutoff_hertz)
         # A force is held for one tick, so its middle is half a tick after the position of that
         # tick.
-        samples = np.arange(x.size)
-        delayed_forces = np.interp(samples - delay - 0.5, samples, gesture.force)
+        tick_numbers = np.arange(x.size)
+        delayed_forces = np.interp(tick_numbers - delay - 0.5, tick_numbers, gesture.force)
         delayed_forces = _derivatives(delayed_forces, gesture.rate, cutoff_hertz)[0]
-        edge = int(_EDGE * gesture.rate)
-        inside = slice(edge, -edge if x.size > 4 * edge else None)
+        edge_ticks = int(_EDGE * gesture.rate)
+        inside = slice(edge_ticks, -edge_ticks if x.size > 4 * edge_ticks else None)
         equation_rows.append(
-            np.stack([a, v, x, np.ones_like(x), np.tanh(v / _SLIDING_SPEED)], 1)[inside]
+            np.stack([acceleration, v, x, np.ones_like(x), np.tanh(v / _SLIDING_SPEED)], 1)[inside]
         )
         equation_forces.append(delayed_forces[inside])
-    matrix: Floats = np.concatenate(equation_rows)
-    force_of_rows: Floats = np.concatenate(equation_forces)
-    return matrix, force_of_rows
+    regressors: Floats = np.concatenate(equation_rows)
+    forces: Floats = np.concatenate(equation_forces)
+    return regressors, forces
 
 
-def _solved(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floats, float]:
+def _solved(gestures: Sequence[Gesture], delay: float, cutoff_hertz: float) -> tuple[Floats, float]:
     """Mass, damping, stiffness, weight and dry friction for a delay in ticks; the residual."""
-    matrix, force = _equations(gestures, delay, cut)
-    solution = np.asarray(np.linalg.lstsq(matrix, force, rcond=None)[0], np.float64)
-    return solution, float(np.sum((force - matrix @ solution) ** 2))
+    regressors, forces = _equations(gestures, delay, cutoff_hertz)
+    solution = np.asarray(np.linalg.lstsq(regressors, forces, rcond=None)[0], np.float64)
+    return solution, float(np.sum((forces - regressors @ solution) ** 2))
 
 
 def first_guess(gestures: Sequence[Gesture]) -> Floats:

@@ -141,12 +141,12 @@ def gesture_from_rows(
     clock: NDArray[np.uint32],
     rate: float,
     is_known: NDArray[np.bool_] | None = None,
-    is_told: NDArray[np.bool_] | None = None,
+    is_force_known: NDArray[np.bool_] | None = None,
 ) -> Gesture:
     """A gesture from ticks (n,): forces [N], position [m], the device's clock [us] of each reply.
 
     `is_known` (n,) says at which ticks the force is certain; by default at those with a reply.
-    `is_told` (n,) says at which ticks `sent` holds the force sent; by default at all.
+    `is_force_known` (n,) says at which ticks `sent` holds the force sent; by default at all.
 
     A force acts from the reply before its own on, because in lockstep a reply comes after the
     force has acted; otherwise the delay is a tick longer. A tick without a reply has no position
@@ -157,29 +157,32 @@ def gesture_from_rows(
     """
     sent, fresh = np.asarray(sent, float), np.asarray(fresh)
     is_measured = np.asarray(fresh if is_known is None else is_known)
-    exact = _instants(np.asarray(ticks, np.int64), fresh, np.asarray(clock), rate)
+    exact_ticks = _instants(np.asarray(ticks, np.int64), fresh, np.asarray(clock), rate)
     # Of two replies within one tick of the device, the later one counts.
-    tick_numbers = np.maximum.accumulate(np.round(exact).astype(np.int64))
+    tick_numbers = np.maximum.accumulate(np.round(exact_ticks).astype(np.int64))
     n = int(tick_numbers[-1]) + 1
     reply_indices = np.searchsorted(tick_numbers, np.arange(1, n + 1), side="right") - 1
-    reply_forces, even_positions = sent[reply_indices], np.zeros(n)
-    even_positions[tick_numbers], counts = key_positions, np.zeros(n, bool)
+    tick_forces, tick_positions = sent[reply_indices], np.zeros(n)
+    tick_positions[tick_numbers], counts = key_positions, np.zeros(n, bool)
     counts[tick_numbers] = fresh
     last_read_tick = np.maximum.accumulate(
         np.where(np.isin(np.arange(n), tick_numbers), np.arange(n), 0)
     )
-    retimed = replace(
-        gesture_from_arrays(reply_forces, even_positions[last_read_tick], rate), counts=counts
+    gesture = replace(
+        gesture_from_arrays(tick_forces, tick_positions[last_read_tick], rate), counts=counts
     )
-    tick_offsets = (exact - tick_numbers)[fresh]
+    tick_offsets = (exact_ticks - tick_numbers)[fresh]
     if np.sqrt(np.mean(tick_offsets**2)) >= _JITTER_TICKS:
-        tick_numbers = np.maximum.accumulate(exact)
-        retimed = _retimed(retimed, tick_numbers, sent, np.asarray(key_positions), fresh)
-    least, latest = sent.copy(), sent.copy()
-    if is_told is not None and is_told.any():
-        least[~is_told], latest[~is_told] = sent[is_told].min(), sent[is_told].max()
-    unknown = _unknown(tick_numbers - 1.0, (least, latest), is_measured, n)
-    return replace(retimed, unknown=unknown).with_forces(unknown.middle)
+        tick_numbers = np.maximum.accumulate(exact_ticks)
+        gesture = _retimed(gesture, tick_numbers, sent, np.asarray(key_positions), fresh)
+    least, greatest = sent.copy(), sent.copy()
+    if is_force_known is not None and is_force_known.any():
+        least[~is_force_known], greatest[~is_force_known] = (
+            sent[is_force_known].min(),
+            sent[is_force_known].max(),
+        )
+    unknown = _unknown(tick_numbers - 1.0, (least, greatest), is_measured, n)
+    return replace(gesture, unknown=unknown).with_forces(unknown.middle)
 
 
 def _retimed(
@@ -193,21 +196,21 @@ def _retimed(
     "ticks."""
     n = gesture.force.size
     tick_edges = np.arange(n + 1.0)
-    replies, x = reply_ticks[fresh], reply_positions[fresh]
+    replies, positions = reply_ticks[fresh], reply_positions[fresh]
     # Two replies at the same instant give no speed.
-    is_new_reply = np.concatenate([[True], np.diff(replies) > 0])
-    replies, x = replies[is_new_reply], x[is_new_reply]
-    speed = np.gradient(x, replies)
-    nearest = np.round(np.interp(tick_edges[:-1], replies, np.arange(replies.size))).astype(
+    is_later = np.concatenate([[True], np.diff(replies) > 0])
+    replies, positions = replies[is_later], positions[is_later]
+    speed = np.gradient(positions, replies)
+    nearest_replies = np.round(np.interp(tick_edges[:-1], replies, np.arange(replies.size))).astype(
         np.int64
     )
-    reply_offsets = tick_edges[:-1] - replies[nearest]
+    reply_offsets = tick_edges[:-1] - replies[nearest_replies]
     return replace(
         gesture,
         force=_means(reply_ticks - 1.0, sent, tick_edges),
-        position=x[nearest] + speed[nearest] * reply_offsets,
+        position=positions[nearest_replies] + speed[nearest_replies] * reply_offsets,
         counts=gesture.counts & (np.abs(reply_offsets) < _REPLY_DISTANCE_MAX),
-        read=x,
+        read=positions,
     )
 
 
@@ -220,26 +223,28 @@ def _unknown(
     forces that were sent can have acted. If many ticks are unknown, replies were late rather
     than lost, and all forces count as known.
     """
-    shares = _means(begins, (~is_known).astype(float), np.arange(n + 1.0))
-    ticks = np.flatnonzero(shares > _UNKNOWN_SHARE_MAX)
+    unknown_shares = _means(begins, (~is_known).astype(float), np.arange(n + 1.0))
+    ticks = np.flatnonzero(unknown_shares > _UNKNOWN_SHARE_MAX)
     if ticks.size > LATE * n:
         return _NO_UNKNOWN
     last_known = np.maximum.accumulate(np.where(is_known, np.arange(is_known.size), 0))
     first_begin = last_known[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
     last_begin = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), begins.size - 1)
-    acted = [slice(i, j + 1) for i, j in zip(first_begin, last_begin, strict=True)]
-    least = np.array([sent[0][rows].min() for rows in acted])
-    highest = np.array([sent[1][rows].max() for rows in acted])
-    differ = highest > least
-    return Unknown(ticks[differ], least[differ], highest[differ])
+    acting_rows = [slice(i, j + 1) for i, j in zip(first_begin, last_begin, strict=True)]
+    least = np.array([sent[0][rows].min() for rows in acting_rows])
+    greatest = np.array([sent[1][rows].max() for rows in acting_rows])
+    is_uncertain = greatest > least
+    return Unknown(ticks[is_uncertain], least[is_uncertain], greatest[is_uncertain])
 
 
 def _means(begins: Floats, interval_values: Floats, edges: Floats) -> Floats:
     """Means (n,) between edges (n + 1,) of values (k,), each of which holds from its begin on."""
     first_instant, last_instant = min(begins[0], edges[0]), max(begins[-1], edges[-1])
-    knots = np.concatenate([[first_instant], begins[1:], [last_instant]])
-    integral = np.concatenate([[0.0], np.cumsum(interval_values * np.diff(knots))])
-    return np.asarray(np.diff(np.interp(edges, knots, integral)) / np.diff(edges))
+    interval_edges = np.concatenate([[first_instant], begins[1:], [last_instant]])
+    cumulative_values = np.concatenate(
+        [[0.0], np.cumsum(interval_values * np.diff(interval_edges))]
+    )
+    return np.asarray(np.diff(np.interp(edges, interval_edges, cumulative_values)) / np.diff(edges))
 
 
 def _instants(
@@ -250,20 +255,20 @@ def _instants(
     This shows when the host was late. Without a clock: the host's own count of ticks.
     """
     ticks = ticks - ticks[0]
-    clocked = np.flatnonzero(fresh & (clock != 0))
-    if clocked.size < max(2, ticks.size // 2):
+    clocked_rows = np.flatnonzero(fresh & (clock != 0))
+    if clocked_rows.size < max(2, ticks.size // 2):
         return ticks.astype(float)
     ticks_passed = np.concatenate(
-        [[0], np.cumsum(np.diff(clock[clocked]).astype(np.int64))]
+        [[0], np.cumsum(np.diff(clock[clocked_rows]).astype(np.int64))]
     )  # the counter wraps
     ticks_passed = ticks_passed * 1e-6 * rate
     # A clock that does not fit the count of ticks belongs to something else, or counts differently.
     if not np.all(np.abs(np.diff(ticks_passed)) < 1000):
         return ticks.astype(float)
     phase = np.angle(np.mean(np.exp(2j * np.pi * ticks_passed))) / (2 * np.pi)
-    moments = ticks_passed - phase
-    clocked_instants = moments - round(moments[0]) + ticks[clocked[0]]
-    return np.asarray(np.interp(np.arange(ticks.size), clocked, clocked_instants))
+    clock_instants = ticks_passed - phase
+    clocked_instants = clock_instants - round(clock_instants[0]) + ticks[clocked_rows[0]]
+    return np.asarray(np.interp(np.arange(ticks.size), clocked_rows, clocked_instants))
 
 
 def gesture_from_recording(
@@ -334,15 +339,13 @@ def sensor_noise(gestures: Sequence[Gesture]) -> float | None:
 
 def sensor_step(gestures: Sequence[Gesture]) -> float | None:
     """Step [m] of the sensor: the grid on which positions lie; None if there is no grid."""
-    reads = [g.position[g.counts] if g.read is None else g.read for g in gestures]
-    read_places = np.unique(np.concatenate(reads))
-    place_steps = np.diff(read_places)
-    place_steps = place_steps[
-        place_steps > 1e-6 * np.ptp(read_places)
-    ]  # else the same, but for rounding
-    if not place_steps.size:
+    positions_by_gesture = [g.position[g.counts] if g.read is None else g.read for g in gestures]
+    positions = np.unique(np.concatenate(positions_by_gesture))
+    steps = np.diff(positions)
+    steps = steps[steps > 1e-6 * np.ptp(positions)]  # else the same, but for rounding
+    if not steps.size:
         return None
-    step_counts = np.round((read_places - read_places[0]) / place_steps.min())
-    if np.abs((read_places - read_places[0]) / place_steps.min() - step_counts).max() > _OFF_GRID:
+    step_numbers = np.round((positions - positions[0]) / steps.min())
+    if np.abs((positions - positions[0]) / steps.min() - step_numbers).max() > _OFF_GRID:
         return None
-    return float((read_places - read_places[0]) @ step_counts / (step_counts @ step_counts))
+    return float((positions - positions[0]) @ step_numbers / (step_numbers @ step_numbers))

@@ -55,8 +55,11 @@ class Stage:
         speaks against them: its error rises by less than a tenth of what that of the takes falls.
         """
         is_sure = self.is_worth and self.fit.bic < before.fit.bic - _BIC_FALL_CERTAIN
-        fall, rise = np.log(before.fit.rms / self.fit.rms), np.log(self.replay / before.replay)
-        return bool(is_sure and rise < _HIDDEN * fall)
+        log_fall, log_rise = (
+            np.log(before.fit.rms / self.fit.rms),
+            np.log(self.replay / before.replay),
+        )
+        return bool(is_sure and log_rise < _HIDDEN * log_fall)
 
 
 class Judge:
@@ -109,18 +112,21 @@ class Judge:
         better. Where dry friction holds and lets go tick by tick the cost has dents along the
         delay, in which a fit may end.
         """
-        delay = INDEX["delay"]
-        if delay not in stage.fit.columns:
+        delay_index = INDEX["delay"]
+        if delay_index not in stage.fit.columns:
             return stage
-        reach = min(_BESIDE * stage.fit.deviation(delay), 1e-3)
-        better = stage
-        for delay_start in (stage.fit.row[delay] - reach, stage.fit.row[delay] + reach):
+        delay_offset = min(_BESIDE * stage.fit.deviation(delay_index), 1e-3)
+        best_stage = stage
+        for delay_start in (
+            stage.fit.row[delay_index] - delay_offset,
+            stage.fit.row[delay_index] + delay_offset,
+        ):
             row = with_values(stage.fit.row, {"delay": max(0.0, delay_start)})
             gestures, starts = stage.fit.recovered(self.gestures), stage.fit.starts
             fit = output_error.fit(gestures, row, stage.fit.columns, starts, _ITERATIONS)
-            if fit.bic < better.fit.bic:
-                better = replace(stage, fit=fit, replay=self._replay(fit))
-        return better
+            if fit.bic < best_stage.fit.bic:
+                best_stage = replace(stage, fit=fit, replay=self._replay(fit))
+        return best_stage
 
     def _replay(self, fit: Fit) -> float:
         """Rms of the difference from the held-out positions [m]."""
@@ -134,8 +140,8 @@ class Judge:
 
     def without(self, name: str, parameters: tuple[str, ...], stage_before: Stage) -> Stage:
         """Remove a part and fit the rest; it stays removed if it would not be worth adding."""
-        removed = {INDEX[parameter] for parameter in parameters}
-        columns = tuple(index for index in stage_before.fit.columns if index not in removed)
+        removed_indices = {INDEX[parameter] for parameter in parameters}
+        columns = tuple(index for index in stage_before.fit.columns if index not in removed_indices)
         row = with_values(stage_before.fit.row, dict.fromkeys(parameters, 0.0))
         stage = self.stage(name, row, columns, stage_before)
         return replace(
@@ -162,11 +168,13 @@ class Judge:
             )
             for row in trial_rows
         ]
-        rough = min(fits, key=lambda fit: fit.rms)
+        best_fit = min(fits, key=lambda fit: fit.rms)
         residual = output_error.errors(stage_before.fit.row, first_gesture[0], starts[0])
-        if rough.rms**2 < np.mean(residual**2):
-            return self.stage(stage_name, rough.row, fitted_columns, stage_before, score)
-        stage = self.stage(stage_name, rough.row, fitted_columns, stage_before, score, iterations=0)
+        if best_fit.rms**2 < np.mean(residual**2):
+            return self.stage(stage_name, best_fit.row, fitted_columns, stage_before, score)
+        stage = self.stage(
+            stage_name, best_fit.row, fitted_columns, stage_before, score, iterations=0
+        )
         return replace(stage, is_accepted=False, is_worth=False)
 
 

@@ -210,10 +210,10 @@ def push(
 def settle(device_axis: Axis, guide: Guide) -> None:
     """Let the guide bring the key to rest. Raises TakeEnded."""
     n = round(0.3 * TICK_RATE)
-    moves = max(4 * device_axis.device.resolution, 1e-2 * guide.half)
+    motion_max = max(4 * device_axis.device.resolution, 1e-2 * guide.half)
     for _ in range(round(_RESTS / 0.3)):
-        read = push(device_axis, np.zeros(n), guide, forgiven=True).positions()
-        if read.size == n and np.ptp(read[n // 2 :]) <= moves:
+        positions = push(device_axis, np.zeros(n), guide, forgiven=True).positions()
+        if positions.size == n and np.ptp(positions[n // 2 :]) <= motion_max:
             break
     push(device_axis, np.zeros(n // 3), guide, n, forgiven=True)
 
@@ -239,38 +239,38 @@ def climb(
     Raises TakeEnded, or MeasurementError if the key does not move or has no room.
     """
     chance = np.random.default_rng(seed)
-    hand_place = _Place(device_axis, chance)
-    sign, moving_mass = hand_place.pushed()
+    key_place = _Place(device_axis, chance)
+    sign, moving_mass = key_place.pushed()
     device_axis, greatest = (
         replace(device_axis, sign=device_axis.sign * sign),
         device_axis.request_max,
     )
-    guide = hand_place.guide(moving_mass)
+    guide = key_place.guide(moving_mass)
     settle(device_axis, guide)
-    push_force, gestures = _FIRST_SHARE * greatest, []
+    force, gestures = _FIRST_SHARE * greatest, []
     rungs: list[Rung] = []
     while len(rungs) < _RUNGS_MAX:
         n = round(RUNG * TICK_RATE)
-        stream = excitation.mixed(n, TICK_RATE, chance, excitation.rain(n, chance), _RAIN)
-        framed, still_ticks = excitation.framed(push_force * stream, TICK_RATE)
-        excited = push(device_axis, framed, guide, still_ticks, forgiven=True)
+        relative_forces = excitation.mixed(n, TICK_RATE, chance, excitation.rain(n, chance), _RAIN)
+        framed_forces, still_ticks = excitation.framed(force * relative_forces, TICK_RATE)
+        excited = push(device_axis, framed_forces, guide, still_ticks, forgiven=True)
         settle(device_axis, guide)
         excursion = float(np.abs(excited.positions() - guide.centre).max())
         braked = excited.end != "done" or bool(excited.braked().any())
-        rungs.append(Rung(push_force, excursion, braked))
+        rungs.append(Rung(force, excursion, braked))
         tell(rungs[-1])
         if excited.end == "done":
             gestures.append(gesture(excited))
         excursion_share = excursion / guide.half
         if not braked:
-            moving_mass = hand_place.better(moving_mass, gestures[-1])
-            guide = hand_place.guide(moving_mass)
-            if excursion_share >= _ENOUGH or push_force >= _LAST_SHARE * greatest:
+            moving_mass = key_place.better(moving_mass, gestures[-1])
+            guide = key_place.guide(moving_mass)
+            if excursion_share >= _ENOUGH or force >= _LAST_SHARE * greatest:
                 break
         elif sum(rung.braked for rung in rungs) >= _BRAKED:
             break
-        factor = 0.7 if braked else min(2.0, _TARGET / max(excursion_share, 1e-6))
-        push_force = min(_LAST_SHARE * greatest, push_force * factor)
+        force_factor = 0.7 if braked else min(2.0, _TARGET / max(excursion_share, 1e-6))
+        force = min(_LAST_SHARE * greatest, force * force_factor)
     if not gestures:
         raise TakeEnded(excited.end)
     rough = _rough(gestures[-2:])
@@ -306,7 +306,7 @@ class _Place:
                 "room to be pushed; put it near the middle"
             )
         trembles = float(np.std(np.diff(read_positions))) / np.sqrt(2)
-        self.shows = max(
+        self.visible_motion = max(
             8 * trembles, 3 * device_axis.device.resolution, 2e-4 * (high_end - low_end)
         )
         self.free = Guide(self.centre, self.half, (0.0, 0.0), (0.0, 0.0), 1.0)
@@ -316,27 +316,27 @@ class _Place:
 
         Raises MeasurementError if the key does not move.
         """
-        greatest, jolt_force, jolt_length = (
+        force_max, jolt_force, length_ratio = (
             self.axis.request_max,
             _FIRST_JOLT * self.axis.request_max,
             1.0,
         )
-        while jolt_length < _JOLT_LENGTH_RATIO_MAX:
+        while length_ratio < _JOLT_LENGTH_RATIO_MAX:
             n = round(_JOLTS * TICK_RATE)
-            stream = jolt_force * excitation.jolts(n, TICK_RATE, self.chance, jolt_length)
-            framed, still_ticks = excitation.framed(stream, TICK_RATE)
-            excited = push(self.axis, framed, self.free, still_ticks)
-            taken_gesture = gesture(excited)
-            went = float(np.abs(taken_gesture.position - taken_gesture.start).max())
-            mass, sureness = signed_mass(taken_gesture)
-            if went > self.shows and sureness > _MASS_CERTAINTY_MIN:
+            forces = jolt_force * excitation.jolts(n, TICK_RATE, self.chance, length_ratio)
+            framed_forces, still_ticks = excitation.framed(forces, TICK_RATE)
+            excited = push(self.axis, framed_forces, self.free, still_ticks)
+            jolt_gesture = gesture(excited)
+            excursion = float(np.abs(jolt_gesture.position - jolt_gesture.start).max())
+            mass, certainty = signed_mass(jolt_gesture)
+            if excursion > self.visible_motion and certainty > _MASS_CERTAINTY_MIN:
                 return (1 if mass > 0 else -1), abs(mass)
-            if went > _JOLTED * self.half:
+            if excursion > _JOLTED * self.half:
                 break
-            if jolt_force < _JOLT_MAX * greatest:
-                jolt_force = min(1.5 * jolt_force, _JOLT_MAX * greatest)
+            if jolt_force < _JOLT_MAX * force_max:
+                jolt_force = min(1.5 * jolt_force, _JOLT_MAX * force_max)
             else:
-                jolt_length *= 1.5
+                length_ratio *= 1.5
         raise MeasurementError(
             f"the motion of the key could not be measured under {jolt_force:.2g} "
             "N: check the power of its "
@@ -347,7 +347,7 @@ class _Place:
         """The mass estimated from a rung, limited to 0.2 to 1.5 times `guessed_mass`;
         `guessed_mass` itself if the key hardly moved.
         """
-        if np.ptp(gesture.position) < 10 * self.shows:
+        if np.ptp(gesture.position) < 10 * self.visible_motion:
             return guessed_mass
         return float(np.clip(first_guess([gesture])[0], 0.2 * guessed_mass, 1.5 * guessed_mass))
 

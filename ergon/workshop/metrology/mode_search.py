@@ -37,22 +37,22 @@ class Peak:
     score: float
 
 
-def _background(power_values: NDArray[np.floating], frequency: NDArray[np.floating]) -> Floats:
+def _background(powers: NDArray[np.floating], frequency: NDArray[np.floating]) -> Floats:
     """Median of a periodogram over half an octave, which a narrow peak does not lift, (n,)."""
-    n = power_values.size
-    lines_tested = np.unique(
+    n = powers.size
+    tested_lines = np.unique(
         np.concatenate([np.arange(min(n, 64)), np.geomspace(64, n - 1, 300).astype(int)])
     )
-    low_lines = np.searchsorted(frequency, frequency[lines_tested] * 2**-0.25)
-    high_lines = np.searchsorted(frequency, frequency[lines_tested] * 2**0.25) + 1
-    low_lines, high_lines = (
-        np.minimum(low_lines, np.maximum(lines_tested - 8, 0)),
-        np.maximum(high_lines, np.minimum(lines_tested + 9, n)),
+    first_lines = np.searchsorted(frequency, frequency[tested_lines] * 2**-0.25)
+    end_lines = np.searchsorted(frequency, frequency[tested_lines] * 2**0.25) + 1
+    first_lines, end_lines = (
+        np.minimum(first_lines, np.maximum(tested_lines - 8, 0)),
+        np.maximum(end_lines, np.minimum(tested_lines + 9, n)),
     )
-    median = [np.median(power_values[i:j]) for i, j in zip(low_lines, high_lines, strict=True)]
-    floor = np.maximum(np.array(median) / np.log(2), np.finfo(float).tiny)
-    smooth: Floats = np.exp(np.interp(np.arange(n), lines_tested, np.log(floor)))
-    return smooth
+    medians = [np.median(powers[i:j]) for i, j in zip(first_lines, end_lines, strict=True)]
+    background_at_lines = np.maximum(np.array(medians) / np.log(2), np.finfo(float).tiny)
+    background: Floats = np.exp(np.interp(np.arange(n), tested_lines, np.log(background_at_lines)))
+    return background
 
 
 def _taper(n: int) -> Floats:
@@ -74,39 +74,52 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
     for gesture, start in zip(gestures, fit.starts, strict=True):
         error = np.zeros(gesture.force.size)
         error[gesture.counts] = errors(parameter_row, gesture, start)
-        taper = _taper(error.size)
+        window = _taper(error.size)
         frequency = np.fft.rfftfreq(error.size, 1 / rate)
-        band = (frequency > _LOWEST_HERTZ) & (frequency < _HIGHEST_RATE_SHARE * rate)
-        s = 2j * np.pi * frequency[band]
-        residual_spectrum = np.fft.rfft(error * taper)
-        force_spectrum = np.fft.rfft(gesture.force * taper)[band]
+        is_in_band = (frequency > _LOWEST_HERTZ) & (frequency < _HIGHEST_RATE_SHARE * rate)
+        laplace = 2j * np.pi * frequency[is_in_band]
+        residual_spectrum = np.fft.rfft(error * window)
+        force_spectrum = np.fft.rfft(gesture.force * window)[is_in_band]
         # The force is held for a tick, and delayed.
         force_spectrum = (
             force_spectrum
-            * np.sinc(frequency[band] / rate)
-            * np.exp(-s * (parameter_row[INDEX["delay"]] + 0.5 / rate))
+            * np.sinc(frequency[is_in_band] / rate)
+            * np.exp(-laplace * (parameter_row[INDEX["delay"]] + 0.5 / rate))
         )
         key_response = 1 / (
-            total_mass(parameter_row) * s * s
-            + parameter_row[INDEX["damping"]] * s
+            total_mass(parameter_row) * laplace * laplace
+            + parameter_row[INDEX["damping"]] * laplace
             + parameter_row[INDEX["stiffness"]]
         )
-        white = 1 / np.sqrt(_background(np.abs(residual_spectrum) ** 2, frequency)[band])
-        base, residual_spectrum = (
-            force_spectrum * key_response**2 * s**4 * white,
-            residual_spectrum[band] * white,
+        whitening = 1 / np.sqrt(_background(np.abs(residual_spectrum) ** 2, frequency)[is_in_band])
+        template_base, residual_spectrum = (
+            force_spectrum * key_response**2 * laplace**4 * whitening,
+            residual_spectrum[is_in_band] * whitening,
         )
         for ratio_column, ratio in enumerate(_RATIOS):
             for pitch_part in np.array_split(np.arange(_PITCHES), 12):
-                w = omega[pitch_part]
-                template = base / (s * s + (2 * ratio * w) * s + w * w)
+                angular_pitches = omega[pitch_part]
+                template = template_base / (
+                    laplace * laplace
+                    + (2 * ratio * angular_pitches) * laplace
+                    + angular_pitches * angular_pitches
+                )
                 projection[pitch_part, ratio_column] += np.real(template.conj() @ residual_spectrum)
                 squared_norm[pitch_part, ratio_column] += np.einsum(
                     "ij,ij->i", template, template.conj()
                 ).real
     score = np.where(projection > 0, 2 * projection**2 / squared_norm, 0.0)
-    i, j = divmod(int(np.argmax(score)), _RATIOS.size)
+    pitch_index, ratio_index = divmod(int(np.argmax(score)), _RATIOS.size)
     mass = float(
-        np.clip(projection[i, j] / squared_norm[i, j], 1e-4, _SHARE_MAX * parameter_row[0])
+        np.clip(
+            projection[pitch_index, ratio_index] / squared_norm[pitch_index, ratio_index],
+            1e-4,
+            _SHARE_MAX * parameter_row[0],
+        )
     )
-    return Peak(mass, float(pitches[i]), float(_RATIOS[j]), float(score[i, j]))
+    return Peak(
+        mass,
+        float(pitches[pitch_index]),
+        float(_RATIOS[ratio_index]),
+        float(score[pitch_index, ratio_index]),
+    )

@@ -25,7 +25,7 @@ _SLOW = 3  # steps that hardly fall, after which it has converged even if they a
 _TRIALS = 12
 # Maximal rounds of recovering unknown forces, the relative fall of the cost that ends them, and the
 # least share of a step.
-_RECOVERIES, _SETTLED, _LEAST_SHARE = 20, 1e-4, 0.05
+_RECOVERIES, _SETTLED_FALL, _LEAST_SHARE = 20, 1e-4, 0.05
 _EVERY = 3  # steps of a fit, from one look at what the unknown forces do to the next
 _COST_TOLERANCE = 1e-6  # relative fall of the cost below which it has converged
 
@@ -87,9 +87,9 @@ def _squares(
         ]
     except _core.EngineError:
         return np.inf, 0.0  # no such key, or too fast a one
-    error_squares = sum(float(e @ e) for e in errors_by_gesture)
+    error_squares = sum(float(error @ error) for error in errors_by_gesture)
     return error_squares if np.isfinite(error_squares) else np.inf, sum(
-        float(o @ o) for o in map(_off, gestures)
+        float(offset @ offset) for offset in map(_off, gestures)
     )
 
 
@@ -144,7 +144,7 @@ def recovered(parameter_row: Floats, gesture: Gesture, start_position: float) ->
             break
         gesture, error_squares, force_squares = nearer, new_error_squares, new_force_squares
         step_share = min(2 * step_share, 1.0)
-        if fall < _SETTLED:
+        if fall < _SETTLED_FALL:
             break
     return gesture
 
@@ -193,16 +193,16 @@ def _normal(
     Each unknown force counts as a measurement of its middle, with its spread as uncertainty.
     """
     variables_by_gesture = _columns(len(fitted_columns), starts, gestures)
-    size = max(int(variables.max()) for variables in variables_by_gesture) + 1
-    square, slope = np.zeros((size, size)), np.zeros(size)
+    variable_count = max(int(variables.max()) for variables in variables_by_gesture) + 1
+    normal_matrix, gradient = np.zeros((variable_count, variable_count)), np.zeros(variable_count)
     for i, (gesture, variables) in enumerate(zip(gestures, variables_by_gesture, strict=True)):
         jacobian, error = _linear(parameter_row, fitted_columns, gesture, starts[i], by_force[i])
-        square[np.ix_(variables, variables)] += jacobian.T @ jacobian
-        slope[variables] += jacobian.T @ error
-        forces = variables[len(fitted_columns) + 1 :]
-        square[forces, forces] += variance / gesture.unknown.spread**2
-        slope[forces] -= variance * _off(gesture) / gesture.unknown.spread
-    return square, slope
+        normal_matrix[np.ix_(variables, variables)] += jacobian.T @ jacobian
+        gradient[variables] += jacobian.T @ error
+        force_variables = variables[len(fitted_columns) + 1 :]
+        normal_matrix[force_variables, force_variables] += variance / gesture.unknown.spread**2
+        gradient[force_variables] -= variance * _off(gesture) / gesture.unknown.spread
+    return normal_matrix, gradient
 
 
 def _forced(gestures: Sequence[Gesture], force_step: Floats) -> list[Gesture]:
@@ -222,27 +222,31 @@ def _forced(gestures: Sequence[Gesture], force_step: Floats) -> list[Gesture]:
 def _damped_step(
     parameter_row: Floats,
     fitted_columns: Sequence[int],
-    square: Floats,
-    slope: Floats,
+    normal_matrix: Floats,
+    gradient: Floats,
     damping: float,
 ) -> Floats:
     """The step of all variables; a parameter at its bound stays there if the step leads beyond."""
-    variable_sizes = np.sqrt(np.diag(square))
-    variable_sizes[variable_sizes == 0] = 1.0
-    lifted = square / np.outer(variable_sizes, variable_sizes) + damping * np.eye(len(slope))
-    n_fitted, free = len(fitted_columns), np.ones(len(slope), bool)
+    diagonal_roots = np.sqrt(np.diag(normal_matrix))
+    diagonal_roots[diagonal_roots == 0] = 1.0
+    damped_matrix = normal_matrix / np.outer(diagonal_roots, diagonal_roots) + damping * np.eye(
+        len(gradient)
+    )
+    n_fitted, is_free = len(fitted_columns), np.ones(len(gradient), bool)
     while True:
-        damped_step = np.zeros(len(slope))
-        damped_step[free] = (
-            np.linalg.solve(lifted[np.ix_(free, free)], (slope / variable_sizes)[free])
-            / variable_sizes[free]
+        damped_step = np.zeros(len(gradient))
+        damped_step[is_free] = (
+            np.linalg.solve(
+                damped_matrix[np.ix_(is_free, is_free)], (gradient / diagonal_roots)[is_free]
+            )
+            / diagonal_roots[is_free]
         )
-        beyond = free[:n_fitted] & leads_beyond(
+        is_beyond = is_free[:n_fitted] & leads_beyond(
             parameter_row, fitted_columns, damped_step[:n_fitted]
         )
-        if not beyond.any():
+        if not is_beyond.any():
             return damped_step
-        free[:n_fitted] &= ~beyond
+        is_free[:n_fitted] &= ~is_beyond
 
 
 def _covariance(
@@ -257,21 +261,26 @@ def _covariance(
     n_fitted, n = len(fitted_columns), sum(int(g.counts.sum()) for g in gestures)
     variance = error_squares / max(n - n_fitted - len(starts), 1)
     variables_by_gesture = _columns(n_fitted, starts, gestures)
-    size = max(int(indices.max()) for indices in variables_by_gesture) + 1
-    square, scores = np.zeros((size, size)), np.zeros((coloured.N_WINDOWS, size, size))
+    variable_count = max(int(indices.max()) for indices in variables_by_gesture) + 1
+    normal_matrix, scores = (
+        np.zeros((variable_count, variable_count)),
+        np.zeros((coloured.N_WINDOWS, variable_count, variable_count)),
+    )
     for i, (gesture, variable_indices) in enumerate(
         zip(gestures, variables_by_gesture, strict=True)
     ):
         jacobian, error = _linear(parameter_row, fitted_columns, gesture, starts[i], by_force[i])
-        square[np.ix_(variable_indices, variable_indices)] += jacobian.T @ jacobian
+        normal_matrix[np.ix_(variable_indices, variable_indices)] += jacobian.T @ jacobian
         scores[:, variable_indices[:, None], variable_indices] += coloured.long_run(
             jacobian * error[:, None], gesture.rate, n
         )
-        forces, spread = variable_indices[n_fitted + 1 :], gesture.unknown.spread
-        square[forces, forces] += variance / spread**2
-        scores[:, forces, forces] += variance**2 / spread**2
-    in_si = scale(parameter_row, fitted_columns)
-    return coloured.covariance(square, scores)[:n_fitted, :n_fitted] * np.outer(in_si, in_si)
+        force_variables, spread = variable_indices[n_fitted + 1 :], gesture.unknown.spread
+        normal_matrix[force_variables, force_variables] += variance / spread**2
+        scores[:, force_variables, force_variables] += variance**2 / spread**2
+    si_scale = scale(parameter_row, fitted_columns)
+    return coloured.covariance(normal_matrix, scores)[:n_fitted, :n_fitted] * np.outer(
+        si_scale, si_scale
+    )
 
 
 def fit(
@@ -290,7 +299,7 @@ def fit(
     `parameter_row` is not a valid key.
     """
     start_points = np.array([g.start for g in gestures] if starts is None else starts)
-    n_fitted, damping, least = len(columns), *_DAMPING
+    n_fitted, damping, damping_min = len(columns), *_DAMPING
     first_force = n_fitted + len(start_points)
     n = sum(int(g.counts.sum()) for g in gestures)
     error_squares, force_squares = _squares(parameter_row, gestures, start_points)
@@ -303,38 +312,37 @@ def fit(
             gestures_and_starts = zip(gestures, start_points, strict=True)
             by_force = [_force_derivatives(parameter_row, g, x) for g, x in gestures_and_starts]
         variance = error_squares / n
-        square, slope = _normal(parameter_row, columns, gestures, start_points, by_force, variance)
+        normal_matrix, gradient = _normal(
+            parameter_row, columns, gestures, start_points, by_force, variance
+        )
         for _ in range(_TRIALS):
-            damped_step = _damped_step(parameter_row, columns, square, slope, damping)
+            damped_step = _damped_step(parameter_row, columns, normal_matrix, gradient, damping)
             stepped_row, stepped_starts = (
                 step_parameters(parameter_row, columns, damped_step[:n_fitted]),
                 start_points + damped_step[n_fitted:first_force],
             )
-            pushed = _forced(gestures, damped_step[first_force:])
-            new_error_squares, new_force_squares = _squares(stepped_row, pushed, stepped_starts)
-            fall = 1.0 - (new_error_squares + variance * new_force_squares) / (
+            stepped_gestures = _forced(gestures, damped_step[first_force:])
+            new_error_squares, new_force_squares = _squares(
+                stepped_row, stepped_gestures, stepped_starts
+            )
+            relative_fall = 1.0 - (new_error_squares + variance * new_force_squares) / (
                 error_squares + variance * force_squares
             )
-            if fall > 0:
+            if relative_fall > 0:
                 break
             damping *= 10
         else:
             break
-        parameter_row, start_points, error_squares, force_squares, gestures = (
-            stepped_row,
-            stepped_starts,
-            new_error_squares,
-            new_force_squares,
-            pushed,
-        )
+        parameter_row, start_points, gestures = stepped_row, stepped_starts, stepped_gestures
+        error_squares, force_squares = new_error_squares, new_force_squares
         damping /= 10
         # A step that is much damped falls little anywhere.
-        n_slow_steps = n_slow_steps + 1 if fall < _COST_TOLERANCE else 0
+        n_slow_steps = n_slow_steps + 1 if relative_fall < _COST_TOLERANCE else 0
         if n_slow_steps and (damping < _DAMPING_MIN or n_slow_steps == _SLOW):
             if iteration % _EVERY == 0 or not any(g.unknown.ticks.size for g in gestures):
                 break
             by_force = []
-        damping = max(damping, least)
+        damping = max(damping, damping_min)
     if is_rough:
         covariance = np.full((n_fitted, n_fitted), np.nan)
     else:

@@ -94,9 +94,9 @@ def step_parameters(parameter_row: Floats, fitted_columns: Sequence[int], step: 
                 value_before + parameter_step, value_before / _FACTOR, value_before * _FACTOR
             )
         else:
-            upper = _STIFFEST.get(parameter_index, np.inf)
+            value_max = _STIFFEST.get(parameter_index, np.inf)
             stepped_row[parameter_index] = min(
-                value_before * np.exp(np.clip(parameter_step, -1.0, 1.0)), upper
+                value_before * np.exp(np.clip(parameter_step, -1.0, 1.0)), value_max
             )
     return stepped_row
 
@@ -134,11 +134,11 @@ def joined_modes(row: Floats) -> Floats | None:
     modes = row[N_KEY:].reshape(-1, N_MODE)
     pitches = np.log(modes[:, 1])
     order = np.argsort(pitches)
-    steps = np.diff(pitches[order])
-    if not steps.size or steps.min() > _SAME_PITCH:
+    pitch_steps = np.diff(pitches[order])
+    if not pitch_steps.size or pitch_steps.min() > _SAME_PITCH:
         return None
-    pair = np.sort(order[int(steps.argmin()) :][:2])
-    masses = modes[pair, 0]
-    joined = np.delete(modes, pair[1], axis=0)
-    joined[pair[0]] = masses.sum(), *(masses @ modes[pair, 1:] / masses.sum())
-    return np.concatenate([row[:N_KEY], joined.ravel()])
+    nearest_pair = np.sort(order[int(pitch_steps.argmin()) :][:2])
+    masses = modes[nearest_pair, 0]
+    modes_left = np.delete(modes, nearest_pair[1], axis=0)
+    modes_left[nearest_pair[0]] = masses.sum(), *(masses @ modes[nearest_pair, 1:] / masses.sum())
+    return np.concatenate([row[:N_KEY], modes_left.ravel()])

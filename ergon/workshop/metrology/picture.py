@@ -59,10 +59,13 @@ def _curve(curve_name: str, t: Floats, x: Floats) -> Curve:
     if column_step == 1:
         return Curve(curve_name, t.tolist(), x.tolist())
     n = len(t) // column_step
-    column_parts, starts = x[: n * column_step].reshape(n, column_step), np.arange(n) * column_step
-    low_values, high_values = (
-        starts + np.argmin(np.nan_to_num(column_parts, nan=np.inf), axis=1),
-        starts + np.argmax(np.nan_to_num(column_parts, nan=-np.inf), axis=1),
+    column_parts, column_begins = (
+        x[: n * column_step].reshape(n, column_step),
+        np.arange(n) * column_step,
     )
-    points = np.sort(np.stack([low_values, high_values], 1), axis=1).ravel()
-    return Curve(curve_name, t[points].tolist(), x[points].tolist())
+    lowest_indices, highest_indices = (
+        column_begins + np.argmin(np.nan_to_num(column_parts, nan=np.inf), axis=1),
+        column_begins + np.argmax(np.nan_to_num(column_parts, nan=-np.inf), axis=1),
+    )
+    point_indices = np.sort(np.stack([lowest_indices, highest_indices], 1), axis=1).ravel()
+    return Curve(curve_name, t[point_indices].tolist(), x[point_indices].tolist())

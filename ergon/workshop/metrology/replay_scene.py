@@ -61,14 +61,14 @@ def write_scene(motion_comparison: Replay, folder: Path) -> Path:
     take_columns, chains, comments = {}, "", []
     for curve_group in curves:
         curve_unit, curve_size = curve_group[0].unit
-        a_centimetre = _rounded_scale(
+        value_per_centimetre = _rounded_scale(
             max(float(np.abs(curve.values).max()) for curve in curve_group) / curve_size
         )
         names = " and ".join(curve.name for curve in curve_group)
-        comments.append(f"{names} {a_centimetre:g} {curve_unit} a cm")
+        comments.append(f"{names} {value_per_centimetre:g} {curve_unit} a cm")
         for curve in curve_group:
             take_columns[curve.name] = (
-                curve.above + 0.01 / (a_centimetre * curve_size) * curve.values
+                curve.above + 0.01 / (value_per_centimetre * curve_size) * curve.values
             )
             chains += _chain(curve)
     np.savez(folder / "replay.npz", allow_pickle=False, t=t, **take_columns)
@@ -88,9 +88,9 @@ def _rounded_scale(largest: float) -> float:
     """The value of one centimetre, of 1, 2, 5, 10 …, for which the greatest value fits the
     height.
     """
-    least = largest / (100 * _HEIGHT) or 1.0
-    decade = 10.0 ** np.floor(np.log10(least))
-    return float(next(step * decade for step in (1, 2, 5, 10) if step * decade >= least))
+    scale_min = largest / (100 * _HEIGHT) or 1.0
+    decade = 10.0 ** np.floor(np.log10(scale_min))
+    return float(next(step * decade for step in (1, 2, 5, 10) if step * decade >= scale_min))
 
 
 def _chain(scene_curve: _Curve) -> str:

@@ -139,16 +139,16 @@ class _Search:
 
     def add_parts(self) -> None:
         """Try all parts, and those that were refused again after each one that was kept."""
-        tries: list[Callable[[], bool]] = [
+        attempts: list[Callable[[], bool]] = [
             *(partial(self._add, part) for part in _PARTS),
             self._add_mode,
         ]
-        in_vain, turn = 0, 0
-        while in_vain < len(tries):
-            if tries[turn % len(tries)]():
-                in_vain = 0
+        failed_tries, try_number = 0, 0
+        while failed_tries < len(attempts):
+            if attempts[try_number % len(attempts)]():
+                failed_tries = 0
             else:
-                in_vain, turn = in_vain + 1, turn + 1
+                failed_tries, try_number = failed_tries + 1, try_number + 1
 
     def _add(self, part: _Part) -> bool:
         """Add a part if it is kept; return whether it was."""
@@ -177,8 +177,8 @@ class _Search:
                 Stage(stage_name, best_before.fit, best_before.replay, False, peak.score)
             )
         parameter_rows = []
-        for frequency, ratio in ((1, 0.01), (1, 0.03), (1 / 1.025, 0.02), (1.025, 0.02)):
-            row = np.append(best_before.fit.row, [peak.mass, frequency * peak.frequency, ratio])
+        for pitch_factor, ratio in ((1, 0.01), (1, 0.03), (1 / 1.025, 0.02), (1.025, 0.02)):
+            row = np.append(best_before.fit.row, [peak.mass, pitch_factor * peak.frequency, ratio])
             row[0] -= peak.mass
             parameter_rows.append(row)
         trial_columns = dict.fromkeys(
@@ -194,11 +194,11 @@ class _Search:
         was fitted before the next one was known may stay far from its values; the rest of it then
         looks like a mode of the same pitch, which frees the others.
         """
-        joined = joined_modes(trial.fit.row)
-        if joined is None or not trial.explains_more(best_before):
+        joined_row = joined_modes(trial.fit.row)
+        if joined_row is None or not trial.explains_more(best_before):
             return False
-        columns = tuple(index for index in trial.fit.columns if index < joined.size)
-        return self._decide(self.judge.stage("modes anew", joined, columns, best_before))
+        columns = tuple(index for index in trial.fit.columns if index < joined_row.size)
+        return self._decide(self.judge.stage("modes anew", joined_row, columns, best_before))
 
     def add_against_held_out(self) -> bool:
         """Whether parts were kept after one that was refused, though it explains the takes.
@@ -214,12 +214,12 @@ class _Search:
         )[:_DETOURS_MAX]:
             self._decide(replace(stage, is_accepted=True))
             self.add_parts()
-            added = set(stage.fit.columns) - set(best_before.fit.columns)
+            added_columns = set(stage.fit.columns) - set(best_before.fit.columns)
             # Without a mode that the gesture is too slow to show, the mass is wrong by that of the
             # mode.
             is_hidden = stage.name.startswith("mode") and self.best.is_hidden(best_before)
             is_better = self.best.replay < best_before.replay or is_hidden
-            if is_better and knows(self.best.fit, added):
+            if is_better and knows(self.best.fit, added_columns):
                 return True
             self._decide(replace(best_before, name=stage.name, is_accepted=True, is_removal=True))
         return False

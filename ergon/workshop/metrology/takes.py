@@ -65,13 +65,18 @@ def record(
     """
     device_axis, takes, seconds_left = ladder.axis, [], seconds
     guide = ladder.guide if ladder.needs_guide else ladder.guide.off
-    push_force = _bearable_force(ladder, kind, guide, seed, path)
+    force = _bearable_force(ladder, kind, guide, seed, path)
     for part_number in range(1, _PARTS_MAX + 1):
-        stream = _stream(ladder, kind, seconds_left, push_force, seed + part_number, path)
-        framed, still_ticks = excitation.framed(stream, TICK_RATE)
+        forces = _stream(ladder, kind, seconds_left, force, seed + part_number, path)
+        framed_forces, still_ticks = excitation.framed(forces, TICK_RATE)
         settle(device_axis, ladder.guide)
         excited = push(
-            device_axis, framed, guide, still_ticks, record_target(kind, part_number), forgiven=True
+            device_axis,
+            framed_forces,
+            guide,
+            still_ticks,
+            record_target(kind, part_number),
+            forgiven=True,
         )
         n = excited.sent().size
         if n >= max(TICKS_MIN, still_ticks + TICK_RATE) or excited.end == "done":
@@ -79,7 +84,7 @@ def record(
             seconds_left -= (n - still_ticks) / TICK_RATE
         if excited.end not in DOUBTS or seconds_left < 1.0:
             break
-        push_force *= _FORCE_REDUCTION
+        force *= _FORCE_REDUCTION
     settle(device_axis, ladder.guide)
     if not takes:
         raise TakeEnded(excited.end)
@@ -91,20 +96,18 @@ def _bearable_force(
 ) -> float:
     """The force of such a take that the key can take [N], found by rungs as on the ladder."""
     axis, force_limit = ladder.axis, _FORCE_SHARE * ladder.axis.request_max
-    push_force = min(force_limit, 0.5 * ladder.force)
+    force = min(force_limit, 0.5 * ladder.force)
     for rung in range(_RUNGS_MAX):
-        stream = _stream(ladder, take_kind, _RUNG, push_force, seed + 100 + rung, path)
+        forces = _stream(ladder, take_kind, _RUNG, force, seed + 100 + rung, path)
         settle(axis, ladder.guide)
-        excited = push(axis, stream, guide, forgiven=True)
+        excited = push(axis, forces, guide, forgiven=True)
         if excited.end != "done" or excited.braked().any():
-            return _FORCE_REDUCTION * push_force
+            return _FORCE_REDUCTION * force
         travel_share = float(np.abs(excited.positions() - guide.centre).max()) / guide.half
-        if travel_share >= _AMPLITUDE_SHARE or push_force >= force_limit:
+        if travel_share >= _AMPLITUDE_SHARE or force >= force_limit:
             break
-        push_force = min(
-            force_limit, push_force * min(2.0, _TARGET_SHARE / max(travel_share, 1e-6))
-        )
-    return push_force
+        force = min(force_limit, force * min(2.0, _TARGET_SHARE / max(travel_share, 1e-6)))
+    return force
 
 
 def _stream(
@@ -116,18 +119,20 @@ def _stream(
     path: Floats | None,
 ) -> Floats:
     """Forces of a take (n,) [N]."""
-    n, chance, rough = round(take_seconds * TICK_RATE), np.random.default_rng(seed), ladder.rough
+    n, chance, key_row = round(take_seconds * TICK_RATE), np.random.default_rng(seed), ladder.rough
     reach_metres = _AMPLITUDE_SHARE * ladder.guide.half
-    guided = rough.copy()
+    guided_row = key_row.copy()
     if ladder.needs_guide:
         stiffness, damping = ladder.guide.guide
-        guided[INDEX["stiffness"]] += stiffness
-        guided[INDEX["damping"]] += damping
+        guided_row[INDEX["stiffness"]] += stiffness
+        guided_row[INDEX["damping"]] += damping
     if take_kind == "held-out" and path is not None:
-        stretch = np.concatenate([path, np.full(max(0, n - len(path)), path[-1])])[:n]
-        stream = excitation.forces_along_path(stretch, rough, TICK_RATE, reach_metres, push_force)
+        path_positions = np.concatenate([path, np.full(max(0, n - len(path)), path[-1])])[:n]
+        stream = excitation.forces_along_path(
+            path_positions, key_row, TICK_RATE, reach_metres, push_force
+        )
     elif take_kind == "held-out":
-        stream = excitation.knocks(rough, TICK_RATE, take_seconds, reach_metres, push_force)
+        stream = excitation.knocks(key_row, TICK_RATE, take_seconds, reach_metres, push_force)
     else:
         quick = (
             excitation.rain(n, chance)
@@ -135,4 +140,4 @@ def _stream(
             else excitation.strikes(n, TICK_RATE, chance)
         )
         stream = push_force * excitation.mixed(n, TICK_RATE, chance, quick, _SHARES[take_kind])
-    return excitation.scaled_to_reach(stream, TICK_RATE, guided, reach_metres)
+    return excitation.scaled_to_reach(stream, TICK_RATE, guided_row, reach_metres)

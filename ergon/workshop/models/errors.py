@@ -19,9 +19,9 @@ class ModelError(ErgonError, ValueError):
 
     def __str__(self) -> str:
         """`model.mdl:12: …; did you mean 'spring'?`."""
-        place = f"{self.file}:{self.line}: " if self.line else f"{self.file}: "
+        prefix = f"{self.file}:{self.line}: " if self.line else f"{self.file}: "
         suggestion_text = f"; did you mean {self.suggestion!r}?" if self.suggestion else ""
-        return printable(f"{place if self.file else ''}{self.message}{suggestion_text}")
+        return printable(f"{prefix if self.file else ''}{self.message}{suggestion_text}")
 
 
 class DialectError(ModelError):

@@ -21,10 +21,10 @@ class Names:
 
     def new(self, name_wanted: str) -> str:
         """The name, or the first free one with a number appended."""
-        base = name_wanted[: NAME_MAX - 8].lstrip("_") or "m"
-        free_name, count = base, 2
+        stem = name_wanted[: NAME_MAX - 8].lstrip("_") or "m"
+        free_name, number = stem, 2
         while free_name in self.taken:
-            free_name, count = f"{base}_{count}", count + 1
+            free_name, number = f"{stem}_{number}", number + 1
         self.taken.add(free_name)
         return free_name
 
@@ -34,8 +34,8 @@ class Params:
 
     def __init__(self, names: Iterable[str]) -> None:
         """`names`: those of the model."""
-        names_used = Names(UNITS)
-        self.new_names = {name: names_used.new(name[:1].lower() + name[1:]) for name in names}
+        score_names = Names(UNITS)
+        self.new_names = {name: score_names.new(name[:1].lower() + name[1:]) for name in names}
 
     def written(self, expression: str) -> str:
         """An expression of the model as one of the score."""

@@ -100,12 +100,10 @@ class Page:
         yield f"rates: {{audio: {RATE}Hz}}"
         yield from _block("let:", self.parameters)
         takes = (
-            (name, page_input, "N" if name in self.pushes else "m")
-            for name, page_input in self.inputs.items()
+            (name, source, "N" if name in self.pushes else "m")
+            for name, source in self.inputs.items()
         )
-        yield from _block(
-            "takes:", (page_input.take(name, unit) for name, page_input, unit in takes)
-        )
+        yield from _block("takes:", (source.take(name, unit) for name, source, unit in takes))
         yield "instruments:"
         yield "  model:"
         yield "    units: ca"
@@ -147,10 +145,10 @@ def trailing_comment(comment: str) -> str:
     return f"  # {printable(comment)}" if comment else ""
 
 
-def _block(section_title: str, block_lines: Iterable[Line]) -> Iterator[str]:
+def _block(title: str, lines: Iterable[Line]) -> Iterator[str]:
     """A title and its lines; nothing where there are none."""
-    indent = " " * (len(section_title) - len(section_title.lstrip()) + 2)
-    for nth, block_line in enumerate(block_lines):
+    indent = " " * (len(title) - len(title.lstrip()) + 2)
+    for nth, line in enumerate(lines):
         if nth == 0:
-            yield section_title
-        yield from block_line.written(indent)
+            yield title
+        yield from line.written(indent)

@@ -152,23 +152,23 @@ class Browser:
 
     def __init__(self, program: str, folder: str, flags: Sequence[str] = ()) -> None:
         """Start it; `folder` holds its profile. Raises BrowserError."""
-        ours_in, theirs_out = _pipe()
-        theirs_in, ours_out = _pipe()
-        browser_arguments = [program, *_FLAGS, *flags, f"--user-data-dir={folder}", "about:blank"]
+        read_end, browser_write_end = _pipe()
+        browser_read_end, write_end = _pipe()
+        arguments = [program, *_FLAGS, *flags, f"--user-data-dir={folder}", "about:blank"]
         if os.geteuid() == 0:
-            browser_arguments.insert(1, "--no-sandbox")  # Chromium's sandbox does not run as root
+            arguments.insert(1, "--no-sandbox")  # Chromium's sandbox does not run as root
         null_device = os.open(os.devnull, os.O_RDWR)
         descriptors = {
             0: null_device,
             1: null_device,
             2: null_device,
-            _READS: theirs_in,
-            _WRITES: theirs_out,
+            _READS: browser_read_end,
+            _WRITES: browser_write_end,
         }
         try:
             self._pid = os.posix_spawn(
                 program,
-                browser_arguments,
+                arguments,
                 os.environ | {"HOME": folder},
                 file_actions=[
                     (os.POSIX_SPAWN_DUP2, parent_descriptor, child_descriptor)
@@ -177,13 +177,13 @@ class Browser:
                 setpgroup=0,  # Ctrl-C in a terminal is ergon's, which ends the browser itself
             )
         except OSError as error:
-            os.close(ours_in)
-            os.close(ours_out)
+            os.close(read_end)
+            os.close(write_end)
             raise BrowserError(f"{program} does not start: {error.strerror}") from None
         finally:
-            for descriptor in (theirs_in, theirs_out, null_device):
+            for descriptor in (browser_read_end, browser_write_end, null_device):
                 os.close(descriptor)
-        self._in, self._out = ours_in, ours_out
+        self._in, self._out = read_end, write_end
         self._pages: dict[str, Page] = {}
         self._answers: dict[int, dict[str, Any]] = {}
         self._rest = b""
@@ -218,10 +218,10 @@ class Browser:
         while b"\0" not in self._rest:
             if not select.select([self._in], [], [], _ANSWER_MAX)[0]:
                 raise BrowserError(f"the browser has not answered for {_ANSWER_MAX:.0f} s")
-            piece = os.read(self._in, 1 << 20)
-            if not piece:
+            received = os.read(self._in, 1 << 20)
+            if not received:
                 raise BrowserError("the browser has ended")
-            self._rest += piece
+            self._rest += received
         message_text, _, self._rest = self._rest.partition(b"\0")
         message = json.loads(message_text)
         if "id" in message:
@@ -232,10 +232,8 @@ class Browser:
     @contextlib.contextmanager
     def page(self, width: int = 640, height: int = 360) -> Iterator[Page]:
         """Open a page, and close it when the context ends. Raises BrowserError."""
-        page_target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        session = self.call("Target.attachToTarget", targetId=page_target, flatten=True)[
-            "sessionId"
-        ]
+        target_id = self.call("Target.createTarget", url="about:blank")["targetId"]
+        session = self.call("Target.attachToTarget", targetId=target_id, flatten=True)["sessionId"]
         self._pages[session] = page = Page(self, session)
         try:
             for domain in ("Page", "Runtime", "Network", "Log"):
@@ -245,7 +243,7 @@ class Browser:
         finally:
             del self._pages[session]
             with contextlib.suppress(BrowserError):
-                self.call("Target.closeTarget", targetId=page_target)
+                self.call("Target.closeTarget", targetId=target_id)
 
     def close(self) -> None:
         """End the browser."""
@@ -277,10 +275,10 @@ def _pipe() -> tuple[int, int]:
     import fcntl
 
     pipe_ends = os.pipe()
-    moved = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _CLEAR) for end in pipe_ends]
+    moved_ends = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _CLEAR) for end in pipe_ends]
     for end in pipe_ends:
         os.close(end)
-    return moved[0], moved[1]
+    return moved_ends[0], moved_ends[1]
 
 
 def _write_all(descriptor: int, data: bytes) -> None:

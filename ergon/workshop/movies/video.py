@@ -68,10 +68,10 @@ class VideoFile:
         import av
 
         self._av = av
-        format, pictures, sounds, codec_options = _KINDS[suffix]
+        format, video_codec, sound_codec, codec_options = _KINDS[suffix]
         try:
             self._container: Any = av.open(file, "w", format=format)
-            stream = self._container.add_stream(pictures, rate=rate, options=codec_options)
+            stream = self._container.add_stream(video_codec, rate=rate, options=codec_options)
             self._video = cast("VideoStream", stream)
             self._video.width, self._video.height = size
             self._video.pix_fmt = "yuv420p"
@@ -79,7 +79,7 @@ class VideoFile:
             self._video.codec_context.color_primaries = _BT709
             self._video.codec_context.color_trc = _BT709
             self._video.codec_context.color_range = _LIMITED
-            self._sound = None if sound is None else self._sound_stream(sounds, sound)
+            self._sound = None if sound is None else self._sound_stream(sound_codec, sound)
         except av.error.FFmpegError as error:
             raise VideoError(f"this PyAV cannot write {suffix} files: {error}") from None
         self._rate = rate

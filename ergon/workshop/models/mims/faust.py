@@ -16,16 +16,16 @@ def script(program_text: str) -> str:
     """The lines of a program's script, with their line numbers kept. Raises ModelError if there is
     none.
     """
-    scripts = [match for match in _COMMENT.finditer(program_text) if _is_script(match[0])]
-    if not scripts:
+    script_matches = [match for match in _COMMENT.finditer(program_text) if _is_script(match[0])]
+    if not script_matches:
         message = (
             "this Faust program has no MIMS script: a comment with lines such as @m mass 1 0 0"
         )
         raise ModelError(message)
-    if len(scripts) > 1:
-        line = program_text.count("\n", 0, scripts[1].start()) + 1
+    if len(script_matches) > 1:
+        line = program_text.count("\n", 0, script_matches[1].start()) + 1
         raise ModelError("a second MIMS script begins here; leave one", line)
-    (match,) = scripts
+    (match,) = script_matches
     lines_before = "\n" * program_text.count("\n", 0, match.start())
     return lines_before + "\n".join(map(_line_text, match[0].split("\n")))
 

@@ -81,46 +81,48 @@ def _value(
 ) -> Amount:
     if depth > MAX_DEPTH:
         raise TextError(f"functions are nested at most {MAX_DEPTH} deep")
-    known_names, unread_from, plain = dict(model_names), 0, ""
-    while (call := _CALL.search(expression_text, unread_from)) is not None:
+    amounts, unread_begin, expression_without_calls = dict(model_names), 0, ""
+    while (call := _CALL.search(expression_text, unread_begin)) is not None:
         arguments, call_end = _arguments(expression_text, call.end())
         call_name = f"call_{depth}_{call_end}"
-        values = [_value(part, model_names, expected, depth + 1) for part in arguments]
-        known_names[call_name] = Amount(Fraction(_computed(call[1], values)), "")
-        plain += f"{expression_text[unread_from : call.start()]} {call_name} "
-        unread_from = call_end
-    return evaluate(plain + expression_text[unread_from:], known_names, expected=expected)
+        argument_values = [_value(part, model_names, expected, depth + 1) for part in arguments]
+        amounts[call_name] = Amount(Fraction(_computed(call[1], argument_values)), "")
+        expression_without_calls += f"{expression_text[unread_begin : call.start()]} {call_name} "
+        unread_begin = call_end
+    return evaluate(
+        expression_without_calls + expression_text[unread_begin:], amounts, expected=expected
+    )
 
 
-def _arguments(expression_text: str, argument_start: int) -> tuple[list[str], int]:
+def _arguments(expression_text: str, arguments_begin: int) -> tuple[list[str], int]:
     """The arguments between parentheses, and where what follows them begins."""
-    call_arguments, depth, argument_begin = [], 0, argument_start
-    for text_place in range(argument_start, len(expression_text)):
-        next_sign = expression_text[text_place]
-        if depth == 0 and next_sign in ",)":
-            call_arguments.append(expression_text[argument_begin:text_place])
-            argument_begin = text_place + 1
-            if next_sign == ")":
-                return call_arguments, argument_begin
-        depth += (next_sign == "(") - (next_sign == ")")
+    arguments, depth, argument_begin = [], 0, arguments_begin
+    for character_index in range(arguments_begin, len(expression_text)):
+        character = expression_text[character_index]
+        if depth == 0 and character in ",)":
+            arguments.append(expression_text[argument_begin:character_index])
+            argument_begin = character_index + 1
+            if character == ")":
+                return arguments, argument_begin
+        depth += (character == "(") - (character == ")")
     raise TextError(f"a parenthesis is never closed in {quote(expression_text)}")
 
 
-def _computed(function_name: str, operand_amounts: list[Amount]) -> float:
+def _computed(function_name: str, arguments: list[Amount]) -> float:
     if function_name not in _FUNCTIONS:
         message = f"{quote(function_name)} is not a function of gen~ that is read here"
         raise TextError(message, suggestion=nearest(function_name, _FUNCTIONS))
     argument_count, function = _FUNCTIONS[function_name]
-    if len(operand_amounts) != argument_count:
-        message = f"{function_name} has {argument_count} arguments, and here {len(operand_amounts)}"
+    if len(arguments) != argument_count:
+        message = f"{function_name} has {argument_count} arguments, and here {len(arguments)}"
         raise TextError(message if argument_count > 1 else message.replace("arguments", "argument"))
-    if any(operand.unit for operand in operand_amounts):
+    if any(argument.unit for argument in arguments):
         raise TextError(f"{function_name} takes plain numbers")
     try:
-        function_value = float(function(*(float(operand.number) for operand in operand_amounts)))
+        function_value = float(function(*(float(argument.number) for argument in arguments)))
     except (ArithmeticError, ValueError):
         function_value = math.nan
     if not math.isfinite(function_value):
-        shown = ", ".join(f"{float(operand.number):g}" for operand in operand_amounts)
-        raise TextError(f"{function_name}({shown}) has no value")
+        argument_texts = ", ".join(f"{float(argument.number):g}" for argument in arguments)
+        raise TextError(f"{function_name}({argument_texts}) has no value")
     return function_value

@@ -39,15 +39,15 @@ def _forms(family: Family, text: str, point_count: int | None = None) -> dict[st
     forms_by_word = {}
     for line in text.strip().splitlines():
         keyword, *value_names = line.split()
-        optional = [index for index, name in enumerate(value_names) if name.startswith("[")]
-        first_optional = optional[0] if optional else len(value_names)
-        stop_optional = optional[-1] + 1 if optional else len(value_names)
+        optional_indices = [index for index, name in enumerate(value_names) if name.startswith("[")]
+        optional_begin = optional_indices[0] if optional_indices else len(value_names)
+        optional_end = optional_indices[-1] + 1 if optional_indices else len(value_names)
         forms_by_word[keyword] = Form(
             family,
             _POINTS.get(family, 0) if point_count is None else point_count,
-            tuple(value_names[:first_optional]),
-            tuple(name.strip("[]") for name in value_names[first_optional:stop_optional]),
-            tuple(value_names[stop_optional:]),
+            tuple(value_names[:optional_begin]),
+            tuple(name.strip("[]") for name in value_names[optional_begin:optional_end]),
+            tuple(value_names[optional_end:]),
         )
     return forms_by_word
 

@@ -23,42 +23,46 @@ def _ending(writing: Writing, mass_name: str) -> Iterator[Statement]:
 
 def audible_ends(writing: Writing) -> dict[int, str]:
     """Links whose force is heard, and for each the mass on which it is heard. Raises ModelError."""
-    names_by_link: dict[int, str] = {}
-    for model_statement in writing.model.statements_of("output"):
-        mass_name = model_statement.points[0].name
-        if model_statement.keyword != "frcOutput":
+    mass_by_link: dict[int, str] = {}
+    for statement in writing.model.statements_of("output"):
+        mass_name = statement.points[0].name
+        if statement.keyword != "frcOutput":
             continue
         if mass_name in writing.macros:
-            raise ModelError(REFUSED["macro force"], model_statement.line)
-        pushes = (i for i in writing.model.statements_of("input") if i.name in writing.inputs)
-        if any(point.name == mass_name for push in pushes for point in push.points):
-            raise ModelError(REFUSED["pushed force"], model_statement.line)
+            raise ModelError(REFUSED["macro force"], statement.line)
+        push_statements = (
+            i for i in writing.model.statements_of("input") if i.name in writing.inputs
+        )
+        if any(
+            point.name == mass_name
+            for push_statement in push_statements
+            for point in push_statement.points
+        ):
+            raise ModelError(REFUSED["pushed force"], statement.line)
         ending_links = list(_ending(writing, mass_name))
         if not ending_links:
-            raise ModelError(REFUSED["still force"], model_statement.line)
+            raise ModelError(REFUSED["still force"], statement.line)
         for link in ending_links:
-            if names_by_link.setdefault(id(link), mass_name) != mass_name:
+            if mass_by_link.setdefault(id(link), mass_name) != mass_name:
                 message = REFUSED["both ends"].format(link=quote(link.name))
-                raise ModelError(message, model_statement.line)
-    return names_by_link
+                raise ModelError(message, statement.line)
+    return mass_by_link
 
 
-def output(writing: Writing, model_statement: Statement) -> None:
+def output(writing: Writing, statement: Statement) -> None:
     """An output."""
-    channel_number = int(model_statement.name.removeprefix("out"))
-    if model_statement.keyword == "posOutput":
-        targets = points(writing, model_statement, model_statement.points[0])
-        for nth, (target_share, mass_target) in enumerate(targets, 1):
-            link_name = (
-                model_statement.name if len(targets) == 1 else f"{model_statement.name}_{nth}"
-            )
-            writing.outs.append(
-                Out(link_name, f"SOX: {mass_target}", channel_number, gain(target_share))
-            )
+    channel_number = int(statement.name.removeprefix("out"))
+    if statement.keyword == "posOutput":
+        targets = points(writing, statement, statement.points[0])
+        for nth, (share, target) in enumerate(targets, 1):
+            out_name = statement.name if len(targets) == 1 else f"{statement.name}_{nth}"
+            writing.outs.append(Out(out_name, f"SOX: {target}", channel_number, gain(share)))
         return
-    mass = model_statement.points[0].name
+    mass = statement.points[0].name
     link_names = [name for link, name in writing.links if any(p.name == mass for p in link.points)]
     kinds = {module.name: module.kind for module in writing.modules}
     for nth, link_name in enumerate(link_names, 1):
-        out = model_statement.name if len(link_names) == 1 else f"{model_statement.name}_{nth}"
-        writing.outs.append(Out(out, f"SOF: {{{kinds[link_name]}: {link_name}}}", channel_number))
+        out_name = statement.name if len(link_names) == 1 else f"{statement.name}_{nth}"
+        writing.outs.append(
+            Out(out_name, f"SOF: {{{kinds[link_name]}: {link_name}}}", channel_number)
+        )

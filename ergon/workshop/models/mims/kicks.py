@@ -26,30 +26,28 @@ class Begin:
 
 
 def kick(
-    link_law: Link, model_values: Mapping[str, float], first_begin: Begin, second_begin: Begin
+    link: Link, model_values: Mapping[str, float], first_begin: Begin, second_begin: Begin
 ) -> float:
     """The force of the jump on the first end of a link, which the score lacks; the second end has
     its opposite.
 
     `model_values` are those of the statement.
     """
-    d = (
+    elongation = (
         second_begin.x
         - first_begin.x
-        - (0.0 if "thresh" in link_law.fields else model_values.get("thresh", 0.0))
+        - (0.0 if "thresh" in link.fields else model_values.get("thresh", 0.0))
     )
     step_difference, jump = (
         second_begin.step - first_begin.step,
         second_begin.jump - first_begin.jump,
     )
-    if link_law.kind == "LNL":
-        constants = {
-            letter: model_values.get(name, 0.0) for letter, name in link_law.fields.items()
-        }
-        compiled_law = _core.Law(link_law.law or None, link_law.damping or None, constants)
-        return compiled_law.force(d, step_difference + jump) - compiled_law.force(
-            d, step_difference
+    if link.kind == "LNL":
+        constants = {letter: model_values.get(name, 0.0) for letter, name in link.fields.items()}
+        compiled_law = _core.Law(link.law or None, link.damping or None, constants)
+        return compiled_law.force(elongation, step_difference + jump) - compiled_law.force(
+            elongation, step_difference
         )
-    if link_law.kind == "BUT" and d >= 0.0:
+    if link.kind == "BUT" and elongation >= 0.0:
         return 0.0
     return model_values.get("Z", 0.0) * jump

@@ -29,9 +29,9 @@ class Link:
     turns: bool = True
 
 
-def _lnl(law: str, damping: str, values: str, further_fields: str = "", turns: bool = True) -> Link:
+def _lnl(law: str, damping: str, values: str, rest: str = "", turns: bool = True) -> Link:
     fields = {name.lower(): name for name in values.split()}
-    return Link("LNL", fields, law, damping, further_fields, turns)
+    return Link("LNL", fields, law, damping, rest, turns)
 
 
 _CUBIC = "where(abs(d) <= sqrt((lim - k)/q), d*(k + q*d*d), lim*d)"
@@ -121,35 +121,35 @@ _CHANGING = {
 _D = re.compile(r"\bd\b")
 
 
-def followable(keyword: str, link_law: Link, led: Collection[str]) -> Link:
+def followable(keyword: str, link: Link, led: Collection[str]) -> Link:
     """The same link, with a law whose values named in `led` may follow a signal."""
-    link_law = _FOLLOWABLE.get(link_law.kind, link_law)
+    link = _FOLLOWABLE.get(link.kind, link)
     if keyword in _CHANGING and not {"K", "Q", "lim"}.isdisjoint(led):
-        link_law = _CHANGING[keyword]
-    if link_law.rest in led:
-        law_fields = {**link_law.fields, link_law.rest: link_law.rest}
+        link = _CHANGING[keyword]
+    if link.rest in led:
+        fields = {**link.fields, link.rest: link.rest}
         law_text, damping = (
-            _D.sub(f"(d - {link_law.rest})", text) for text in (link_law.law, link_law.damping)
+            _D.sub(f"(d - {link.rest})", text) for text in (link.law, link.damping)
         )
-        link_law = replace(link_law, fields=law_fields, law=law_text, damping=damping, rest="")
-    return link_law
+        link = replace(link, fields=fields, law=law_text, damping=damping, rest="")
+    return link
 
 
-def which(keyword: str, law_values: Mapping[str, float]) -> str:
+def which(keyword: str, values: Mapping[str, float]) -> str:
     """Which law of a word holds for these values."""
-    cubic, k, lim = law_values.get("Q", 0.0), law_values.get("K", 0.0), law_values.get("lim", 0.0)
-    if keyword == "spring" and "Z" in law_values:
+    q, k, lim = values.get("Q", 0.0), values.get("K", 0.0), values.get("lim", 0.0)
+    if keyword == "spring" and "Z" in values:
         return "damped spring"
     if keyword == "detent":  # a contact in mi_faust
         return "contact"
     if keyword == "nlSpring":
         return "nlSpring2"
-    if keyword == "nlSpringDamper" and (cubic == 0.0 or k >= lim):
-        return "linear nlSpringDamper" if cubic == 0.0 else "stiff nlSpringDamper"
-    if keyword == "nlContact" and (cubic == 0.0 or k >= lim):
+    if keyword == "nlSpringDamper" and (q == 0.0 or k >= lim):
+        return "linear nlSpringDamper" if q == 0.0 else "stiff nlSpringDamper"
+    if keyword == "nlContact" and (q == 0.0 or k >= lim):
         return "linear nlContact"
-    if keyword == "nlPluck" and law_values.get("Z"):
+    if keyword == "nlPluck" and values.get("Z"):
         return "damped nlPluck"
-    if keyword == "nlBow" and law_values.get("smooth", 0.0) >= 1.0:
+    if keyword == "nlBow" and values.get("smooth", 0.0) >= 1.0:
         return "smooth nlBow"
     return keyword

@@ -40,12 +40,12 @@ class Macro:
 
     def is_fixed(self, row: int, column: int) -> bool:
         """Whether a point is fixed."""
-        is_at_edge = row in (0, self.rows - 1), column in (0, self.columns - 1)
+        is_at_ends = row in (0, self.rows - 1), column in (0, self.columns - 1)
         return {
-            "string": is_at_edge[1],
-            "stiffString": is_at_edge[1],
-            "closedMesh": any(is_at_edge),
-            "cornerMesh": all(is_at_edge),
+            "string": is_at_ends[1],
+            "stiffString": is_at_ends[1],
+            "closedMesh": any(is_at_ends),
+            "cornerMesh": all(is_at_ends),
         }.get(self.statement.keyword, False)
 
     @property
@@ -64,16 +64,16 @@ class Macro:
     def member(self, row: int, first: int, count: int = 1) -> str:
         """Moving points of a row, as a range of a module."""
         first_column, row_size = self.span(row)
-        row_name, member_offset = self.row(row), first - first_column
+        module_name, member_offset = self.row(row), first - first_column
         if self.is_whole:
-            row_name = self.name
+            module_name = self.name
             member_offset += (row - (self.statement.keyword == "closedMesh")) * row_size
         if row_size == 1 and (self.statement.keyword == "chain" or not self.is_whole):
-            return row_name  # a MAS
+            return module_name  # a MAS
         return (
-            f"{row_name}.{member_offset}"
+            f"{module_name}.{member_offset}"
             if count == 1
-            else f"{row_name}.{member_offset}..{member_offset + count - 1}"
+            else f"{module_name}.{member_offset}..{member_offset + count - 1}"
         )
 
     @property
@@ -82,26 +82,29 @@ class Macro:
         moving_rows = [row for row in range(self.rows) if self.span(row)[1]]
         if not self.is_whole or len(moving_rows) == 1:
             return [self.member(row, *self.span(row)) for row in moving_rows]
-        count = len(moving_rows) * self.span(moving_rows[0])[1]
-        firsts = range(0, count, MAX_LINKED_POINTS)
-        return [f"{self.name}.{a}..{min(a + MAX_LINKED_POINTS, count) - 1}" for a in firsts]
+        moving_count = len(moving_rows) * self.span(moving_rows[0])[1]
+        range_begins = range(0, moving_count, MAX_LINKED_POINTS)
+        return [
+            f"{self.name}.{begin}..{min(begin + MAX_LINKED_POINTS, moving_count) - 1}"
+            for begin in range_begins
+        ]
 
     def neighbours(self) -> list[tuple[str, str]]:
         """Both ends of all links along a single row; those between moving points are given as
         ranges.
         """
         first_moving, moving_count = self.span(0)
-        inner_links = [
-            (self.member(0, offset, size), self.member(0, offset + 1, size))
-            for offset in range(first_moving, first_moving + moving_count - 1, MAX_LINKED_POINTS)
-            if (size := min(MAX_LINKED_POINTS, first_moving + moving_count - 1 - offset))
+        links_between_moving = [
+            (self.member(0, column, size), self.member(0, column + 1, size))
+            for column in range(first_moving, first_moving + moving_count - 1, MAX_LINKED_POINTS)
+            if (size := min(MAX_LINKED_POINTS, first_moving + moving_count - 1 - column))
         ]
         if not first_moving:
-            return inner_links
+            return links_between_moving
         last_moving = first_moving + moving_count - 1
         return [
             (self.point_name(0, 0), self.point_name(0, 1)),
-            *inner_links,
+            *links_between_moving,
             (self.point_name(0, last_moving), self.point_name(0, last_moving + 1)),
         ]
 
@@ -117,68 +120,69 @@ class Macro:
         return self.edge
 
     def points(
-        self, sides: Sequence[float], *, is_2019: bool, line: int
+        self, places: Sequence[float], *, is_2019: bool, line: int
     ) -> list[tuple[float, str]]:
         """The members between which a place lies, with the share of each. Raises ModelError.
 
         Shares are linear along each side, so that at most four members of a mesh have one.
         """
         is_string = self.statement.keyword in STRINGS
-        counts = (self.columns,) if is_string else (self.rows, self.columns)
-        positions = []
-        for side_share, side_count in zip(sides, counts, strict=True):
+        side_counts = (self.columns,) if is_string else (self.rows, self.columns)
+        members_by_side = []
+        for place, count in zip(places, side_counts, strict=True):
             if is_2019:
-                side_position = min(side_share * side_count, side_count - 1.0)
+                position = min(place * count, count - 1.0)
             else:
-                side_position = min(max(side_share, 0.0), 1.0) * (side_count - 1)
-            if side_position < 0.0:
+                position = min(max(place, 0.0), 1.0) * (count - 1)
+            if position < 0.0:
                 raise ModelError(
-                    f"a place on {quote(self.statement.name)} is {side_share:g}, below 0", line
+                    f"a place on {quote(self.statement.name)} is {place:g}, below 0", line
                 )
-            low_member, member_part = int(side_position), side_position - int(side_position)
-            if min(member_part, 1.0 - member_part) < _PLACE_TOLERANCE:
-                positions.append([(round(side_position), 1.0)])
+            lower_member, upper_share = int(position), position - int(position)
+            if min(upper_share, 1.0 - upper_share) < _PLACE_TOLERANCE:
+                members_by_side.append([(round(position), 1.0)])
             else:
-                positions.append([(low_member, 1.0 - member_part), (low_member + 1, member_part)])
+                members_by_side.append(
+                    [(lower_member, 1.0 - upper_share), (lower_member + 1, upper_share)]
+                )
         if is_string:
-            positions.insert(0, [(0, 1.0)])
+            members_by_side.insert(0, [(0, 1.0)])
         shares: dict[str, float] = {}
-        for row, a in positions[0]:
-            for column, b in positions[1]:
+        for row, row_share in members_by_side[0]:
+            for column, column_share in members_by_side[1]:
                 name = self.point_name(row, column)
-                shares[name] = shares.get(name, 0.0) + a * b
+                shares[name] = shares.get(name, 0.0) + row_share * column_share
         return [(share, name) for name, share in shares.items()]
 
 
-def size(model_statement: Statement) -> tuple[int, int]:
+def size(statement: Statement) -> tuple[int, int]:
     """Rows and columns of a macro. Raises ModelError."""
-    if model_statement.keyword in STRINGS:
-        row_count, column_count = 1, int(model_statement.values["N"])
-        least = 1 if model_statement.keyword == "chain" else 3
-        if column_count < least:
-            refusal_text = REFUSED["few"].format(keyword=model_statement.keyword, least=least)
-            raise ModelError(refusal_text, model_statement.line)
+    if statement.keyword in STRINGS:
+        row_count, column_count = 1, int(statement.values["N"])
+        count_min = 1 if statement.keyword == "chain" else 3
+        if column_count < count_min:
+            message = REFUSED["few"].format(keyword=statement.keyword, least=count_min)
+            raise ModelError(message, statement.line)
     else:
-        row_count, column_count = int(model_statement.values["L"]), int(model_statement.values["W"])
-        least = 1 if model_statement.keyword == "mesh" else 3
-        if min(row_count, column_count) < least:
-            refusal_text = REFUSED["few"].format(
-                keyword=model_statement.keyword, least=f"{least} by {least}"
+        row_count, column_count = int(statement.values["L"]), int(statement.values["W"])
+        count_min = 1 if statement.keyword == "mesh" else 3
+        if min(row_count, column_count) < count_min:
+            message = REFUSED["few"].format(
+                keyword=statement.keyword, least=f"{count_min} by {count_min}"
             )
-            raise ModelError(refusal_text, model_statement.line)
-    if model_statement.keyword in ("mesh", "closedMesh"):
-        sides = max(row_count, column_count) - 2 * (model_statement.keyword == "closedMesh")
-        if sides > SIDE_MAX:
-            message = f"{model_statement.keyword}: a side has {SIDE_MAX} masses at most in a score"
-            raise ModelError(message, model_statement.line)
+            raise ModelError(message, statement.line)
+    if statement.keyword in ("mesh", "closedMesh"):
+        longest_side = max(row_count, column_count) - 2 * (statement.keyword == "closedMesh")
+        if longest_side > SIDE_MAX:
+            message = f"{statement.keyword}: a side has {SIDE_MAX} masses at most in a score"
+            raise ModelError(message, statement.line)
     if row_count * column_count > MASSES_MAX or (
-        model_statement.keyword == "cornerMesh" and row_count > ROWS_MAX
+        statement.keyword == "cornerMesh" and row_count > ROWS_MAX
     ):
         message = (
-            f"{model_statement.keyword}: {row_count * column_count:,} masses are more than a score "
-            "holds"
+            f"{statement.keyword}: {row_count * column_count:,} masses are more than a score holds"
         )
-        raise ModelError(message, model_statement.line)
+        raise ModelError(message, statement.line)
     return row_count, column_count
 
 
@@ -192,34 +196,38 @@ def build(macro: Macro, is_2019: bool) -> None:
         _stiffness(macro, is_2019)
     if "Zo" in macro.written:
         macro.is_joined = True
-        for count, point_name in enumerate(macro.moving):
-            name = f"{macro.name}_air{count or ''}"
-            between_text = f"between: [{macro.edge}, {point_name}]"
-            macro.modules.append((name, f"FRO: {{{between_text}, Z: {macro.written['Zo']}}}"))
+        for nth, point_name in enumerate(macro.moving):
+            name = f"{macro.name}_air{nth or ''}"
+            ends = f"between: [{macro.edge}, {point_name}]"
+            macro.modules.append((name, f"FRO: {{{ends}, Z: {macro.written['Zo']}}}"))
 
 
-def _body(macro: Macro, body_name: str, mass_count: int, body_form: str) -> None:
+def _body(macro: Macro, body_name: str, mass_count: int, generator_text: str) -> None:
     """Masses in a row, or a mesh; a single one is a MAS."""
-    start_text = "".join(f", {text}" for text in macro.start if text)
-    if mass_count == 1 and body_form.startswith("STRING") and "ends: free" in body_form:
-        macro.modules.append((body_name, f"MAS: {{M: {macro.written['M']}{start_text}}}"))
+    start_fields = "".join(f", {text}" for text in macro.start if text)
+    if mass_count == 1 and generator_text.startswith("STRING") and "ends: free" in generator_text:
+        macro.modules.append((body_name, f"MAS: {{M: {macro.written['M']}{start_fields}}}"))
         return
     mass = times(mass_count, macro.written["M"])
     k, z = macro.written["K"], macro.written["Z"]
-    macro.modules.append((body_name, f"{body_form}, M: {mass}, K: {k}, Z: {z}{start_text}}}"))
+    macro.modules.append(
+        (body_name, f"{generator_text}, M: {mass}, K: {k}, Z: {z}{start_fields}}}")
+    )
 
 
 def _single_macro(macro: Macro) -> None:
     keyword = macro.statement.keyword
     if macro.rows == 1 and keyword in STRINGS:
-        count = macro.columns if keyword == "chain" else macro.columns - 2
-        edge_kind = "free" if keyword == "chain" else "fixed"
-        _body(macro, macro.name, count, f"STRING: {{masses: {count}, ends: {edge_kind}")
+        moving_count = macro.columns if keyword == "chain" else macro.columns - 2
+        ends = "free" if keyword == "chain" else "fixed"
+        _body(macro, macro.name, moving_count, f"STRING: {{masses: {moving_count}, ends: {ends}")
         return
-    less, rim = (2, "fixed") if keyword == "closedMesh" else (0, "free")
-    column_steps, row_steps = macro.columns - less, macro.rows - less
-    form = f"PLATE: {{shape: rectangle, sides: [{column_steps}, {row_steps}], rim: {rim}"
-    _body(macro, macro.name, column_steps * row_steps, form)
+    fixed_count, rim = (2, "fixed") if keyword == "closedMesh" else (0, "free")
+    moving_columns, moving_rows = macro.columns - fixed_count, macro.rows - fixed_count
+    generator_text = (
+        f"PLATE: {{shape: rectangle, sides: [{moving_columns}, {moving_rows}], rim: {rim}"
+    )
+    _body(macro, macro.name, moving_columns * moving_rows, generator_text)
 
 
 def _rows(macro: Macro) -> None:
@@ -239,30 +247,43 @@ def _rows(macro: Macro) -> None:
                 macro.edge,
             )
     for row_index in range(macro.rows - 1):
-        (a, n), (b, m) = macro.span(row_index), macro.span(row_index + 1)
-        if n and m:
-            low, high = max(a, b), min(a + n, b + m)
+        (first_here, moving_count_here), (first_below, moving_count_below) = (
+            macro.span(row_index),
+            macro.span(row_index + 1),
+        )
+        if moving_count_here and moving_count_below:
+            first_shared, end_shared = (
+                max(first_here, first_below),
+                min(first_here + moving_count_here, first_below + moving_count_below),
+            )
             ends = (
-                macro.member(row_place, low, high - low) for row_place in (row_index, row_index + 1)
+                macro.member(end_row, first_shared, end_shared - first_shared)
+                for end_row in (row_index, row_index + 1)
             )
             _join(macro, f"{macro.name}_rows{row_index}", *ends)
         for end_column in (0, macro.columns - 1):
-            fixed = macro.is_fixed(row_index, end_column), macro.is_fixed(row_index + 1, end_column)
-            if fixed[0] != fixed[1] and not (n == 0 or m == 0):
+            fixed_ends = (
+                macro.is_fixed(row_index, end_column),
+                macro.is_fixed(row_index + 1, end_column),
+            )
+            if fixed_ends[0] != fixed_ends[1] and not (
+                moving_count_here == 0 or moving_count_below == 0
+            ):
                 ends = (
-                    macro.point_name(row_place, end_column)
-                    for row_place in (row_index, row_index + 1)
+                    macro.point_name(end_row, end_column) for end_row in (row_index, row_index + 1)
                 )
                 _join(macro, f"{macro.name}_corner{row_index}_{end_column}", *ends)
-        if (n == 0) != (m == 0):
-            row_place, (first_moving, moving_count) = (
-                (row_index, (a, n)) if n else (row_index + 1, (b, m))
+        if (moving_count_here == 0) != (moving_count_below == 0):
+            end_row, (first_moving, moving_count) = (
+                (row_index, (first_here, moving_count_here))
+                if moving_count_here
+                else (row_index + 1, (first_below, moving_count_below))
             )
             _join(
                 macro,
                 f"{macro.name}_rim{row_index}",
                 macro.edge,
-                macro.member(row_place, first_moving, moving_count),
+                macro.member(end_row, first_moving, moving_count),
             )
 
 
@@ -276,13 +297,21 @@ def _stiffness(macro: Macro, is_2019: bool) -> None:
     """Add springs to second neighbours, and at the ends to the neighbour; the laws of 2019 had none
     at the first end.
     """
-    n = macro.columns
+    column_count = macro.columns
     k = macro.written["K2"]
-    if n > 4:
-        inner = f"[{macro.member(0, 1, n - 4)}, {macro.member(0, 3, n - 4)}]"
-        macro.modules.append((f"{macro.name}_stiff", f"RES: {{between: {inner}, K: {k}}}"))
-    column_pairs = [(0, 2), (n - 3, n - 1)] if n > 3 else []
-    column_pairs += [(n - 2, n - 1)] if is_2019 else [(0, 1), (n - 2, n - 1)]
+    if column_count > 4:
+        second_neighbours = (
+            f"[{macro.member(0, 1, column_count - 4)}, {macro.member(0, 3, column_count - 4)}]"
+        )
+        macro.modules.append(
+            (f"{macro.name}_stiff", f"RES: {{between: {second_neighbours}, K: {k}}}")
+        )
+    column_pairs = [(0, 2), (column_count - 3, column_count - 1)] if column_count > 3 else []
+    column_pairs += (
+        [(column_count - 2, column_count - 1)]
+        if is_2019
+        else [(0, 1), (column_count - 2, column_count - 1)]
+    )
     for nth, (first_column, second_column) in enumerate(column_pairs):
         point_pair = f"[{macro.point_name(0, first_column)}, {macro.point_name(0, second_column)}]"
         macro.modules.append((f"{macro.name}_end{nth}", f"RES: {{between: {point_pair}, K: {k}}}"))

@@ -9,64 +9,56 @@ from ergon.workshop.models.mims.signals import guide
 from ergon.workshop.models.mims.writing import Writing
 
 
-def points(
-    writing: Writing, model_statement: Statement, mass_point: Point
-) -> list[tuple[float, str]]:
+def points(writing: Writing, statement: Statement, point: Point) -> list[tuple[float, str]]:
     """A point as a module, or as members of a macro with the share of each."""
-    macro = writing.macros.get(mass_point.name)
+    macro = writing.macros.get(point.name)
     if macro is None:
-        return [(1.0, writing.targets[mass_point.name])]
-    sides = along(writing.model, mass_point, model_statement.line)
+        return [(1.0, writing.targets[point.name])]
+    sides = along(writing.model, point, statement.line)
     if any(side.signal for side in sides):
         return [(1.0, _moving(writing, macro, sides))]
-    return shares(writing, model_statement, mass_point)
+    return shares(writing, statement, point)
 
 
-def shares(
-    writing: Writing, model_statement: Statement, mass_point: Point
-) -> list[tuple[float, str]]:
+def shares(writing: Writing, statement: Statement, point: Point) -> list[tuple[float, str]]:
     """The masses that feel a force at a point in the first step, with the share of each."""
-    macro = writing.macros.get(mass_point.name)
+    macro = writing.macros.get(point.name)
     if macro is None:
-        return [(1.0, writing.targets[mass_point.name])]
-    sides = [
+        return [(1.0, writing.targets[point.name])]
+    places = [
         side.start + side.slope * (writing.model.number(side.signal, "", 0) if side.signal else 0.0)
-        for side in along(writing.model, mass_point, model_statement.line)
+        for side in along(writing.model, point, statement.line)
     ]
-    return macro.points(sides, is_2019=writing.laws == "2019", line=model_statement.line)
+    return macro.points(places, is_2019=writing.laws == "2019", line=statement.line)
 
 
-def _moving(writing: Writing, macro: places.Macro, macro_sides: list[Along]) -> str:
+def _moving(writing: Writing, macro: places.Macro, sides: list[Along]) -> str:
     """Add a point that signals move; returns its name."""
-    guides = []
-    for side in macro_sides:
-        guides.append(guide(writing, side.signal) if side.signal else _place(writing, macro, side))
-    point_key = (macro.name, *macro_sides)
-    if point_key not in writing.proxies:
-        writing.proxies[point_key] = writing.names.new(f"{macro.name}_point")
-        text = moving(macro, macro_sides, guides, is_2019=writing.laws == "2019")
-        writing.add(
-            writing.proxies[point_key], text, f"a point of {macro.name}, which a signal moves"
+    guide_names = []
+    for side in sides:
+        guide_names.append(
+            guide(writing, side.signal) if side.signal else _place(writing, macro, side)
         )
-    return writing.proxies[point_key]
+    key = (macro.name, *sides)
+    if key not in writing.proxies:
+        writing.proxies[key] = writing.names.new(f"{macro.name}_point")
+        text = moving(macro, sides, guide_names, is_2019=writing.laws == "2019")
+        writing.add(writing.proxies[key], text, f"a point of {macro.name}, which a signal moves")
+    return writing.proxies[key]
 
 
 def _place(writing: Writing, macro: places.Macro, side: Along) -> str:
-    start_place = f"a place at {side.start!r}"
-    if start_place not in writing.guides:
-        writing.guides[start_place] = writing.names.new(f"{macro.name}_place")
-        writing.add(writing.guides[start_place], f"SOL: {{X0: {side.start!r}m}}")
-    return writing.guides[start_place]
+    key = f"a place at {side.start!r}"
+    if key not in writing.guides:
+        writing.guides[key] = writing.names.new(f"{macro.name}_place")
+        writing.add(writing.guides[key], f"SOL: {{X0: {side.start!r}m}}")
+    return writing.guides[key]
 
 
-def still(writing: Writing, macro_point: Point, shares: list[tuple[float, str]]) -> str:
+def still(writing: Writing, point: Point, shares: list[tuple[float, str]]) -> str:
     """Add a point between masses; returns its name."""
-    shares_key = tuple(shares)
-    if shares_key not in writing.proxies:
-        writing.proxies[shares_key] = writing.names.new(
-            f"{writing.macros[macro_point.name].name}_point"
-        )
-        writing.add(
-            writing.proxies[shares_key], between_masses(shares), f"a point of {macro_point.name}"
-        )
-    return writing.proxies[shares_key]
+    key = tuple(shares)
+    if key not in writing.proxies:
+        writing.proxies[key] = writing.names.new(f"{writing.macros[point.name].name}_point")
+        writing.add(writing.proxies[key], between_masses(shares), f"a point of {point.name}")
+    return writing.proxies[key]

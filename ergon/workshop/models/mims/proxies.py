@@ -36,41 +36,40 @@ def signals_in(model: Model, text: str) -> list[str]:
     return [word for word in dict.fromkeys(_WORD.findall(text)) if word in model.signals]
 
 
-def along(model: Model, macro_point: Point, line_number: int) -> list[Along]:
+def along(model: Model, point: Point, line: int) -> list[Along]:
     """The position of a point along each side of its macro. Raises ModelError."""
     return [
-        straight(model, text, f"the place on {quote(macro_point.name)}", line_number)
-        for text in macro_point.along
+        straight(model, text, f"the place on {quote(point.name)}", line) for text in point.along
     ]
 
 
-def straight(model: Model, expression_text: str, error_label: str, line_number: int) -> Along:
+def straight(model: Model, text: str, label: str, line: int) -> Along:
     """An expression as a linear function of its signal. Raises ModelError."""
-    signal_names = signals_in(model, expression_text)
+    signal_names = signals_in(model, text)
     if not signal_names:
-        return Along(None, 0.0, model.number(expression_text, error_label, line_number))
+        return Along(None, 0.0, model.number(text, label, line))
     if len(signal_names) > 1:
         raise ModelError(
-            REFUSED["two signals"].format(what=error_label, text=quote(expression_text)),
-            line_number,
+            REFUSED["two signals"].format(what=label, text=quote(text)),
+            line,
         )
 
     def number_for(value: float) -> float:
         params = {**model.params, signal_names[0]: Amount(Fraction(value), "")}
-        return number(expression_text, params, error_label, line_number)
+        return number(text, params, label, line)
 
-    start_value, second, *other_values = (number_for(value) for value in _PROBES)
-    slope = second - start_value
-    line_at = (start_value + slope * value for value in _PROBES[2:])
-    straight = zip(other_values, line_at, strict=True)
+    value_at_zero, value_at_one, *probed_values = (number_for(value) for value in _PROBES)
+    slope = value_at_one - value_at_zero
+    expected_values = (value_at_zero + slope * value for value in _PROBES[2:])
+    value_pairs = zip(probed_values, expected_values, strict=True)
     if any(
-        abs(value_computed - value_expected) > _SHARE_TOLERANCE * (1.0 + abs(value_expected))
-        for value_computed, value_expected in straight
+        abs(computed - expected) > _SHARE_TOLERANCE * (1.0 + abs(expected))
+        for computed, expected in value_pairs
     ):
-        raise ModelError(
-            REFUSED["curved"].format(what=error_label, text=quote(expression_text)), line_number
-        )
-    return Along(signal_names[0], slope, start_value) if slope else Along(None, 0.0, start_value)
+        raise ModelError(REFUSED["curved"].format(what=label, text=quote(text)), line)
+    return (
+        Along(signal_names[0], slope, value_at_zero) if slope else Along(None, 0.0, value_at_zero)
+    )
 
 
 def between_masses(shares: Sequence[tuple[float, str]]) -> str:
@@ -125,13 +124,15 @@ def _row(macro: Macro) -> str:
         return macro.name
     if _has_rim(macro):
         return _list([macro.row(row) for row in range(1, macro.rows - 1)])
-    all_points: list[str] = []
+    row_members: list[str] = []
     for row_index in range(macro.rows):
         first_moving, moving_count = macro.span(row_index)
-        edge_points = [macro.edge] * first_moving
-        macro.is_joined = macro.is_joined or bool(edge_points) or not moving_count
-        moving = macro.member(row_index, first_moving, moving_count) if moving_count else ""
-        all_points += (
-            [*edge_points, moving, *edge_points] if moving_count else [macro.edge] * macro.columns
+        fixed_points = [macro.edge] * first_moving
+        macro.is_joined = macro.is_joined or bool(fixed_points) or not moving_count
+        moving_members = macro.member(row_index, first_moving, moving_count) if moving_count else ""
+        row_members += (
+            [*fixed_points, moving_members, *fixed_points]
+            if moving_count
+            else [macro.edge] * macro.columns
         )
-    return f"[{', '.join(all_points)}]"
+    return f"[{', '.join(row_members)}]"

@@ -69,23 +69,28 @@ def parse(
     model_text: str, dialect: Dialect, file_name: str = "", overrides: Mapping[str, str] = {}
 ) -> Model:
     """A model in one dialect; `overrides` are values of parameters by name. Raises ModelError."""
-    words_of_line = _v1_words if dialect == "v1" else _v2_words
+    split_line = _v1_words if dialect == "v1" else _v2_words
     text_lines = _LINE_END.split(model_text)
     if len(text_lines) > LINES_MAX:
         raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
     try:
-        statement_rows = [
-            (line_number, row)
+        numbered_rows = [
+            (line_number, line_words)
             for line_number, line in enumerate(text_lines, 1)
-            if (row := words_of_line(line, line_number))
+            if (line_words := split_line(line, line_number))
         ]
-        if not statement_rows:
+        if not numbered_rows:
             raise ModelError(
                 f"it says nothing in {NAMES[dialect]}: no line begins with @ and a name"
             )
-        macros = {row[0][1:] for _, row in statement_rows if _family(row, dialect) == "macro"}
+        macros = {
+            line_words[0][1:]
+            for _, line_words in numbered_rows
+            if _family(line_words, dialect) == "macro"
+        }
         statements = tuple(
-            _statement(line_number, row, dialect, macros) for line_number, row in statement_rows
+            _statement(line_number, line_words, dialect, macros)
+            for line_number, line_words in numbered_rows
         )
         model = Model(file_name, dialect, statements)
         _refuse_duplicate_names(model)
@@ -102,30 +107,30 @@ def parse(
 # --- lines --------------------------------------------------------------------------------------
 
 
-def _v1_words(model_line: str, line_number: int) -> tuple[str, ...]:
-    line_content = model_line.split("#", 1)[0].strip()
-    if line_content and not line_content.startswith("@"):
+def _v1_words(line: str, line_number: int) -> tuple[str, ...]:
+    content = line.split("#", 1)[0].strip()
+    if content and not content.startswith("@"):
         raise ModelError("a line begins with @ and a name, or with # for a comment", line_number)
-    return _bounded(tuple(line_content.split()), model_line, line_number)
+    return _bounded(tuple(content.split()), line, line_number)
 
 
-def _v2_words(model_line: str, line_number: int) -> tuple[str, ...]:
-    line_content = model_line.strip()
-    if line_content.startswith("~") and not re.match(r"~(begin|end)\s+\S", line_content):
+def _v2_words(line: str, line_number: int) -> tuple[str, ...]:
+    content = line.strip()
+    if content.startswith("~") and not re.match(r"~(begin|end)\s+\S", content):
         raise ModelError("a buffer is `~begin NAME`, later `~end NAME`", line_number)
-    if not line_content.startswith("@"):
+    if not content.startswith("@"):
         return ()
-    line_words = _bounded(tuple(_V2_WORD.findall(line_content)), model_line, line_number)
-    if re.sub(r"\s", "", "".join(line_words)) != re.sub(r"\s", "", line_content):
+    words = _bounded(tuple(_V2_WORD.findall(content)), line, line_number)
+    if re.sub(r"\s", "", "".join(words)) != re.sub(r"\s", "", content):
         raise ModelError("brackets do not match; a value in brackets is [a + b]", line_number)
-    for line_word in line_words:
-        if line_word.startswith("#"):
+    for word in words:
+        if word.startswith("#"):
             message = "a comment behind a statement is read as values; give it a line of its own"
             raise ModelError(message, line_number)
-        if "+" in line_word and not line_word.startswith("["):
-            message = f"{quote(line_word)} is taken apart at the +; write it in brackets, [a + b]"
+        if "+" in word and not word.startswith("["):
+            message = f"{quote(word)} is taken apart at the +; write it in brackets, [a + b]"
             raise ModelError(message, line_number)
-    return line_words
+    return words
 
 
 def _bounded(words: tuple[str, ...], line: str, line_number: int) -> tuple[str, ...]:
@@ -143,111 +148,107 @@ def _family(row: tuple[str, ...], dialect: Dialect) -> str:
 
 
 def _statement(
-    line_number: int, row: tuple[str, ...], dialect: Dialect, macros: set[str]
+    line_number: int, statement_words: tuple[str, ...], dialect: Dialect, macros: set[str]
 ) -> Statement:
-    statement_name, *line_words = row
+    statement_name, *words_after_name = statement_words
     if not _NAME.fullmatch(statement_name):
         message = (
             f"{quote(statement_name)} is not a name: write @, a letter, then letters, digits and _"
         )
         raise ModelError(message, line_number)
-    if not line_words:
+    if not words_after_name:
         raise ModelError(
             f"{statement_name} says nothing: a word such as mass or spring follows", line_number
         )
-    keyword, *argument_words = line_words
-    statement_form = FORMS[dialect].get(keyword)
-    if statement_form is None:
+    keyword, *argument_words = words_after_name
+    form = FORMS[dialect].get(keyword)
+    if form is None:
         message = f"{quote(keyword)} is not a word of {NAMES[dialect]}"
         raise ModelError(message, line_number, nearest(keyword, FORMS[dialect]))
-    if len(argument_words) < statement_form.points:
-        raise ModelError(f"{keyword} is written {statement_form.words}", line_number)
-    end_words, value_words = (
-        argument_words[: statement_form.points],
-        argument_words[statement_form.points :],
+    if len(argument_words) < form.points:
+        raise ModelError(f"{keyword} is written {form.words}", line_number)
+    point_words, value_words = (
+        argument_words[: form.points],
+        argument_words[form.points :],
     )
-    end_points = tuple(_point(end, line_number) for end in end_words)
+    points = tuple(_point(point_word, line_number) for point_word in point_words)
     if dialect == "v1":
-        end_points, value_words = _v1_points(end_points, value_words, macros, keyword, line_number)
-        if keyword in _DISPLAYED and len(value_words) == len(statement_form.values) + 3:
+        points, value_words = _v1_points(points, value_words, macros, keyword, line_number)
+        if keyword in _DISPLAYED and len(value_words) == len(form.values) + 3:
             value_words = value_words[:-3]
-    by_field = _values(
-        statement_form, [word.strip("[]").strip() for word in value_words], keyword, line_number
+    value_by_name = _values(
+        form, [word.strip("[]").strip() for word in value_words], keyword, line_number
     )
-    if "x0" in by_field:
-        by_field["x0"] = _height(by_field["x0"], line_number)
-    if "v0" in by_field:
-        by_field["v0"] = _height(by_field["v0"], line_number)
-    channel = _CHANNEL.get(statement_form.family)
-    if channel is not None and not channel.fullmatch(statement_name[1:]):
+    if "x0" in value_by_name:
+        value_by_name["x0"] = _height(value_by_name["x0"], line_number)
+    if "v0" in value_by_name:
+        value_by_name["v0"] = _height(value_by_name["v0"], line_number)
+    channel_pattern = _CHANNEL.get(form.family)
+    if channel_pattern is not None and not channel_pattern.fullmatch(statement_name[1:]):
         message = (
             f"{statement_name} has no number of a channel: write @in1 to @in99, @out1 to @out99"
         )
         raise ModelError(message, line_number)
-    return Statement(
-        statement_name[1:], keyword, statement_form.family, line_number, end_points, by_field
-    )
+    return Statement(statement_name[1:], keyword, form.family, line_number, points, value_by_name)
 
 
 def _point(point_word: str, line_number: int) -> Point:
-    point_name, *side_positions = (
+    point_name, *place_texts = (
         point_word.strip("[]").split(None, 1)[:2] if point_word.strip("[] ") else ("",)
     )
     if not _NAME.fullmatch(point_name):
         raise ModelError(f"{quote(point_word)} is not a point: write @ and its name", line_number)
-    return Point(point_name[1:], tuple(side_positions[0].split()) if side_positions else ())
+    return Point(point_name[1:], tuple(place_texts[0].split()) if place_texts else ())
 
 
 def _v1_points(
-    end_points: tuple[Point, ...],
+    points: tuple[Point, ...],
     value_words: list[str],
     macros: set[str],
     keyword: str,
     line_number: int,
 ) -> tuple[tuple[Point, ...], list[str]]:
     """The places on macros, which follow the values, in the order of the points."""
-    macro_points = [point for point in end_points if point.name in macros]
+    macro_points = [point for point in points if point.name in macros]
     if len(value_words) < len(macro_points):
         raise ModelError(
             f"{keyword}: where on {quote(macro_points[0].name)} is left out", line_number
         )
-    places = iter(value_words[len(value_words) - len(macro_points) :])
-    model_points = tuple(
-        Point(point.name, tuple(next(places).split(":"))) if point.name in macros else point
-        for point in end_points
+    place_words = iter(value_words[len(value_words) - len(macro_points) :])
+    placed_points = tuple(
+        Point(point.name, tuple(next(place_words).split(":"))) if point.name in macros else point
+        for point in points
     )
-    return model_points, value_words[: len(value_words) - len(macro_points)]
+    return placed_points, value_words[: len(value_words) - len(macro_points)]
 
 
-def _values(
-    statement_form: Form, line_words: list[str], keyword: str, line_number: int
-) -> dict[str, str]:
-    least = len(statement_form.values) + len(statement_form.after)
-    if not least <= len(line_words) <= least + len(statement_form.optional) or not all(line_words):
+def _values(form: Form, value_words: list[str], keyword: str, line_number: int) -> dict[str, str]:
+    count_min = len(form.values) + len(form.after)
+    if not count_min <= len(value_words) <= count_min + len(form.optional) or not all(value_words):
         raise ModelError(
-            f"{keyword} is written {statement_form.words}; here it has {len(line_words)} values",
+            f"{keyword} is written {form.words}; here it has {len(value_words)} values",
             line_number,
         )
     value_names = (
-        *statement_form.values,
-        *statement_form.optional[: len(line_words) - least],
-        *statement_form.after,
+        *form.values,
+        *form.optional[: len(value_words) - count_min],
+        *form.after,
     )
-    return dict(zip(value_names, line_words, strict=True))
+    return dict(zip(value_names, value_words, strict=True))
 
 
-def _height(height_text: str, line_number: int) -> str:
+def _height(text: str, line_number: int) -> str:
     """The third component of [x y z], the only one that moves; or the number as written."""
-    height_words = height_text.split()
-    if len(height_words) == 1 or not all(
-        re.fullmatch(r"[+-]?[\d.eE+-]+", word) for word in height_words
+    components = text.split()
+    if len(components) == 1 or not all(
+        re.fullmatch(r"[+-]?[\d.eE+-]+", component) for component in components
     ):
-        return height_text
-    if len(height_words) != 3:
+        return text
+    if len(components) != 3:
         raise ModelError(
-            f"{quote(height_text)}: a position has one number, or three in brackets", line_number
+            f"{quote(text)}: a position has one number, or three in brackets", line_number
         )
-    return height_words[2]
+    return components[2]
 
 
 # --- what statements mean together --------------------------------------------------------------
@@ -255,16 +256,16 @@ def _height(height_text: str, line_number: int) -> str:
 
 def _refuse_duplicate_names(model: Model) -> None:
     line_by_name: dict[str, int] = {}
-    for model_statement in model.statements:
-        if model.dialect == "v1" and model_statement.family == "link":
+    for statement in model.statements:
+        if model.dialect == "v1" and statement.family == "link":
             continue  # MIMS has no use for the names of links
-        if model_statement.name in line_by_name:
+        if statement.name in line_by_name:
             message = (
-                f"{quote(model_statement.name)} is the name of line "
-                f"{line_by_name[model_statement.name]} already"
+                f"{quote(statement.name)} is the name of line "
+                f"{line_by_name[statement.name]} already"
             )
-            raise ModelError(message, model_statement.line)
-        line_by_name[model_statement.name] = model_statement.line
+            raise ModelError(message, statement.line)
+        line_by_name[statement.name] = statement.line
 
 
 def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
@@ -297,7 +298,7 @@ def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
 
 
 def _known_points(model: Model, macros: set[str]) -> None:
-    points_by_name = {
+    mass_statements = {
         statement.name: statement
         for statement in model.statements_of("mass", "macro")
         if statement.name not in macros
@@ -307,51 +308,50 @@ def _known_points(model: Model, macros: set[str]) -> None:
         for statement in model.statements_of("input")
         if statement.keyword == "posInput"
     }
-    masses = {*points_by_name, *inputs}
+    masses = {*mass_statements, *inputs}
     kinds = {statement.name: statement.keyword for statement in model.statements_of("macro")}
-    for model_statement in model.statements:
-        for end_point in model_statement.points:
-            if end_point.name in macros:
-                sides = 2 if kinds[end_point.name] in MESHES else 1
-                if len(end_point.along) != sides:
-                    wanted_form = (
-                        "one number from 0 to 1" if sides == 1 else "two numbers from 0 to 1"
+    for statement in model.statements:
+        for point in statement.points:
+            if point.name in macros:
+                side_count = 2 if kinds[point.name] in MESHES else 1
+                if len(point.along) != side_count:
+                    numbers_needed = (
+                        "one number from 0 to 1" if side_count == 1 else "two numbers from 0 to 1"
                     )
-                    message = f"a point of {quote(end_point.name)} needs {wanted_form}"
-                    raise ModelError(message, model_statement.line)
-            elif end_point.name not in masses:
-                message = f"{quote('@' + end_point.name)} is not a mass of this model"
-                suggestion = nearest(end_point.name, (*masses, *macros))
-                raise ModelError(message, model_statement.line, suggestion)
-            elif end_point.along:
-                message = f"{quote(end_point.name)} is not a macro and has no places"
-                raise ModelError(message, model_statement.line)
+                    message = f"a point of {quote(point.name)} needs {numbers_needed}"
+                    raise ModelError(message, statement.line)
+            elif point.name not in masses:
+                message = f"{quote('@' + point.name)} is not a mass of this model"
+                suggestion = nearest(point.name, (*masses, *macros))
+                raise ModelError(message, statement.line, suggestion)
+            elif point.along:
+                message = f"{quote(point.name)} is not a macro and has no places"
+                raise ModelError(message, statement.line)
 
 
-def _numbers(model: Model, model_statement: Statement) -> None:
+def _numbers(model: Model, statement: Statement) -> None:
     """Check that every value is a number, even if it is not used later."""
-    for value_name in _values_of(model_statement):
-        model.value(model_statement, value_name)
+    for value_name in _values_of(statement):
+        model.value(statement, value_name)
         if (
             model.dialect == "v2"
             and value_name in ("x0", "v0")
-            and not _is_plain(model_statement.values[value_name])
+            and not _is_plain(statement.values[value_name])
         ):
             message = (
-                f"{value_name} of {quote(model_statement.name)} is a plain number in mi-gen, no "
-                "parameter"
+                f"{value_name} of {quote(statement.name)} is a plain number in mi-gen, no parameter"
             )
-            raise ModelError(message, model_statement.line)
-    for point in model_statement.points:
-        for side_position in point.along:
-            model.number(side_position, f"the place on {quote(point.name)}", model_statement.line)
+            raise ModelError(message, statement.line)
+    for point in statement.points:
+        for place in point.along:
+            model.number(place, f"the place on {quote(point.name)}", statement.line)
     for value_name in ("N", "L", "W"):
-        if value_name in model_statement.values and not re.fullmatch(
-            r"[1-9]\d{0,6}", model_statement.values[value_name]
+        if value_name in statement.values and not re.fullmatch(
+            r"[1-9]\d{0,6}", statement.values[value_name]
         ):
             raise ModelError(
-                f"{value_name} of {quote(model_statement.name)} is a whole number above 0",
-                model_statement.line,
+                f"{value_name} of {quote(statement.name)} is a whole number above 0",
+                statement.line,
             )
 
 

@@ -35,24 +35,24 @@ def written(
         if statement.name not in model.signals
     )
     inputs_by_name = inputs_by_name or {}
-    firsts = {
+    first_values = {
         signal: Amount(Fraction(inputs_by_name[source].first), "")
         for signal, source in model.signals.items()
         if source in inputs_by_name
     }
-    if firsts:
-        model = replace(model, params={**model.params, **firsts}, _numbers={})
+    if first_values:
+        model = replace(model, params={**model.params, **first_values}, _numbers={})
     writing = Writing(model, laws, inputs_by_name, Params(params))
     try:
-        for model_statement in model.statements_of("mass", "macro", "input"):
-            MAKERS[model_statement.keyword](writing, model_statement)
-        for model_statement in model.statements_of("input"):
-            push(writing, model_statement)
+        for statement in model.statements_of("mass", "macro", "input"):
+            MAKERS[statement.keyword](writing, statement)
+        for statement in model.statements_of("input"):
+            push(writing, statement)
         listened = audible_ends(writing)
-        for model_statement in model.statements_of("link"):
-            link(writing, model_statement, listened)
-        for model_statement in model.statements_of("output"):
-            output(writing, model_statement)
+        for statement in model.statements_of("link"):
+            link(writing, statement, listened)
+        for statement in model.statements_of("output"):
+            output(writing, statement)
     except ModelError as error:
         error.file = model.file
         raise
@@ -65,23 +65,23 @@ def written(
 
 def _page(writing: Writing, score_title: str) -> Page:
     model = writing.model
-    law_year = "2019" if writing.laws == "2019" else "today"
+    laws_words = "2019" if writing.laws == "2019" else "today"
     params = {
         statement.name: float(model.params[statement.name].number)
         for statement in model.statements_of("param")
     }
     params = {name: value for name, value in params.items() if name not in model.signals}
-    fed = [name for name in model.inputs if name in writing.inputs]
+    fed_names = [name for name in model.inputs if name in writing.inputs]
     return Page(
         head=[
             f"From {score_title or 'a model'}, in the language of {NAMES[model.dialect]}, laws of "
-            f"{law_year}.",
+            f"{laws_words}.",
             f"One sample is 1/{RATE} s; the numbers are those of the discrete network.",
         ],
         parameters=[
             Line(writing.params.new_names[name], number(value)) for name, value in params.items()
         ],
-        inputs={name: writing.inputs[name] for name in fed} | writing.takes,
+        inputs={name: writing.inputs[name] for name in fed_names} | writing.takes,
         pushes=[
             statement.name
             for statement in model.statements_of("input")

@@ -48,14 +48,14 @@ class Writing:
 
     def text(self, statement: Statement, name: str, default: str = "0") -> str:
         """A value as an expression of the score."""
-        expression_text = statement.values.get(name, default)
-        for signal in signals_in(self.model, expression_text):
+        text = statement.values.get(name, default)
+        for signal in signals_in(self.model, text):
             message = REFUSED["signal"].format(name=quote(signal), value=name)
             raise ModelError(message, statement.line)
-        if not is_plain(expression_text, self.model.params):
+        if not is_plain(text, self.model.params):
             label = f"{name} of {quote(statement.name)}"
-            return repr(self.model.number(expression_text, label, statement.line))
-        return self.params.written(expression_text)
+            return repr(self.model.number(text, label, statement.line))
+        return self.params.written(text)
 
     def value(self, statement: Statement, name: str, default: float = 0.0) -> float:
         """A value as a number."""

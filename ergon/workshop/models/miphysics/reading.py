@@ -106,27 +106,27 @@ class _Reading:
             raise ModelError(f"the XML has more than {ELEMENTS_MAX:,} elements", self.line())
         if len(self.path) > _DEPTH_MAX:
             raise ModelError(f"elements are nested deeper than {_DEPTH_MAX}", self.line())
-        element_path = self.path[1:]
-        if len(element_path) == 1 and tag not in ("global", "MAT", "Link", "Interaction"):
+        path_below_root = self.path[1:]
+        if len(path_below_root) == 1 and tag not in ("global", "MAT", "Link", "Interaction"):
             known_elements = ("global", "MAT", "Link")
             raise ModelError(
                 f"{quote(tag)} is not part of a model", self.line(), nearest(tag, known_elements)
             )
-        if len(element_path) == 2 and element_path[0] == "global":
+        if len(path_below_root) == 2 and path_below_root[0] == "global":
             self.read_element(tag, attributes)
-        if len(element_path) == 3 and element_path[0] == "MAT":
-            self.part(element_path[1], attributes, MASSES, self.network.masses)
-        elif len(element_path) == 3 and element_path[0] in ("Link", "Interaction"):
-            self.part(element_path[1], attributes, LINKS, self.network.links)
+        if len(path_below_root) == 3 and path_below_root[0] == "MAT":
+            self.part(path_below_root[1], attributes, MASSES, self.network.masses)
+        elif len(path_below_root) == 3 and path_below_root[0] in ("Link", "Interaction"):
+            self.part(path_below_root[1], attributes, LINKS, self.network.links)
 
     def end(self, tag: str) -> None:
         self.path.pop()
         if tag == "global":
-            gravity_force = [self.gravity * component for component in self.direction]
-            if gravity_force[0] or gravity_force[1] or gravity_force[2] < 0.0:
+            gravity_vector = [self.gravity * component for component in self.direction]
+            if gravity_vector[0] or gravity_vector[1] or gravity_vector[2] < 0.0:
                 message = "gravity goes along another axis than z, which is not built yet"
                 raise ModelError(message, self.line())
-            self.network.gravity = gravity_force[2]
+            self.network.gravity = gravity_vector[2]
 
     def read_element(self, tag: str, attributes: Mapping[str, str]) -> None:
         if tag == "gravity":
@@ -147,44 +147,45 @@ class _Reading:
         self,
         kind: str,
         attributes: Mapping[str, str],
-        forms: Mapping[str, tuple[str, ...]],
-        into: list[Part],
+        value_names_by_kind: Mapping[str, tuple[str, ...]],
+        parts: list[Part],
     ) -> None:
-        line_number = self.line()
+        line = self.line()
         if kind in _REFUSED_WORDS:
-            raise ModelError(f"{kind}: {_REFUSED_WORDS[kind]}", line_number)
-        if kind not in forms:
-            noun = "masses" if forms is MASSES else "links"
+            raise ModelError(f"{kind}: {_REFUSED_WORDS[kind]}", line)
+        if kind not in value_names_by_kind:
+            noun = "masses" if value_names_by_kind is MASSES else "links"
             message = f"{quote(kind)} is not a kind of {noun}"
-            raise ModelError(message, line_number, nearest(kind, forms))
-        part_name = attributes.get("name", "")
-        if not part_name:
-            raise ModelError(f"a {kind} has no name", line_number)
-        if forms is MASSES:  # links may have one name, for nothing calls them
-            if part_name in self.names:
+            raise ModelError(message, line, nearest(kind, value_names_by_kind))
+        name = attributes.get("name", "")
+        if not name:
+            raise ModelError(f"a {kind} has no name", line)
+        if value_names_by_kind is MASSES:  # links may have one name, for nothing calls them
+            if name in self.names:
                 raise ModelError(
-                    f"{quote(part_name)} is the name of line {self.names[part_name]} too",
-                    line_number,
+                    f"{quote(name)} is the name of line {self.names[name]} too",
+                    line,
                 )
-            self.names[part_name] = line_number
-        end_names: tuple[str, ...] = ()
-        if forms is LINKS:
-            end_names = (attributes.get("m1", ""),)
+            self.names[name] = line
+        ends: tuple[str, ...] = ()
+        if value_names_by_kind is LINKS:
+            ends = (attributes.get("m1", ""),)
             if kind != "PlaneContact3D":
-                end_names += (attributes.get("m2", ""),)
-        values = {attribute: self.number(attributes, attribute) for attribute in forms[kind]}
-        into.append(Part(kind, part_name, end_names, values, line_number))
+                ends += (attributes.get("m2", ""),)
+        values = {
+            value_name: self.number(attributes, value_name)
+            for value_name in value_names_by_kind[kind]
+        }
+        parts.append(Part(kind, name, ends, values, line))
 
     def number(self, attributes: Mapping[str, str], name: str) -> float:
-        attribute_text = attributes.get(name)
-        if attribute_text is None:
+        text = attributes.get(name)
+        if text is None:
             raise ModelError(f"{name} is missing", self.line())
         try:
-            attribute_value = float(attribute_text)
+            value = float(text)
         except ValueError:
-            attribute_value = math.nan
-        if not math.isfinite(attribute_value) or "_" in attribute_text:
-            raise ModelError(
-                f"{name} is {quote(attribute_text)}, which is not a number", self.line()
-            )
-        return attribute_value
+            value = math.nan
+        if not math.isfinite(value) or "_" in text:
+            raise ModelError(f"{name} is {quote(text)}, which is not a number", self.line())
+        return value

@@ -45,57 +45,57 @@ def written(network: Network, score_title: str, rate: int) -> str:
     """
     writing = _Writing(network, rate)
     masses_by_name = {mass.name: mass for mass in network.masses}
-    for model_link in network.links:
-        _joined(model_link, masses_by_name)
+    for link in network.links:
+        _joined(link, masses_by_name)
     if network.gravity * rate * rate * _MILLI > _GRAVITY_MAX:
         message = f"gravity is {network.gravity:g} a sample²: at {rate:,} Hz a score holds up to "
         raise ModelError(f"{message}{_GRAVITY_MAX / (rate * rate * _MILLI):g}; set a lower rate")
-    for model_mass in network.masses:
-        if "mass" in model_mass.values:
-            _heavy(writing, model_mass)
+    for mass in network.masses:
+        if "mass" in mass.values:
+            _heavy(writing, mass)
     start_speeds = speeds(network, rate)
-    for model_mass in network.masses:
-        writing.masses[model_mass.name] = writing.new(model_mass.name)
-        if model_mass.kind.endswith("3D"):
-            _point(writing, model_mass, start_speeds.get(model_mass.name, (0.0, 0.0, 0.0)))
+    for mass in network.masses:
+        writing.masses[mass.name] = writing.new(mass.name)
+        if mass.kind.endswith("3D"):
+            _point(writing, mass, start_speeds.get(mass.name, (0.0, 0.0, 0.0)))
         else:
-            _mass(writing, model_mass)
-    for model_link in network.links:
-        if model_link.kind == "SpringDamper1D":
-            _spring(writing, model_link, masses_by_name)
+            _mass(writing, mass)
+    for link in network.links:
+        if link.kind == "SpringDamper1D":
+            _spring(writing, link, masses_by_name)
         else:
-            _link(writing, model_link)
+            _link(writing, link)
     return "\n".join(_lines(writing, score_title)) + "\n"
 
 
-def _joined(model_link: Part, masses_by_name: dict[str, Part]) -> None:
+def _joined(link: Part, masses_by_name: dict[str, Part]) -> None:
     """Raises ModelError if a link joins a mass that does not exist, or of a kind that does not fit
     it.
     """
-    for link_end in model_link.ends:
-        if link_end not in masses_by_name:
-            suggestion = nearest(link_end, masses_by_name)
-            raise ModelError(f"no mass is called {quote(link_end)}", model_link.line, suggestion)
-        if masses_by_name[link_end].kind.endswith("1D") != model_link.kind.endswith("1D"):
-            axes = "one axis" if masses_by_name[link_end].kind.endswith("1D") else "three axes"
-            message = (
-                f"{quote(link_end)} has {axes}, and {model_link.kind} joins others; that is not "
-                "built"
+    for mass_name in link.ends:
+        if mass_name not in masses_by_name:
+            suggestion = nearest(mass_name, masses_by_name)
+            raise ModelError(f"no mass is called {quote(mass_name)}", link.line, suggestion)
+        if masses_by_name[mass_name].kind.endswith("1D") != link.kind.endswith("1D"):
+            axis_count_words = (
+                "one axis" if masses_by_name[mass_name].kind.endswith("1D") else "three axes"
             )
-            raise ModelError(message, model_link.line)
-    if len(set(model_link.ends)) < len(model_link.ends):
-        raise ModelError(f"it joins {quote(model_link.ends[0])} to itself", model_link.line)
+            message = (
+                f"{quote(mass_name)} has {axis_count_words}, and {link.kind} joins others; "
+                "that is not built"
+            )
+            raise ModelError(message, link.line)
+    if len(set(link.ends)) < len(link.ends):
+        raise ModelError(f"it joins {quote(link.ends[0])} to itself", link.line)
     for name in ("stiffness", "damping"):
-        if model_link.values.get(name, 0.0) < 0.0:
-            message = f"{name} is {model_link.values[name]:g}: below 0 it makes energy"
-            raise ModelError(message, model_link.line)
-    if model_link.kind != "SpringDamper1D" and model_link.values.get("drest", 0.0) < 0.0:
-        raise ModelError(
-            f"drest is {model_link.values['drest']:g}: a distance is 0 or more", model_link.line
-        )
-    if model_link.values.get("orientation", 0.0) not in (0.0, 1.0, 2.0):
-        message = f"orientation is {model_link.values['orientation']:g}: 0, 1 or 2 for x, y or z"
-        raise ModelError(message, model_link.line)
+        if link.values.get(name, 0.0) < 0.0:
+            message = f"{name} is {link.values[name]:g}: below 0 it makes energy"
+            raise ModelError(message, link.line)
+    if link.kind != "SpringDamper1D" and link.values.get("drest", 0.0) < 0.0:
+        raise ModelError(f"drest is {link.values['drest']:g}: a distance is 0 or more", link.line)
+    if link.values.get("orientation", 0.0) not in (0.0, 1.0, 2.0):
+        message = f"orientation is {link.values['orientation']:g}: 0, 1 or 2 for x, y or z"
+        raise ModelError(message, link.line)
 
 
 def _within(part: Part, field_name: str, value: float, value_max: float) -> None:
@@ -103,12 +103,12 @@ def _within(part: Part, field_name: str, value: float, value_max: float) -> None
         raise ModelError(f"{field_name} is {value:g}: a score holds up to {value_max:g}", part.line)
 
 
-def _heavy(writing: _Writing, model_part: Part) -> float:
-    part_mass = model_part.values["mass"]
-    if not part_mass > writing.network.friction:
-        message = f"mass is {part_mass:g}: it is above 0, and above the friction of the medium"
-        raise ModelError(message, model_part.line)
-    return part_mass
+def _heavy(writing: _Writing, mass: Part) -> float:
+    kilograms = mass.values["mass"]
+    if not kilograms > writing.network.friction:
+        message = f"mass is {kilograms:g}: it is above 0, and above the friction of the medium"
+        raise ModelError(message, mass.line)
+    return kilograms
 
 
 def _number(value: float) -> str:
@@ -122,56 +122,46 @@ def _vector(values: tuple[float, ...], unit: str) -> str:
     return f"[{', '.join(f'{_number(value)}{unit}' for value in values)}]"
 
 
-def _point(writing: _Writing, model_part: Part, speed: tuple[float, float, float]) -> None:
-    for component_value in place(model_part):
-        _within(model_part, "a place", component_value, _DISTANCE_MAX)
-    module_fields = [f"X0: {_vector(place(model_part), 'mm')}"]
-    mass_kind = "SOL"
-    if model_part.kind != "Ground3D":
-        mass_kind, mass_amount = "MAS", _heavy(writing, model_part)
-        module_fields.insert(0, f"M: {_number(mass_amount)}kg")
+def _point(writing: _Writing, mass: Part, speed: tuple[float, float, float]) -> None:
+    for component in place(mass):
+        _within(mass, "a place", component, _DISTANCE_MAX)
+    fields = [f"X0: {_vector(place(mass), 'mm')}"]
+    kind = "SOL"
+    if mass.kind != "Ground3D":
+        kind, kilograms = "MAS", _heavy(writing, mass)
+        fields.insert(0, f"M: {_number(kilograms)}kg")
         if any(speed):
             speed_per_second = tuple(value * writing.rate for value in speed)
-            for component_value in speed_per_second:
-                _within(model_part, "a speed", component_value, _SPEED_MAX)
-            module_fields.append(f"V0: {_vector(speed_per_second, 'mm/s')}")
+            for component in speed_per_second:
+                _within(mass, "a speed", component, _SPEED_MAX)
+            fields.append(f"V0: {_vector(speed_per_second, 'mm/s')}")
         if writing.network.friction:
-            module_fields.append(f"drag: {drag(writing.network.friction, mass_amount)!r}*viscous")
-    writing.space.append(
-        (writing.masses[model_part.name], f"{mass_kind}: {{{', '.join(module_fields)}}}")
-    )
+            fields.append(f"drag: {drag(writing.network.friction, kilograms)!r}*viscous")
+    writing.space.append((writing.masses[mass.name], f"{kind}: {{{', '.join(fields)}}}"))
 
 
 _KINDS = {"Spring3D": "RES", "Damper3D": "FRO", "SpringDamper3D": "REF"}
 
 
-def _link(writing: _Writing, model_link: Part) -> None:
-    link_values = model_link.values
-    end_masses = [writing.masses[end] for end in model_link.ends]
-    link_kind = _KINDS.get(model_link.kind, "BUT")
-    if model_link.kind == "PlaneContact3D":
-        axis_index = int(link_values["orientation"])
-        end_masses.insert(0, _wall(writing, axis_index, link_values["position"], model_link))
-    written_fields = [f"between: [{', '.join(end_masses)}]"]
-    written_fields += (
-        [f"K: {_number(link_values['stiffness'])}*stiff"] if "stiffness" in link_values else []
-    )
-    written_fields += (
-        [f"Z: {_number(link_values['damping'])}*viscous"] if "damping" in link_values else []
-    )
-    if link_kind == "BUT":
-        written_fields.append(f"gap: {_number(link_values['drest'])}mm")
-        if model_link.kind == "PlaneContact3D":
-            written_fields.append(
-                f"normal: {_vector(tuple(float(i == axis_index) for i in range(3)), '')}"
-            )
-        elif model_link.kind != "Contact3D":
-            written_fields.append("side: inside")
-    elif "drest" in link_values:
-        written_fields.append(f"rest: {_number(link_values['drest'])}mm")
-    writing.space.append(
-        (writing.new(model_link.name), f"{link_kind}: {{{', '.join(written_fields)}}}")
-    )
+def _link(writing: _Writing, link: Part) -> None:
+    values = link.values
+    ends = [writing.masses[mass_name] for mass_name in link.ends]
+    kind = _KINDS.get(link.kind, "BUT")
+    if link.kind == "PlaneContact3D":
+        axis_index = int(values["orientation"])
+        ends.insert(0, _wall(writing, axis_index, values["position"], link))
+    fields = [f"between: [{', '.join(ends)}]"]
+    fields += [f"K: {_number(values['stiffness'])}*stiff"] if "stiffness" in values else []
+    fields += [f"Z: {_number(values['damping'])}*viscous"] if "damping" in values else []
+    if kind == "BUT":
+        fields.append(f"gap: {_number(values['drest'])}mm")
+        if link.kind == "PlaneContact3D":
+            fields.append(f"normal: {_vector(tuple(float(i == axis_index) for i in range(3)), '')}")
+        elif link.kind != "Contact3D":
+            fields.append("side: inside")
+    elif "drest" in values:
+        fields.append(f"rest: {_number(values['drest'])}mm")
+    writing.space.append((writing.new(link.name), f"{kind}: {{{', '.join(fields)}}}"))
 
 
 def _wall(writing: _Writing, axis_index: int, wall_position: float, link: Part) -> str:
@@ -187,56 +177,56 @@ def _wall(writing: _Writing, axis_index: int, wall_position: float, link: Part) 
 # --- one axis -----------------------------------------------------------------------------------
 
 
-def _mass(writing: _Writing, model_part: Part) -> None:
+def _mass(writing: _Writing, mass: Part) -> None:
     """Add a mass that moves along z; places are metres, because `units: ca` has numbers alone."""
-    z, mass_name = model_part.values["initPos.z"], writing.masses[model_part.name]
-    _within(model_part, "a place", z, _DISTANCE_MAX * _MILLI)
+    z, name = mass.values["initPos.z"], writing.masses[mass.name]
+    _within(mass, "a place", z, _DISTANCE_MAX * _MILLI)
     x0 = f"X0: {_number(z)}m"
-    if model_part.kind == "Ground1D":
-        writing.axis.append((mass_name, f"SOL: {{{x0}}}"))
+    if mass.kind == "Ground1D":
+        writing.axis.append((name, f"SOL: {{{x0}}}"))
         return
-    mass_amount, friction = _heavy(writing, model_part), writing.network.friction
-    module_fields = [f"M: {_number(mass_amount)}"]
-    is_tied = model_part.kind == "Osc1D"
+    mass_value, friction = _heavy(writing, mass), writing.network.friction
+    fields = [f"M: {_number(mass_value)}"]
+    is_tied = mass.kind == "Osc1D"
     if is_tied or friction:
-        k = model_part.values["stiffness"] if is_tied else 0.0
-        loss = (model_part.values["damping"] if is_tied else 0.0) + friction
-        if k < 0.0 or loss < 0.0:
-            raise ModelError("stiffness or damping below 0 makes energy", model_part.line)
-        module_fields += [f"K: {_number(k)}", f"Z: {_number(loss)}"]
+        k = mass.values["stiffness"] if is_tied else 0.0
+        viscosity = (mass.values["damping"] if is_tied else 0.0) + friction
+        if k < 0.0 or viscosity < 0.0:
+            raise ModelError("stiffness or damping below 0 makes energy", mass.line)
+        fields += [f"K: {_number(k)}", f"Z: {_number(viscosity)}"]
         # The mass is tied to the place where it begins: the rest of a CEL.
-        module_fields += [f"rest: {_number(z)}m"] if is_tied and z else []
-    module_fields.append(x0)
-    if speed := model_part.values["initVel.z"]:
-        _within(model_part, "a speed", speed, _SPEED_MAX * _MILLI)
-        module_fields.append(f"V0: {_number(speed)}m/s")
+        fields += [f"rest: {_number(z)}m"] if is_tied and z else []
+    fields.append(x0)
+    if speed := mass.values["initVel.z"]:
+        _within(mass, "a speed", speed, _SPEED_MAX * _MILLI)
+        fields.append(f"V0: {_number(speed)}m/s")
     writing.axis.append(
         (
-            mass_name,
-            f"{'CEL' if len(module_fields) > 3 and (is_tied or friction) else 'MAS'}: "
-            f"{{{', '.join(module_fields)}}}",
+            name,
+            f"{'CEL' if len(fields) > 3 and (is_tied or friction) else 'MAS'}: "
+            f"{{{', '.join(fields)}}}",
         )
     )
     if writing.network.gravity:
-        weight = writing.new(f"{mass_name}_weight")
+        weight_name = writing.new(f"{name}_weight")
         writing.axis.append(
-            (weight, f"ENF: {{to: {mass_name}, from: {-writing.network.gravity * mass_amount!r}N}}")
+            (weight_name, f"ENF: {{to: {name}, from: {-writing.network.gravity * mass_value!r}N}}")
         )
 
 
-def _spring(writing: _Writing, model_link: Part, masses_by_name: dict[str, Part]) -> None:
-    link_values = model_link.values
-    a, b = model_link.ends
-    if not {masses_by_name[a].kind, masses_by_name[b].kind} - {"Ground1D"}:
+def _spring(writing: _Writing, link: Part, masses_by_name: dict[str, Part]) -> None:
+    values = link.values
+    first_name, second_name = link.ends
+    if not {masses_by_name[first_name].kind, masses_by_name[second_name].kind} - {"Ground1D"}:
         return  # nothing of it moves
     # d is x_b - x_a - rest in a score, and z1 - z2 - drest in the model.
-    written_fields = [
-        f"between: [{writing.masses[b]}, {writing.masses[a]}]",
-        f"K: {_number(link_values['stiffness'])}",
+    fields = [
+        f"between: [{writing.masses[second_name]}, {writing.masses[first_name]}]",
+        f"K: {_number(values['stiffness'])}",
     ]
-    written_fields += [f"Z: {_number(link_values['damping'])}"]
-    written_fields += [f"rest: {_number(link_values['drest'])}m"] if link_values["drest"] else []
-    writing.axis.append((writing.new(model_link.name), f"REF: {{{', '.join(written_fields)}}}"))
+    fields += [f"Z: {_number(values['damping'])}"]
+    fields += [f"rest: {_number(values['drest'])}m"] if values["drest"] else []
+    writing.axis.append((writing.new(link.name), f"REF: {{{', '.join(fields)}}}"))
 
 
 # --- text ---------------------------------------------------------------------------------------
@@ -255,15 +245,15 @@ def _lines(writing: _Writing, title: str) -> Iterator[str]:
         yield f"  stiff: {writing.rate * writing.rate}N/m  # a stiffness of 1 at this rate"
         yield f"  viscous: {writing.rate}Ns/m  # a damping of 1"
     yield "instruments:"
-    yaml_rows: list[tuple[str, str]] = []
-    for instrument, instrument_modules, axis_ending in (
+    routes: list[tuple[str, str]] = []
+    for instrument, modules, kind_ending in (
         ("space", writing.space, "3D"),
         ("axis", writing.axis, "1D"),
     ):
-        if not instrument_modules:
+        if not modules:
             continue
         yield f"  {instrument}:"
-        if axis_ending == "3D":
+        if kind_ending == "3D":
             yield "    space: 3  # a unit of the model is a millimetre"
             if writing.network.gravity:
                 gravity = writing.network.gravity * writing.rate * writing.rate * _MILLI
@@ -272,21 +262,22 @@ def _lines(writing: _Writing, title: str) -> Iterator[str]:
             yield "    units: ca"
             yield f"    at: {writing.rate}Hz"
         yield "    modules:"
-        yield from (f"      {name}: {{{text}}}" for name, text in instrument_modules)
-        moving = [
+        yield from (f"      {output_name}: {{{text}}}" for output_name, text in modules)
+        mobile_names = [
             writing.masses[mass.name]
             for mass in writing.network.masses
-            if mass.kind.endswith(axis_ending) and not mass.kind.startswith("Ground")
+            if mass.kind.endswith(kind_ending) and not mass.kind.startswith("Ground")
         ]
-        if moving:
-            out_mass = moving[len(moving) // 2] + (".z" if axis_ending == "3D" else "")
+        if mobile_names:
+            out_mass = mobile_names[len(mobile_names) // 2] + (".z" if kind_ending == "3D" else "")
             yield f"    out: {{heard: {{SOX: {out_mass}}}}}"
-            yaml_rows.append((f"{instrument}.heard", str(len(yaml_rows) + 1)))
-    if yaml_rows:
+            routes.append((f"{instrument}.heard", str(len(routes) + 1)))
+    if routes:
         yield "mix:"
-        yield f"  channels: {len(yaml_rows)}"
+        yield f"  channels: {len(routes)}"
         route = ", ".join(
-            f"{{from: {name}, to: {channels}, highpass: 8Hz}}" for name, channels in yaml_rows
+            f"{{from: {output_name}, to: {channel}, highpass: 8Hz}}"
+            for output_name, channel in routes
         )
         yield f"  route: [{route}]"
         yield "  master: {normalise: -1dB}"

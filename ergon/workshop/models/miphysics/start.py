@@ -26,7 +26,7 @@ def speeds(network: Network, rate: float) -> dict[str, Vector]:
     places = {mass.name: place(mass) for mass in network.masses}
     masses = {mass.name: mass.values["mass"] for mass in network.masses if mass.kind == "Mass3D"}
     first_steps = {mass.name: step(mass, rate) for mass in network.masses if mass.kind == "Mass3D"}
-    zero_speed = (0.0, 0.0, 0.0)
+    standstill = (0.0, 0.0, 0.0)
     speed_by_mass = dict(first_steps)
     for _ in range(_ROUNDS_MAX):
         forces_by_mass = {
@@ -35,17 +35,21 @@ def speeds(network: Network, rate: float) -> dict[str, Vector]:
         for link in network.links:
             _push(forces_by_mass, link, places, speed_by_mass)
         next_speeds = {}
-        for mass_name, mass_number in masses.items():
-            speed_wanted = [
-                s + 0.5 * f / mass_number
-                for s, f in zip(first_steps[mass_name], forces_by_mass[mass_name], strict=True)
+        for mass_name, mass_value in masses.items():
+            components = [
+                step_component + 0.5 * force_component / mass_value
+                for step_component, force_component in zip(
+                    first_steps[mass_name], forces_by_mass[mass_name], strict=True
+                )
             ]
             if network.friction:
-                a = drag(network.friction, mass_number) / mass_number
-                speed_wanted = [component * a / math.expm1(a) for component in speed_wanted]
-            next_speeds[mass_name] = (speed_wanted[0], speed_wanted[1], speed_wanted[2])
+                drag_rate = drag(network.friction, mass_value) / mass_value
+                components = [
+                    component * drag_rate / math.expm1(drag_rate) for component in components
+                ]
+            next_speeds[mass_name] = (components[0], components[1], components[2])
         change = max(
-            (math.dist(next_speeds[name], speed_by_mass.get(name, zero_speed)) for name in masses),
+            (math.dist(next_speeds[name], speed_by_mass.get(name, standstill)) for name in masses),
             default=0.0,
         )
         size = max((math.hypot(*speed) for speed in next_speeds.values()), default=0.0)
@@ -68,45 +72,47 @@ def step(part: Part, rate: float) -> Vector:
 
 def _push(
     forces_by_mass: Mapping[str, list[float]],
-    model_link: Part,
-    mass_places: Mapping[str, Vector],
-    mass_steps: Mapping[str, Vector],
+    link: Part,
+    places: Mapping[str, Vector],
+    steps: Mapping[str, Vector],
 ) -> None:
     """Add the force of a link at 0 s."""
-    link_values = model_link.values
-    k, z = link_values.get("stiffness", 0.0), link_values.get("damping", 0.0)
-    zero_speed = (0.0, 0.0, 0.0)
-    if model_link.kind == "PlaneContact3D":
-        axis_index, mass_name = int(link_values["orientation"]), model_link.ends[0]
-        clearance = (
-            mass_places[mass_name][axis_index] - link_values["position"] - link_values["drest"]
-        )
+    values = link.values
+    k, z = values.get("stiffness", 0.0), values.get("damping", 0.0)
+    standstill = (0.0, 0.0, 0.0)
+    if link.kind == "PlaneContact3D":
+        axis_index, mass_name = int(values["orientation"]), link.ends[0]
+        clearance = places[mass_name][axis_index] - values["position"] - values["drest"]
         if clearance < 0.0 and mass_name in forces_by_mass:
             forces_by_mass[mass_name][axis_index] -= (
-                k * clearance + z * mass_steps[mass_name][axis_index]
+                k * clearance + z * steps[mass_name][axis_index]
             )
         return
-    first_end, second_end = model_link.ends
+    first_end, second_end = link.ends
     difference = [
-        q - p for p, q in zip(mass_places[first_end], mass_places[second_end], strict=True)
+        second_component - first_component
+        for first_component, second_component in zip(
+            places[first_end], places[second_end], strict=True
+        )
     ]
-    link_length = math.hypot(*difference)
-    elongation = link_length - link_values.get("drest", 0.0)
-    if model_link.kind in ("Rope3D", "Bubble3D") and elongation <= 0.0:
+    length = math.hypot(*difference)
+    elongation = length - values.get("drest", 0.0)
+    if link.kind in ("Rope3D", "Bubble3D") and elongation <= 0.0:
         return
-    if (model_link.kind == "Contact3D" and elongation >= 0.0) or link_length == 0.0:
+    if (link.kind == "Contact3D" and elongation >= 0.0) or length == 0.0:
         return
-    direction = [component / link_length for component in difference]
+    direction = [component / length for component in difference]
     pairs = zip(
-        mass_steps.get(first_end, zero_speed),
-        mass_steps.get(second_end, zero_speed),
+        steps.get(first_end, standstill),
+        steps.get(second_end, standstill),
         direction,
         strict=True,
     )
-    link_force = k * elongation + z * sum((q - p) * cosine for p, q, cosine in pairs)
-    for mass_name, force_sign in ((first_end, 1.0), (second_end, -1.0)):
+    force = k * elongation + z * sum(
+        (second_component - first_component) * cosine
+        for first_component, second_component, cosine in pairs
+    )
+    for mass_name, sign in ((first_end, 1.0), (second_end, -1.0)):
         if mass_name in forces_by_mass:
             for axis_index in range(3):
-                forces_by_mass[mass_name][axis_index] += (
-                    force_sign * link_force * direction[axis_index]
-                )
+                forces_by_mass[mass_name][axis_index] += sign * force * direction[axis_index]

@@ -13,29 +13,27 @@ def first_bang(network: Network) -> dict[int, float]:
     In its first bang pmpd moves masses by the forces sent to it, then reads the links for the
     first time. Their dampers feel all movement since they were made.
     """
-    for model_mass in network.masses:
-        if model_mass.is_mobile:
-            model_mass.v += model_mass.f / model_mass.M
-            model_mass.x += model_mass.v
+    for mass in network.masses:
+        if mass.is_mobile:
+            mass.v += mass.f / mass.M
+            mass.x += mass.v
         else:
-            model_mass.v = 0.0
+            mass.v = 0.0
     extra_forces: dict[int, float] = {}
-    for model_link in network.links:
-        a, b = network.masses[model_link.a], network.masses[model_link.b]
-        link_length = a.x - b.x
-        length_change, relative_step = link_length - model_link.before, a.v - b.v
+    for link in network.links:
+        a, b = network.masses[link.a], network.masses[link.b]
+        length = a.x - b.x
+        length_change, relative_step = length - link.before, a.v - b.v
         # A score's damper feels the step of a mass too, so only the rest counts, above rounding.
-        if abs(length_change - relative_step) <= 1e-12 * max(
-            abs(link_length), abs(model_link.before)
-        ):
+        if abs(length_change - relative_step) <= 1e-12 * max(abs(length), abs(link.before)):
             continue
-        if not (model_link.Lmin <= link_length < model_link.Lmax) or link_length == 0.0:
+        if not (link.Lmin <= length < link.Lmax) or length == 0.0:
             continue
-        extra_force = _damping(network, model_link, length_change) - _damping(
-            network, model_link, relative_step
+        extra_force = _damping(network, link, length_change) - _damping(
+            network, link, relative_step
         )
-        extra_forces[model_link.a] = extra_forces.get(model_link.a, 0.0) - extra_force
-        extra_forces[model_link.b] = extra_forces.get(model_link.b, 0.0) + extra_force
+        extra_forces[link.a] = extra_forces.get(link.a, 0.0) - extra_force
+        extra_forces[link.b] = extra_forces.get(link.b, 0.0) + extra_force
     return {
         mass_index: force
         for mass_index, force in extra_forces.items()
@@ -43,10 +41,10 @@ def first_bang(network: Network) -> dict[int, float]:
     }
 
 
-def _damping(network: Network, model_link: Link, length_step: float) -> float:
-    if model_link.tables is None:
-        return model_link.D * length_step
-    _, _, array, table_length = model_link.tables
-    return model_link.D * table(network.arrays, array, model_link.line).interpolate(
-        length_step / table_length
+def _damping(network: Network, link: Link, length_step: float) -> float:
+    if link.tables is None:
+        return link.D * length_step
+    _, _, array_name, array_length = link.tables
+    return link.D * table(network.arrays, array_name, link.line).interpolate(
+        length_step / array_length
     )

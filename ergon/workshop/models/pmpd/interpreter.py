@@ -19,7 +19,7 @@ _KINDS = {"mass": "masses", "link": "links", "NLlink": "nl_links"}
 
 def network(object_kind: Object, messages: Sequence[Message]) -> Network:
     """The masses and links that messages make. Raises ModelError with the line at fault."""
-    built = Network(object_kind)
+    network_made = Network(object_kind)
     arrays = {
         sent.rest[index]
         for sent in messages
@@ -27,32 +27,32 @@ def network(object_kind: Object, messages: Sequence[Message]) -> Network:
         for index in (3, 5)
         if index < len(sent.rest)
     }
-    for message_index, message in enumerate(messages):
-        if message_index == 0 and message.word in OBJECTS:
-            _created(built, message)
+    for nth, message in enumerate(messages):
+        if nth == 0 and message.word in OBJECTS:
+            _created(network_made, message)
         elif object_kind == "pmpd" and message.word in arrays:
-            _array(built, message)
+            _array(network_made, message)
         else:
-            _execute(built, message)
-    if not built.masses:
+            _execute(network_made, message)
+    if not network_made.masses:
         raise ModelError("it makes no mass", messages[-1].line if messages else 0)
-    return built
+    return network_made
 
 
 def _created(network: Network, message: Message) -> None:
     """Create the object as a patch writes it: `pmpd~ 1 2` has one inlet and two outlets."""
-    message_values = [number(word) for word in message.rest]
+    sizes_given = [number(word) for word in message.rest]
     if network.kind == "pmpd":
         return  # how many masses and links it has room for
     if message.rest[:1] == ("-m",):
-        message_values = message_values[1:]
-    if None in message_values:
+        sizes_given = sizes_given[1:]
+    if None in sizes_given:
         raise ModelError("pmpd~ is written pmpd~ [inlets] [outlets]", message.line)
-    sizes = [int(value or 0.0) for value in message_values]
-    inlets, outlets, loops = (max(1, size) for size in (*sizes, *[1] * 3)[:3])
+    counts = [int(value or 0.0) for value in sizes_given]
+    inlets, outlets, loops = (max(1, count) for count in (*counts, *[1] * 3)[:3])
     if loops > 1:
-        message_text = f"{loops} steps in a sample are not built yet; a score has one"
-        raise ModelError(message_text, message.line)
+        problem = f"{loops} steps in a sample are not built yet; a score has one"
+        raise ModelError(problem, message.line)
     network.n_ports = min(inlets, PORTS_MAX), min(outlets, PORTS_MAX)
 
 
@@ -80,87 +80,77 @@ def _array(network: Network, message: Message) -> None:
 
 
 def _execute(network: Network, message: Message) -> None:
-    statement_forms = FORMS[network.kind]
-    statement_form = statement_forms.get(message.word)
-    line_number = message.line
-    if statement_form is None:
+    forms = FORMS[network.kind]
+    form = forms.get(message.word)
+    line = message.line
+    if form is None:
         if message.word in REFUSED:
-            raise ModelError(f"{message.word}: {REFUSED[message.word]}", line_number)
+            raise ModelError(f"{message.word}: {REFUSED[message.word]}", line)
         if number(message.word) is not None:
-            raise ModelError(
-                "a message begins with a word, and this one with a number", line_number
-            )
+            raise ModelError("a message begins with a word, and this one with a number", line)
         (other_object,) = (name for name in OBJECTS if name != network.kind)
-        other_class = (
+        other_object_words = (
             f"; it is one of [{other_object}]" if message.word in FORMS[other_object] else ""
         )
-        suggestion = None if other_class else nearest(message.word, statement_forms)
+        suggestion = None if other_object_words else nearest(message.word, forms)
         raise ModelError(
-            f"{quote(message.word)} is not a word of [{network.kind}]{other_class}",
-            line_number,
+            f"{quote(message.word)} is not a word of [{network.kind}]{other_object_words}",
+            line,
             suggestion,
         )
-    least_count = sum(value.default is None for value in statement_form)
-    if not least_count <= len(message.rest) <= len(statement_form):
-        form_text = (
-            f"{written(message.word, statement_form)}; here it has {len(message.rest)} values"
-        )
-        raise ModelError(f"{message.word} is written {form_text}", line_number)
+    count_min = sum(value.default is None for value in form)
+    if not count_min <= len(message.rest) <= len(form):
+        usage = f"{written(message.word, form)}; here it has {len(message.rest)} values"
+        raise ModelError(f"{message.word} is written {usage}", line)
     if network.has_run and message.word not in _ANY_TIME and not _is_query(message.word):
-        refusal_text = "masses and links that change while it plays are not built yet"
-        raise ModelError(f"{message.word} behind the first bang: {refusal_text}", line_number)
-    message_values = [
+        reason = "masses and links that change while it plays are not built yet"
+        raise ModelError(f"{message.word} behind the first bang: {reason}", line)
+    values = [
         _value(
             network,
             value,
             message.rest[index] if index < len(message.rest) else value.default,
-            line_number,
+            line,
         )
-        for index, value in enumerate(statement_form)
+        for index, value in enumerate(form)
     ]
-    _MAKERS[network.kind, message.word](network, message.word, line_number, *message_values)
+    _MAKERS[network.kind, message.word](network, message.word, line, *values)
 
 
 def _is_query(word: str) -> bool:
     return word.startswith("mass") and word != "mass"
 
 
-def _value(network: Network, value_kind: Value, value_word: str | None, line_number: int) -> Any:
+def _value(network: Network, form_value: Value, word: str | None, line: int) -> Any:
     """The value of a word, by the kind of value that is expected."""
-    if not value_word:  # left out: all masses, or nothing
-        return list(range(len(network.masses))) if value_kind.kind == "masses" else None
-    literal = number(value_word)
-    if value_kind.kind == "class":
+    if not word:  # left out: all masses, or nothing
+        return list(range(len(network.masses))) if form_value.kind == "masses" else None
+    literal = number(word)
+    if form_value.kind == "class":
         if literal is not None:
-            raise ModelError(
-                f"{quote(value_word)}: a class is a word, and a number names none", line_number
-            )
-        return value_word
-    if value_kind.kind == "array":
-        return value_word
-    list_name = {"masses": "masses", "links": "links"}.get(value_kind.kind)
+            raise ModelError(f"{quote(word)}: a class is a word, and a number names none", line)
+        return word
+    if form_value.kind == "array":
+        return word
+    list_name = {"masses": "masses", "links": "links"}.get(form_value.kind)
     if list_name is not None:
         elements = getattr(network, list_name)
         if literal is None:
             matching = [
-                index for index, element in enumerate(elements) if element.class_name == value_word
+                index for index, element in enumerate(elements) if element.class_name == word
             ]
             if not matching:
-                suggestion = nearest(value_word, {element.class_name for element in elements})
-                raise ModelError(
-                    f"no {list_name} are called {quote(value_word)}", line_number, suggestion
-                )
+                suggestion = nearest(word, {element.class_name for element in elements})
+                raise ModelError(f"no {list_name} are called {quote(word)}", line, suggestion)
             return matching
-        return [_index(network, list_name, literal, line_number)]
+        return [_index(network, list_name, literal, line)]
     if literal is None:
-        raise ModelError(
-            f"{value_kind.name} is {quote(value_word)}, which is not a number", line_number
-        )
-    if value_kind.kind in _KINDS:
-        return _index(network, _KINDS[value_kind.kind], literal, line_number)
-    if value_kind.kind == "port":
-        port_max = network.n_ports[value_kind.name == "outlet"]
-        return _integer(literal, 0, port_max - 1, f"{value_kind.name}", line_number)
+        raise ModelError(f"{form_value.name} is {quote(word)}, which is not a number", line)
+    if form_value.kind in _KINDS:
+        return _index(network, _KINDS[form_value.kind], literal, line)
+    if form_value.kind == "port":
+        port_max = network.n_ports[form_value.name == "outlet"]
+        return _integer(literal, 0, port_max - 1, f"{form_value.name}", line)
     return literal
 
 
@@ -172,11 +162,9 @@ def _index(network: Network, list_name: str, index_value: float, line_number: in
     return _integer(index_value, 0, len(elements) - 1, noun, line_number)
 
 
-def _integer(value: float, least_count: int, highest: int, label: str, line: int) -> int:
-    if value != int(value) or not least_count <= value <= highest:
-        raise ModelError(
-            f"{label} is {value:g}: a whole number from {least_count} to {highest:,}", line
-        )
+def _integer(value: float, least: int, highest: int, label: str, line: int) -> int:
+    if value != int(value) or not least <= value <= highest:
+        raise ModelError(f"{label} is {value:g}: a whole number from {least} to {highest:,}", line)
     return int(value)
 
 
@@ -208,87 +196,114 @@ def _mass(
 
 def _link_audio(
     network: Network,
-    class_word: str,
-    line_number: int,
+    word: str,
+    line: int,
     first_mass: int,
     second_mass: int,
     K: float,
     D: float,
     *optional_values: float,
 ) -> None:
-    Pow, L, low_length, high_length = optional_values or (1.0, 0.0, -1e6, 1e6)
-    elements = network.nl_links if class_word == "NLlink" else network.links
-    _check_room(elements, line_number)
+    Pow, L, length_min, length_max = optional_values or (1.0, 0.0, -1e6, 1e6)
+    elements = network.nl_links if word == "NLlink" else network.links
+    _check_room(elements, line)
     if first_mass == second_mass:
-        raise ModelError(f"{class_word} joins mass {first_mass} to itself", line_number)
+        raise ModelError(f"{word} joins mass {first_mass} to itself", line)
     elements.append(
         Link(
-            class_word,
-            f"{class_word}~",
+            word,
+            f"{word}~",
             first_mass,
             second_mass,
             K,
             D,
             Pow,
             L,
-            low_length,
-            high_length,
+            length_min,
+            length_max,
             0.0,
-            line_number,
+            line,
         )
     )
 
 
 def _joined(
-    network: Network, first_masses: list[int], second_masses: list[int], line_number: int
+    network: Network, first_masses: list[int], second_masses: list[int], line: int
 ) -> Iterator[tuple[int, int]]:
     """All pairs of masses of two classes; within one class, each pair once."""
     if len(first_masses) == len(second_masses) == 1 and first_masses == second_masses:
-        raise ModelError(f"a link joins mass {first_masses[0]} to itself", line_number)
+        raise ModelError(f"a link joins mass {first_masses[0]} to itself", line)
     is_same = first_masses == second_masses
-    for i in first_masses:
-        for j in second_masses:
-            if i != j and not (is_same and i > j):
-                _check_room(network.links, line_number)
-                yield i, j
+    for first_mass in first_masses:
+        for second_mass in second_masses:
+            if first_mass != second_mass and not (is_same and first_mass > second_mass):
+                _check_room(network.links, line)
+                yield first_mass, second_mass
 
 
 def _link(
     network: Network,
     word: str,
-    line_number: int,
-    group_word: str,
-    a: list[int],
-    b: list[int],
-    *rest: float,
+    line: int,
+    class_name: str,
+    first_masses: list[int],
+    second_masses: list[int],
+    *values: float,
 ) -> None:
-    K, D, Pow, low_length, high_length = rest
-    for i, j in _joined(network, a, b, line_number):
-        L = network.masses[i].x - network.masses[j].x
+    K, D, Pow, length_min, length_max = values
+    for first_mass, second_mass in _joined(network, first_masses, second_masses, line):
+        L = network.masses[first_mass].x - network.masses[second_mass].x
         network.links.append(
-            Link(group_word, "link", i, j, K, D, Pow, L, low_length, high_length, L, line_number)
+            Link(
+                class_name,
+                "link",
+                first_mass,
+                second_mass,
+                K,
+                D,
+                Pow,
+                L,
+                length_min,
+                length_max,
+                L,
+                line,
+            )
         )
 
 
 def _table_link(
     network: Network,
     word: str,
-    line_number: int,
-    group_word: str,
-    a: list[int],
-    b: list[int],
-    *rest: Any,
+    line: int,
+    class_name: str,
+    first_masses: list[int],
+    second_masses: list[int],
+    *values: Any,
 ) -> None:
-    array_k, length_k, array_d, length_d = rest
+    array_k, length_k, array_d, length_d = values
     tables = (
         array_k,
         (length_k if length_k > 0 else 1.0),
         array_d,
         (length_d if length_d > 0 else 1.0),
     )
-    for i, j in _joined(network, a, b, line_number):
-        L = network.masses[i].x - network.masses[j].x
-        link = Link(group_word, "table", i, j, 1.0, 1.0, 1.0, L, -1e6, 1e6, L, line_number, tables)
+    for first_mass, second_mass in _joined(network, first_masses, second_masses, line):
+        L = network.masses[first_mass].x - network.masses[second_mass].x
+        link = Link(
+            class_name,
+            "table",
+            first_mass,
+            second_mass,
+            1.0,
+            1.0,
+            1.0,
+            L,
+            -1e6,
+            1e6,
+            L,
+            line,
+            tables,
+        )
         network.links.append(link)
 
 
@@ -327,13 +342,13 @@ def _set(elements: str, field_name: str) -> Callable[..., None]:
     return change
 
 
-def _add(elements: str, collection_name: str) -> Callable[..., None]:
+def _add(elements: str, field_name: str) -> Callable[..., None]:
     def change(
         network: Network, word: str, line: int, indices: int | list[int], added_value: float
     ) -> None:
         for index in [indices] if isinstance(indices, int) else indices:
             element = getattr(network, elements)[index]
-            setattr(element, collection_name, getattr(element, collection_name) + added_value)
+            setattr(element, field_name, getattr(element, field_name) + added_value)
 
     return change
 

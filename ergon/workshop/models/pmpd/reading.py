@@ -58,29 +58,29 @@ def patch_words(text: str) -> str:
     )
 
 
-def messages(patch_text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
+def messages(text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
     """Split a text into messages, at `;` and `,`, and at line ends if there is no `;`.
 
     Lines that begin with `#` and a space are comments. Raises ModelError.
     """
-    patch_lines = _LINE_END.split(patch_text)
+    lines = _LINE_END.split(text)
     numbered_lines = [
         (line_number, line)
-        for line_number, line in enumerate(patch_lines, 1)
+        for line_number, line in enumerate(lines, 1)
         if not re.match(r"\s*#(\s|$)", line)
     ]
     has_semicolons = any(";" in line for _, line in numbered_lines)
     message_words: list[str] = []
     first_line, message_count = 0, 0
     for line_number, line in numbered_lines:
-        line_parts = _SEPARATOR.split(line)
-        for nth, part in enumerate(line_parts):
-            words_in_part = part.split()
-            first_line = line_number if words_in_part and not message_words else first_line
-            message_words += words_in_part
+        message_texts = _SEPARATOR.split(line)
+        for nth, message_text in enumerate(message_texts):
+            words = message_text.split()
+            first_line = line_number if words and not message_words else first_line
+            message_words += words
             if len(message_words) > _WORDS_MAX:
                 raise ModelError(f"a message has at most {_WORDS_MAX:,} words", first_line)
-            if message_words and (nth + 1 < len(line_parts) or not has_semicolons):
+            if message_words and (nth + 1 < len(message_texts) or not has_semicolons):
                 yield Message(message_words[0], tuple(message_words[1:]), first_line)
                 message_words, message_count = [], message_count + 1
                 if message_count >= count_max:
@@ -94,17 +94,14 @@ def parse(text: str, dialect: Object | None) -> tuple[Object, list[Message]]:
     parsed = list(messages(text))
     if len(parsed) > MESSAGES_MAX:
         raise ModelError(f"it has more than {MESSAGES_MAX:,} messages", parsed[-1].line)
-    for sent in parsed:
-        for message_word in (sent.word, *sent.rest):
-            if message_word.startswith("#"):
-                message = "this is a patch; write the messages to its object in the order in which"
-                raise ModelError(f"{message} they are sent, one a line", sent.line)
-            if "$" in message_word:
-                message = (
-                    f"{quote(message_word)} stands for a number that a patch gives; write the "
-                    "number"
-                )
-                raise ModelError(message, sent.line)
+    for message in parsed:
+        for word in (message.word, *message.rest):
+            if word.startswith("#"):
+                refusal = "this is a patch; write the messages to its object in the order in which"
+                raise ModelError(f"{refusal} they are sent, one a line", message.line)
+            if "$" in word:
+                refusal = f"{quote(word)} stands for a number that a patch gives; write the number"
+                raise ModelError(refusal, message.line)
     return _object(parsed, dialect), parsed
 
 
@@ -119,8 +116,8 @@ def _object(messages_read: list[Message], dialect: Object | None) -> Object:
     if dialect is not None:
         return dialect
     special_words = {
-        name: set(FORMS[name]) - set(FORMS[other_object])
-        for name, other_object in (OBJECTS, OBJECTS[::-1])
+        name: set(FORMS[name]) - set(FORMS[other_name])
+        for name, other_name in (OBJECTS, OBJECTS[::-1])
     }
     words_used = {message.word for message in messages_read}
     has_class = any(

@@ -73,52 +73,52 @@ def written(network: Network, inputs_by_name: Mapping[str, Input], score_title: 
 
 def _masses(writing: _Writing) -> None:
     counts_by_class: dict[str, int] = {}
-    for model_mass in writing.network.masses:
-        counts_by_class[model_mass.class_name] = counts_by_class.get(model_mass.class_name, 0) + 1
-    line_by_mass: dict[str, int] = {}
+    for mass in writing.network.masses:
+        counts_by_class[mass.class_name] = counts_by_class.get(mass.class_name, 0) + 1
+    last_index_by_class: dict[str, int] = {}
     string_rows = rows(
         writing.network,
         writing.moved,
-        lambda mass: mass.K > 0.0 and _is_plain(writing, mass, mass.D),
+        lambda link: link.K > 0.0 and _is_plain(writing, link, link.D),
     )
-    for mass_index, model_mass in enumerate(writing.network.masses):
-        nth = line_by_mass[model_mass.class_name] = line_by_mass.get(model_mass.class_name, -1) + 1
-        class_word = _NO_LETTER.sub("_", model_mass.class_name)
+    for mass_index, mass in enumerate(writing.network.masses):
+        index_in_class = last_index_by_class[mass.class_name] = (
+            last_index_by_class.get(mass.class_name, -1) + 1
+        )
+        class_word = _NO_LETTER.sub("_", mass.class_name)
         class_word = class_word if class_word[:1].isalpha() else f"m{class_word}"
         if mass_index in string_rows:
             _string(
                 writing,
                 string_rows[mass_index],
-                model_mass,
+                mass,
                 class_word if writing.network.kind == "pmpd" else "string",
             )
         if mass_index < len(writing.masses):
             continue  # a member of a string
         if writing.network.kind == "pmpd~":
             class_word = f"m{mass_index}"
-        elif counts_by_class[model_mass.class_name] > 1:
-            class_word = f"{class_word}{nth}"
-        writing.masses.append(_mass(writing, mass_index, model_mass, class_word))
-        if model_mass.D and model_mass.is_mobile:
-            _damper(writing, f"{class_word}_air", writing.masses[mass_index], model_mass.D)
+        elif counts_by_class[mass.class_name] > 1:
+            class_word = f"{class_word}{index_in_class}"
+        writing.masses.append(_mass(writing, mass_index, mass, class_word))
+        if mass.D and mass.is_mobile:
+            _damper(writing, f"{class_word}_air", writing.masses[mass_index], mass.D)
 
 
-def _string(writing: _Writing, string_row: Row, string_mass: Mass, string_word: str) -> None:
-    n = string_row.count
-    _within(string_mass)
-    M = nudge_to_goal(n * string_mass.M, lambda total_mass: total_mass / n, string_mass.M)
-    string_fields = [
-        f"masses: {n}",
+def _string(writing: _Writing, row: Row, mass: Mass, word: str) -> None:
+    count = row.count
+    _within(mass)
+    total_mass = nudge_to_goal(count * mass.M, lambda mass_to_try: mass_to_try / count, mass.M)
+    fields = [
+        f"masses: {count}",
         "ends: free",
-        f"M: {number(M)}",
-        f"K: {number(string_row.link.K)}",
+        f"M: {number(total_mass)}",
+        f"K: {number(row.link.K)}",
     ]
-    string_fields += [f"Z: {number(string_row.link.D)}", *_start(string_mass)]
-    string_name = writing.add(
-        string_word, f"STRING: {{{', '.join(string_fields)}}}", f"masses {string_row.first} and on"
-    )
-    writing.masses += [f"{string_name}.{member}" for member in range(n)]
-    writing.joined |= string_row.links
+    fields += [f"Z: {number(row.link.D)}", *_start(mass)]
+    name = writing.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first} and on")
+    writing.masses += [f"{name}.{member}" for member in range(count)]
+    writing.joined |= row.links
 
 
 def _start(mass: Mass) -> list[str]:
@@ -126,101 +126,91 @@ def _start(mass: Mass) -> list[str]:
     return [*x0, f"V0: {mass.v * RATE!r}m/s"] if mass.v else x0
 
 
-def _within(bounded_mass: Mass) -> None:
-    for bound_name, bound_value, limit in (
-        ("x", bounded_mass.x, _DISTANCE_MAX),
-        ("the first step", bounded_mass.v * RATE, _SPEED_MAX),
+def _within(mass: Mass) -> None:
+    for name, value, limit in (
+        ("x", mass.x, _DISTANCE_MAX),
+        ("the first step", mass.v * RATE, _SPEED_MAX),
     ):
-        if not abs(bound_value) <= limit:
-            raise ModelError(
-                f"{bound_name} is {bound_value:g}: a score holds up to {limit:g}", bounded_mass.line
-            )
+        if not abs(value) <= limit:
+            raise ModelError(f"{name} is {value:g}: a score holds up to {limit:g}", mass.line)
 
 
-def _mass(writing: _Writing, mass_index: int, model_mass: Mass, mass_word: str) -> str:
-    _within(model_mass)
+def _mass(writing: _Writing, mass_index: int, mass: Mass, word: str) -> str:
+    _within(mass)
     if mass_index in writing.moved:
-        return _moved(writing, writing.moved[mass_index], model_mass, mass_word)
-    if not model_mass.is_mobile:
-        return writing.add(mass_word, f"SOL: {{{''.join(_start(model_mass))}}}")
-    return writing.add(
-        mass_word, f"MAS: {{{', '.join([f'M: {number(model_mass.M)}', *_start(model_mass)])}}}"
-    )
+        return _moved(writing, writing.moved[mass_index], mass, word)
+    if not mass.is_mobile:
+        return writing.add(word, f"SOL: {{{''.join(_start(mass))}}}")
+    return writing.add(word, f"MAS: {{{', '.join([f'M: {number(mass.M)}', *_start(mass)])}}}")
 
 
-def _moved(writing: _Writing, port: Port, mass: Mass, class_word: str) -> str:
+def _moved(writing: _Writing, port: Port, mass: Mass, word: str) -> str:
     if mass.is_mobile:
         message = f"inlet {port.number} puts a mass somewhere that moves by itself too; "
         raise ModelError(f"{message}give mass {port.mass} a weight of 0", port.line)
-    fed = writing.inputs.get(f"in{port.number}")
-    if fed is None:
-        return writing.add(class_word, "SOL: {}", "an inlet that nothing is connected to is 0")
-    first_position = fed.first * port.gain
+    source = writing.inputs.get(f"in{port.number}")
+    if source is None:
+        return writing.add(word, "SOL: {}", "an inlet that nothing is connected to is 0")
+    first_position = source.first * port.gain
     x0 = f", X0: {first_position!r}m" if first_position else ""
-    moved_name = writing.add(
-        class_word, f"MAS: {{M: {_IMPOSED_MASS}{x0}}}", "its mass says nothing: its path is imposed"
+    name = writing.add(
+        word, f"MAS: {{M: {_IMPOSED_MASS}{x0}}}", "its mass says nothing: its path is imposed"
     )
     scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
-    writing.add(
-        f"{class_word}_path", f"ENX: {{to: {moved_name}, from: in{port.number}{fed.start}{scale}}}"
-    )
-    return moved_name
+    writing.add(f"{word}_path", f"ENX: {{to: {name}, from: in{port.number}{source.start}{scale}}}")
+    return name
 
 
-def _damper(writing: _Writing, class_word: str, mass_name: str, D: float) -> None:
+def _damper(writing: _Writing, word: str, mass_name: str, D: float) -> None:
     """Add a viscosity against the ground."""
     writing.ground = writing.ground or writing.add("ground", "SOL: {}", "what stands still")
-    between_text = f"between: [{writing.ground}, {mass_name}]"
+    ends = f"between: [{writing.ground}, {mass_name}]"
     if D >= 0.0:
-        writing.add(class_word, f"FRO: {{{between_text}, Z: {number(D)}}}")
+        writing.add(word, f"FRO: {{{ends}, Z: {number(D)}}}")
     else:
-        writing.add(class_word, f'LNL: {{{between_text}, damping: "z*v", z: {number(D)}}}')
+        writing.add(word, f'LNL: {{{ends}, damping: "z*v", z: {number(D)}}}')
 
 
 # --- links --------------------------------------------------------------------------------------
 
 
-def _link(writing: _Writing, nth: int, model_link: Link) -> None:
+def _link(writing: _Writing, nth: int, link: Link) -> None:
     masses = writing.network.masses
-    class_word = _NO_LETTER.sub("_", model_link.class_name)
-    class_word = f"{class_word if class_word[:1].isalpha() else 'link'}{nth}"
-    fixed_masses = [
+    name = _NO_LETTER.sub("_", link.class_name)
+    name = f"{name if name[:1].isalpha() else 'link'}{nth}"
+    is_end_fixed = [
         mass_index in writing.moved or not masses[mass_index].is_mobile
-        for mass_index in (model_link.a, model_link.b)
+        for mass_index in (link.a, link.b)
     ]
-    if all(fixed_masses):
+    if all(is_end_fixed):
         return  # nothing of it moves
-    D = model_link.D
+    D = link.D
     # d is x_b - x_a in a score, and pmpd's length is x1 - x2.
-    between_text = f"between: [{writing.masses[model_link.b]}, {writing.masses[model_link.a]}]"
-    mobile = writing.masses[model_link.b if fixed_masses[0] else model_link.a]
-    if D and any(mass_index in writing.moved for mass_index in (model_link.a, model_link.b)):
+    ends = f"between: [{writing.masses[link.b]}, {writing.masses[link.a]}]"
+    mobile_name = writing.masses[link.b if is_end_fixed[0] else link.a]
+    if D and any(mass_index in writing.moved for mass_index in (link.a, link.b)):
         # In pmpd~ a mass that an inlet moves has no speed.
-        if model_link.form == "NLlink~" and not _is_open(model_link):
+        if link.form == "NLlink~" and not _is_open(link):
             message = "viscosity within bounds, on a mass that an inlet moves, is not built yet"
-            raise ModelError(message, model_link.line)
-        _damper(writing, f"{class_word}_air", mobile, D)
+            raise ModelError(message, link.line)
+        _damper(writing, f"{name}_air", mobile_name, D)
         D = 0.0
-    if model_link.tables is not None:
-        for text in springs(writing.network.arrays, model_link):
-            writing.add(class_word, f"LNL: {{{between_text}, {text}}}")
+    if link.tables is not None:
+        for text in springs(writing.network.arrays, link):
+            writing.add(name, f"LNL: {{{ends}, {text}}}")
         return
-    rest_text = f", rest: {model_link.L!r}m" if model_link.L else ""
-    if abs(model_link.L) > _DISTANCE_MAX:
-        raise ModelError(
-            f"its length is {model_link.L:g}: a score holds up to 1000", model_link.line
-        )
-    if _is_plain(writing, model_link, D):
+    rest_field = f", rest: {link.L!r}m" if link.L else ""
+    if abs(link.L) > _DISTANCE_MAX:
+        raise ModelError(f"its length is {link.L:g}: a score holds up to 1000", link.line)
+    if _is_plain(writing, link, D):
         kind = "REF" if D else "RES"
-        z = f", Z: {number(D)}" if D else ""
-        writing.add(
-            class_word, f"{kind}: {{{between_text}, K: {number(model_link.K)}{z}{rest_text}}}"
-        )
-    elif _is_straight(writing, model_link):
-        law = f'law: "k*d", damping: "z*v", k: {number(model_link.K)}, z: {number(D)}'
-        writing.add(class_word, f"LNL: {{{between_text}, {law}{rest_text}}}")
+        damping_field = f", Z: {number(D)}" if D else ""
+        writing.add(name, f"{kind}: {{{ends}, K: {number(link.K)}{damping_field}{rest_field}}}")
+    elif _is_straight(writing, link):
+        law = f'law: "k*d", damping: "z*v", k: {number(link.K)}, z: {number(D)}'
+        writing.add(name, f"LNL: {{{ends}, {law}{rest_field}}}")
     else:
-        writing.add(class_word, f"LNL: {{{between_text}, {_law(model_link, D)}}}")
+        writing.add(name, f"LNL: {{{ends}, {_law(link, D)}}}")
 
 
 def _is_plain(writing: _Writing, link: Link, D: float) -> bool:
@@ -228,51 +218,53 @@ def _is_plain(writing: _Writing, link: Link, D: float) -> bool:
     return _is_straight(writing, link) and link.K >= 0.0 and D >= 0.0
 
 
-def _is_straight(writing: _Writing, model_link: Link) -> bool:
-    a, b = writing.network.masses[model_link.a], writing.network.masses[model_link.b]
-    begins_as_one = model_link.form == "link" and model_link.L != 0.0 and a.x == b.x
-    is_linear = model_link.tables is None and model_link.Pow == 1.0 and _is_open(model_link)
-    return is_linear and not begins_as_one
+def _is_straight(writing: _Writing, link: Link) -> bool:
+    a, b = writing.network.masses[link.a], writing.network.masses[link.b]
+    begins_at_zero_length = link.form == "link" and link.L != 0.0 and a.x == b.x
+    is_linear = link.tables is None and link.Pow == 1.0 and _is_open(link)
+    return is_linear and not begins_at_zero_length
 
 
 def _is_open(link: Link) -> bool:
     return link.Lmin <= -_LENGTH_BOUND and link.Lmax >= _LENGTH_BOUND
 
 
-def _law(model_link: Link, D: float) -> str:
+def _law(link: Link, D: float) -> str:
     """K times a power of the length beyond the rest length, within bounds of the length."""
-    is_audio = model_link.form == "NLlink~"
+    is_audio = link.form == "NLlink~"
     # Bounds of pmpd~ are for the length beyond the rest length, those of pmpd for the whole length.
-    d = "d" if is_audio or not model_link.L else "(d - l)"
-    law_values = {"k": model_link.K, **({"p": model_link.Pow} if model_link.Pow != 1.0 else {})}
+    elongation = "d" if is_audio or not link.L else "(d - l)"
+    constants = {"k": link.K, **({"p": link.Pow} if link.Pow != 1.0 else {})}
     law_text = (
-        f"k*{d}" if model_link.Pow == 1.0 else f"where({d} < 0, -k*abs({d})**p, k*abs({d})**p)"
+        f"k*{elongation}"
+        if link.Pow == 1.0
+        else f"where({elongation} < 0, -k*abs({elongation})**p, k*abs({elongation})**p)"
     )
-    if not is_audio and model_link.L:
-        law_values["l"] = model_link.L
-    is_within = []
-    if not _is_open(model_link):
-        is_within = [f"(d {'>' if is_audio else '>='} lo)", "(d < hi)"]
-        law_values |= {"lo": model_link.Lmin, "hi": model_link.Lmax}
+    if not is_audio and link.L:
+        constants["l"] = link.L
+    conditions = []
+    if not _is_open(link):
+        conditions = [f"(d {'>' if is_audio else '>='} lo)", "(d < hi)"]
+        constants |= {"lo": link.Lmin, "hi": link.Lmax}
     if not is_audio:
-        is_within.append("(d != 0)")
+        conditions.append("(d != 0)")
     damping = "z*v"
-    if is_within:
+    if conditions:
         law_text, damping = (
-            f"where({'*'.join(is_within)}, {expression}, 0)" for expression in (law_text, damping)
+            f"where({'*'.join(conditions)}, {expression}, 0)" for expression in (law_text, damping)
         )
-    if model_link.Pow < 1.0:
+    if link.Pow < 1.0:
         # The slope of this law is infinite at rest. A law without a bound on its slope has no
         # certificate, but dry friction has one.
-        damping_field = [f'damping: "{law_text}{f" + {damping}" if D else ""}"']
+        law_fields = [f'damping: "{law_text}{f" + {damping}" if D else ""}"']
     else:
-        damping_field = [f'law: "{law_text}"', *([f'damping: "{damping}"'] if D else [])]
+        law_fields = [f'law: "{law_text}"', *([f'damping: "{damping}"'] if D else [])]
     if D:
-        law_values["z"] = D
-    damping_field += [f"{name}: {number(value)}" for name, value in law_values.items()]
-    if is_audio and model_link.L:
-        damping_field.append(f"rest: {model_link.L!r}m")
-    return ", ".join(damping_field)
+        constants["z"] = D
+    law_fields += [f"{name}: {number(value)}" for name, value in constants.items()]
+    if is_audio and link.L:
+        law_fields.append(f"rest: {link.L!r}m")
+    return ", ".join(law_fields)
 
 
 # --- what is fed and heard ----------------------------------------------------------------------
@@ -280,19 +272,19 @@ def _law(model_link: Link, D: float) -> str:
 
 def _feeds(writing: _Writing) -> None:
     for port in writing.network.ports:
-        fed = writing.inputs.get(f"in{port.number}")
-        if port.what != "inForce" or fed is None:
+        source = writing.inputs.get(f"in{port.number}")
+        if port.what != "inForce" or source is None:
             continue
         if not writing.network.masses[port.mass].is_mobile:
             continue  # a fixed mass is not moved by forces
-        if fed.file is None and any(
+        if source.file is None and any(
             _moves(other_port, port.number) for other_port in writing.network.ports
         ):
             message = f"inlet {port.number} moves one mass and pushes another, which a file can do"
             raise ModelError(f"{message} and osc cannot", port.line)
         scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
         mass_name = writing.masses[port.mass]
-        text = f"ENF: {{to: {mass_name}, from: in{port.number}{fed.start}{scale}}}"
+        text = f"ENF: {{to: {mass_name}, from: in{port.number}{source.start}{scale}}}"
         writing.add(f"{_NO_LETTER.sub('_', mass_name)}_push", text)
 
 
@@ -310,29 +302,27 @@ def _outputs(writing: _Writing) -> None:
             message = f"mass {port.mass} is moved by an inlet, which is heard one sample before all"
             raise ModelError(f"{message} else; leave its outlet out", port.line)
         _out(writing, [port.mass], port.what == "outSpeed", port.number + 1, port.gain)
-    outputs_asked = writing.network.asked
-    if writing.network.kind == "pmpd" and not outputs_asked:
+    requests = writing.network.asked
+    if writing.network.kind == "pmpd" and not requests:
         mobile = tuple(
             mass_index for mass_index, mass in enumerate(writing.network.masses) if mass.is_mobile
         )
-        outputs_asked = [Asked("massPosMean", mobile, 0)]
+        requests = [Asked("massPosMean", mobile, 0)]
     channel_number = 0
-    for output_mass in outputs_asked:
+    for request in requests:
         is_mean, is_speed = (
-            output_mass.word.endswith("Mean"),
-            output_mass.word.startswith("massSpeed"),
+            request.word.endswith("Mean"),
+            request.word.startswith("massSpeed"),
         )
-        output_groups = (
-            [list(output_mass.masses)]
-            if is_mean
-            else [[mass_index] for mass_index in output_mass.masses]
+        groups = (
+            [list(request.masses)] if is_mean else [[mass_index] for mass_index in request.masses]
         )
-        for output_group in filter(None, output_groups):
+        for group in filter(None, groups):
             channel_number += 1
             if channel_number > _CHANNELS_MAX:
                 message = f"more than {_CHANNELS_MAX} masses are asked for; name fewer"
-                raise ModelError(f"{message}, or write massPosMean CLASS", output_mass.line)
-            _out(writing, output_group, is_speed, channel_number, 1.0 / len(output_group))
+                raise ModelError(f"{message}, or write massPosMean CLASS", request.line)
+            _out(writing, group, is_speed, channel_number, 1.0 / len(group))
 
 
 def _out(
@@ -349,12 +339,12 @@ def _ranges(member_names: Sequence[str]) -> Iterator[str]:
     """Members of strings one behind the other as a range: `string.3..8`."""
     first_index = 0
     while first_index < len(member_names):
-        body, dot, member_index = member_names[first_index].partition(".")
+        body_name, dot, member_index = member_names[first_index].partition(".")
         last_index = first_index
         while dot and last_index + 1 < len(member_names):
             if (
                 member_names[last_index + 1]
-                != f"{body}.{int(member_index) + last_index + 1 - first_index}"
+                != f"{body_name}.{int(member_index) + last_index + 1 - first_index}"
             ):
                 break
             last_index += 1

@@ -27,26 +27,28 @@ def rows(
     plain.
     """
     masses = network.masses
-    between: dict[int, int] = {}  # the first link from a mass to the next one
+    links_to_next: dict[int, int] = {}  # the first link from a mass to the next one
     for index, link in enumerate(network.links):
         low, high = sorted((link.a, link.b))
         if high == low + 1 and link.L == 0.0 and is_plain(link):
-            between.setdefault(low, index)
+            links_to_next.setdefault(low, index)
     row_by_first: dict[int, Row] = {}
     first_mass = 0
     while first_mass < len(masses):
         links_in_row: list[int] = []
-        mass_kind = _matter(masses[first_mass], first_mass in moved)
+        mass_traits = _matter(masses[first_mass], first_mass in moved)
         last_mass = first_mass
-        while mass_kind is not None and last_mass in between and last_mass + 1 < len(masses):
-            link_index = between[last_mass]
-            if _matter(masses[last_mass + 1], last_mass + 1 in moved) != mass_kind:
+        while (
+            mass_traits is not None and last_mass in links_to_next and last_mass + 1 < len(masses)
+        ):
+            next_link = links_to_next[last_mass]
+            if _matter(masses[last_mass + 1], last_mass + 1 in moved) != mass_traits:
                 break
-            if links_in_row and _tie(network.links[link_index]) != _tie(
+            if links_in_row and _tie(network.links[next_link]) != _tie(
                 network.links[links_in_row[0]]
             ):
                 break
-            links_in_row.append(link_index)
+            links_in_row.append(next_link)
             last_mass += 1
         if last_mass - first_mass + 1 >= _MASSES_MIN:
             row_by_first[first_mass] = Row(

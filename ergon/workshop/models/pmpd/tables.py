@@ -23,15 +23,16 @@ class Table:
 
     values: Sequence[float]
 
-    def interpolate(self, table_place: float) -> float:
+    def interpolate(self, place: float) -> float:
         """The value at a place, which pmpd interpolates linearly."""
-        place_size = abs(table_place) * len(self.values)
-        place_sign = 1.0 if table_place > 0.0 else -1.0
-        if place_size >= len(self.values) - 1:
-            return place_sign * self.values[-1]
-        low = int(place_size)
-        part = place_size - low
-        return place_sign * (part * self.values[low + 1] + (1.0 - part) * self.values[low])
+        position = abs(place) * len(self.values)
+        sign = 1.0 if place > 0.0 else -1.0
+        if position >= len(self.values) - 1:
+            return sign * self.values[-1]
+        lower_index = int(position)
+        fraction = position - lower_index
+        lower, upper = self.values[lower_index : lower_index + 2]
+        return sign * (fraction * upper + (1.0 - fraction) * lower)
 
 
 def table(arrays: Mapping[str, Sequence[float]], name: str, line_number: int) -> Table:
@@ -47,53 +48,68 @@ def table(arrays: Mapping[str, Sequence[float]], name: str, line_number: int) ->
     return Table(array_values)
 
 
-def springs(arrays: Mapping[str, Sequence[float]], model_link: Link) -> Iterator[str]:
+def springs(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
     """Laws that add up to a tabLink: first of the elongation, then of its rate. Raises
     ModelError.
     """
-    assert model_link.tables is not None
-    name_k, length_k, name_d, length_d = model_link.tables
-    k, d = (
-        table(arrays, name_k, model_link.line).values,
-        table(arrays, name_d, model_link.line).values,
+    assert link.tables is not None
+    name_k, length_k, name_d, length_d = link.tables
+    stiffness_values, viscosity_values = (
+        table(arrays, name_k, link.line).values,
+        table(arrays, name_d, link.line).values,
     )
-    if d[0] and model_link.D:
+    if viscosity_values[0] and link.D:
         message = f"viscosity that jumps at rest is not built yet: let {name_d} begin with 0"
-        raise ModelError(message, model_link.line)
-    if len(d) > _VALUES_MAX:
+        raise ModelError(message, link.line)
+    if len(viscosity_values) > _VALUES_MAX:
         raise ModelError(
-            f"{quote(name_d)} has {len(d):,} values, and {_VALUES_MAX:,} are read", model_link.line
+            f"{quote(name_d)} has {len(viscosity_values):,} values, and {_VALUES_MAX:,} are read",
+            link.line,
         )
-    yield from _elastic([model_link.K * value for value in k], length_k)
-    yield from _viscous([model_link.D * value for value in d], length_d)
+    yield from _elastic([link.K * value for value in stiffness_values], length_k)
+    yield from _viscous([link.D * value for value in viscosity_values], length_d)
 
 
-def _elastic(array_values: Sequence[float], table_length: float) -> Iterator[str]:
+def _elastic(array_values: Sequence[float], array_length: float) -> Iterator[str]:
     """The points of a law without its jump at 0, then the jump as a law of its own."""
-    value_at_rest, n = array_values[0], len(array_values)
+    value_at_rest, value_count = array_values[0], len(array_values)
     if any(value != value_at_rest for value in array_values):
-        half = [
-            (table_length * index / n, value - value_at_rest)
+        positive_points = [
+            (array_length * index / value_count, value - value_at_rest)
             for index, value in enumerate(array_values)
         ]
-        half.append((2.0 * half[-1][0], half[-1][1]))  # constant beyond the last value
-        points = [(-d, -f) for d, f in reversed(half[1:])] + half
-        yield f"points: [{', '.join(f'[{d!r}m, {f!r}N]' for d, f in points)}]"
+        last_elongation, last_force = positive_points[-1]
+        positive_points.append(
+            (2.0 * last_elongation, last_force)
+        )  # constant beyond the last value
+        negative_points = [(-elongation, -force) for elongation, force in positive_points[1:]]
+        points = negative_points[::-1] + positive_points
+        point_texts = (f"[{elongation!r}m, {force!r}N]" for elongation, force in points)
+        yield f"points: [{', '.join(point_texts)}]"
     if value_at_rest:
         # Written as friction: a law with an infinite slope at rest has no certificate.
         yield f'damping: "f*sign(d)", f: {value_at_rest!r}'
 
 
-def _viscous(array_values: Sequence[float], table_length: float) -> Iterator[str]:
+def _viscous(array_values: Sequence[float], array_length: float) -> Iterator[str]:
     """A sum of terms b·max(0, |v| - c) with the sign of v, in as many laws as needed."""
-    n = len(array_values)
-    slopes = [0.0, *((b - a) * n / table_length for a, b in pairwise(array_values)), 0.0]
+    value_count = len(array_values)
+    slopes = [
+        0.0,
+        *(
+            (slope_change - value_before) * value_count / array_length
+            for value_before, slope_change in pairwise(array_values)
+        ),
+        0.0,
+    ]
     bends = [
-        (table_length * index / n, slope_after - slope_before)
+        (array_length * index / value_count, slope_after - slope_before)
         for index, (slope_before, slope_after) in enumerate(pairwise(slopes))
         if slope_after != slope_before
     ]
     for first_bend in range(0, len(bends), _BENDS):
-        bends_of_term = bends[first_bend : first_bend + _BENDS]
-        terms = " + ".join(f"{b!r}*max(0, abs(v) - {c!r})" for c, b in bends_of_term)
+        bends_of_law = bends[first_bend : first_bend + _BENDS]
+        terms = " + ".join(
+            f"{slope_change!r}*max(0, abs(v) - {speed!r})" for speed, slope_change in bends_of_law
+        )
         yield f'damping: "sign(v)*({terms})"'

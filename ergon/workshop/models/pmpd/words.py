@@ -29,12 +29,12 @@ class Value:
 
 
 def _values(form: str) -> tuple[Value, ...]:
-    word_values = []
+    values = []
     for word in form.split():
-        argument_name, has_default, default = word.partition("=")
-        name, _, kind = argument_name.partition(":")
-        word_values.append(Value(name, kind or "number", default if has_default else None))
-    return tuple(word_values)
+        name_and_kind, has_default, default = word.partition("=")
+        name, _, kind = name_and_kind.partition(":")
+        values.append(Value(name, kind or "number", default if has_default else None))
+    return tuple(values)
 
 
 def _forms(text: str) -> dict[str, tuple[Value, ...]]:

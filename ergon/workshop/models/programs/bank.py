@@ -40,7 +40,7 @@ class Bank:
     ways: Sequence[ModePath]
 
 
-def joined(part_name: str, banks: Sequence[Bank]) -> Bank:
+def joined(bank_name: str, banks: Sequence[Bank]) -> Bank:
     """The banks of several parts of one piece side by side, in one bank of this name."""
     paths: list[ModePath] = []
     n_struck = n_outputs = 0
@@ -52,16 +52,16 @@ def joined(part_name: str, banks: Sequence[Bank]) -> Bank:
         n_struck += len(bank.struck)
         n_outputs += len(bank.outputs)
     return Bank(
-        part_name,
+        bank_name,
         banks[0].rate,
         max(bank.seconds for bank in banks),
         [f"{bank.name}: {point_name}" for bank in banks for point_name in bank.struck],
-        [strikes for bank in banks for strikes in bank.strikes],
+        [point_strikes for bank in banks for point_strikes in bank.strikes],
         [
             (f"{bank.name}: {point_name}", order)
             for bank in banks
             for point_name, order in bank.outputs
         ],
-        [full for bank in banks for full in bank.full],
+        [full_scale for bank in banks for full_scale in bank.full],
         paths,
     )

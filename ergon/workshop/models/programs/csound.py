@@ -19,12 +19,12 @@ def orchestra(bank: Bank) -> str:
 
 def _numbers(bank: Bank) -> tuple[int, int]:
     """The number of the first instrument of modes, and that of the output."""
-    modes_from = max(_MODES_FROM, len(bank.struck) + 1)
-    return modes_from, max(_OUTPUT, modes_from + len(bank.ways))
+    first_mode_instrument = max(_MODES_FROM, len(bank.struck) + 1)
+    return first_mode_instrument, max(_OUTPUT, first_mode_instrument + len(bank.ways))
 
 
 def _orchestra(bank: Bank) -> Iterator[str]:
-    modes_from, first_output = _numbers(bank)
+    first_mode_instrument, output_instrument = _numbers(bank)
     yield "<CsoundSynthesizer>"
     yield f"; {_plain(bank.name)}, made by ergon: its modes, each a resonator."
     yield f"; It can be played at any rate of samples: change sr, here {bank.rate:g} Hz."
@@ -37,22 +37,26 @@ def _orchestra(bank: Bank) -> Iterator[str]:
     yield f"nchnls = {len(bank.outputs)}"
     yield "0dbfs = 1"
     yield ""
-    for input_number, input_name in enumerate(bank.struck, 1):
-        yield f"gaPush{input_number} init 0  ; [N s] on {_plain(input_name)} in this sample"
-    outputs_with_scales = zip(bank.outputs, bank.full, strict=True)
-    for output_number, ((output_name, derivative_order), full) in enumerate(outputs_with_scales, 1):
+    for point_number, point_name in enumerate(bank.struck, 1):
+        yield f"gaPush{point_number} init 0  ; [N s] on {_plain(point_name)} in this sample"
+    scaled_outputs = zip(bank.outputs, bank.full, strict=True)
+    for output_number, ((output_name, derivative_order), full_scale) in enumerate(
+        scaled_outputs, 1
+    ):
         yield f"gaOut{output_number} init 0  ; [m] {_plain(output_name)}"
-        yield f"giFull{output_number} = {full!r}  ; [{UNITS[derivative_order]}] of it is full scale"
+        unit = UNITS[derivative_order]
+        yield f"giFull{output_number} = {full_scale!r}  ; [{unit}] of it is full scale"
     yield ""
-    for input_number, input_name in enumerate(bank.struck, 1):
-        yield f"instr {input_number}  ; a strike on {_plain(input_name)}"
+    for point_number, point_name in enumerate(bank.struck, 1):
+        yield f"instr {point_number}  ; a strike on {_plain(point_name)}"
         yield "  aStrike mpulse p4, 0  ; p4 [N s] impulse"
-        yield f"  gaPush{input_number} += aStrike"
+        yield f"  gaPush{point_number} += aStrike"
         yield "endin"
         yield ""
-    for instrument_number, path in enumerate(bank.ways, modes_from):
-        struck, output_name = bank.struck[path.struck], bank.outputs[path.output][0]
-        yield f"instr {instrument_number}  ; a mode, from {_plain(struck)} to {_plain(output_name)}"
+    for instrument_number, path in enumerate(bank.ways, first_mode_instrument):
+        struck_name, output_name = bank.struck[path.struck], bank.outputs[path.output][0]
+        mode_path = f"from {_plain(struck_name)} to {_plain(output_name)}"
+        yield f"instr {instrument_number}  ; a mode, {mode_path}"
         yield "  iFrequency = p4  ; [Hz] damped"
         yield "  iDecay = p5      ; [1/s]; T60 = 6.9078/p5 s"
         yield "  iAmplitude = p6  ; [m/(N s)]"
@@ -66,14 +70,16 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield f"  gaOut{path.output + 1} += aMode"
         yield "endin"
         yield ""
-    yield f"instr {first_output}  ; what is heard"
+    yield f"instr {output_instrument}  ; what is heard"
     for output_number, (_, derivative_order) in enumerate(bank.outputs, 1):
         yield from _differentiated(output_number, derivative_order)
-    outs = (f"aHeard{number}/giFull{number}" for number in range(1, len(bank.outputs) + 1))
-    yield f"  out {', '.join(outs)}"
-    names = [f"gaPush{number}" for number in range(1, len(bank.struck) + 1)]
-    names += [f"gaOut{number}" for number in range(1, len(bank.outputs) + 1)]
-    yield from (f"  {name} = 0" for name in names)
+    scaled_signals = (
+        f"aHeard{number}/giFull{number}" for number in range(1, len(bank.outputs) + 1)
+    )
+    yield f"  out {', '.join(scaled_signals)}"
+    cleared_signals = [f"gaPush{number}" for number in range(1, len(bank.struck) + 1)]
+    cleared_signals += [f"gaOut{number}" for number in range(1, len(bank.outputs) + 1)]
+    yield from (f"  {signal} = 0" for signal in cleared_signals)
     yield "endin"
     yield "</CsInstruments>"
 
@@ -87,43 +93,46 @@ def _differentiated(output_number: int, derivative_order: int) -> Iterator[str]:
     half_width = len(pair_weights)
     yield f"  ; differentiated over {2 * half_width - 2 + derivative_order} samples"
     yield f"  aWas{output_number}_0 = gaOut{output_number}"
-    last_delay = 2 * half_width - 2 + derivative_order
-    for delay in range(1, last_delay + 1):
-        yield f"  aWas{output_number}_{delay} delay1 aWas{output_number}_{delay - 1}"
+    delay_max = 2 * half_width - 2 + derivative_order
+    for pair_index in range(1, delay_max + 1):
+        yield f"  aWas{output_number}_{pair_index} delay1 aWas{output_number}_{pair_index - 1}"
     yield f"  aHeard{output_number} = 0"
-    for delay, pair_weight in enumerate(pair_weights):
-        samples_before, samples_after = (
-            f"aWas{output_number}_{n_samples}"
-            for n_samples in (half_width + delay + derivative_order - 1, half_width - 1 - delay)
+    for pair_index, pair_weight in enumerate(pair_weights):
+        earlier_sample, later_sample = (
+            f"aWas{output_number}_{sample_delay}"
+            for sample_delay in (
+                half_width + pair_index + derivative_order - 1,
+                half_width - 1 - pair_index,
+            )
         )
         pair = (
-            f"{samples_after} - {samples_before}"
+            f"{later_sample} - {earlier_sample}"
             if derivative_order == 1
-            else f"{samples_after} + {samples_before} - 2*aWas{output_number}_{half_width}"
+            else f"{later_sample} + {earlier_sample} - 2*aWas{output_number}_{half_width}"
         )
-        scale = "sr" if derivative_order == 1 else "sr*sr"
-        yield f"  aHeard{output_number} += {pair_weight!r}*{scale}*({pair})"
+        rate_power = "sr" if derivative_order == 1 else "sr*sr"
+        yield f"  aHeard{output_number} += {pair_weight!r}*{rate_power}*({pair})"
 
 
 def _score(bank: Bank) -> Iterator[str]:
     score_seconds = repr(bank.seconds)
-    modes_from, output = _numbers(bank)
+    first_mode_instrument, output_instrument = _numbers(bank)
     yield "<CsScore>"
-    yield f"i {output} 0 {score_seconds}"
-    for instrument_number, path in enumerate(bank.ways, modes_from):
-        struck, output_name = bank.struck[path.struck], bank.outputs[path.output][0]
-        yield f"; modes, from {_plain(struck)} to {_plain(output_name)}"
+    yield f"i {output_instrument} 0 {score_seconds}"
+    for instrument_number, path in enumerate(bank.ways, first_mode_instrument):
+        struck_name, output_name = bank.struck[path.struck], bank.outputs[path.output][0]
+        yield f"; modes, from {_plain(struck_name)} to {_plain(output_name)}"
         yield "; instr begins lasts frequency[Hz] decay[1/s] amplitude phase[rad]"
         for row in path.rows:
             yield f"i {instrument_number} 0 {score_seconds} {' '.join(map(repr, row))}"
-    for instrument_number, (name, strikes) in enumerate(
+    for instrument_number, (point_name, point_strikes) in enumerate(
         zip(bank.struck, bank.strikes, strict=True), 1
     ):
-        yield f"; strikes on {_plain(name)}"
+        yield f"; strikes on {_plain(point_name)}"
         yield "; instr at lasts impulse[N s]"
-        for instant, impulse in strikes:
-            begins = round(instant * bank.rate) / bank.rate
-            yield f"i {instrument_number} {begins!r} {1.0 / bank.rate!r} {impulse!r}"
+        for instant, impulse in point_strikes:
+            begin_seconds = round(instant * bank.rate) / bank.rate
+            yield f"i {instrument_number} {begin_seconds!r} {1.0 / bank.rate!r} {impulse!r}"
     yield "e"
     yield "</CsScore>"
 

@@ -16,16 +16,23 @@ def weights(derivative_order: int) -> list[float]:
     order 2, it is the sum of the samples 1, 2, … frames from the middle, minus twice the middle
     sample.
     """
-    first_factor = Fraction(1, 2) if derivative_order == 1 else Fraction(1)
-    offsets = [first_factor + k for k in range(_SIDE)]
-    squares = [t * t for t in offsets]
-    weight_rows = []
-    for t, square in zip(offsets, squares, strict=True):
-        shares = prod(
-            (node / (node - square) for node in squares if node != square), start=Fraction(1)
+    first_offset = Fraction(1, 2) if derivative_order == 1 else Fraction(1)
+    offsets = [first_offset + k for k in range(_SIDE)]
+    squared_offsets = [offset * offset for offset in offsets]
+    pair_weights = []
+    for offset, square in zip(offsets, squared_offsets, strict=True):
+        lagrange_factor = prod(
+            (
+                other_square / (other_square - square)
+                for other_square in squared_offsets
+                if other_square != square
+            ),
+            start=Fraction(1),
         )
-        weight_rows.append(float(shares / (2 * t if derivative_order == 1 else square)))
-    return weight_rows
+        pair_weights.append(
+            float(lagrange_factor / (2 * offset if derivative_order == 1 else square))
+        )
+    return pair_weights
 
 
 def differentiated(signal_name: str, derivative_order: int, rate: float) -> str:
@@ -35,15 +42,15 @@ def differentiated(signal_name: str, derivative_order: int, rate: float) -> str:
     if derivative_order == 0:
         return signal_name
     terms = []
-    for k, weight in enumerate(weights(derivative_order)):
-        sample_before, sample_after = (
-            f"{signal_name}@{_SIDE + k + derivative_order - 1}",
-            f"{signal_name}@{_SIDE - 1 - k}",
+    for pair_index, pair_weight in enumerate(weights(derivative_order)):
+        earlier_sample, later_sample = (
+            f"{signal_name}@{_SIDE + pair_index + derivative_order - 1}",
+            f"{signal_name}@{_SIDE - 1 - pair_index}",
         )
         pair = (
-            f"{sample_after} - {sample_before}"
+            f"{later_sample} - {earlier_sample}"
             if derivative_order == 1
-            else f"{sample_after} + {sample_before} - 2.0*{signal_name}@{_SIDE}"
+            else f"{later_sample} + {earlier_sample} - 2.0*{signal_name}@{_SIDE}"
         )
-        terms.append(f"({weight * rate**derivative_order!r})*({pair})")
+        terms.append(f"({pair_weight * rate**derivative_order!r})*({pair})")
     return " + ".join(terms)

@@ -51,18 +51,18 @@ class Laws:
         """The function (d [m], v [m/s]) -> force [N] of a law; `word` names the link."""
         law_fields = law.fields
         constants, points = law_fields["constants"], law_fields["points"]
-        law_key = (
+        key = (
             law_fields["law"],
             law_fields["damping"],
             *sorted(constants.items()),
             str(points),
         )
-        if law_key not in self.names:
-            self.names[law_key] = f"law_{word}"
+        if key not in self.names:
+            self.names[key] = f"law_{word}"
             self.lines += self._function(
                 f"law_{word}", law_fields["law"], law_fields["damping"], law
             )
-        return self.names[law_key]
+        return self.names[key]
 
     def written(self) -> Iterator[str]:
         """Lines of a program: what the functions need, and the functions."""
@@ -73,53 +73,54 @@ class Laws:
         self, function_name: str, law_text: str | None, damping: str | None, law: Law
     ) -> list[str]:
         constants, law_points = law.fields["constants"], law.fields["points"]
-        used_names = Names()
-        faust_letters = {
-            constant: used_names.new(f"c_{_NO_LETTER.sub('_', constant)}") for constant in constants
+        faust_names = Names()
+        faust_by_constant = {
+            name: faust_names.new(f"c_{_NO_LETTER.sub('_', name)}") for name in constants
         }
         terms = [
-            self._expression(constant, faust_letters)
-            for constant in (law_text, damping)
-            if constant is not None
+            self._expression(name, faust_by_constant)
+            for name in (law_text, damping)
+            if name is not None
         ]
         if law_points:
             terms.insert(0, "line(d)")
-        body = [
-            f"  {faust_letters[constant]} = {number(value)};"
-            for constant, value in constants.items()
+        definitions = [
+            f"  {faust_by_constant[name]} = {number(value)};" for name, value in constants.items()
         ]
-        body += _line(law_points) if law_points else []
-        law_head = f"{function_name}(d, v) = {' + '.join(terms)}"
-        return [law_head, "with {", *body, "};"] if body else [f"{law_head};"]
+        definitions += _line(law_points) if law_points else []
+        head = f"{function_name}(d, v) = {' + '.join(terms)}"
+        return [head, "with {", *definitions, "};"] if definitions else [f"{head};"]
 
     def _expression(self, text: str, letters: Mapping[str, str]) -> str:
         """An expression that the engine has accepted; its operators have the precedence of
         Python's.
         """
-        mapped = {name: f"c{position}" for position, name in enumerate(letters)}
+        python_names = {name: f"c{position}" for position, name in enumerate(letters)}
 
-        def faust_word(match: re.Match[str]) -> str:
+        def python_word(match: re.Match[str]) -> str:
             matched_word = match[0]
-            is_known = matched_word in ("d", "v") or matched_word in _CALLS
-            mapped_name = matched_word if is_known else mapped.get(matched_word)
-            return mapped_name or repr(float(matched_word))
+            is_reserved = matched_word in ("d", "v") or matched_word in _CALLS
+            python_name = matched_word if is_reserved else python_names.get(matched_word)
+            return python_name or repr(float(matched_word))
 
-        tree = ast.parse(f"({_WORD.sub(faust_word, text)})", mode="eval")
-        faust_by_name = {f"c{position}": faust for position, faust in enumerate(letters.values())}
-        return self._faust(tree.body, faust_by_name)
+        tree = ast.parse(f"({_WORD.sub(python_word, text)})", mode="eval")
+        faust_by_python_name = {
+            f"c{position}": faust_name for position, faust_name in enumerate(letters.values())
+        }
+        return self._faust(tree.body, faust_by_python_name)
 
     def _faust(
-        self, syntax_node: ast.expr, faust_letters: Mapping[str, str], least: int = 0
+        self, syntax_node: ast.expr, faust_letters: Mapping[str, str], precedence_min: int = 0
     ) -> str:
-        """A part of an expression, in parentheses if its precedence is below `least`."""
+        """A part of an expression, in parentheses if its precedence is below `precedence_min`."""
 
-        def two(a: ast.expr, operation: ast.AST, b: ast.expr) -> str:
-            infix_sign, rank = _INFIX[type(operation)]
-            infix_text = (
-                f"{self._faust(a, faust_letters, rank)}"
-                f"{infix_sign}{self._faust(b, faust_letters, rank + 1)}"
+        def infix(a: ast.expr, operation: ast.AST, b: ast.expr) -> str:
+            infix_sign, precedence = _INFIX[type(operation)]
+            text = (
+                f"{self._faust(a, faust_letters, precedence)}"
+                f"{infix_sign}{self._faust(b, faust_letters, precedence + 1)}"
             )
-            return f"({infix_text})" if rank < least else infix_text
+            return f"({text})" if precedence < precedence_min else text
 
         match syntax_node:
             case ast.Constant(value=float(value)):
@@ -127,26 +128,30 @@ class Laws:
             case ast.Name(id=node_name):
                 return faust_letters.get(node_name, node_name)
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-                return self._faust(operand, faust_letters, least)
+                return self._faust(operand, faust_letters, precedence_min)
             case ast.UnaryOp(operand=operand):
                 return f"(0.0 - {self._faust(operand, faust_letters, _TIGHTEST_BINDING)})"
             case ast.BinOp(left=a, op=ast.Pow(), right=b):
                 return self._power(a, b, faust_letters)
             case ast.BinOp(left=a, op=operation, right=b):
-                return two(a, operation, b)
+                return infix(a, operation, b)
             case ast.Compare(left=a, ops=[operation], comparators=[b]):
-                return two(a, operation, b)
+                return infix(a, operation, b)
             case ast.Call(func=ast.Name(id="where"), args=[condition, yes, no]):
                 if isinstance(condition, ast.Compare):
-                    is_true = self._faust(condition, faust_letters)
+                    condition_text = self._faust(condition, faust_letters)
                 else:
-                    is_true = f"{self._faust(condition, faust_letters, 2)} != 0.0"
-                values = f"{self._faust(no, faust_letters)}, {self._faust(yes, faust_letters)}"
-                return f"select2({is_true}, {values})"
+                    condition_text = f"{self._faust(condition, faust_letters, 2)} != 0.0"
+                branch_texts = (
+                    f"{self._faust(no, faust_letters)}, {self._faust(yes, faust_letters)}"
+                )
+                return f"select2({condition_text}, {branch_texts})"
             case ast.Call(func=ast.Name(id=node_name), args=arguments):
                 self.helpers |= {node_name} & HELPERS.keys()
-                texts = ", ".join(self._faust(argument, faust_letters) for argument in arguments)
-                return f"{node_name}({texts})"
+                argument_texts = ", ".join(
+                    self._faust(argument, faust_letters) for argument in arguments
+                )
+                return f"{node_name}({argument_texts})"
         raise AssertionError(ast.dump(syntax_node))
 
     def _power(self, base: ast.expr, exponent: ast.expr, letters: Mapping[str, str]) -> str:
@@ -156,10 +161,10 @@ class Laws:
         power_exponent = _integer_exponent(exponent)
         if power_exponent is None:
             return f"pow({self._faust(base, letters)}, {self._faust(exponent, letters)})"
-        squared = power_text = self._faust(base, letters, _TIGHTEST_BINDING)
+        base_text = power_text = self._faust(base, letters, _TIGHTEST_BINDING)
         for bit in bin(abs(power_exponent))[3:]:
             self.helpers.add("square")
-            power_text = f"square({power_text})" + (f"*{squared}" if bit == "1" else "")
+            power_text = f"square({power_text})" + (f"*{base_text}" if bit == "1" else "")
         power_text = (
             power_text
             if abs(power_exponent) == 1
@@ -186,31 +191,31 @@ def _line(law_points: Sequence[tuple[float, float]]) -> Iterator[str]:
     """Straight lines through points, extended beyond the first and the last; the segment is found
     by bisection.
     """
-    pairs = list(pairwise(law_points))
-    slopes = [(f1 - f0) / (d1 - d0) for (d0, f0), (d1, f1) in pairs]
+    segments = list(pairwise(law_points))
+    slopes = [(f1 - f0) / (d1 - d0) for (d0, f0), (d1, f1) in segments]
     if len(slopes) == 1:
-        ((d0, f0), _), (slope,) = pairs[0], slopes
+        ((d0, f0), _), (slope,) = segments[0], slopes
         yield f"  line(d) = {number(f0)} + {number(slope)}*(d - {number(d0)});"
         return
     steps = [2**bit for bit in reversed(range((len(slopes) - 1).bit_length()))]
     # The knots are padded with values that are never reached, so that every bisection step has a
     # knot to compare with.
-    knots = [d for d, _ in law_points[1:-1]]
+    knots = [distance for distance, _ in law_points[1:-1]]
     knots += [sys.float_info.max] * (sum(steps) - len(knots))
-    delays = "".join(f" : next({step})" for step in steps)
+    search_stages = "".join(f" : next({step})" for step in steps)
     yield "  line(d) = force(at) + slope(at)*(d - from(at))"
     yield "  with {"
-    yield f"    at = 0{delays};"
+    yield f"    at = 0{search_stages};"
     yield "    next(n, i) = i + n*(d >= knot(i + n - 1));"
     yield "  };"
     for table_name, table_values in (
         ("knot", knots),
-        ("from", [d for d, _ in law_points[:-1]]),
-        ("force", [f for _, f in law_points[:-1]]),
+        ("from", [distance for distance, _ in law_points[:-1]]),
+        ("force", [force for _, force in law_points[:-1]]),
         ("slope", slopes),
     ):
-        table = ", ".join(map(repr, table_values))
-        yield f"  {table_name}(i) = waveform{{{table}}}, int(i) : rdtable;"
+        table_text = ", ".join(map(repr, table_values))
+        yield f"  {table_name}(i) = waveform{{{table_text}}}, int(i) : rdtable;"
 
 
 def number(value: float) -> str:

@@ -12,11 +12,11 @@ from ergon import _core
 from ergon.common.decay import LN_1000
 
 
-def _loss(s: float) -> float:
+def _loss(exponent: float) -> float:
     """1 - exp(-s), to full precision also for small s."""
     with localcontext() as context:
         context.prec = 40
-        return float(1 - (-Decimal(s)).exp())
+        return float(1 - (-Decimal(exponent)).exp())
 
 
 def _poles(m: float, K: float, Z: float, f: float | None, t60: float | None) -> tuple[float, float]:
@@ -31,15 +31,17 @@ def ratios(
     m: float, K: float, Z: float, f: float | None, t60: float | None, rate: float
 ) -> tuple[float, float]:
     """κ and ζ that give the exact samples at `rate` [Hz]."""
-    sigma, squared = _poles(m, K, Z, f, t60)
-    s = sigma / rate
-    if squared >= 0.0:
-        half = _core.sin(0.5 * sqrt(squared) / rate)
-        loss = _loss(s)
-        return loss * loss + 4.0 * (1.0 - loss) * half * half, _loss(2.0 * s)
-    fast_rate = sigma + sqrt(-squared)
-    slow_rate = K / m / fast_rate
-    return _loss(slow_rate / rate) * _loss(fast_rate / rate), _loss(2.0 * s)
+    sigma, omega_squared = _poles(m, K, Z, f, t60)
+    damping = sigma / rate
+    if omega_squared >= 0.0:
+        half_angle_sine = _core.sin(0.5 * sqrt(omega_squared) / rate)
+        loss = _loss(damping)
+        return loss * loss + 4.0 * (1.0 - loss) * half_angle_sine * half_angle_sine, _loss(
+            2.0 * damping
+        )
+    fast_decay = sigma + sqrt(-omega_squared)
+    slow_decay = K / m / fast_decay
+    return _loss(slow_decay / rate) * _loss(fast_decay / rate), _loss(2.0 * damping)
 
 
 def last_step(
@@ -49,24 +51,30 @@ def last_step(
     f: float | None,
     t60: float | None,
     rate: float,
-    u: float,
-    v: float,
+    displacement: float,
+    speed: float,
 ) -> float:
-    """x(0) - x(-1/rate) [m] of the free motion that at time 0 is `u` [m] from its rest, with speed
-    `v` [m/s].
+    """x(0) - x(-1/rate) [m] of the free motion that at time 0 has `displacement` [m] from its rest
+    and `speed` [m/s].
     """
-    if u == 0.0 and v == 0.0:
+    if displacement == 0.0 and speed == 0.0:
         return 0.0
-    sigma, squared = _poles(m, K, Z, f, t60)
-    T = 1.0 / rate
-    grown = _core.exp(sigma * T)
-    root_rate = sqrt(abs(squared))
-    if squared > 0.0:
-        c, s = _core.cos(root_rate * T), _core.sin(root_rate * T) / root_rate
-        return u - grown * (u * c - (v + sigma * u) * s)
-    if squared == 0.0:
-        return u - grown * (u - (v + sigma * u) * T)
-    fast_rate = sigma + root_rate
-    slow_rate = K / m / fast_rate
-    a = (v + fast_rate * u) / (fast_rate - slow_rate)
-    return u - a * _core.exp(slow_rate * T) - (u - a) * _core.exp(fast_rate * T)
+    sigma, omega_squared = _poles(m, K, Z, f, t60)
+    period = 1.0 / rate
+    growth = _core.exp(sigma * period)
+    omega = sqrt(abs(omega_squared))
+    if omega_squared > 0.0:
+        cosine, sine_over_omega = _core.cos(omega * period), _core.sin(omega * period) / omega
+        return displacement - growth * (
+            displacement * cosine - (speed + sigma * displacement) * sine_over_omega
+        )
+    if omega_squared == 0.0:
+        return displacement - growth * (displacement - (speed + sigma * displacement) * period)
+    fast_decay = sigma + omega
+    slow_decay = K / m / fast_decay
+    slow_amplitude = (speed + fast_decay * displacement) / (fast_decay - slow_decay)
+    return (
+        displacement
+        - slow_amplitude * _core.exp(slow_decay * period)
+        - (displacement - slow_amplitude) * _core.exp(fast_decay * period)
+    )

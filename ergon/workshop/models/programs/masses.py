@@ -13,30 +13,30 @@ def _sol(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
     return Point(name, fields["X0"], "SOL")
 
 
-def _mas(mass_fields: Any, mass_name: str, ca_rate: float | None, rate: float) -> Point:
-    m, v0 = mass_fields["M"], mass_fields.get("V0", 0.0)
+def _mas(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
+    m, v0 = fields["M"], fields.get("V0", 0.0)
     gain = step_per_newton(m, ca_rate, rate)
     description = f"MAS: M = {m!r}{'' if ca_rate else ' kg'}"
-    return Point(mass_name, mass_fields.get("X0", 0.0), description, m, gain, v0=v0, d0=v0 / rate)
+    return Point(name, fields.get("X0", 0.0), description, m, gain, v0=v0, d0=v0 / rate)
 
 
-def _cel(cel_fields: Any, cel_name: str, ca_rate: float | None, rate: float) -> Point:
-    m, v0, rest_length = cel_fields["M"], cel_fields.get("V0", 0.0), cel_fields.get("rest", 0.0)
-    x0, f, t60 = cel_fields.get("X0", 0.0), cel_fields.get("f"), cel_fields.get("t60")
-    K, Z = cel_fields.get("K") or 0.0, cel_fields.get("Z") or 0.0
+def _cel(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
+    m, v0, rest_position = fields["M"], fields.get("V0", 0.0), fields.get("rest", 0.0)
+    x0, f, t60 = fields.get("X0", 0.0), fields.get("f"), fields.get("t60")
+    K, Z = fields.get("K") or 0.0, fields.get("Z") or 0.0
     kappa, zeta = (K / m, Z / m) if ca_rate and f is None else ratios(m, K, Z, f, t60, rate)
-    d0 = v0 / rate if ca_rate else last_step(m, K, Z, f, t60, rate, x0 - rest_length, v0)
+    d0 = v0 / rate if ca_rate else last_step(m, K, Z, f, t60, rate, x0 - rest_position, v0)
     tie = f"f = {f!r} Hz, t60 = {t60!r} s" if f is not None else f"K = {K!r}, Z = {Z!r}"
     description = f"CEL: M = {m!r}, {tie}"
     return Point(
-        cel_name,
+        name,
         x0,
         description,
         m,
         step_per_newton(m, ca_rate, rate),
         kappa,
         zeta,
-        rest_length,
+        rest_position,
         v0,
         d0,
     )

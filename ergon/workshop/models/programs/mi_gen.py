@@ -44,30 +44,30 @@ class _Writing:
         network = self.network
         if network.rate != RATE:
             first_place = network.points[0].place
-            refusal_text = (
+            reason = (
                 f"a model of mi-gen is for {RATE:,} Hz, and this score has {network.rate:,g} Hz"
             )
-            raise refusal([(first_place, f"{refusal_text}; write rates: {{audio: {RATE}Hz}}")])
-        for link_number, stepped_link in enumerate(network.links):
-            for end in {stepped_link.a, stepped_link.b}:
+            raise refusal([(first_place, f"{reason}; write rates: {{audio: {RATE}Hz}}")])
+        for link_number, link in enumerate(network.links):
+            for end in {link.a, link.b}:
                 self.ends.setdefault(end, []).append(link_number)
         input_names = _channels("in", [port.take for port in network.inputs])
-        output_names = [port.name.split(" ")[0].rpartition(".")[2] for port in network.outputs]
-        outputs = _channels("out", output_names)
-        self.names.taken |= {*input_names, *outputs}
-        if max(len(input_names), len(outputs)) > _CHANNELS:
+        output_words = [port.name.split(" ")[0].rpartition(".")[2] for port in network.outputs]
+        output_names = _channels("out", output_words)
+        self.names.taken |= {*input_names, *output_names}
+        if max(len(input_names), len(output_names)) > _CHANNELS:
             self.refuse(network.points[0].place, f"a model has at most {_CHANNELS} channels")
         self._bodies()
         self._masses(input_names)
-        for link_number, stepped_link in enumerate(network.links):
+        for link_number, link in enumerate(network.links):
             if link_number not in self.links:
-                self._link(stepped_link)
+                self._link(link)
         self._pushes(input_names)
-        for name, port in zip(outputs, network.outputs, strict=True):
+        for name, port in zip(output_names, network.outputs, strict=True):
             self._output(name, port)
         if self.refused:
             raise refusal(list(dict.fromkeys(self.refused)))
-        return "\n".join([*self._heading(title, input_names, outputs), *self.lines]) + "\n"
+        return "\n".join([*self._heading(title, input_names, output_names), *self.lines]) + "\n"
 
     def refuse(self, place: Place, reason: str) -> None:
         self.refused.append((place, reason))
@@ -78,12 +78,12 @@ class _Writing:
         yield f"# {_plain(title)}, made by ergon: a model of mi-gen (v2), laws of today."
         yield f"# One sample is 1/{RATE} s. M is in kg {RATE}^2, K in N/m, Z in N {RATE}/(m/s), x0"
         yield "# in m, v0 in m/s; of a network under units: ca the numbers are its own."
-        for input_name, fed in zip(input_names, self.network.inputs, strict=True):
-            source_text = f", from {_plain(fed.take)}" if fed.take else ""
-            yield f"# {input_name}: {_plain(fed.name)}{source_text}"
-        for input_name, output in zip(output_names, self.network.outputs, strict=True):
-            yield f"# {input_name}: {_plain(output.name)}"
-        yield from (f"# Left out: {_plain(output)}" for output in self.network.left_out)
+        for port_name, input in zip(input_names, self.network.inputs, strict=True):
+            source_text = f", from {_plain(input.take)}" if input.take else ""
+            yield f"# {port_name}: {_plain(input.name)}{source_text}"
+        for port_name, output_port in zip(output_names, self.network.outputs, strict=True):
+            yield f"# {port_name}: {_plain(output_port.name)}"
+        yield from (f"# Left out: {_plain(output_port)}" for output_port in self.network.left_out)
         yield ""
 
     # --- masses ---
@@ -97,61 +97,60 @@ class _Writing:
         return self.names.new(short_word if short_word[:1].isalpha() else f"m{short_word}")
 
     def _bodies(self) -> None:
-        for stepped_body in self.network.bodies:
-            body_points = [self.network.points[point_index] for point_index in stepped_body.points]
-            is_still = not any(
-                body_point.x0 or body_point.d0 or body_point.weight or body_point.fed is not None
-                for body_point in body_points
+        for body in self.network.bodies:
+            points = [self.network.points[point_index] for point_index in body.points]
+            is_at_rest = not any(
+                point.x0 or point.d0 or point.weight or point.fed is not None for point in points
             )
-            if is_still and stepped_body.K >= 0.0 and stepped_body.z >= 0.0:
-                self.full_bodies[stepped_body.points[0]] = stepped_body
-                self.links.update(stepped_body.links)
+            if is_at_rest and body.K >= 0.0 and body.z >= 0.0:
+                self.full_bodies[body.points[0]] = body
+                self.links.update(body.links)
 
     def _masses(self, inputs: list[str]) -> None:
         last_written = -1
-        for point_number, stepped_point in enumerate(self.network.points):
+        for point_number, point in enumerate(self.network.points):
             if point_number in self.full_bodies:
                 body = self.full_bodies[point_number]
                 self._body(body)
                 last_written = body.points[-1]
             elif point_number > last_written:
-                self._mass(point_number, stepped_point, inputs)
+                self._mass(point_number, point, inputs)
 
     def _body(self, body: Body) -> None:
         body_name, (column_count, row_count) = self._name(body.name), body.sides
-        member_mass = self._matter(self.network.points[body.points[0]])
-        n_fixed = 2 * body.is_held
-        ties = f"{_number(body.K)} {_number(body.z)} 0 0"
+        mass = self._matter(self.network.points[body.points[0]])
+        fixed_count = 2 * body.is_held
+        link_values = f"{_number(body.K)} {_number(body.z)} 0 0"
         if body.kind == "STRING":
             member_count = column_count
-            member_mass = nudge_to_goal(
-                member_mass, lambda m: member_count * m / member_count, member_mass
-            )
+            mass = nudge_to_goal(mass, lambda m: member_count * m / member_count, mass)
             self.called[body.points[0]] = body_name
-            body_word = "string" if body.is_held else "chain"
+            keyword = "string" if body.is_held else "chain"
             self.lines.append(
-                f"@{body_name} {body_word} {member_count + n_fixed} {_number(member_mass)} {ties}"
+                f"@{body_name} {keyword} {member_count + fixed_count} {_number(mass)} {link_values}"
             )
             for member_index in range(member_count):
-                share = _share(member_index + body.is_held, member_count + n_fixed)
+                share = _share(member_index + body.is_held, member_count + fixed_count)
                 self.link_names[body.points[member_index]] = f"[@{body_name} {share}]"
         else:
-            body_word = "closedMesh" if body.is_held else "mesh"
-            size = f"{row_count + n_fixed} {column_count + n_fixed}"
+            keyword = "closedMesh" if body.is_held else "mesh"
+            mesh_size = f"{row_count + fixed_count} {column_count + fixed_count}"
             self.called[body.points[0]] = body_name
-            self.lines.append(f"@{body_name} {body_word} {size} {_number(member_mass)} {ties}")
+            self.lines.append(f"@{body_name} {keyword} {mesh_size} {_number(mass)} {link_values}")
             for member_index in range(column_count * row_count):
                 row, column_index = divmod(member_index, column_count)
                 shares = (
-                    _share(row + body.is_held, row_count + n_fixed),
-                    _share(column_index + body.is_held, column_count + n_fixed),
+                    _share(row + body.is_held, row_count + fixed_count),
+                    _share(column_index + body.is_held, column_count + fixed_count),
                 )
                 self.link_names[body.points[member_index]] = f"[@{body_name} {' '.join(shares)}]"
 
     def _between(self, point: Point) -> str:
         """A point between masses as a place on their macro; empty if there is no such place."""
-        masses = [mass for mass, _ in point.shares]
-        bodies = [body for body in self.full_bodies.values() if set(body.points) & set(masses)]
+        mass_indices = [mass for mass, _ in point.shares]
+        bodies = [
+            body for body in self.full_bodies.values() if set(body.points) & set(mass_indices)
+        ]
         if len(bodies) != 1:
             return ""
         place = place_of(bodies[0], point.shares, lambda mass: self.network.points[mass])
@@ -170,10 +169,8 @@ class _Writing:
         if point.shares:
             self.link_names[number] = self._between(point) or "@"
             if self.link_names[number] == "@":
-                refusal_text = (
-                    "a PROXY that lies at no place of one whole STRING or rectangle at rest"
-                )
-                self.refuse(point.place, f"{point.name}: {refusal_text}")
+                reason = "a PROXY that lies at no place of one whole STRING or rectangle at rest"
+                self.refuse(point.place, f"{point.name}: {reason}")
             return
         mass_name = self._name(point.name)
         self.link_names[number] = f"@{mass_name}"
@@ -184,23 +181,27 @@ class _Writing:
         if point.rest and (point.kappa or point.zeta):
             self._resting(mass_name, number, point, m)
             return
-        k = nudge_to_goal(point.kappa * m, lambda k: k / m, point.kappa)
-        z = nudge_to_goal(point.zeta * m, lambda z: z / m, point.zeta)
-        if k < 0.0 or z < 0.0:
+        stiffness = nudge_to_goal(point.kappa * m, lambda stiffness: stiffness / m, point.kappa)
+        viscosity = nudge_to_goal(point.zeta * m, lambda viscosity: viscosity / m, point.zeta)
+        if stiffness < 0.0 or viscosity < 0.0:
             self.refuse(point.place, f"{point.name}: {_NEGATIVE}")
-        word = f"osc {_number(m)} {_number(k)} {_number(z)}" if k or z else f"mass {_number(m)}"
-        self._heavy(mass_name, word, point, m, k, z)
-
-    def _resting(self, ground_name: str, point_number: int, resting_point: Point, m: float) -> None:
-        """Write a CEL whose rest is not 0 as a mass tied to a ground there."""
-        self._heavy(ground_name, f"mass {_number(m)}", resting_point, m, 0.0, 0.0)
-        rest_name, tie_name = (
-            self._name(f"{resting_point.name}_rest"),
-            self._name(f"{resting_point.name}_tie"),
+        text = (
+            f"osc {_number(m)} {_number(stiffness)} {_number(viscosity)}"
+            if stiffness or viscosity
+            else f"mass {_number(m)}"
         )
-        self.lines.append(f"@{rest_name} ground {_number(resting_point.rest)}")
-        values = f"{_number(resting_point.kappa * m)} {_number(resting_point.zeta * m)}"
-        self.lines.append(f"@{tie_name} springDamper @{rest_name} @{ground_name} {values}")
+        self._heavy(mass_name, text, point, m, stiffness, viscosity)
+
+    def _resting(self, mass_name: str, point_number: int, point: Point, m: float) -> None:
+        """Write a CEL whose rest is not 0 as a mass tied to a ground there."""
+        self._heavy(mass_name, f"mass {_number(m)}", point, m, 0.0, 0.0)
+        ground_name, tie_name = (
+            self._name(f"{point.name}_rest"),
+            self._name(f"{point.name}_tie"),
+        )
+        self.lines.append(f"@{ground_name} ground {_number(point.rest)}")
+        tie_values = f"{_number(point.kappa * m)} {_number(point.zeta * m)}"
+        self.lines.append(f"@{tie_name} springDamper @{ground_name} @{mass_name} {tie_values}")
         self.ends.setdefault(point_number, []).append(-1)
 
     def _heavy(self, name: str, word: str, point: Point, m: float, k: float, z: float) -> None:
@@ -210,22 +211,18 @@ class _Writing:
         if z == m:
             self.refuse(point.place, f"{point.name}: it is damped within one sample")
             return
-        gravity_value = nudge_to_goal(-point.weight * RATE, lambda g: g / RATE, -point.weight)
+        gravity = nudge_to_goal(-point.weight * RATE, lambda g: g / RATE, -point.weight)
         step = point.d0
         x0 = nudge_to_goal(point.x0 - step, lambda x: (point.x0 - x) * RATE / RATE, step)
-        first_step = (step + (gravity_value / RATE + k * x0) / m) / (1.0 - z / m)
+        first_step = (step + (gravity / RATE + k * x0) / m) / (1.0 - z / m)
 
-        def begun(v0: float) -> float:
+        def position_after_first_step(v0: float) -> float:
             position_before = x0 - v0 / RATE
-            return (
-                (2.0 - (k + z) / m) * x0
-                + (z / m - 1.0) * position_before
-                - gravity_value / RATE / m
-            )
+            return (2.0 - (k + z) / m) * x0 + (z / m - 1.0) * position_before - gravity / RATE / m
 
-        v0 = nudge_to_goal(first_step * RATE, begun, point.x0)
-        weight = f" {_number(gravity_value)}" if gravity_value else ""
-        self.lines.append(f"@{name} {word}{weight} {_number(x0)} {_number(v0)}")
+        v0 = nudge_to_goal(first_step * RATE, position_after_first_step, point.x0)
+        gravity_text = f" {_number(gravity)}" if gravity else ""
+        self.lines.append(f"@{name} {word}{gravity_text} {_number(x0)} {_number(v0)}")
 
     # --- links and ports ---
 
@@ -239,58 +236,69 @@ class _Writing:
                 self.refuse(link.place, f"{link.name}: {_NEGATIVE}")
                 return
             if link.exponent != 1.0 or link.is_clamped:
-                noun = "an exponent" if link.exponent != 1.0 else "a clamp"
-                self.refuse(link.place, f"{link.name}: mi-gen has no contact with {noun}")
+                missing_feature = "an exponent" if link.exponent != 1.0 else "a clamp"
+                self.refuse(
+                    link.place, f"{link.name}: mi-gen has no contact with {missing_feature}"
+                )
                 return
             end_names = (
                 f"{first_name} {second_name}" if link.side > 0 else f"{second_name} {first_name}"
             )
-            tie = f"{_number(link.K)} {_number(link.z)} {_number(-link.offset)}"
-            self.lines.append(f"@{link_name} contact {end_names} {tie}")
+            contact_values = f"{_number(link.K)} {_number(link.z)} {_number(-link.offset)}"
+            self.lines.append(f"@{link_name} contact {end_names} {contact_values}")
         elif link.offset:
             self.refuse(link.place, f"{link.name}: a spring of mi-gen has no length at rest")
         elif link.K < 0.0 or link.z < 0.0:
             self._linear(link_name, f"{first_name} {second_name}", link.K, link.z)
         else:
-            ties = [_number(constant) for constant in (link.K, link.z) if constant] or ["0"]
-            word = "springDamper" if len(ties) == 2 else "damper" if link.z else "spring"
-            self.lines.append(f"@{link_name} {word} {first_name} {second_name} {' '.join(ties)}")
+            link_values = [_number(constant) for constant in (link.K, link.z) if constant] or ["0"]
+            keyword = "springDamper" if len(link_values) == 2 else "damper" if link.z else "spring"
+            self.lines.append(
+                f"@{link_name} {keyword} {first_name} {second_name} {' '.join(link_values)}"
+            )
 
     def _law(self, name: str, link: Link, end_names: str) -> None:
         assert link.law is not None
         law_fields, per_step = link.law.fields, link.law.per_step
         law_texts = _bare(law_fields["law"]), _bare(law_fields["damping"])
-        linear, known_z = _LINEAR.get(law_texts[0]), law_texts[1] in ("", "z*v")
-        if linear is not None and known_z and not link.offset and not law_fields["points"]:
-            k, z = (law_fields["constants"].get(constant, 0.0) for constant in (linear, "z"))
+        stiffness_letter, has_plain_damping = _LINEAR.get(law_texts[0]), law_texts[1] in ("", "z*v")
+        if (
+            stiffness_letter is not None
+            and has_plain_damping
+            and not link.offset
+            and not law_fields["points"]
+        ):
+            k, z = (
+                law_fields["constants"].get(constant, 0.0) for constant in (stiffness_letter, "z")
+            )
             self._linear(name, end_names, k, z * per_step)
             return
-        link_word = _FIELD_WORDS.get(law_texts)
-        if link_word is None or law_fields["points"]:
-            refusal_text = f"{link.name}: its law is none of mi-gen's; docs/import.md has them"
-            self.refuse(link.place, refusal_text)
+        law_word = _FIELD_WORDS.get(law_texts)
+        if law_word is None or law_fields["points"]:
+            reason = f"{link.name}: its law is none of mi-gen's; docs/import.md has them"
+            self.refuse(link.place, reason)
             return
-        link_form = LINKS["head"][link_word]
-        if link.offset and link_form.rest != "thresh":
-            self.refuse(link.place, f"{link.name}: a {link_word} of mi-gen has no rest")
+        head_link = LINKS["head"][law_word]
+        if link.offset and head_link.rest != "thresh":
+            self.refuse(link.place, f"{link.name}: a {law_word} of mi-gen has no rest")
             return
-        keyword = link_word.split()[-1]
-        constants_by_name = {
-            value: law_fields["constants"][letter] for letter, value in link_form.fields.items()
+        keyword = law_word.split()[-1]
+        values_by_name = {
+            value: law_fields["constants"][letter] for letter, value in head_link.fields.items()
         }
         if per_step != 1.0:
-            if "0.3" in link_form.damping:
+            if "0.3" in head_link.damping:
                 self.refuse(link.place, f"{link.name}: this law is written under units: ca alone")
                 return
-            if "Z" in constants_by_name:
-                constants_by_name["Z"] *= per_step
+            if "Z" in values_by_name:
+                values_by_name["Z"] *= per_step
             if keyword == "nlBow":
-                constants_by_name["scale"] /= per_step
-        value_words = _ORDER[link_word]
-        constants_by_name.setdefault("thresh", link.offset)
+                values_by_name["scale"] /= per_step
+        value_names = _ORDER[law_word]
+        values_by_name.setdefault("thresh", link.offset)
         values_text = " ".join(
-            _number(float(constants_by_name.get(constant, _DEFAULTS.get(constant, 0.0))))
-            for constant in value_words
+            _number(float(values_by_name.get(constant, _DEFAULTS.get(constant, 0.0))))
+            for constant in value_names
         )
         self.lines.append(f"@{name} {keyword} {end_names} {values_text}")
 
@@ -301,19 +309,19 @@ class _Writing:
 
     def _pushes(self, inputs: list[str]) -> None:
         for input_number, input_name in enumerate(inputs):
-            pushed = [
+            pushed_indices = [
                 point_index
-                for point_index, network_point in enumerate(self.network.points)
-                if input_number in network_point.forces
+                for point_index, point in enumerate(self.network.points)
+                if input_number in point.forces
             ]
-            if len(pushed) == 1:
-                self.lines.append(f"@{input_name} frcInput {self.link_names[pushed[0]]}")
-            elif pushed:
-                pushed_point = self.network.points[pushed[0]]
-                refusal_text = (
+            if len(pushed_indices) == 1:
+                self.lines.append(f"@{input_name} frcInput {self.link_names[pushed_indices[0]]}")
+            elif pushed_indices:
+                pushed_point = self.network.points[pushed_indices[0]]
+                reason = (
                     f"{self.network.inputs[input_number].name}: an input of mi-gen pushes one mass"
                 )
-                self.refuse(pushed_point.place, refusal_text)
+                self.refuse(pushed_point.place, reason)
 
     def _output(self, name: str, output: MixedOutput) -> None:
         output_name = output.name.split(" ")[0]
@@ -333,21 +341,19 @@ class _Writing:
         none.
         """
         end_masses = {self.network.links[link].b for link in output.links}
-        (link_end,) = end_masses if len(end_masses) == 1 else (-1,)
-        is_all = sorted(self.ends.get(link_end, [])) == sorted(output.links)
+        (mass_index,) = end_masses if len(end_masses) == 1 else (-1,)
+        hears_all_links = sorted(self.ends.get(mass_index, [])) == sorted(output.links)
         if (
-            not is_all
-            or self.network.points[link_end].forces
-            or self.network.points[link_end].fed is not None
+            not hears_all_links
+            or self.network.points[mass_index].forces
+            or self.network.points[mass_index].fed is not None
         ):
-            refusal_text = (
-                f"{output_name}: mi-gen hears the force of all links of one mass together"
-            )
-            self.refuse(output.place, f"{refusal_text}, and here they are others")
-        elif self.link_names[link_end].startswith("["):
+            reason = f"{output_name}: mi-gen hears the force of all links of one mass together"
+            self.refuse(output.place, f"{reason}, and here they are others")
+        elif self.link_names[mass_index].startswith("["):
             self.refuse(output.place, f"{output_name}: mi-gen hears no force on a member of a body")
         else:
-            self.lines.append(f"@{name} frcOutput {self.link_names[link_end]}")
+            self.lines.append(f"@{name} frcOutput {self.link_names[mass_index]}")
 
 
 _NEGATIVE = "a stiffness or a viscosity below 0"
@@ -379,27 +385,29 @@ def _channels(channel_letters: str, names_wanted: list[str]) -> list[str]:
     """Channel names such as `in1`: wanted names that are free, else the lowest numbers that are
     left.
     """
-    form = re.compile(rf"{channel_letters}[1-9]\d?")
-    matching = [name if form.fullmatch(name) else "" for name in names_wanted]
-    matching = [
-        name if name not in matching[:channel_index] else ""
-        for channel_index, name in enumerate(matching)
+    channel_pattern = re.compile(rf"{channel_letters}[1-9]\d?")
+    channel_names = [name if channel_pattern.fullmatch(name) else "" for name in names_wanted]
+    channel_names = [
+        name if name not in channel_names[:name_index] else ""
+        for name_index, name in enumerate(channel_names)
     ]
-    free = (
-        f"{channel_letters}{n}" for n in range(1, 10_000) if f"{channel_letters}{n}" not in matching
+    free_names = (
+        f"{channel_letters}{n}"
+        for n in range(1, 10_000)
+        if f"{channel_letters}{n}" not in channel_names
     )
-    return [name or next(free) for name in matching]
+    return [name or next(free_names) for name in channel_names]
 
 
 def _share(member: int, count: int) -> str:
     return _number(member / (count - 1)) if count > 1 else "0"
 
 
-def _number(shown_value: float) -> str:
+def _number(value: float) -> str:
     """A number without `+`, which mi-gen would read as a sum."""
-    if shown_value == int(shown_value) and abs(shown_value) < 1e15:
-        return str(int(shown_value))
-    return repr(shown_value).replace("+", "")
+    if value == int(value) and abs(value) < 1e15:
+        return str(int(value))
+    return repr(value).replace("+", "")
 
 
 def _plain(text: str) -> str:

@@ -10,67 +10,72 @@ _SHARE_TOLERANCE = 1e-12  # tolerance of a share
 
 
 def place_of(
-    stepped_body: Body, mass_shares: Sequence[tuple[int, float]], point_of: Callable[[int], Point]
+    body: Body, shares: Sequence[tuple[int, float]], point_of: Callable[[int], Point]
 ) -> list[float]:
     """The place on a body that gives these shares, linear along each side; empty if there is none.
 
     A fixed point at 0 among them is the end of a held string, beside its first or last mass.
     `point_of` returns the point of a number.
     """
-    (column_count, row_count), is_string = stepped_body.sides, stepped_body.kind == "STRING"
-    n_fixed = 2 * stepped_body.is_held
-    share_by_place: dict[tuple[int, int], float] = {}
-    place_by_mass = {mass: place for place, mass in enumerate(stepped_body.points)}
-    end_places = {place_by_mass[mass] for mass, _ in mass_shares if mass in place_by_mass}
-    for mass_index, mass_share in mass_shares:
-        if not mass_share:
+    (column_count, row_count), is_string = body.sides, body.kind == "STRING"
+    fixed_count = 2 * body.is_held
+    share_by_grid_point: dict[tuple[int, int], float] = {}
+    position_by_mass = {mass: position for position, mass in enumerate(body.points)}
+    row_positions = {position_by_mass[mass] for mass, _ in shares if mass in position_by_mass}
+    for mass_index, share in shares:
+        if not share:
             continue
-        if mass_index in place_by_mass:
-            row, column_index = divmod(place_by_mass[mass_index], column_count)
-            row_and_column = (
-                row + stepped_body.is_held * (not is_string),
-                column_index + stepped_body.is_held,
+        if mass_index in position_by_mass:
+            row_index, column_index = divmod(position_by_mass[mass_index], column_count)
+            grid_point = (
+                row_index + body.is_held * (not is_string),
+                column_index + body.is_held,
             )
         elif (
             is_string
-            and stepped_body.is_held
+            and body.is_held
             and _is_still(point_of(mass_index))
-            and len(end_places) == 1
+            and len(row_positions) == 1
         ):
-            (end,) = end_places
-            row_and_column = (0, 0) if end == 0 else (0, column_count + 1)
-            if end not in (0, column_count - 1) or column_count == 1:
+            (end_position,) = row_positions
+            grid_point = (0, 0) if end_position == 0 else (0, column_count + 1)
+            if end_position not in (0, column_count - 1) or column_count == 1:
                 return []
         else:
             return []
-        share_by_place[row_and_column] = share_by_place.get(row_and_column, 0.0) + mass_share
-    side_counts = (
-        [column_count + n_fixed] if is_string else [row_count + n_fixed, column_count + n_fixed]
+        share_by_grid_point[grid_point] = share_by_grid_point.get(grid_point, 0.0) + share
+    counts = (
+        [column_count + fixed_count]
+        if is_string
+        else [row_count + fixed_count, column_count + fixed_count]
     )
     means = [
-        sum(share * row_and_column[axis] for row_and_column, share in share_by_place.items())
+        sum(
+            point_share * grid_point[axis]
+            for grid_point, point_share in share_by_grid_point.items()
+        )
         for axis in (0, 1)
     ]
     if any(
-        abs(_share(row_and_column, means) - share) > _SHARE_TOLERANCE
-        for row_and_column, share in share_by_place.items()
+        abs(_share(grid_point, means) - point_share) > _SHARE_TOLERANCE
+        for grid_point, point_share in share_by_grid_point.items()
     ):
         return []
-    if abs(sum(share_by_place.values()) - 1.0) > _SHARE_TOLERANCE:
+    if abs(sum(share_by_grid_point.values()) - 1.0) > _SHARE_TOLERANCE:
         return []
     return [
-        mean / (side - 1) if side > 1 else 0.0
-        for mean, side in zip(means[-len(side_counts) :], side_counts, strict=True)
+        mean / (count - 1) if count > 1 else 0.0
+        for mean, count in zip(means[-len(counts) :], counts, strict=True)
     ]
 
 
-def _share(row_and_column: tuple[int, int], means: Sequence[float]) -> float:
+def _share(grid_point: tuple[int, int], means: Sequence[float]) -> float:
     """The share of one mass in a place between masses, linear along each side."""
-    row_index, column_index = (
+    row_share, column_share = (
         max(0.0, 1.0 - abs(mean - coordinate))
-        for mean, coordinate in zip(means, row_and_column, strict=True)
+        for mean, coordinate in zip(means, grid_point, strict=True)
     )
-    return row_index * column_index
+    return row_share * column_share
 
 
 def _is_still(point: Point) -> bool:

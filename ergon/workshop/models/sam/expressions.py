@@ -73,17 +73,17 @@ def names(node: Node) -> set[str]:
 
 
 class _Parser:
-    def __init__(self, expression_text: str, line_number: int) -> None:
-        self.text, self.line, self.index, self.depth = expression_text, line_number, 0, 0
+    def __init__(self, text: str, line: int) -> None:
+        self.text, self.line, self.index, self.depth = text, line, 0, 0
         self.tokens: list[tuple[str, str]] = []
-        match_position = 0
-        while expression_text[match_position:].strip():
-            token_match = _TOKEN.match(expression_text, match_position)
-            if token_match is None or len(self.tokens) >= _TOKENS_MAX:
-                unread_text = quote(expression_text[match_position:].strip()[:20])
-                raise ModelError(f"of Faust {unread_text} is not read here", line_number)
-            self.tokens.append((str(token_match.lastgroup), token_match[0].strip()))
-            match_position = token_match.end()
+        position = 0
+        while text[position:].strip():
+            match = _TOKEN.match(text, position)
+            if match is None or len(self.tokens) >= _TOKENS_MAX:
+                unread_text = quote(text[position:].strip()[:20])
+                raise ModelError(f"of Faust {unread_text} is not read here", line)
+            self.tokens.append((str(match.lastgroup), match[0].strip()))
+            position = match.end()
 
     def read_all(self) -> Node:
         if not self.tokens:
@@ -109,51 +109,47 @@ class _Parser:
             raise self.wrong()
         self.index += 1
 
-    def level(self, nth: int) -> Node:
-        if nth == len(_LEVELS):
+    def level(self, level_index: int) -> Node:
+        if level_index == len(_LEVELS):
             return self.primary()
-        operand_nodes, operators = [self.level(nth + 1)], []
-        while self.sign() in _LEVELS[nth] and self.sign():
+        operands, operators = [self.level(level_index + 1)], []
+        while self.sign() in _LEVELS[level_index] and self.sign():
             operators.append(self.sign())
             self.index += 1
-            operand_nodes.append(self.level(nth + 1))
+            operands.append(self.level(level_index + 1))
         if not operators:
-            return operand_nodes[0]
-        return Node("chain", "", tuple(operand_nodes), tuple(operators))
+            return operands[0]
+        return Node("chain", "", tuple(operands), tuple(operators))
 
     def primary(self) -> Node:
         if self.index >= len(self.tokens):
             raise self.wrong()
-        token_kind, token_word = self.tokens[self.index]
+        kind, word = self.tokens[self.index]
         self.depth += 1
         if self.depth > _DEPTH_MAX:
             message = f"more than {_DEPTH_MAX} parentheses or signs inside one another"
             raise ModelError(message, self.line)
         self.index += 1
-        if token_kind == "number":
-            parsed_node = Node("number", token_word)
-        elif token_kind == "text":
-            parsed_node = Node("text", token_word[1:-1])
-        elif token_kind == "name":
-            parsed_node = (
-                Node("call", token_word, self.arguments())
-                if self.sign() == "("
-                else Node(token_kind, token_word)
-            )
-        elif token_word == "_":
-            parsed_node = Node("input", token_word)
-        elif token_word == "(":
-            parsed_node = self.level(0)
+        if kind == "number":
+            node = Node("number", word)
+        elif kind == "text":
+            node = Node("text", word[1:-1])
+        elif kind == "name":
+            node = Node("call", word, self.arguments()) if self.sign() == "(" else Node(kind, word)
+        elif word == "_":
+            node = Node("input", word)
+        elif word == "(":
+            node = self.level(0)
             self.take(")")
-        elif token_word in ("+", "-", "*", "/", "^") and self.sign() == "(":
-            parsed_node = Node("partial", token_word, self.arguments())
-        elif token_word == "-":
-            parsed_node = Node("negative", token_word, (self.primary(),))
+        elif word in ("+", "-", "*", "/", "^") and self.sign() == "(":
+            node = Node("partial", word, self.arguments())
+        elif word == "-":
+            node = Node("negative", word, (self.primary(),))
         else:
             self.index -= 1
             raise self.wrong()
         self.depth -= 1
-        return parsed_node
+        return node
 
     def arguments(self) -> tuple[Node, ...]:
         self.take("(")
@@ -194,42 +190,40 @@ def definitions(code: Sequence[Code]) -> dict[str, Definition]:
     fail.
     """
     by_name: dict[str, Definition] = {}
-    waiting, first_line = "", 0
+    unread_text, first_line = "", 0
     comments_before: tuple[str, ...] = ()
     for code_line in code:
-        source, comment = _without_comment(code_line.text)
-        code_parts = source.split(";")
+        code_text, comment = _without_comment(code_line.text)
+        code_parts = code_text.split(";")
         for nth, code_part in enumerate(code_parts):
-            if not waiting.strip():
+            if not unread_text.strip():
                 first_line, comments_before = code_line.line, code_line.before if nth == 0 else ()
-            waiting += code_part + " "
+            unread_text += code_part + " "
             if nth + 1 == len(code_parts):
                 break
-            if not waiting.strip():
+            if not unread_text.strip():
                 continue
-            defined = _DEFINED.fullmatch(waiting)
-            if defined is None:
+            match = _DEFINED.fullmatch(unread_text)
+            if match is None:
                 raise ModelError(
                     "a line of Faust is written faustcode: name = expression;", first_line
                 )
-            defined_name, argument_text, definition_text = (
-                defined[1],
-                defined[2],
-                defined[3].strip(),
+            name, argument_text, expression_text = (
+                match[1],
+                match[2],
+                match[3].strip(),
             )
-            if defined_name in by_name:
-                message = (
-                    f"{quote(defined_name)} is defined in line {by_name[defined_name].line} too"
-                )
+            if name in by_name:
+                message = f"{quote(name)} is defined in line {by_name[name].line} too"
                 raise ModelError(message, first_line)
-            split = (
+            arguments = (
                 tuple(word.strip() for word in argument_text.split(",")) if argument_text else ()
             )
-            by_name[defined_name] = Definition(
-                defined_name, split, definition_text, first_line, comment, comments_before
+            by_name[name] = Definition(
+                name, arguments, expression_text, first_line, comment, comments_before
             )
-            waiting = ""
-    if waiting.strip():
+            unread_text = ""
+    if unread_text.strip():
         raise ModelError("a line of Faust ends with a semicolon", first_line)
     return by_name
 

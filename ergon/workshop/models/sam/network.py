@@ -77,28 +77,26 @@ class Start:
 
 def start(masses: Mapping[str, Mass], start_links: Sequence[Link]) -> Start:
     """Where a score begins."""
-    pressed = dict.fromkeys(masses, 0.0)
-    for start_link in start_links:
-        if start_link.kind == "link" or start_link.o < 0.0:
-            _push(pressed, start_link, -start_link.o * (start_link.k + start_link.R * RATE))
-    start_places, start_steps = {}, {}
-    for mass_name, named_mass in masses.items():
-        step = pressed[mass_name] * named_mass.mobility
-        start_places[mass_name] = named_mass.x0 + step
-        start_steps[mass_name] = named_mass.v0 / RATE + step
+    forces_at_start = dict.fromkeys(masses, 0.0)
+    for link in start_links:
+        if link.kind == "link" or link.o < 0.0:
+            _push(forces_at_start, link, -link.o * (link.k + link.R * RATE))
+    places, steps = {}, {}
+    for name, mass in masses.items():
+        step = forces_at_start[name] * mass.mobility
+        places[name] = mass.x0 + step
+        steps[name] = mass.v0 / RATE + step
     kicks = dict.fromkeys(masses, 0.0)
-    for start_link in start_links:
-        start_vector = start_places[start_link.a] - start_places[start_link.b]
-        if start_link.kind == "link" or start_vector - start_link.o > 0.0:
+    for link in start_links:
+        length = places[link.a] - places[link.b]
+        if link.kind == "link" or length - link.o > 0.0:
             _push(
                 kicks,
-                start_link,
-                start_link.R
-                * RATE
-                * (start_vector - (start_steps[start_link.a] - start_steps[start_link.b])),
+                link,
+                link.R * RATE * (length - (steps[link.a] - steps[link.b])),
             )
-    struck = {name: f for name, f in kicks.items() if f and masses[name].mobility}
-    return Start(start_places, start_steps, struck)
+    kicks_of_mobile = {name: f for name, f in kicks.items() if f and masses[name].mobility}
+    return Start(places, steps, kicks_of_mobile)
 
 
 def _push(forces: dict[str, float], link: Link, force: float) -> None:

@@ -13,11 +13,11 @@ from ergon.workshop.models.sam.writing import Writing, target
 
 def page(writing: Writing, score_title: str, start_state: Start, n_channels: int) -> Page:
     """A score that begins as the model does."""
-    fed = [name for name in ports(writing.sheet) if name in writing.inputs]
+    fed_names = [name for name in ports(writing.sheet) if name in writing.inputs]
     return Page(
         head=_head(writing, score_title),
         parameters=writing.parameters.values(),
-        inputs={name: writing.inputs[name] for name in fed},
+        inputs={name: writing.inputs[name] for name in fed_names},
         modules=writing.modules,
         tail=writing.sheet.tail,
         outs=writing.outs,
@@ -41,11 +41,12 @@ def _head(writing: Writing, title: str) -> Iterator[str]:
     yield f"From {title or 'a model'}, a model of Synth-A-Modeler."
     yield f"One sample is 1/{RATE} s. M is in kg*fs*fs, K in N/m, Z in N/(m/s)*fs: the numbers of"
     yield "the discrete network."
-    free = [name for name in ports(writing.sheet) if name not in writing.inputs]
-    if free:
-        yield f"Where a haptic device was ({_some(free)}) nothing moves."
-        yield f"--feed {free[0]}=FILE.wav moves it. To play it, write a key in place of its SOL:"
-        yield f"keys: {{{writing.targets[free[0]]}: {{M: 50g, K: 100N/m, Z: 1Ns/m}}}}"
+    unfed_names = [name for name in ports(writing.sheet) if name not in writing.inputs]
+    if unfed_names:
+        yield f"Where a haptic device was ({_some(unfed_names)}) nothing moves."
+        port = unfed_names[0]
+        yield f"--feed {port}=FILE.wav moves it. To play it, write a key in place of its SOL:"
+        yield f"keys: {{{writing.targets[port]}: {{M: 50g, K: 100N/m, Z: 1Ns/m}}}}"
     if writing.hears_forces:
         yield "Forces are heard one sample before the model's own."
     head_lines = list(writing.sheet.head)

@@ -124,69 +124,63 @@ def _comment_lines(comment: str) -> list[str]:
     return [comment.lstrip("#").strip()]
 
 
-def _statement(
-    code_text: str, line_number: int, comments_before: tuple[str, ...], comment_after: str
-) -> Statement:
-    head_match = _STATEMENT_HEAD.match(code_text)
-    statement_word = head_match[1] if head_match else code_text.split(None, 1)[0].strip(",;(")
-    if statement_word in REFUSED:
-        raise ModelError(f"{statement_word}: {REFUSED[statement_word]}", line_number)
-    if statement_word not in WORDS:
-        message = f"{quote(statement_word)} is not a word of Synth-A-Modeler"
-        raise ModelError(message, line_number, nearest(statement_word, WORDS))
+def _statement(code_text: str, line: int, before: tuple[str, ...], behind: str) -> Statement:
+    head = _STATEMENT_HEAD.match(code_text)
+    word = head[1] if head else code_text.split(None, 1)[0].strip(",;(")
+    if word in REFUSED:
+        raise ModelError(f"{word}: {REFUSED[word]}", line)
+    if word not in WORDS:
+        message = f"{quote(word)} is not a word of Synth-A-Modeler"
+        raise ModelError(message, line, nearest(word, WORDS))
     if not code_text.rstrip().endswith(";"):
-        raise ModelError("a statement ends with a semicolon", line_number)
-    count_error = ModelError(f"{statement_word} is written {written(statement_word)}", line_number)
-    if (
-        head_match is None
-        or (head_match[2] == ",") != (statement_word in OUTPUTS)
-        or head_match[2] == ":"
-    ):
-        raise count_error
-    argument_text = code_text.rstrip()[:-1][head_match.end() :]
-    if statement_word in OUTPUTS:
-        statement_name, comma, expression = argument_text.partition(",")
+        raise ModelError("a statement ends with a semicolon", line)
+    form_error = ModelError(f"{word} is written {written(word)}", line)
+    if head is None or (head[2] == ",") != (word in OUTPUTS) or head[2] == ":":
+        raise form_error
+    argument_text = code_text.rstrip()[:-1][head.end() :]
+    if word in OUTPUTS:
+        name, comma, expression = argument_text.partition(",")
         if not comma:
-            raise count_error
+            raise form_error
         return Statement(
-            statement_word,
+            word,
             (expression.strip(),),
-            _name(statement_name, line_number),
+            _name(name, line),
             (),
-            line_number,
-            comments_before,
-            comment_after,
+            line,
+            before,
+            behind,
         )
-    inside, is_closed, outside = _closed(argument_text)
+    values_text, is_closed, names_text = _closed(argument_text)
     if not is_closed:
-        raise ModelError("a parenthesis is not closed", line_number)
-    statement_values = tuple(_split(inside)) if inside.strip() else ()
-    statement_form = MASSES.get(statement_word, LINKS.get(statement_word, ()))
-    is_right = len(statement_values) == len(statement_form)
-    if statement_word == "resonators":
-        if len(statement_values) == 1:  # a list in parentheses of its own
-            content, _, text_after = _closed(statement_values[0].strip()[1:])
-            if statement_values[0].strip().startswith("(") and not text_after.strip():
-                statement_values = tuple(_split(content))
-        is_right = len(statement_values) > 0 and len(statement_values) % len(statement_form) == 0
-    n_names = 3 if statement_word in LINKS else 1
-    name_texts = outside.split(",")
-    if "(" in name_texts[-1] and is_right:
-        message = f"the group {name_texts[-1].strip()} says nothing any more; leave it out"
-        raise ModelError(message, line_number)
-    if not is_right or name_texts[0].strip() or len(name_texts) != n_names + 1:
-        raise count_error
-    if not all(value.strip() for value in statement_values):
-        raise count_error
-    statement_name, *end_names = (_name(name_text, line_number) for name_text in name_texts[1:])
+        raise ModelError("a parenthesis is not closed", line)
+    values = tuple(_split(values_text)) if values_text.strip() else ()
+    form = MASSES.get(word, LINKS.get(word, ()))
+    has_all_values = len(values) == len(form)
+    if word == "resonators":
+        if len(values) == 1:  # a list in parentheses of its own
+            content, _, text_after = _closed(values[0].strip()[1:])
+            if values[0].strip().startswith("(") and not text_after.strip():
+                values = tuple(_split(content))
+        has_all_values = len(values) > 0 and len(values) % len(form) == 0
+    name_count = 3 if word in LINKS else 1
+    names = names_text.split(",")
+    if "(" in names[-1] and has_all_values:
+        message = f"the group {names[-1].strip()} says nothing any more; leave it out"
+        raise ModelError(message, line)
+    if not has_all_values or names[0].strip() or len(names) != name_count + 1:
+        raise form_error
+    if not all(value.strip() for value in values):
+        raise form_error
+    name, *end_names = (_name(name_text, line) for name_text in names[1:])
     return Statement(
-        statement_word,
-        tuple(v.strip() for v in statement_values),
-        statement_name,
+        word,
+        tuple(v.strip() for v in values),
+        name,
         tuple(end_names),
-        line_number,
-        comments_before,
-        comment_after,
+        line,
+        before,
+        behind,
     )
 
 

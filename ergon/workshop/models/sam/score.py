@@ -44,35 +44,41 @@ def written(
     `inputs_by_name` are files that drive ports, by their names; `overrides` are values of
     parameters.
     """
-    code = definitions(sheet.code)
-    ids = {statement.name: statement for statement in sheet.statements}
-    for override_name in set(code) & set(ids):
+    faust_by_name = definitions(sheet.code)
+    statement_by_name = {statement.name: statement for statement in sheet.statements}
+    for override_name in set(faust_by_name) & set(statement_by_name):
         message = (
             f"{quote(override_name)} is a name of a line of Faust too, line "
-            f"{code[override_name].line}"
+            f"{faust_by_name[override_name].line}"
         )
-        raise ModelError(message, ids[override_name].line)
+        raise ModelError(message, statement_by_name[override_name].line)
     for override_name in overrides:
-        if override_name not in code or code[override_name].arguments:
-            suggestion = nearest(override_name, code)
+        if override_name not in faust_by_name or faust_by_name[override_name].arguments:
+            suggestion = nearest(override_name, faust_by_name)
             raise ModelError(f"the model has no parameter {quote(override_name)}", 0, suggestion)
-    if "fs" in code:
+    if "fs" in faust_by_name:
         message = f"fs is the rate of the library, {RATE:,} Hz; it has no other"
-        raise ModelError(message, code["fs"].line)
-    values = Values({**LIBRARY, **code}, audible_names(sheet.statements), overrides)
-    sixty = next(name for name in ("sixty", *(f"sixty{n}" for n in code)) if name not in code)
-    writing = Writing(sheet, inputs_by_name, values, Params(["fs", *code, sixty]), sixty=sixty)
+        raise ModelError(message, faust_by_name["fs"].line)
+    values = Values({**LIBRARY, **faust_by_name}, audible_names(sheet.statements), overrides)
+    sixty_name = next(
+        name
+        for name in ("sixty", *(f"sixty{n}" for n in faust_by_name))
+        if name not in faust_by_name
+    )
+    writing = Writing(
+        sheet, inputs_by_name, values, Params(["fs", *faust_by_name, sixty_name]), sixty=sixty_name
+    )
     let(writing, "fs", str(RATE), "samples in a second")
     if not any(statement.word in (*MASSES, *LINKS) for statement in sheet.statements):
         raise ModelError("it has no mass and no link, of which a score is made")
-    for model_statement in sheet.statements:
-        writing.targets[model_statement.name] = writing.names.new(model_statement.name)
-    for model_statement in sheet.statements:
-        if model_statement.word in MASSES:
-            _count(writing, model_statement)
-    for model_statement in sheet.statements:
-        if model_statement.word in LINKS:
-            _join(writing, model_statement)
+    for statement in sheet.statements:
+        writing.targets[statement.name] = writing.names.new(statement.name)
+    for statement in sheet.statements:
+        if statement.word in MASSES:
+            _count(writing, statement)
+    for statement in sheet.statements:
+        if statement.word in LINKS:
+            _join(writing, statement)
     start_state = start(writing.masses, list(writing.links.values()))
     output_statements = [
         statement for statement in sheet.statements if statement.word == "audioout"
@@ -81,103 +87,95 @@ def written(
         writing.values.sound(statement.values[0], statement.line) for statement in output_statements
     ]
     sides = sides_of(writing, output_statements, sounds)
-    for model_statement in sheet.statements:
-        if model_statement.word in MASSES:
-            _MAKERS[model_statement.word](writing, model_statement, start_state)
-        elif model_statement.word in LINKS:
-            _link(writing, model_statement, sides.get(model_statement.name, 1.0))
-    for channel, (model_statement, output_sound) in enumerate(
-        zip(output_statements, sounds, strict=True), 1
-    ):
-        hear(writing, model_statement, output_sound, channel)
+    for statement in sheet.statements:
+        if statement.word in MASSES:
+            _MAKERS[statement.word](writing, statement, start_state)
+        elif statement.word in LINKS:
+            _link(writing, statement, sides.get(statement.name, 1.0))
+    for channel, (statement, sound) in enumerate(zip(output_statements, sounds, strict=True), 1):
+        hear(writing, statement, sound, channel)
     return page(writing, score_title, start_state, len(output_statements)).written()
 
 
 # --- masses -------------------------------------------------------------------------------------
 
 
-def _count(writing: Writing, model_statement: Statement) -> None:
+def _count(writing: Writing, statement: Statement) -> None:
     """Compute the values of a mass."""
-    if model_statement.word == "resonators":
-        resonances = _resonances(writing, model_statement)
+    if statement.word == "resonators":
+        resonances = _resonances(writing, statement)
         mobility = sum(resonance.mobility for resonance in resonances)
-        writing.masses[model_statement.name] = Mass(
-            model_statement.word, 0.0, 0.0, mobility, len(resonances) > 1
+        writing.masses[statement.name] = Mass(
+            statement.word, 0.0, 0.0, mobility, len(resonances) > 1
         )
         return
-    if model_statement.word == "port":
-        fed = writing.inputs.get(model_statement.name)
-        writing.masses[model_statement.name] = Mass(
-            model_statement.word, 0.0 if fed is None else fed.first, 0.0, 0.0
+    if statement.word == "port":
+        source = writing.inputs.get(statement.name)
+        writing.masses[statement.name] = Mass(
+            statement.word, 0.0 if source is None else source.first, 0.0, 0.0
         )
         return
-    if model_statement.word == "ground":
-        x0 = value_of(writing, model_statement, 0)
-        within(model_statement, "x0", x0, _DISTANCE_MAX)
-        writing.masses[model_statement.name] = Mass(model_statement.word, x0, 0.0, 0.0)
+    if statement.word == "ground":
+        x0 = value_of(writing, statement, 0)
+        within(statement, "x0", x0, _DISTANCE_MAX)
+        writing.masses[statement.name] = Mass(statement.word, x0, 0.0, 0.0)
         return
-    m = value_of(writing, model_statement, 0)
-    if m <= 0.0:
-        raise ModelError(f"m is {m:g}: a mass is above 0", model_statement.line)
-    mobility = 1.0 / (m * RATE * RATE)
-    writing.masses[model_statement.name] = Mass(
-        model_statement.word,
-        value_of(writing, model_statement, 1),
-        value_of(writing, model_statement, 2),
+    mass = value_of(writing, statement, 0)
+    if mass <= 0.0:
+        raise ModelError(f"m is {mass:g}: a mass is above 0", statement.line)
+    mobility = 1.0 / (mass * RATE * RATE)
+    writing.masses[statement.name] = Mass(
+        statement.word,
+        value_of(writing, statement, 1),
+        value_of(writing, statement, 2),
         mobility,
     )
 
 
-def _resonances(writing: Writing, model_statement: Statement) -> list[Resonance]:
+def _resonances(writing: Writing, statement: Statement) -> list[Resonance]:
     resonances = []
-    for first_value in range(0, len(model_statement.values), 3):
+    for first_value in range(0, len(statement.values), 3):
         resonance = Resonance(
-            *(value_of(writing, model_statement, first_value + nth) for nth in range(3))
+            *(value_of(writing, statement, first_value + nth) for nth in range(3))
         )
         if not 0.0 < resonance.f < RATE / 2:
             message = f"f is {resonance.f:g} Hz: a frequency lies between 0 and half of {RATE:,} Hz"
-            raise ModelError(message, model_statement.line)
+            raise ModelError(message, statement.line)
         for value_name, resonance_value in (("T60", resonance.T60), ("m", resonance.m)):
             if not 1e-9 < resonance_value < 1e9:
                 raise ModelError(
                     f"{value_name} is {resonance_value:g}: it lies above 1e-9, below 1e9",
-                    model_statement.line,
+                    statement.line,
                 )
         resonances.append(resonance)
     if len(resonances) > _MODES_MAX:
-        raise ModelError(f"resonators have at most {_MODES_MAX} modes", model_statement.line)
+        raise ModelError(f"resonators have at most {_MODES_MAX} modes", statement.line)
     return resonances
 
 
-def _begin(writing: Writing, model_statement: Statement, start_state: Start) -> list[str]:
+def _begin(writing: Writing, statement: Statement, start_state: Start) -> list[str]:
     """X0 and V0; they stay expressions if no force acts in the first sample."""
-    model_mass = writing.masses[model_statement.name]
-    x, v = start_state.places[model_statement.name], start_state.steps[model_statement.name] * RATE
-    within(model_statement, "x0", x, _DISTANCE_MAX)
-    within(model_statement, "the speed at the beginning", v, _SPEED_MAX)
-    is_free = (
-        model_statement.word == "mass"
-        and start_state.steps[model_statement.name] == model_mass.v0 / RATE
-    )
-    module_fields = []
-    if x:
-        module_fields.append(
-            f"X0: {unit_of(text_of(writing, model_statement, 1), 'm') if is_free else f'{x!r}m'}"
-        )
-    if v:
-        module_fields.append(
-            "V0: "
-            f"{unit_of(text_of(writing, model_statement, 2), 'm/s') if is_free else f'{v!r}m/s'}"
-        )
-    return module_fields
+    mass = writing.masses[statement.name]
+    position, speed = start_state.places[statement.name], start_state.steps[statement.name] * RATE
+    within(statement, "x0", position, _DISTANCE_MAX)
+    within(statement, "the speed at the beginning", speed, _SPEED_MAX)
+    is_as_written = statement.word == "mass" and start_state.steps[statement.name] == mass.v0 / RATE
+    fields = []
+    if position:
+        text = unit_of(text_of(writing, statement, 1), "m") if is_as_written else f"{position!r}m"
+        fields.append(f"X0: {text}")
+    if speed:
+        text = unit_of(text_of(writing, statement, 2), "m/s") if is_as_written else f"{speed!r}m/s"
+        fields.append(f"V0: {text}")
+    return fields
 
 
 def _mass(writing: Writing, statement: Statement, start_state: Start) -> None:
-    mass_fields = [
+    fields = [
         f"M: {times(text_of(writing, statement, 0), 'fs*fs')}",
         *_begin(writing, statement, start_state),
     ]
-    writing.add(f"MAS: {{{', '.join(mass_fields)}}}", statement)
+    writing.add(f"MAS: {{{', '.join(fields)}}}", statement)
 
 
 def _ground(writing: Writing, statement: Statement, _: Start) -> None:
@@ -188,59 +186,56 @@ def _ground(writing: Writing, statement: Statement, _: Start) -> None:
     )
 
 
-def _port(writing: Writing, model_statement: Statement, _: Start) -> None:
-    fed, port_name = writing.inputs.get(model_statement.name), writing.targets[model_statement.name]
-    if fed is None:
-        writing.add("SOL: {}", model_statement, "a port, where a device was")
+def _port(writing: Writing, statement: Statement, _: Start) -> None:
+    source, port_name = writing.inputs.get(statement.name), writing.targets[statement.name]
+    if source is None:
+        writing.add("SOL: {}", statement, "a port, where a device was")
         return
-    x0 = f", X0: {fed.first!r}m" if fed.first else ""
+    x0 = f", X0: {source.first!r}m" if source.first else ""
     writing.add(
         f"MAS: {{M: {_IMPOSED_MASS}{x0}}}",
-        model_statement,
+        statement,
         "a port; its mass says nothing: its path is imposed",
     )
     path = writing.names.new(f"{port_name}_path")
     writing.modules.append(
-        Line(path, f"{{ENX: {{to: {port_name}, from: {model_statement.name}{fed.start}}}}}")
+        Line(path, f"{{ENX: {{to: {port_name}, from: {statement.name}{source.start}}}}}")
     )
 
 
-def _resonators(writing: Writing, model_statement: Statement, start_state: Start) -> None:
-    resonances = _resonances(writing, model_statement)
-    sixty = writing.params.new_names[writing.sixty]
-    if sixty not in writing.parameters:
+def _resonators(writing: Writing, statement: Statement, start_state: Start) -> None:
+    resonances = _resonances(writing, statement)
+    sixty_name = writing.params.new_names[writing.sixty]
+    if sixty_name not in writing.parameters:
         comment = "60 dB are 6.907755 time constants, and T60 of the model 6.9078"
-        let(writing, writing.sixty, repr(SIXTY), comment, unit_name="s")
-    value_indices = range(0, len(model_statement.values), 3)
+        let(writing, writing.sixty, repr(SIXTY), comment, unit="s")
+    first_indices = range(0, len(statement.values), 3)
     pitches = [
-        unit_of(text_of(writing, model_statement, value_index), "Hz")
-        for value_index in value_indices
+        unit_of(text_of(writing, statement, first_index), "Hz") for first_index in first_indices
     ]
     decays = [
-        times(text_of(writing, model_statement, value_index + 1), sixty)
-        for value_index in value_indices
+        times(text_of(writing, statement, first_index + 1), sixty_name)
+        for first_index in first_indices
     ]
-    mass_text = (
-        f"M: {times(text_of(writing, model_statement, 2), f'fs*fs*{resonances[0].heavier!r}')}"
-    )
+    mass_field = f"M: {times(text_of(writing, statement, 2), f'fs*fs*{resonances[0].heavier!r}')}"
     if len(resonances) == 1:
-        cel_fields = [
-            mass_text,
+        fields = [
+            mass_field,
             f"f: {pitches[0]}",
             f"t60: {decays[0]}",
-            *_begin(writing, model_statement, start_state),
+            *_begin(writing, statement, start_state),
         ]
-        writing.add(f"CEL: {{{', '.join(cel_fields)}}}", model_statement)
+        writing.add(f"CEL: {{{', '.join(fields)}}}", statement)
         return
-    if start_state.places[model_statement.name]:
+    if start_state.places[statement.name]:
         message = "an offset presses on these resonators before the first sample, and a MODES "
-        raise ModelError(
-            f"{message}begins at 0; write the offset into a ground", model_statement.line
-        )
+        raise ModelError(f"{message}begins at 0; write the offset into a ground", statement.line)
     levels = [math.sqrt(resonance.mobility / resonances[0].mobility) for resonance in resonances]
-    shape = ", ".join(map(number, levels))
-    body = f"f: [{', '.join(pitches)}], t60: [{', '.join(decays)}]"
-    writing.add(f"MODES: {{{mass_text}, {body}, places: {{point: [{shape}]}}}}", model_statement)
+    levels_text = ", ".join(map(number, levels))
+    mode_fields = f"f: [{', '.join(pitches)}], t60: [{', '.join(decays)}]"
+    writing.add(
+        f"MODES: {{{mass_field}, {mode_fields}, places: {{point: [{levels_text}]}}}}", statement
+    )
 
 
 _MAKERS = {"mass": _mass, "ground": _ground, "port": _port, "resonators": _resonators}
@@ -249,66 +244,60 @@ _MAKERS = {"mass": _mass, "ground": _ground, "port": _port, "resonators": _reson
 # --- links --------------------------------------------------------------------------------------
 
 
-def _join(writing: Writing, model_statement: Statement) -> None:
+def _join(writing: Writing, statement: Statement) -> None:
     """Compute the values of a link."""
-    for link_end in model_statement.ends:
-        if link_end not in writing.masses:
-            suggestion = nearest(link_end, writing.masses)
-            raise ModelError(
-                f"no mass is called {quote(link_end)}", model_statement.line, suggestion
-            )
-    a, b = model_statement.ends
+    for mass_name in statement.ends:
+        if mass_name not in writing.masses:
+            suggestion = nearest(mass_name, writing.masses)
+            raise ModelError(f"no mass is called {quote(mass_name)}", statement.line, suggestion)
+    a, b = statement.ends
     if a == b:
-        raise ModelError(f"it joins {quote(a)} to itself", model_statement.line)
-    k, R, o = (value_of(writing, model_statement, value_index) for value_index in range(3))
-    within(model_statement, "o", o, _DISTANCE_MAX)
-    writing.links[model_statement.name] = Link(model_statement.word, a, b, k, R, o)
+        raise ModelError(f"it joins {quote(a)} to itself", statement.line)
+    k, R, o = (value_of(writing, statement, value_index) for value_index in range(3))
+    within(statement, "o", o, _DISTANCE_MAX)
+    writing.links[statement.name] = Link(statement.word, a, b, k, R, o)
 
 
-def _link(writing: Writing, model_statement: Statement, side: float) -> None:
+def _link(writing: Writing, statement: Statement, side: float) -> None:
     """Add a link with its ends in order, or reversed if -F is heard."""
-    model_link = writing.links[model_statement.name]
-    end_names = [target(writing, name) for name in model_statement.ends]
-    k, R, o = (text_of(writing, model_statement, value_index) for value_index in range(3))
-    is_touch, is_turned = model_statement.word == "touch", side < 0.0
+    link = writing.links[statement.name]
+    ends = [target(writing, name) for name in statement.ends]
+    k, R, o = (text_of(writing, statement, value_index) for value_index in range(3))
+    is_touch, is_turned = statement.word == "touch", side < 0.0
     if is_turned:
-        end_names.reverse()
-    written_fields = [f"between: [{', '.join(end_names)}]"]
+        ends.reverse()
+    fields = [f"between: [{', '.join(ends)}]"]
     # d is x_b - x_a - rest in a score, and x_a - x_b - o in the language.
-    rest_text = unit_of(
-        o if is_turned else number(-model_link.o) if _is_literal(o) else f"-({o})", "m"
-    )
-    rest_field = [f"rest: {rest_text}"] if model_link.o else []
-    if model_link.k < 0.0 or model_link.R < 0.0:
+    rest = unit_of(o if is_turned else number(-link.o) if _is_literal(o) else f"-({o})", "m")
+    rest_field = [f"rest: {rest}"] if link.o else []
+    if link.k < 0.0 or link.R < 0.0:
         laws = ["k*d", "z*v"]
         if is_touch:
-            reached = "d > 0" if is_turned else "d < 0"
-            laws = [f"where({reached}, {law}, 0)" for law in laws]
-        written_fields += [f'law: "{laws[0]}", damping: "{laws[1]}"']
-        written_fields += [
-            f"k: {number(model_link.k)}, z: {number(model_link.R * RATE)}",
+            condition = "d > 0" if is_turned else "d < 0"
+            laws = [f"where({condition}, {law}, 0)" for law in laws]
+        fields += [f'law: "{laws[0]}", damping: "{laws[1]}"']
+        fields += [
+            f"k: {number(link.k)}, z: {number(link.R * RATE)}",
             *rest_field,
         ]
-        writing.add(
-            f"LNL: {{{', '.join(written_fields)}}}", model_statement, "below 0 it gives energy"
-        )
+        writing.add(f"LNL: {{{', '.join(fields)}}}", statement, "below 0 it gives energy")
         return
     K, Z = f"K: {k}", f"Z: {times(R, 'fs')}"
     if is_touch:
-        gap = [f"gap: {unit_of(o, 'm')}"] if model_link.o else []
-        written_fields += [
+        gap = [f"gap: {unit_of(o, 'm')}"] if link.o else []
+        fields += [
             K,
-            *([Z] if model_link.R else []),
+            *([Z] if link.R else []),
             *gap,
             *(["side: above"] if is_turned else []),
         ]
-        writing.add(f"BUT: {{{', '.join(written_fields)}}}", model_statement)
-    elif model_link.k and model_link.R:
-        writing.add(f"REF: {{{', '.join([*written_fields, K, Z, *rest_field])}}}", model_statement)
-    elif model_link.R:
-        writing.add(f"FRO: {{{', '.join([*written_fields, Z])}}}", model_statement)
+        writing.add(f"BUT: {{{', '.join(fields)}}}", statement)
+    elif link.k and link.R:
+        writing.add(f"REF: {{{', '.join([*fields, K, Z, *rest_field])}}}", statement)
+    elif link.R:
+        writing.add(f"FRO: {{{', '.join([*fields, Z])}}}", statement)
     else:
-        writing.add(f"RES: {{{', '.join([*written_fields, K, *rest_field])}}}", model_statement)
+        writing.add(f"RES: {{{', '.join([*fields, K, *rest_field])}}}", statement)
 
 
 def _is_literal(text: str) -> bool:

@@ -162,15 +162,13 @@ class Values:
         if node.kind == "chain" and node.operators[0] == ",":
             return tuple(self._value(part, arguments, line) for part in node.parts)
         if node.kind == "chain":
-            node_value = self._value(node.parts[0], arguments, line)
-            for operator_sign, operand_node in zip(node.operators, node.parts[1:], strict=True):
-                if operator_sign == ":":
-                    node_value = self._through(operand_node, node_value, arguments, line)
+            value = self._value(node.parts[0], arguments, line)
+            for sign, operand in zip(node.operators, node.parts[1:], strict=True):
+                if sign == ":":
+                    value = self._through(operand, value, arguments, line)
                 else:
-                    node_value = _pair(
-                        operator_sign, node_value, self._value(operand_node, arguments, line), line
-                    )
-            return node_value
+                    value = _pair(sign, value, self._value(operand, arguments, line), line)
+            return value
         raise ModelError(f"{quote(node.word)} has no value by itself", line)
 
     # --- functions ------------------------------------------------------------------------------
@@ -192,30 +190,30 @@ class Values:
             and len(node.parts) == 3
         ):
             return self._value(node.parts[2], scope, line)  # the list of a table
-        call_values = [self._value(part, scope, line) for part in node.parts]
+        arguments = [self._value(part, scope, line) for part in node.parts]
         if (
             function_name == "rdtable"
             and function_name not in self.definitions
-            and len(call_values) == 3
+            and len(arguments) == 3
         ):
-            return _row(call_values, line)
+            return _row(arguments, line)
         if (definition := self.definitions.get(function_name)) is not None:
-            if len(definition.arguments) != len(call_values):
+            if len(definition.arguments) != len(arguments):
                 message = (
                     f"{function_name} has {len(definition.arguments)} arguments, and here "
-                    f"{len(call_values)}"
+                    f"{len(arguments)}"
                 )
                 raise ModelError(message, line)
             self._enter(function_name, line)
-            inner = dict(zip(definition.arguments, call_values, strict=True))
-            value = self._value(self.tree(function_name), inner, definition.line)
+            arguments_by_name = dict(zip(definition.arguments, arguments, strict=True))
+            value = self._value(self.tree(function_name), arguments_by_name, definition.line)
             self._open.pop()
             return value
-        number_values = [argument for argument in call_values if isinstance(argument, float)]
-        if len(number_values) == len(call_values) == 1 and function_name in _NUMBERS:
-            return _computed(_NUMBERS[function_name], number_values, line)
-        if len(number_values) == len(call_values) == 2 and function_name in _PAIRS:
-            return _computed(_PAIRS[function_name], number_values, line)
+        numbers = [argument for argument in arguments if isinstance(argument, float)]
+        if len(numbers) == len(arguments) == 1 and function_name in _NUMBERS:
+            return _computed(_NUMBERS[function_name], numbers, line)
+        if len(numbers) == len(arguments) == 2 and function_name in _PAIRS:
+            return _computed(_PAIRS[function_name], numbers, line)
         known_functions = [*_NUMBERS, *_PAIRS, *SLIDERS, *self.definitions]
         raise ModelError(
             f"of Faust {quote(function_name)} is not read here",
@@ -281,38 +279,32 @@ class Values:
         takes_input = [self._takes(part, arguments) for part in node.parts]
         if sum(takes_input) != 1 or node.kind != "chain" or "," in node.operators:
             raise ModelError("more than one part behind ':' takes a sound in", line)
-        terms = [
+        operands = [
             self._through(part, value, arguments, line)
             if has_input
             else self._value(part, arguments, line)
             for part, has_input in zip(node.parts, takes_input, strict=True)
         ]
-        term_sum = terms[0]
-        for sign, term in zip(node.operators, terms[1:], strict=True):
-            term_sum = _pair(sign, term_sum, term, line)
-        return term_sum
+        result = operands[0]
+        for sign, operand in zip(node.operators, operands[1:], strict=True):
+            result = _pair(sign, result, operand, line)
+        return result
 
     def _filtered(
-        self, node: Node, filtered_value: Value, arguments: Mapping[str, Value], line_number: int
+        self, node: Node, value: Value, arguments: Mapping[str, Value], line_number: int
     ) -> Value:
-        argument_numbers = [self._value(part, arguments, line_number) for part in node.parts]
-        if len(argument_numbers) != 2 or not all(
-            isinstance(number, float) for number in argument_numbers
+        argument_values = [self._value(part, arguments, line_number) for part in node.parts]
+        if len(argument_values) != 2 or not all(
+            isinstance(number, float) for number in argument_values
         ):
             raise ModelError("highpass is written highpass(order, frequency)", line_number)
-        filter_order, cutoff = (number for number in argument_numbers if isinstance(number, float))
-        if not (
-            1.0 <= filter_order <= 64.0
-            and filter_order == int(filter_order)
-            and 0.0 < cutoff < RATE / 2
-        ):
+        order, cutoff = (number for number in argument_values if isinstance(number, float))
+        if not (1.0 <= order <= 64.0 and order == int(order) and 0.0 < cutoff < RATE / 2):
             message = "highpass has an order from 1 to 64 and a frequency between 0 and 22,050 Hz"
             raise ModelError(message, line_number)
-        if not isinstance(filtered_value, Sound):
+        if not isinstance(value, Sound):
             return 0.0  # a constant has no filtered part
-        return Sound(
-            filtered_value.terms, (*filtered_value.filters, Filter(int(filter_order), cutoff)), 0.0
-        )
+        return Sound(value.terms, (*value.filters, Filter(int(order), cutoff)), 0.0)
 
 
 def text_of_slider(slider_node: Node) -> tuple[str, str] | None:
@@ -360,42 +352,42 @@ def _computed(function: Callable[..., float], values: list[float], line_number: 
         ) from (None)
 
 
-def _pair(operator_sign: str, first_value: Value, second_value: Value, line_number: int) -> Value:
+def _pair(sign: str, first_value: Value, second_value: Value, line: int) -> Value:
     """Two values joined by an operator. Raises ModelError if the result is not a sum."""
     if isinstance(first_value, tuple) or isinstance(second_value, tuple):
-        raise ModelError(f"{operator_sign} of a list is not built", line_number)
+        raise ModelError(f"{sign} of a list is not built", line)
     if isinstance(first_value, float) and isinstance(second_value, float):
-        return _computed(_OPERATORS[operator_sign], [first_value, second_value], line_number)
-    if operator_sign in "+-":
+        return _computed(_OPERATORS[sign], [first_value, second_value], line)
+    if sign in "+-":
         return _sum(
             first_value,
-            second_value if operator_sign == "+" else _pair("*", -1.0, second_value, line_number),
-            line_number,
+            second_value if sign == "+" else _pair("*", -1.0, second_value, line),
+            line,
         )
-    if operator_sign == "*" and isinstance(first_value, float):
+    if sign == "*" and isinstance(first_value, float):
         first_value, second_value = second_value, first_value
-    if isinstance(first_value, Sound) and isinstance(second_value, float) and operator_sign in "*/":
+    if isinstance(first_value, Sound) and isinstance(second_value, float) and sign in "*/":
 
         def scaled(x: float) -> float:
-            return _computed(_OPERATORS[operator_sign], [x, second_value], line_number)
+            return _computed(_OPERATORS[sign], [x, second_value], line)
 
-        scaled_parts = {name: scaled(factor) for name, factor in first_value.terms.items()}
-        return Sound(scaled_parts, first_value.filters, scaled(first_value.constant))
-    raise ModelError("a product of sounds is not built: outputs are sums with factors", line_number)
+        terms = {name: scaled(factor) for name, factor in first_value.terms.items()}
+        return Sound(terms, first_value.filters, scaled(first_value.constant))
+    raise ModelError("a product of sounds is not built: outputs are sums with factors", line)
 
 
 def _sum(a: Value, b: Value, line_number: int) -> Sound:
-    sound_parts = [
-        summand if isinstance(summand, Sound) else Sound({}, (), summand)
-        for summand in (a, b)
-        if not isinstance(summand, tuple)
+    sounds = [
+        sound if isinstance(sound, Sound) else Sound({}, (), sound)
+        for sound in (a, b)
+        if not isinstance(sound, tuple)
     ]
-    chains = {summand.filters for summand in sound_parts if summand.terms}
+    chains = {sound.filters for sound in sounds if sound.terms}
     if len(chains) > 1:
         raise ModelError("a sum of sounds with filters of their own is not built", line_number)
-    factors: dict[str, float] = {}
-    for summand in sound_parts:
-        for name, factor in summand.terms.items():
-            factors[name] = _finite(factors.get(name, 0.0) + factor, line_number)
-    constant = _finite(sum(summand.constant for summand in sound_parts), line_number)
-    return Sound(factors, chains.pop() if chains else (), constant)
+    terms: dict[str, float] = {}
+    for sound in sounds:
+        for name, factor in sound.terms.items():
+            terms[name] = _finite(terms.get(name, 0.0) + factor, line_number)
+    constant = _finite(sum(sound.constant for sound in sounds), line_number)
+    return Sound(terms, chains.pop() if chains else (), constant)

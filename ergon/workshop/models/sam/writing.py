@@ -54,15 +54,15 @@ def let(
     value_text: str,
     comment: str,
     comments_before: tuple[str, ...] = (),
-    unit_name: str = "",
+    unit: str = "",
 ) -> None:
     """Add a parameter under `let:`. Raises ModelError."""
-    param_name = writing.params.new_names[parameter_name]
-    writing.parameters[param_name] = Line(
-        param_name, f"{value_text}{unit_name}", comment, comments_before
+    score_name = writing.params.new_names[parameter_name]
+    writing.parameters[score_name] = Line(
+        score_name, f"{value_text}{unit}", comment, comments_before
     )
     try:
-        writing.amounts[param_name] = evaluate(f"{value_text}{unit_name}", writing.amounts)
+        writing.amounts[score_name] = evaluate(f"{value_text}{unit}", writing.amounts)
     except TextError as error:
         definition = writing.values.definitions.get(parameter_name)
         raise ModelError(
@@ -112,8 +112,8 @@ def _expression(
         return number(model_value)
     if not is_plain(tree) or len(expression_text) > _TEXT_MAX:
         return None
-    order = {name: position for position, name in enumerate(writing.values.definitions)}
-    used_names = sorted(names(tree), key=lambda name: order.get(name, -1))
+    order_by_name = {name: position for position, name in enumerate(writing.values.definitions)}
+    used_names = sorted(names(tree), key=lambda name: order_by_name.get(name, -1))
     if not all(_named(writing, name, line_number) for name in used_names):
         return None
     score_expression = writing.params.written(expression_text)
@@ -121,10 +121,10 @@ def _expression(
         amount = evaluate(score_expression, writing.amounts)
     except TextError:
         return None
-    same = math.isclose(float(amount.number), model_value, rel_tol=1e-15, abs_tol=0.0)
+    is_same = math.isclose(float(amount.number), model_value, rel_tol=1e-15, abs_tol=0.0)
     return (
         score_expression
-        if same and not amount.unit and len(score_expression) <= _TEXT_MAX
+        if is_same and not amount.unit and len(score_expression) <= _TEXT_MAX
         else None
     )
 
@@ -146,11 +146,11 @@ def text_of(writing: Writing, statement: Statement, value_index: int) -> str:
     return number(value) if expression is None else expression
 
 
-def unit_of(value_text: str, unit_name: str) -> str:
+def unit_of(value_text: str, unit: str) -> str:
     """An expression times a unit."""
     if metres(value_text) == f"{value_text}m":
-        return f"{value_text}{unit_name}"
-    return f"{value_text if value_text.isidentifier() else f'({value_text})'}*1{unit_name}"
+        return f"{value_text}{unit}"
+    return f"{value_text if value_text.isidentifier() else f'({value_text})'}*1{unit}"
 
 
 def times(text: str, factor: str) -> str:
