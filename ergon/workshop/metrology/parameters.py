@@ -43,6 +43,8 @@ _PLAIN_PARAMETERS = {
 # better than each of them; the rest by their logarithms.
 _FACTOR = np.e  # largest factor of a positive parameter in one step
 _STIFFEST = {INDEX["presliding"]: 1e6}  # N/m; a stiffer contact holds rigidly
+# m/s; static friction that ends at a slower speed is that of a key at rest: no sensor sees its end.
+_SLOWEST = {INDEX["static_speed"]: 1e-4}
 _SAME_PITCH = 0.05  # of the logarithm of a pitch: modes that are one
 
 
@@ -94,11 +96,16 @@ def step_parameters(parameter_row: Floats, fitted_columns: Sequence[int], step: 
                 value_before + parameter_step, value_before / _FACTOR, value_before * _FACTOR
             )
         else:
-            value_max = _STIFFEST.get(parameter_index, np.inf)
-            stepped_row[parameter_index] = min(
-                value_before * np.exp(np.clip(parameter_step, -1.0, 1.0)), value_max
-            )
+            stepped_value = value_before * np.exp(np.clip(parameter_step, -1.0, 1.0))
+            stepped_row[parameter_index] = np.clip(stepped_value, *_bounds(parameter_index))
     return stepped_row
+
+
+def _bounds(index: int) -> tuple[float, float]:
+    """The least and the greatest value of a parameter."""
+    if index in _PLAIN_PARAMETERS:
+        return _PLAIN_PARAMETERS[index]
+    return _SLOWEST.get(index, 0.0), _STIFFEST.get(index, np.inf)
 
 
 def leads_beyond(row: Floats, columns: Sequence[int], step: Floats) -> NDArray[np.bool_]:
@@ -107,7 +114,7 @@ def leads_beyond(row: Floats, columns: Sequence[int], step: Floats) -> NDArray[n
 
 
 def _is_beyond(row: Floats, index: int, parameter_step: float) -> bool:
-    least, greatest = _PLAIN_PARAMETERS.get(index, (0.0, _STIFFEST.get(index, np.inf)))
+    least, greatest = _bounds(index)
     value = row[index]
     return bool(
         (value <= least and parameter_step < 0) or (value >= greatest and parameter_step > 0)
