@@ -2,7 +2,7 @@
 //!
 //! A mode of the left eigenvector l, normed, with the pole λ has the number z = λ·l·M·x + l·(C·x + M·v) for
 //! displacements x and velocities v: l·M·v is what impulses M·v add to it, and l·M·x what they add to its integral
-//! (Tisseur and Meerbergen, The Quadratic Eigenvalue Problem, 2001, § 3.5). Velocities are found from steps in rounds:
+//! (Tisseur and Meerbergen, The Quadratic Eigenvalue Problem, 2001). Velocities are found from steps in rounds:
 //! each takes away what the step of the motion found so far differs from the step that is known.
 
 use crate::body_modes::complex_modes::{Complex, ComplexModes, ComplexPart, Pole, Sum};
