@@ -77,7 +77,7 @@ pub(crate) fn cut_bodies(
     // The certificate for slow parts covers normal modes only. What contacts cost is not known before a trial, and a
     // session has none: between frames they take up to twice as long on complex modes as on steps.
     let has_slow_bodies = !cut_bodies.is_empty();
-    let allows_complex_modes = |body: &Body| !has_slow_bodies && !(timeline.is_open && body.touches_contact());
+    let needs_normal_modes = |body: &Body| has_slow_bodies || (timeline.is_open && body.touches_contact());
     if budget.allows_modes() && has_bodies && !prefers_meshes {
         let wanted_bodies = match budget.contact_substeps() {
             1 => WantedBodies::Linear,
@@ -85,7 +85,7 @@ pub(crate) fn cut_bodies(
         };
         for body in wiring.bodies(network, wanted_bodies) {
             let modal_plan = match normal_mode_plan(network, timeline, &body, mode_cache) {
-                Err(NoModes::Damping) if allows_complex_modes(&body) => {
+                Err(NoModes::Damping) if !needs_normal_modes(&body) => {
                     complex_mode_plan(network, timeline, &body, mode_cache)
                 }
                 modes_result => modes_result.map(BodyPlan::Modal),
