@@ -15,7 +15,7 @@ use crate::body_modes::complex_modes::{ComplexModes, Pole, Sum};
 use crate::body_modes::linear::NoModes;
 use crate::cell::{Response, recurrence};
 use crate::kernel::bank::LANES;
-use crate::maths::{cos, exp, expm1, sin};
+use crate::maths::{exp, expm1};
 use crate::network::{Network, Subset, Term};
 use crate::units::Rate;
 
@@ -137,29 +137,20 @@ fn sequences_of_mode(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<ModeS
         now,
         before,
     };
-    match modes.poles[mode].resolvable_at(rate) {
+    let pole = modes.poles[mode].resolvable_at(rate);
+    let [previous_x, previous_y] = pole.backward_step(time_step).apply([x, y]);
+    match pole {
         Pole::Pair { decay, omega } => {
             let (a, b) = recurrence(decay, omega, rate);
-            let step_angle = omega * time_step;
-            let (c, s) = (cos(step_angle), sin(step_angle));
-            // If b is 0, the recurrence does not use the frame before.
-            let growth_factor = if b == 0.0 { 0.0 } else { exp(decay * time_step) };
-            let real_pair = [x, growth_factor * (c * x + s * y)];
-            let imag_pair = [y, growth_factor * (c * y - s * x)];
             vec![
-                new_part((a, b), real_pair, 0, 1.0),
-                new_part((a, b), imag_pair, 1, -1.0),
+                new_part((a, b), [x, previous_x], 0, 1.0),
+                new_part((a, b), [y, previous_y], 1, -1.0),
             ]
         }
-        Pole::Real { decay } => {
-            // The recurrence does not use the frame before, but a port needs it for its velocity.
-            let s = decay * time_step;
-            let growth_factor = if s < 1.0 { exp(s) } else { 1.0 + s };
-            vec![new_part((exp(-s), 0.0), [x, growth_factor * x], 0, 1.0)]
-        }
+        Pole::Real { decay } => vec![new_part((exp(-(decay * time_step)), 0.0), [x, previous_x], 0, 1.0)],
         Pole::Free => vec![
-            new_part((2.0, 1.0), [x, x - y * time_step], 0, 1.0),
-            new_part((1.0, 0.0), [y, 0.0], 1, 1.0),
+            new_part((2.0, 1.0), [x, previous_x], 0, 1.0),
+            new_part((1.0, 0.0), [y, previous_y], 1, 1.0),
         ],
     }
 }

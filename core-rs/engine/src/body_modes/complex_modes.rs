@@ -13,6 +13,7 @@ use crate::body_modes::constants::{ANGLE_MIN, COUPLING_NONE, DAMPED_MASSES_MAX};
 use crate::body_modes::linear::{Damper, Linear, NoModes};
 use crate::body_modes::normal_modes::Row;
 use crate::cell::resolvable_omega;
+use crate::maths::{cos, exp, sin};
 use crate::network::Network;
 use crate::spectrum::all_eigenvalues;
 use crate::units::Rate;
@@ -48,6 +49,56 @@ impl Pole {
                 omega: resolvable_omega(omega, rate),
             },
             _ => self,
+        }
+    }
+
+    /// What takes a mode of this pole a step back.
+    pub(crate) fn backward_step(self, time_step: f64) -> BackwardStep {
+        match self {
+            Self::Pair { decay, omega } => {
+                let (step_decay, step_angle) = (decay * time_step, omega * time_step);
+                BackwardStep::Turn {
+                    // If b is 0, the recurrence does not use the frame before.
+                    growth: if exp(-2.0 * step_decay) == 0.0 {
+                        0.0
+                    } else {
+                        exp(step_decay)
+                    },
+                    cosine: cos(step_angle),
+                    sine: sin(step_angle),
+                }
+            }
+            // The recurrence does not use the frame before, but a port needs it for its velocity.
+            Self::Real { decay } => {
+                let step_decay = decay * time_step;
+                BackwardStep::Turn {
+                    growth: if step_decay < 1.0 {
+                        exp(step_decay)
+                    } else {
+                        1.0 + step_decay
+                    },
+                    cosine: 1.0,
+                    sine: 0.0,
+                }
+            }
+            Self::Free => BackwardStep::Drift { time_step },
+        }
+    }
+}
+
+/// The motion of a mode by a step backwards.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum BackwardStep {
+    Turn { growth: f64, cosine: f64, sine: f64 },
+    Drift { time_step: f64 },
+}
+
+impl BackwardStep {
+    /// The number of the mode one step earlier.
+    pub(crate) fn apply(self, [x, y]: Complex) -> Complex {
+        match self {
+            Self::Turn { growth, cosine, sine } => [growth * (cosine * x + sine * y), growth * (cosine * y - sine * x)],
+            Self::Drift { time_step } => [x - y * time_step, 0.0],
         }
     }
 }

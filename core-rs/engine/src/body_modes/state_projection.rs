@@ -5,10 +5,9 @@
 //! (Tisseur and Meerbergen, The Quadratic Eigenvalue Problem, 2001). Velocities are found from steps in rounds:
 //! each takes away what the step of the motion found so far differs from the step that is known.
 
-use crate::body_modes::complex_modes::{Complex, ComplexModes, ComplexPart, Pole, Sum};
+use crate::body_modes::complex_modes::{BackwardStep, Complex, ComplexModes, ComplexPart, Pole, Sum};
 use crate::body_modes::linear::{Damper, Linear};
 use crate::body_modes::mode_shapes::ModeShapes;
-use crate::maths::{cos, exp, sin};
 use crate::network::Network;
 use crate::units::Rate;
 
@@ -18,8 +17,6 @@ const ROUNDS: usize = 8;
 
 /// Largest decay in a step that counts in a round: a stronger one would make the rounds diverge.
 const SOUGHT_DECAY_MAX: f64 = 0.5;
-/// Largest decay in a step that a mode is followed backwards by: beyond, its recurrence does not use the step before.
-const FINAL_DECAY_MAX: f64 = 300.0;
 
 /// A table from the motions of masses to the parts of complex modes.
 #[derive(Clone, Debug)]
@@ -27,8 +24,8 @@ pub(crate) struct StateProjection {
     /// From parts to positions.
     shapes: ModeShapes,
     parts: Vec<ComplexPart>,
-    /// The factor of each mode over a step backwards: while velocities are sought, and in the end   (n_modes)
-    backward: [Vec<Complex>; 2],
+    /// A step backwards of each mode: while velocities are sought, and in the end   (n_modes)
+    backward_steps: [Vec<BackwardStep>; 2],
     poles: Vec<Pole>,
     /// What 1 N·s at each mass adds to each mode   (n_mat, n_modes)
     impulse_responses: Vec<Vec<Complex>>,
@@ -65,10 +62,13 @@ impl StateProjection {
         let poles: Vec<Pole> = body_modes.poles.iter().map(|pole| pole.resolvable_at(rate)).collect();
         Some(Self {
             parts: parts.to_vec(),
-            backward: [SOUGHT_DECAY_MAX, FINAL_DECAY_MAX].map(|decay_max| {
-                let factors = poles.iter().map(|pole| backward_factor(*pole, time_step, decay_max));
-                factors.collect()
-            }),
+            backward_steps: [
+                poles
+                    .iter()
+                    .map(|pole| sought_pole(*pole, time_step).backward_step(time_step))
+                    .collect(),
+                poles.iter().map(|pole| pole.backward_step(time_step)).collect(),
+            ],
             poles,
             impulse_responses: body_modes.struck_shapes,
             dampers: linear_body.dampers,
@@ -136,12 +136,12 @@ impl StateProjection {
                 let change = time_derivative(*pole, *integral);
                 *number = [number[0] + change[0], number[1] + change[1]];
             }
-            let backward = &self.backward[usize::from(round == ROUNDS)];
+            let backward_steps = &self.backward_steps[usize::from(round == ROUNDS)];
             let values = now.iter_mut().zip(&mut *before);
             for ((now, before), part) in values.zip(&self.parts) {
-                let (number, pole) = (numbers[part.mode], self.poles[part.mode]);
+                let number = numbers[part.mode];
                 *now = number[part.part];
-                *before = step_back(pole, backward[part.mode], number, self.time_step)[part.part];
+                *before = backward_steps[part.mode].apply(number)[part.part];
             }
             if round == ROUNDS {
                 return;
@@ -175,24 +175,14 @@ fn time_derivative(pole: Pole, [x, y]: Complex) -> Complex {
     }
 }
 
-/// The factor of a mode over a step backwards, its decay no larger than `decay_max`.
-fn backward_factor(pole: Pole, time_step: f64, decay_max: f64) -> Complex {
+/// The pole with a decay that counts in a round.
+fn sought_pole(pole: Pole, time_step: f64) -> Pole {
     match pole {
-        Pole::Pair { decay, omega } => {
-            let (growth, angle) = (exp((decay * time_step).min(decay_max)), omega * time_step);
-            [growth * cos(angle), -growth * sin(angle)]
-        }
-        Pole::Real { decay } if decay * time_step < 1.0 => [exp(decay * time_step), 0.0],
-        Pole::Real { decay } => [1.0 + decay * time_step, 0.0],
-        Pole::Free => [1.0, 0.0],
-    }
-}
-
-/// The number of a mode one step earlier.
-fn step_back(pole: Pole, factor: Complex, [x, y]: Complex, time_step: f64) -> Complex {
-    match pole {
-        Pole::Free => [x - y * time_step, 0.0],
-        _ => [factor[0] * x - factor[1] * y, factor[0] * y + factor[1] * x],
+        Pole::Pair { decay, omega } => Pole::Pair {
+            decay: decay.min(SOUGHT_DECAY_MAX / time_step),
+            omega,
+        },
+        _ => pole,
     }
 }
 
@@ -244,15 +234,12 @@ mod tests {
         let modes = ComplexModes::new(&network, &[], &[], rate).unwrap();
         let parts = parts_of(&modes);
         let mut projection = StateProjection::new(&network, &parts, rate).unwrap();
-        let (start, factors) = (&modes.start, projection.backward[1].clone());
+        let start = &modes.start;
         let now: Vec<f64> = parts.iter().map(|part| start[part.mode][part.part]).collect();
         let back = |part: &ComplexPart| {
-            step_back(
-                modes.poles[part.mode],
-                factors[part.mode],
-                start[part.mode],
-                rate.step(),
-            )
+            modes.poles[part.mode]
+                .backward_step(rate.step())
+                .apply(start[part.mode])
         };
         let before: Vec<f64> = parts.iter().map(|part| back(part)[part.part]).collect();
         let mut motions = vec![(0.0, 0.0); 4];
