@@ -293,11 +293,11 @@ def test_remove_of_referenced_module_names_references(tmp_path: Path) -> None:
 
 def test_build_with_pitch_above_half_rate_is_refused(stepped_session: Stepped) -> None:
     """It was taken, and the next line was refused for it."""
-    glockenspiel = "glk = bars/glockenspiel notes=C9"  # all its modes: none can be left out
-    for line in (glockenspiel, f"{glockenspiel}\nroute glk 1 2"):
+    bell = "hand = bells/handbell notes=C9"  # all its modes: none can be left out
+    for line in (bell, f"{bell}\nroute hand 1 2"):
         reply = stepped_session.type(line)
         assert not reply.taken
-        assert reply.text.startswith("glk.C9.one: its frequency is 8372 Hz, above half the rate")
+        assert reply.text.startswith("hand.C9.low: its frequency is 8372 Hz, above half the rate")
     stepped_session.ok("route bell 1 2")
     stepped_session.ok("cup = bell transpose 3st")
     assert "above half the rate" in stepped_session.type("set cup.m.f 9kHz").text
