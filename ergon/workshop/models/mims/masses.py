@@ -110,7 +110,7 @@ def _start_fields(
 ) -> tuple[str, str]:
     """X0 and V0: a score begins where the model is after its first step, in which no link acts.
 
-    `mass_values` are M, K and Z of the mass in that step.
+    `mass_k_z` are M, K and Z of the mass in that step.
     """
     (mass, stiffness, viscosity), gravity = mass_k_z, _gravity(draft, statement)
     x0 = draft.value(statement, "x0")
