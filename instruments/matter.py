@@ -279,88 +279,70 @@ def _decays(f_low: float, loss: Any) -> Any:
 # --- plates and membranes -------------------------------------------------------------------------
 
 
-def _plate(plate_values: Values, matter: Material) -> dict[str, Any]:
-    plate_fields = dict(plate_values.by_name)
-    is_disc = _is_size(plate_fields.get("radius"))
-    _plate_form(plate_values, "disc" if is_disc else "rectangle")
-    is_membrane = _is_membrane(plate_values)
-    rim = "fixed" if is_membrane else plate_values["rim"]
-    plate_width, plate_height = (
-        (2.0 * plate_fields["radius"],) * 2 if is_disc else plate_fields["sides"]
-    )
-    area = pi * plate_width * plate_height / 4.0 if is_disc else plate_width * plate_height
-    if "M" in plate_fields and "thickness" not in plate_fields:
-        mesh, mass_share = _mesh_fields(
+def _plate(values: Values, matter: Material) -> dict[str, Any]:
+    fields = dict(values.by_name)
+    is_disc = _is_size(fields.get("radius"))
+    _plate_form(values, "disc" if is_disc else "rectangle")
+    is_membrane = _is_membrane(values)
+    rim = "fixed" if is_membrane else values["rim"]
+    width, height = (2.0 * fields["radius"],) * 2 if is_disc else fields["sides"]
+    area = pi * width * height / 4.0 if is_disc else width * height
+    if "M" in fields and "thickness" not in fields:
+        mesh, mass_ratio = _mesh_fields(
             is_disc,
             rim,
-            plate_width,
-            plate_height,
-            plate_fields.get("masses", _PLATE_MASSES_LIMITS[0]),
+            width,
+            height,
+            fields.get("masses", _PLATE_MASSES_LIMITS[0]),
             is_membrane,
         )
-        plate_fields["thickness"] = plate_fields["M"] / (mass_share * area * matter.density)
-        plate_values = replace(plate_values, by_name=plate_fields)
+        fields["thickness"] = fields["M"] / (mass_ratio * area * matter.density)
+        values = replace(values, by_name=fields)
     names = ("thickness", "f", "tension") if is_membrane else ("thickness", "f")
-    unknown = _missing_name(plate_values, names, "a PLATE of a material and a size")
-    thickness, lowest_frequency, tension = (
-        plate_fields.get(name, 0.0) for name in ("thickness", "f", "tension")
-    )
-    poisson = plate_fields.get("bending") or matter.poisson
-    angular_frequency = 2.0 * pi * lowest_frequency
+    unknown = _missing_name(values, names, "a PLATE of a material and a size")
+    thickness, f, tension = (fields.get(name, 0.0) for name in ("thickness", "f", "tension"))
+    poisson = fields.get("bending") or matter.poisson
+    omega = 2.0 * pi * f
     if is_membrane:
         shape_factor = (
-            _DISC_MEMBRANE_COEFFICIENT / plate_fields["radius"]
+            _DISC_MEMBRANE_COEFFICIENT / fields["radius"]
             if is_disc
-            else _membrane_wave_number(plate_width, plate_height)
+            else _membrane_wave_number(width, height)
         )
         if unknown == "tension":
-            tension = (
-                thickness
-                * matter.density
-                * (angular_frequency / shape_factor)
-                * (angular_frequency / shape_factor)
-            )
+            tension = thickness * matter.density * (omega / shape_factor) * (omega / shape_factor)
         elif unknown == "thickness":
-            thickness = (
-                tension
-                * (shape_factor / angular_frequency)
-                * (shape_factor / angular_frequency)
-                / matter.density
-            )
+            thickness = tension * (shape_factor / omega) * (shape_factor / omega) / matter.density
         speed = sqrt(tension / (thickness * matter.density))
-        lowest_frequency = lowest_frequency or _checked_pitch(shape_factor * speed / (2.0 * pi))
+        f = f or _checked_pitch(shape_factor * speed / (2.0 * pi))
         # As many masses as put the highest mode of the lattice at AUDIBLE_FREQUENCY_MAX.
-        mass_count_needed = (
-            1.6 * pi * area * AUDIBLE_FREQUENCY_MAX * AUDIBLE_FREQUENCY_MAX / (speed * speed)
-        )
+        n_needed = 1.6 * pi * area * AUDIBLE_FREQUENCY_MAX * AUDIBLE_FREQUENCY_MAX / (speed * speed)
     else:
         young = matter.young if matter.across is None else sqrt(matter.young * matter.across)
         shape_factor = (
-            _disc_factor(rim, poisson, plate_fields["radius"])
+            _disc_factor(rim, poisson, fields["radius"])
             if is_disc
-            else _rectangle_factor(rim, poisson, plate_width, plate_height)
+            else _rectangle_factor(rim, poisson, width, height)
         )
         flexural_speed = sqrt(young / (12.0 * matter.density * (1.0 - poisson * poisson)))  # [m/s]
-        thickness = thickness or angular_frequency / (shape_factor * flexural_speed)
-        lowest_frequency = lowest_frequency or _checked_pitch(
-            shape_factor * flexural_speed * thickness / (2.0 * pi)
-        )
-        mass_count_needed = (
+        thickness = thickness or omega / (shape_factor * flexural_speed)
+        f = f or _checked_pitch(shape_factor * flexural_speed * thickness / (2.0 * pi))
+        n_needed = (
             (1.9 if rim == "free" else 1.2)
             * area
             * AUDIBLE_FREQUENCY_MAX
             / (flexural_speed * thickness)
         )
-    masses = plate_fields.get("masses") or min(
-        max(_PLATE_MASSES_LIMITS[0], ceil(mass_count_needed)), _PLATE_MASSES_LIMITS[1]
+    masses = fields.get("masses") or min(
+        max(_PLATE_MASSES_LIMITS[0], ceil(n_needed)), _PLATE_MASSES_LIMITS[1]
     )
-    mesh, mass_share = _mesh_fields(is_disc, rim, plate_width, plate_height, masses, is_membrane)
-    mass = thickness * matter.density * area * mass_share
-    resolved = {**mesh, "rim": rim, "M": plate_fields.get("M", mass), "f": lowest_frequency}
+    mesh, mass_ratio = _mesh_fields(is_disc, rim, width, height, masses, is_membrane)
+    mass = thickness * matter.density * area * mass_ratio
+    resolved = {**mesh, "rim": rim, "M": fields.get("M", mass), "f": f}
     if not is_membrane:
         resolved["bending"] = poisson
-    if "t60" not in plate_fields:
-        resolved["t60"] = _decays(lowest_frequency, lambda _: matter.loss)
+    if "t60" not in fields:
+        resolved["t60"] = _decays(f, lambda _: matter.loss)
     return resolved
 
 
@@ -369,23 +351,23 @@ def _is_membrane(values: Values) -> bool:
     return "tension" in values.by_name or values.by_name.get("bending", True) is None
 
 
-def _plate_form(plate_values: Values, plate_shape: str) -> None:
+def _plate_form(values: Values, shape: str) -> None:
     """Refuse fields that contradict each other."""
-    plate_fields = plate_values.by_name
-    if plate_values.written("radius") and plate_values.written("sides"):
+    fields = values.by_name
+    if values.written("radius") and values.written("sides"):
         raise _MatterError("E111", "`radius` is written too; keep one of the two", "sides")
-    if not _is_size(plate_fields.get("radius" if plate_shape == "disc" else "sides")):
+    if not _is_size(fields.get("radius" if shape == "disc" else "sides")):
         message = "a PLATE of a material needs its size: radius: 30cm, or sides: [40cm, 25cm]"
         raise _MatterError("E103", message)
-    if plate_fields.get("shape", plate_shape) != plate_shape:
-        message = f"a PLATE of a material with this size is a {plate_shape}; remove the shape"
+    if fields.get("shape", shape) != shape:
+        message = f"a PLATE of a material with this size is a {shape}; remove the shape"
         raise _MatterError("E111", message, "shape")
-    if not _is_membrane(plate_values):
+    if not _is_membrane(values):
         return
-    if plate_fields.get("bending") is not None:
+    if fields.get("bending") is not None:
         message = "a membrane under tension does not bend; remove one of tension and bending"
         raise _MatterError("E111", message, "bending")
-    if plate_fields.get("rim") == "free":
+    if fields.get("rim") == "free":
         message = "a membrane under tension is held at its rim; write `rim: fixed`"
         raise _MatterError("E111", message, "rim")
 
