@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import ceil, floor, isfinite
 
 CURVES_MAX = 3  # more cannot be told apart without colour
-_MARGIN_SHARE = 0.04  # margin as a share of the range, so that extremes are visible
+_MARGIN_RATIO = 0.04  # margin as a share of the range, so that extremes are visible
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ def axis(values: Sequence[float], n_ticks: int, *, tight: bool = False) -> Axis:
         low, high = low - margin, high + margin
         tight = False
     tick_step, digits = _round_step((high - low) / max(n_ticks, 1))
-    margin = 0.0 if tight else _MARGIN_SHARE * (high - low)
+    margin = 0.0 if tight else _MARGIN_RATIO * (high - low)
     low, high = low - margin, high + margin
     # A small tolerance, because 3 steps of 0.1 are above 0.3 in floating point.
     first_tick, last_tick = ceil(low / tick_step - 1e-9), floor(high / tick_step + 1e-9)

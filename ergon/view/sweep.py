@@ -43,17 +43,17 @@ def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
     first to the last of the other values.
     """
     x_axis = _across(points)
-    curves_by_other_values: dict[tuple[str, ...], list[Point]] = {}
+    point_groups: dict[tuple[str, ...], list[Point]] = {}
     for point in points:
-        curves_by_other_values.setdefault(point.values[1:], []).append(point)
-    if all(len(curve_points) == 1 for curve_points in curves_by_other_values.values()):  # pairs
-        curves_by_other_values = {(): list(points)}
+        point_groups.setdefault(point.values[1:], []).append(point)
+    if all(len(curve_points) == 1 for curve_points in point_groups.values()):  # pairs
+        point_groups = {(): list(points)}
     figure_names = [
         name for name in _PANEL_TITLES if any(name in point.figures for point in points)
     ]
     elements = [
         text(_LEFT_MARGIN, 20, shorten(title), weight="bold"),
-        _legend(list(curves_by_other_values), targets[1:]),
+        _legend(list(point_groups), targets[1:]),
     ]
     for panel_index, figure_name in enumerate(figure_names):
         row, column = divmod(panel_index, 2)
@@ -74,8 +74,8 @@ def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
             axes(frame, targets[0] + x_axis.unit, ""),
             text(left + _LEFT_MARGIN, top - 8, _PANEL_TITLES[figure_name]),
         ]
-        for index, curve_points in enumerate(curves_by_other_values.values()):
-            colour = _colour(index, len(curves_by_other_values))
+        for index, curve_points in enumerate(point_groups.values()):
+            colour = _colour(index, len(point_groups))
             pixels = [
                 (
                     frame.x_pixel(x_axis.position(p.values[0])),

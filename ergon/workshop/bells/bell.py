@@ -20,7 +20,7 @@ _MATCH_WIDTH_RATIO = 0.04  # over a decay [Hz·s]: a quarter of the width of a p
 _DUPLICATE_WIDTH_RATIO = (
     0.01  # over a decay [Hz·s]: nearer modes of one stroke are one, found twice
 )
-_ENERGY_SHARE_MIN = 1e-7  # of the energy of every stroke: what other modes left
+_ENERGY_SHARE_MIN = 1e-7  # of the energy of every stroke: a weaker mode is a remainder of others
 _TABLE_PEAK = 0.5  # share of full scale for all modes of a table together
 _STROKE_OFFSETS = np.arange(-0.003, 0.003, 1e-5)  # [s] where the middle of a stroke may lie
 

@@ -11,7 +11,7 @@ from ergon.workshop.bells.bands import Array
 
 PARTIALS_MAX = 15  # partials
 _NEIGHBOUR_RATIO_MIN = 1.02  # ratio of neighbours: nearer ones need masses of tonnes
-_DECAY_ERROR_MAX = 0.1  # relative error of a decay at which dampers do not make it
+_DECAY_ERROR_MAX = 0.1  # relative error of a decay above which a chain is refused
 
 
 @dataclass(frozen=True)

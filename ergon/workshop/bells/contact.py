@@ -89,11 +89,9 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
         _TRIED_DURATIONS[likely_indices[-1]]
         <= _RANGE_RATIO_MIN * _TRIED_DURATIONS[likely_indices[0]]
     )
-    hardest_length_index = int(np.argmin(total_costs)) if is_determined else int(likely_indices[0])
+    hardest_index = int(np.argmin(total_costs)) if is_determined else int(likely_indices[0])
     length_indices = [
-        hardest_length_index
-        if s == hardest_stroke
-        else int(np.argmin(costs[s][hardest_length_index]))
+        hardest_index if s == hardest_stroke else int(np.argmin(costs[s][hardest_index]))
         for s in range(n_strokes)
     ]
     is_determined &= all(
@@ -102,9 +100,9 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     )
     weights = 1.0 / (variance + spectrum_variances[length_indices])
     log_levels = logs - log_spectra[length_indices]
-    log_impulses_by_mode = log_levels - log_levels[hardest_stroke]
+    mode_log_impulses = log_levels - log_levels[hardest_stroke]
     joint_weights = weights * weights[hardest_stroke] / (weights + weights[hardest_stroke])
-    impulses = np.sum(joint_weights * log_impulses_by_mode, axis=1) / np.sum(joint_weights, axis=1)
+    impulses = np.sum(joint_weights * mode_log_impulses, axis=1) / np.sum(joint_weights, axis=1)
     mean = np.sum(weights * (log_levels - impulses[:, None]), axis=0) / np.sum(weights, axis=0)
     lengths = tuple(
         float(_TRIED_DURATIONS[length_index]) if is_determined else None

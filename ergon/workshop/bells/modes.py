@@ -19,10 +19,10 @@ _BAND_WIDTHS = (80.0, 400.0)  # [Hz] of bands; wider ones in what is left
 _SAMPLES_MAX = 1_100  # samples of a band
 _SAMPLES_MIN = 40
 _BAND_MODES_MAX = 16  # modes of a band
-_SKIP_CYCLES = 3.0  # over a band's width: what its edge smears [s]
+_SKIP_CYCLES = 3.0  # periods of a band's width: its edge smears the first ones
 _DECAY_LIMITS = 0.03, 1.5  # least decay [1/s]; most, over a band's width
 _DECAY_RATE_MAX = _DECAY_LIMITS[1] * _BAND_WIDTHS[1]  # decay [1/s]
-_FITTED_SECONDS = 2.0  # [s] of the beginning that tell amplitudes
+_FITTED_SECONDS = 2.0  # [s] amplitudes are fitted to the beginning of this length
 _DECAY_ERROR_MAX = 0.5  # largest relative error of a mode's decay
 _NEIGHBOUR_RANGE_LIMITS = (
     20.0,

@@ -187,8 +187,10 @@ def rattle(f: float, ratio: float) -> Bare:
 
 
 def energy_rise(frames: Floats) -> float:
-    """How far the energy of `rattle` rose, over what it was: where the mass turns away from the
-    stop, all of it is in the spring, and goes as the square of the distance.
+    """The rise of the energy of `rattle` over its initial energy.
+
+    Where the mass turns away from the stop, all energy is in the spring. It is proportional to the
+    square of the distance there.
     """
     spans = np.array_split(frames[:, 0], _N_SPANS)
     spring_energies = np.array([span.max() for span in spans]) ** 2

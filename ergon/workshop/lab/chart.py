@@ -25,15 +25,15 @@ from ergon.workshop.lab.scene import Scene
 TIMING_ROUNDS = 3  # timed, after one that warms up and makes the sound
 _N_LEDGER_READINGS = 20  # into the ledger, to see a drift
 _REFERENCE_DOUBLINGS = 2  # of the reference, beyond all that is charted
-# A plan for this error becomes the reference where it is surer than any fixed method: what judges
-# the planner's choices is to be finer than they are.
+# A plan for this error becomes the reference where its own error is smaller than that of any fixed
+# method, because a reference must be finer than the planner's choices that it judges.
 _EXACT_PLAN = Setting(None, budget_db=-120.0)
 _YARDSTICK_MASSES = 100  # masses of a string, for a second: some 10 ms
 _TIMING_RATIO_MAX = 1.1  # between two timings of the same work
 _SAME_SOUND_RATIO = (
     1e-10  # of the largest sample: so little differ sounds of one motion, in their last bits
 )
-# What an energy error counts: all energy; what links made alone, where no ledger is kept.
+# What an energy error counts: all energy, or only what links made where there is no ledger.
 EnergyCount = Literal["", "all", "links"]
 Progress = Callable[[int], None]
 

@@ -93,13 +93,13 @@ class Workers:
     def surveyors(
         self,
         method: str,
-        run_seconds: float,
+        duration: float,
         accurate: float | None,
         metric: MapMetric = "waveform",
     ) -> Surveyors:
         """The surveyors of columns of maps, for `maps`."""
         survey_choice = _SurveyChoice(
-            method=method, seconds=run_seconds, accurate=accurate, metric=metric
+            method=method, seconds=duration, accurate=accurate, metric=metric
         )
         if self.content is not None:
             survey_choice["content"] = self.content

@@ -124,7 +124,7 @@ def _draw_planner(ax: Axes, chart: Chart, point: Point) -> None:
 
 
 def _draw_energy_notes(ax: Axes, chart: Chart, measured: list[Point]) -> None:
-    """Point down from what made no energy, ring what is counted in part, and say both below."""
+    """Draw an arrow below points that made no energy, and a ring round those counted in part."""
     below_rounding = [(_cost(p), _plotted_error(chart, p)) for p in measured if p.is_bounded]
     counted_in_part = [
         (_cost(p), _plotted_error(chart, p)) for p in measured if p.energy_of == "links"

@@ -205,11 +205,11 @@ _FACTORS = tuple(2.0**i for i in range(-2, 9))
 _RATE_FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 
-def maps_of_score(piece: Piece, run_seconds: float, method: str) -> dict[str, Map]:
+def maps_of_score(piece: Piece, duration: float, method: str) -> dict[str, Map]:
     """Two maps: all springs stiffer, and, if there are contacts, contacts alone stiffer."""
-    maps = [_stiffness_map(piece, run_seconds, method, "springs", contacts_only=False)]
+    maps = [_stiffness_map(piece, duration, method, "springs", contacts_only=False)]
     if has_contacts(piece):
-        maps.append(_stiffness_map(piece, run_seconds, method, "contacts", contacts_only=True))
+        maps.append(_stiffness_map(piece, duration, method, "contacts", contacts_only=True))
     return {survey_map.name: survey_map for survey_map in maps}
 
 

@@ -79,7 +79,7 @@ def steps(upto: int) -> tuple[int, ...]:
     return tuple(2**i for i in range(max(1, upto).bit_length()))
 
 
-def most_converged(sounds: Mapping[Setting, Floats]) -> str | None:
+def best_method(sounds: Mapping[Setting, Floats]) -> str | None:
     """The method whose last doubling changed least, of those in double precision."""
     errors = {}
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
@@ -116,7 +116,7 @@ def refine(
     `run` returns a sound, or None if it fails; sounds are added to `sounds`. The setting `rival`,
     run again at more steps, becomes the reference if its own error is smaller.
     """
-    method = most_converged(sounds)
+    method = best_method(sounds)
     if method is None:
         return None
     reference = _refined(sounds, run, method, doublings)

@@ -74,10 +74,10 @@ def motion(scene: Scene, n_frames: int, refinement: int = _REFINEMENT) -> Motion
     oversampling = 1
     while oversampling < _OVERSAMPLING_MAX and not _stable(scene, oversampling):
         oversampling *= 2
-    oversampling_of_fine = min(_OVERSAMPLING_MAX, oversampling * refinement)
+    fine_oversampling = min(_OVERSAMPLING_MAX, oversampling * refinement)
     coarse, fine = (
-        _positions(scene, oversampling_of_fine // 2, n_frames),
-        _positions(scene, oversampling_of_fine, n_frames),
+        _positions(scene, fine_oversampling // 2, n_frames),
+        _positions(scene, fine_oversampling, n_frames),
     )
     if coarse is None or fine is None:
         return None

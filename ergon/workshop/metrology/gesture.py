@@ -111,7 +111,7 @@ class Gesture:
         return replace(self, unknown=unknown)
 
     def split(self, fraction: float) -> tuple[Gesture, Gesture]:
-        """The gesture twice: in the first copy its first `fraction` counts, in the second the rest."""
+        """The gesture twice: its first `fraction` counts in one copy, the rest in the other."""
         is_first = np.arange(self.force.size) < fraction * self.force.size
         return (
             replace(self, is_compared=self.is_compared & is_first),

@@ -12,7 +12,7 @@ from ergon import _core
 from ergon.common.decay import LN_1000
 
 
-def _one_minus_exp(exponent: float) -> float:
+def _complement_of_exp(exponent: float) -> float:
     """1 - exp(-s), to full precision also for small s."""
     with localcontext() as context:
         context.prec = 40
@@ -35,15 +35,15 @@ def ratios(
     damping = sigma / rate
     if omega_squared >= 0.0:
         half_sine = _core.sin(0.5 * sqrt(omega_squared) / rate)
-        amplitude_loss = _one_minus_exp(damping)
+        amplitude_loss = _complement_of_exp(damping)
         return amplitude_loss * amplitude_loss + 4.0 * (
             1.0 - amplitude_loss
-        ) * half_sine * half_sine, _one_minus_exp(2.0 * damping)
+        ) * half_sine * half_sine, _complement_of_exp(2.0 * damping)
     fast_decay = sigma + sqrt(-omega_squared)
     slow_decay = K / m / fast_decay
-    return _one_minus_exp(slow_decay / rate) * _one_minus_exp(fast_decay / rate), _one_minus_exp(
-        2.0 * damping
-    )
+    return _complement_of_exp(slow_decay / rate) * _complement_of_exp(
+        fast_decay / rate
+    ), _complement_of_exp(2.0 * damping)
 
 
 def last_step(
