@@ -58,12 +58,12 @@ def automation_points(
     `known_automation` is what the stage before knew.
     """
     tempo, known_automation = piece.tempo_map, known_automation or KnownAutomation()
-    automation_lines = known_automation.tracks(piece)
+    track_by_module = known_automation.tracks(piece)
     start_beat = tempo.beats(begins) if begins > -math.inf else -math.inf
     led_by_module: dict[ModuleKey, AutomatedModule] = {}
     points_by_module: dict[ModuleKey, Points] = {}
     unsettled: dict[ModuleKey, Tracks] = {}
-    for module_key, track in automation_lines.items():
+    for module_key, track in track_by_module.items():
         led = known_automation.led(piece, module_key)
         if led is None:
             continue  # a gesture is rehearsed without instruments
@@ -82,7 +82,7 @@ def automation_points(
     moving = {
         module_key
         for module_key in led_by_module
-        if automation_lines[module_key].moves_from < start_beat
+        if track_by_module[module_key].moves_from < start_beat
     }
     chord_curves: dict[str, Curve] = {}
     for module_key in [
@@ -90,16 +90,16 @@ def automation_points(
         for module_key in unsettled
         if led_by_module[module_key].module.kind == "INSTRUMENT"
     ]:
-        entry_order, network_value = (
+        entries, written_value = (
             unsettled.pop(module_key).entries["f"],
             led_by_module[module_key].numbers_written["f"],
         )
         chord_curves[module_key[0]] = _parameter_curve(
-            piece, entry_order, network_value, extent, collector
+            piece, entries, written_value, extent, collector
         )
         for module in transposed_modules(piece.instruments[module_key[0]]):
             member = module_key[0], module.name
-            unsettled.setdefault(member, automation_lines.get(member) or Tracks({}, math.inf))
+            unsettled.setdefault(member, track_by_module.get(member) or Tracks({}, math.inf))
             if module_key in moving:
                 moving.add(member)
     for module_key, track in unsettled.items():
@@ -279,13 +279,13 @@ def takeover_points(
         led = memory.led(piece, module_key)
         if led is None:
             continue  # the module is gone
-        network_value = (0.0, *led.numbers_alone)
+        unled_point = (0.0, *led.numbers_alone)
         old_points, new_points = (
-            points_before.get(module_key) or [network_value],
-            points_after.get(module_key) or [network_value],
+            points_before.get(module_key) or [unled_point],
+            points_after.get(module_key) or [unled_point],
         )
         if len(old_points[0]) != len(new_points[0]):
-            old_points = [network_value]  # the module had another kind before
+            old_points = [unled_point]  # the module had another kind before
         is_same = _is_same(old_points, new_points, start, complete_to)
         if not is_same:
             glide_stop = start + GLIDE_DURATION
@@ -296,7 +296,7 @@ def takeover_points(
                 *later_points,
             ]
         if (is_same and module_key in moved) or any(
-            point[1:] != network_value[1:] for point in new_points
+            point[1:] != unled_point[1:] for point in new_points
         ):
             points_by_module[module_key] = new_points
     return points_by_module
@@ -321,20 +321,20 @@ def _is_same(old_points: Points, new_points: Points, start: float, complete_to: 
     )
 
 
-def value_at(path_points: Points, instant: float) -> tuple[float, ...]:
+def value_at(points: Points, instant: float) -> tuple[float, ...]:
     """The numbers at an instant [s], interpolated linearly."""
-    index_after = bisect_right(path_points, instant, key=lambda point: point[0])
-    if index_after in (0, len(path_points)):
-        return path_points[0 if index_after == 0 else -1][1:]
-    (begin, *low), (end, *high) = path_points[index_after - 1], path_points[index_after]
-    share = (instant - begin) / (end - begin)
-    return tuple(a + (b - a) * share for a, b in zip(low, high, strict=True))
+    after = bisect_right(points, instant, key=lambda point: point[0])
+    if after in (0, len(points)):
+        return points[0 if after == 0 else -1][1:]
+    (begin, *low), (end, *high) = points[after - 1], points[after]
+    fraction = (instant - begin) / (end - begin)
+    return tuple(a + (b - a) * fraction for a, b in zip(low, high, strict=True))
 
 
 def _parameter_curve(
     piece: Piece,
-    entry_order: Sequence[Entry],
-    network_value: float,
+    entries: Sequence[Entry],
+    written_value: float,
     extent: Extent,
     collector: Collector,
 ) -> Curve:
@@ -342,41 +342,35 @@ def _parameter_curve(
     between.
     """
     tempo, until = piece.tempo_map, extent.until
-    first_entry, parameter_curve = needed_entries(piece, entry_order, network_value, extent)
-    ended = math.inf if parameter_curve.t else -math.inf
-    for place_index in range(first_entry, len(entry_order)):
-        entry, extent_here = entry_order[place_index], extent
+    first_entry, curve = needed_entries(piece, entries, written_value, extent)
+    ended = math.inf if curve.t else -math.inf
+    for index in range(first_entry, len(entries)):
+        entry, extent_here = entries[index], extent
         automation_entry, begin_beat, stop_beat = entry
         if begin_beat > until:
             break
-        if parameter_curve.t and begin_beat > ended + SAME:
-            parameter_curve.add_step(tempo.seconds(ended), network_value, tempo.seconds(begin_beat))
-        if extent.begins > -math.inf and place_index + 1 < len(
-            entry_order
-        ):  # some spans need only their end
-            begins = min(extent.begins, tempo.seconds(entry_order[place_index + 1].begin))
+        if curve.t and begin_beat > ended + SAME:
+            curve.add_step(tempo.seconds(ended), written_value, tempo.seconds(begin_beat))
+        if extent.begins > -math.inf and index + 1 < len(entries):  # some spans need only their end
+            begins = min(extent.begins, tempo.seconds(entries[index + 1].begin))
             extent_here = Extent(min(extent.since, stop_beat), until, begins)
         try:
             if automation_entry.swing is not None:
-                add_swing(piece, entry, parameter_curve, extent_here)
+                add_swing(piece, entry, curve, extent_here)
                 ended = stop_beat
             elif automation_entry.points:
-                add_glide(piece, entry, parameter_curve, extent_here.begins)
+                add_glide(piece, entry, curve, extent_here.begins)
                 ended = stop_beat
             else:
-                ended = min(stop_beat, add_pattern(piece, entry, parameter_curve, extent_here))
-                ended = (
-                    math.inf
-                    if automation_entry.struck and place_index + 1 == len(entry_order)
-                    else ended
-                )
+                ended = min(stop_beat, add_pattern(piece, entry, curve, extent_here))
+                ended = math.inf if automation_entry.struck and index + 1 == len(entries) else ended
         except TextError as error:
             collector.error(
                 "E305",
                 f"automation of {automation_entry.name}: {error.message}",
                 automation_entry.place,
             )
-            return parameter_curve
-    if parameter_curve.t and ended <= until and tempo.seconds(ended) < NEVER:
-        parameter_curve.add_step(tempo.seconds(ended), network_value)
-    return parameter_curve
+            return curve
+    if curve.t and ended <= until and tempo.seconds(ended) < NEVER:
+        curve.add_step(tempo.seconds(ended), written_value)
+    return curve
