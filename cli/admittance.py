@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from ergon.api.admittance import DEFAULT_FREQUENCY_COUNT, Admittance, AdmittanceOptions
+from ergon.api.admittance import N_FREQUENCIES_DEFAULT, Admittance, AdmittanceOptions
 from ergon.api.admittance import admittance as find_admittance
 from ergon.api.errors import OptionError
 
@@ -33,7 +33,7 @@ _ARGUMENTS = {"forced": "FROM", "observed": "TO"}
 @click.option(
     "--count",
     type=click.IntRange(2),
-    default=DEFAULT_FREQUENCY_COUNT,
+    default=N_FREQUENCIES_DEFAULT,
     show_default=True,
     help="How many.",
 )

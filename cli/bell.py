@@ -78,7 +78,9 @@ def _lines(bell: Bell) -> str:
     order = np.argsort(-bell.energy)[:_MODES_SHOWN_MAX]
     for i in sorted(order):
         deviation = bell.deviation
-        levels_db = 20.0 * np.log10(np.maximum(np.abs(bell.levels[i] * bell.listened[i]), 1e-10))
+        levels_db = 20.0 * np.log10(
+            np.maximum(np.abs(bell.levels[i] * bell.listening_levels[i]), 1e-10)
+        )
         table_rows.append(
             (
                 str(i + 1),
@@ -119,7 +121,7 @@ def _records(console: Console, bell: Bell) -> None:
             frequency_hz=float(bell.f[i]),
             t60_s=float(bell.t60[i]),
             levels={
-                name: float(bell.levels[i, place_index] * bell.listened[i])
+                name: float(bell.levels[i, place_index] * bell.listening_levels[i])
                 for place_index, name in enumerate(bell.places)
             },
             energy=float(bell.energy[i]),

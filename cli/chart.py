@@ -78,7 +78,13 @@ def chart(
     oversampled further. The table (NAME.csv) holds every measure, and why a run failed.
     """
     from ergon.workshop.lab import chart_table
-    from ergon.workshop.lab.chart import SilentPieceError, measure, planned, settings, work
+    from ergon.workshop.lab.chart import (
+        SilentPieceError,
+        measure,
+        n_frames_to_compute,
+        planned,
+        settings,
+    )
     from ergon.workshop.lab.draw_chart import draw
     from ergon.workshop.lab.machine import machine
     from ergon.workshop.lab.scene import Score
@@ -89,7 +95,7 @@ def chart(
     stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
     piece = score.piece_of(loaded)
     chosen_settings = [*settings(chosen_methods, PRECISIONS, upto), *stars]
-    total_work = work(chosen_settings, round(seconds * piece.rate))
+    total_work = n_frames_to_compute(chosen_settings, round(seconds * piece.rate))
     try:
         with (
             laboratory.workers(on, score_path, loaded, trust, console) as workers,

@@ -103,8 +103,10 @@ def _clock(
     from ergon.exchange.midi import Marker, Meter
 
     tempo = piece.tempo_map
-    ramps = [tempo.after(beat, entry.over) for beat, entry in tempo.placed if entry.over]
-    last_beat = max([tempo.beats(end_seconds), *ramps, *(beat for beat, _ in tempo.placed)])
+    ramps = [tempo.after(beat, entry.over) for beat, entry in tempo.entries_by_beat if entry.over]
+    last_beat = max(
+        [tempo.beats(end_seconds), *ramps, *(beat for beat, _ in tempo.entries_by_beat)]
+    )
     length_beats = min(
         last_beat, tempo.beats(end_seconds + _TEMPO_AFTER_END_MAX)
     )  # a ramp may last for years

@@ -126,11 +126,11 @@ def report(
 
 def _cause(gestures: list[Gesture]) -> str:
     """Why the residual of a model is larger than the sensor's noise."""
-    from ergon.workshop.metrology.gesture import LATE
+    from ergon.workshop.metrology.gesture import LATE_SHARE_MAX
 
-    n = sum(gesture.counts.size for gesture in gestures)
-    n_late_ticks = n - sum(int(gesture.counts.sum()) for gesture in gestures)
-    if n_late_ticks > LATE * n:
+    n = sum(gesture.is_compared.size for gesture in gestures)
+    n_late_ticks = n - sum(int(gesture.is_compared.sum()) for gesture in gestures)
+    if n_late_ticks > LATE_SHARE_MAX * n:
         return (
             f"{n_late_ticks:,} of {n:,} positions were lost or came late; "
             "measure where the machine and the line keep time"
@@ -178,7 +178,7 @@ def _say(console: Console, stage: Stage, position_step: float | None) -> None:
             kept=stage.is_accepted,
             removal=stage.is_removal,
             rms_m=fit.rms,
-            replay_m=stage.replay,
+            replay_m=stage.replay_rms,
             bic=fit.bic,
             score=stage.score,
             parameters=_numbers(stage),
@@ -195,7 +195,7 @@ def _say(console: Console, stage: Stage, position_step: float | None) -> None:
         verdict += ", not kept"
     stopping_reason, exit_advice = (
         f"{x * 1e6:7.4g} um" + ("" if position_step is None else f"{x / position_step:9.3g}")
-        for x in (fit.rms, stage.replay)
+        for x in (fit.rms, stage.replay_rms)
     )
     console.data(f"{stage_name:14}{stopping_reason}{exit_advice}{fit.bic:12,.0f}   {verdict}\n")
 
@@ -206,8 +206,8 @@ def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
 
     fit = stage.fit
     return {
-        name(index): {"value": float(fit.row[index]), "deviation": fit.deviation(index)}
-        for index in fit.columns
+        name(index): {"value": float(fit.parameters[index]), "deviation": fit.deviation(index)}
+        for index in fit.fitted_indices
     }
 
 
@@ -216,7 +216,7 @@ def _added_part(stage: Stage) -> str:
     from ergon.workshop.metrology.calibration_file import t60
     from ergon.workshop.metrology.parameters import INDEX, mode_indices, n_modes
 
-    fitted_row = stage.fit.row
+    fitted_row = stage.fit.parameters
     figures = {name: float(fitted_row[index]) for name, index in INDEX.items()}
     match stage.name:
         case "M K Z":
@@ -246,7 +246,7 @@ def _sum_up(console: Console, measured: Measured, position_step: float | None) -
         console.record(
             "measured",
             rms_m=measured.fit.rms,
-            replay_m=measured.replay,
+            replay_m=measured.replay_rms,
             noise_m=noise,
             step_m=position_step,
         )
@@ -268,8 +268,8 @@ def _picture(measured: Measured, gesture: Gesture, picture_title: str) -> str:
     from ergon.workshop.metrology.comparison import replay
     from ergon.workshop.metrology.picture import picture
 
-    fitted_replay = replay(measured.fit.row, gesture)
-    first_replay = replay(measured.stages[0].fit.row, gesture)
+    fitted_replay = replay(measured.fit.parameters, gesture)
+    first_replay = replay(measured.stages[0].fit.parameters, gesture)
     return picture(fitted_replay, picture_title, first_replay)
 
 

@@ -226,7 +226,7 @@ def _climbed(console: Console, axis: Axis, seed: int) -> Ladder:
     forces = " ".join(f"{rung.force:.3g}{'!' if rung.braked else ''}" for rung in ladder.rungs)
     farthest = max(rung.excursion for rung in ladder.rungs) * 1e3
     console.say(
-        f"rungs: {forces} N, at most {farthest:.2g} of {ladder.guide.half * 1e3:.3g} mm"
+        f"rungs: {forces} N, at most {farthest:.2g} of {ladder.guide.half_travel * 1e3:.3g} mm"
         + (" (! was braked)" if any(rung.braked for rung in ladder.rungs) else "")
     )
     if ladder.axis.sign < 0:

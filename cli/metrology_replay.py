@@ -163,7 +163,7 @@ def _print_residuals(
             f"\n{'s':>5}{'real':>12}{'residual':>14}{step_head}{'at most':>12}{step_head}\n"
         )
     seconds = motion_comparison.t.astype(int)
-    measured_position = motion_comparison.gesture.position[motion_comparison.gesture.counts]
+    measured_position = motion_comparison.gesture.position[motion_comparison.gesture.is_compared]
     for second in np.unique(seconds):
         inside = seconds == second
         residual = motion_comparison.residual[inside]

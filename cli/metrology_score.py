@@ -43,7 +43,7 @@ def path(console: Console, score: str | None, key_name: str | None) -> Floats | 
     from ergon.notation.text.errors import Collector
     from ergon.scores.staging.live import standin
     from ergon.workshop.metrology.ladder import TICK_RATE
-    from ergon.workshop.metrology.takes import HELD_OUT
+    from ergon.workshop.metrology.takes import HELD_OUT_DURATION
 
     loaded = scores.read(score, ReadOptions(), console)
     piece = scores.piece_of(loaded)
@@ -58,7 +58,7 @@ def path(console: Console, score: str | None, key_name: str | None) -> Floats | 
         if moving.size:
             path = path[max(0, int(moving[0]) - 1) :]
             t = np.arange(len(path)) * (tick_frames / piece.rate)
-            path_seconds = min(HELD_OUT, max(float(t[-1]), _GESTURE_SECONDS_MIN))
+            path_seconds = min(HELD_OUT_DURATION, max(float(t[-1]), _GESTURE_SECONDS_MIN))
             # Resampled to the ticks of a measurement; after its end the path keeps its last
             # position.
             return np.interp(np.arange(round(path_seconds * TICK_RATE)) / TICK_RATE, t, path)

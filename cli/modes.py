@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ergon.api.errors import OptionError
-from ergon.api.modes import ModesOptions, PartModes, mode_rows, mode_words, stave_picture
+from ergon.api.modes import ModesOptions, PartModes, mode_labels, mode_rows, stave_picture
 from ergon.api.modes import modes as find_modes
 
 from . import options
@@ -93,10 +93,10 @@ def _shapes(part_modes: Sequence[PartModes], shape_name: str) -> str:
     for modes_of_part in part_modes:
         x, y = modes_of_part.places[:, 0].tolist(), modes_of_part.places[:, 1].tolist()
         drawn = []
-        for shape, mode_labels in zip(modes_of_part.shapes, mode_words(modes_of_part), strict=True):
+        for shape, label in zip(modes_of_part.shapes, mode_labels(modes_of_part), strict=True):
             # With uneven damping, masses do not swing in phase: this is the instant of most motion.
             rotated_shape = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
-            drawn.append(Shape(mode_labels, x, y, rotated_shape.real.tolist()))
+            drawn.append(Shape(label, x, y, rotated_shape.real.tolist()))
         if modes_of_part.masses:
             shape_tables.append((modes_of_part.part, drawn))
     return shapes(shape_tables, title=f"Shapes of the modes of {shape_name}")

@@ -46,7 +46,7 @@ class Assembly:
     # (part, module) in space -> the MATs of its first point, axis by axis
     points: dict[tuple[str, str], list[int]] = field(default_factory=dict)
     # (part, module) of a key whose motor is late -> the point in its place for links of other parts
-    delayed_ports: dict[tuple[str, str], int] = field(default_factory=dict)
+    ports: dict[tuple[str, str], int] = field(default_factory=dict)
     # Why modules are left out. If None, the first refusal of the engine is raised.
     refusals: list[_core.EngineError] | None = None
 
@@ -69,35 +69,33 @@ class Assembly:
         times itself.
         """
         self.network.part(name, ca_rate=ca_rate, macrostep=every if every > 1 else None)
-        for part_module in modules:
-            if part_module.kind in POINT_KINDS and part_module.kind not in FOLLOWER_KINDS:
-                seen_fields = _fields_behind_lever(part_module.fields, reach)
+        for module in modules:
+            if module.kind in POINT_KINDS and module.kind not in FOLLOWER_KINDS:
+                fields = _fields_behind_lever(module.fields, reach)
                 n_links = self.network.n_lia
                 with self._collecting_refusals():
                     if space is None:
-                        add = KINDS[part_module.kind].add
-                        first_mat = add(self.network, part_module.name, seen_fields, self.seed)
+                        add = KINDS[module.kind].add
+                        first_mat = add(self.network, module.name, fields, self.seed)
                     else:
-                        module_label = ".".join((name, part_module.name))
-                        module_arguments = part_module.kind, part_module.name, seen_fields
+                        module_label = ".".join((name, module.name))
+                        module_arguments = module.kind, module.name, fields
                         first_mat = add_points(
                             self.network,
                             *module_arguments,
                             self._chance_of_member(module_label),
                             module_label,
                         )
-                        mat_count = member_count(part_module.kind, seen_fields)
-                        first_mats = mats_by_axis(first_mat, mat_count, space.axes)
-                        self.points[name, part_module.name] = first_mats
+                        n_points = member_count(module.kind, fields)
+                        first_mat_by_axis = mats_by_axis(first_mat, n_points, space.axes)
+                        self.points[name, module.name] = first_mat_by_axis
                         if space.gravity:  # against the last axis
-                            self.network.weigh(first_mats[-1], mat_count, -space.gravity)
-                    self.mats[name, part_module.name] = first_mat
-                    if part_module.kind in GENERATOR_KINDS:
-                        self.generator_links[name, part_module.name] = range(
-                            n_links, self.network.n_lia
-                        )
-                    if "X0" in seen_fields and part_module.kind in GENERATOR_KINDS:
-                        self._set_start_values(first_mat, seen_fields)
+                            self.network.weigh(first_mat_by_axis[-1], n_points, -space.gravity)
+                    self.mats[name, module.name] = first_mat
+                    if module.kind in GENERATOR_KINDS:
+                        self.generator_links[name, module.name] = range(n_links, self.network.n_lia)
+                    if "X0" in fields and module.kind in GENERATOR_KINDS:
+                        self._set_start_values(first_mat, fields)
 
     def add_followers(
         self, part_name: str, part_modules: Iterable[Module], *, ca_rate: float | None = None
@@ -107,20 +105,20 @@ class Assembly:
         Raises EngineError unless refusals are collected.
         """
         self.network.part(part_name, ca_rate=ca_rate)
-        for part_module in part_modules:
-            if part_module.kind == "PROXY" and self._all_exist(proxies.targets(part_module.fields)):
+        for module in part_modules:
+            if module.kind == "PROXY" and self._all_exist(proxies.targets(module.fields)):
                 with self._collecting_refusals():
-                    proxy_arguments = part_module.name, part_module.fields
-                    self.mats[part_name, part_module.name] = proxies.add(
+                    proxy_arguments = module.name, module.fields
+                    self.mats[part_name, module.name] = proxies.add(
                         self.network, *proxy_arguments, self.members
                     )
-            if part_module.kind == "SURFACE" and self._all_exist([part_module.fields["of"]]):
+            if module.kind == "SURFACE" and self._all_exist([module.fields["of"]]):
                 with self._collecting_refusals():
-                    fields = cast("SurfaceFields", part_module.fields)
-                    masses = self.members(part_module.fields["of"])
-                    first_mats = add_surface(self.network, part_module.name, fields, masses)
-                    self.points[part_name, part_module.name] = first_mats
-                    self.mats[part_name, part_module.name] = first_mats[0]
+                    fields = cast("SurfaceFields", module.fields)
+                    masses = self.members(module.fields["of"])
+                    first_mats = add_surface(self.network, module.name, fields, masses)
+                    self.points[part_name, module.name] = first_mats
+                    self.mats[part_name, module.name] = first_mats[0]
 
     def _all_exist(self, targets: Iterable[Target]) -> bool:
         return all(_module_key(target) in self.mats for target in targets)
@@ -139,29 +137,29 @@ class Assembly:
         out are left out too.
         """
         self.network.part(part_name, ca_rate=ca_rate)
-        for part_module in part_modules:
-            if self.refusals and not self._all_exist(following.targets(part_module)):
+        for module in part_modules:
+            if self.refusals and not self._all_exist(following.targets(module)):
                 continue
-            if part_module.kind == "MAS":
-                for _, follow_values in following.engine_values(part_module, self.mat):
+            if module.kind == "MAS":
+                for _, follow_values in following.engine_values(module, self.mat):
                     with self._collecting_refusals():
-                        mat = self.mats[part_name, part_module.name]
-                        self.network.follow_mass(part_module.name, mat, follow_values)
-            if part_module.kind not in LINK_KINDS:
+                        mat = self.mats[part_name, module.name]
+                        self.network.follow_mass(module.name, mat, follow_values)
+            if module.kind not in LINK_KINDS:
                 continue
-            ends = part_module.ends
+            ends = module.ends
             if self.refusals and any((end.part, end.module) not in self.mats for end in ends):
                 continue
             first_link = self.network.n_lia
             with self._collecting_refusals():
-                module_links = list(single_links(part_module))
+                module_links = list(single_links(module))
                 for link in module_links:
                     self.add_link(part_name, link, *link.ends, reach=reach)
-                if part_module.fields.get("box") is not None:
-                    self.walls[part_name, part_module.name] = [
+                if module.fields.get("box") is not None:
+                    self.walls[part_name, module.name] = [
                         self.links[part_name, link.name] for link in module_links
                     ]
-            self.links[part_name, part_module.name] = range(first_link, self.network.n_lia)
+            self.links[part_name, module.name] = range(first_link, self.network.n_lia)
 
     def add_link(
         self, part: str, module: Module, a: Target, b: Target, *, reach: float = 1.0
@@ -188,56 +186,54 @@ class Assembly:
     def add_port(self, part: str, module: str, x: float) -> None:
         """Add a fixed point at `x` [m] to which other parts link in place of a module."""
         self.network.part(f"{part}, late")
-        self.delayed_ports[part, module] = self.network.sol("port", X0=x)
+        self.ports[part, module] = self.network.sol("port", X0=x)
 
     def _end_mat(self, part: str, target: Target) -> int:
         """Index of the MAT to which a link of a part goes."""
-        port = None if part == target.part else self.delayed_ports.get(_module_key(target))
+        port = None if part == target.part else self.ports.get(_module_key(target))
         return self.mat(target) if port is None else port
 
-    def _link_in_space(self, link_module: Module, first_end: Target, second_end: Target) -> int:
-        link_fields = link_module.fields
-        first_coordinates, second_coordinates = (
-            self.coordinates(first_end),
-            self.coordinates(second_end),
+    def _link_in_space(self, link: Module, a: Target, b: Target) -> int:
+        fields = link.fields
+        mats_a, mats_b = (
+            self.coordinates(a),
+            self.coordinates(b),
         )
-        if is_pairwise(link_module.kind, link_fields, (first_end, second_end)):
-            link_groups = sorted(
-                ((first_coordinates, first_end.count), (second_coordinates, second_end.count)),
+        if is_pairwise(link.kind, fields, (a, b)):
+            groups = sorted(
+                ((mats_a, a.count), (mats_b, b.count)),
                 key=lambda group: group[1],
             )
             contact_fields = present_fields(
-                link_fields, "K", "Z", "gap", "exponent", "clamp", "friction", "core"
+                fields, "K", "Z", "gap", "exponent", "clamp", "friction", "core"
             )
-            contact_fields |= present_fields(link_fields, "cohesion", "reach")
-            contact_fields["inside"] = link_fields.get("side") == "inside"
-            contact_fields["normal"] = unit_vector(link_fields.get("normal"))
-            if (surface := link_fields.get("mesh")) is not None:
+            contact_fields |= present_fields(fields, "cohesion", "reach")
+            contact_fields["inside"] = fields.get("side") == "inside"
+            contact_fields["normal"] = unit_vector(fields.get("normal"))
+            if (surface := fields.get("mesh")) is not None:
                 contact_fields["surface"] = surface.corners, surface.faces
-            return self.network.pairwise(link_module.name, *link_groups, **contact_fields)
-        if link_module.kind == "BUT":
+            return self.network.pairwise(link.name, *groups, **contact_fields)
+        if link.kind == "BUT":
             contact_fields = present_fields(
-                link_fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach"
+                fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach"
             )
-            return self.network.space_but(
-                link_module.name, first_coordinates, second_coordinates, **contact_fields
-            )
-        rest_length = 0.0 if link_module.kind == "ATTRACTION" else link_fields.get("rest")
+            return self.network.space_but(link.name, mats_a, mats_b, **contact_fields)
+        rest_length = 0.0 if link.kind == "ATTRACTION" else fields.get("rest")
         if rest_length is None:
-            rest_length = self.network.distance(first_coordinates, second_coordinates)
-        if link_module.kind == "LNL":
+            rest_length = self.network.distance(mats_a, mats_b)
+        if link.kind == "LNL":
             return self.network.space_lnl(
-                link_module.name,
-                first_coordinates,
-                second_coordinates,
-                compiled_law(cast("LawFields", link_fields)),
+                link.name,
+                mats_a,
+                mats_b,
+                compiled_law(cast("LawFields", fields)),
                 rest_length,
             )
-        spring_fields = present_fields(link_fields, "K", "Z", "yields", "breaks", "core")
+        spring_fields = present_fields(fields, "K", "Z", "yields", "breaks", "core")
         return self.network.space_ref(
-            link_module.name,
-            first_coordinates,
-            second_coordinates,
+            link.name,
+            mats_a,
+            mats_b,
             rest=rest_length,
             **spring_fields,
         )
@@ -296,18 +292,14 @@ def _module_key(target: Target) -> tuple[str, str]:
 
 def _start_values_by_mat(assembly: Assembly, first_mat: int, start_value: Any) -> dict[int, float]:
     """The MATs that do not start at 0, with their values."""
-    mat_count = assembly.network.count(first_mat)
+    n_mats = assembly.network.count(first_mat)
     if isinstance(start_value, float):
         return (
-            dict.fromkeys(range(first_mat, first_mat + mat_count), start_value)
-            if start_value
-            else {}
+            dict.fromkeys(range(first_mat, first_mat + n_mats), start_value) if start_value else {}
         )
     by_mat: dict[int, float] = {}
     for start in start_value if isinstance(start_value, tuple) else (start_value,):
-        by_mat.update(
-            dict.fromkeys(_member_mats(assembly, first_mat, mat_count, start), start.value)
-        )
+        by_mat.update(dict.fromkeys(_member_mats(assembly, first_mat, n_mats, start), start.value))
     return by_mat
 
 
@@ -320,35 +312,31 @@ def _member_mats(assembly: Assembly, first: int, count: int, start: Start) -> ra
 # --- a lever ------------------------------------------------------------------------------------
 
 # The power of the ratio that multiplies a field: what all kinds have, then what one kind has.
-_POWERS = {"X0": 1, "V0": 1, "rest": 1, "gap": 1, "M": -2, "K": -2, "Z": -2}
-_POWERS |= {name: power for kind in KINDS.values() for name, power in kind.lever.items()}
+_LEVER_POWERS = {"X0": 1, "V0": 1, "rest": 1, "gap": 1, "M": -2, "K": -2, "Z": -2}
+_LEVER_POWERS |= {name: power for kind in KINDS.values() for name, power in kind.lever.items()}
 
 
-def _fields_behind_lever(module_fields: _ModuleFields, lever_ratio: float) -> _ModuleFields:
+def _fields_behind_lever(fields: _ModuleFields, ratio: float) -> _ModuleFields:
     """Fields of a module behind a lever, as the piece sees them."""
-    if lever_ratio == 1.0:
-        return module_fields
-    seen_fields = dict(module_fields)
-    for field_name, power in _POWERS.items():
-        if seen_fields.get(field_name) is not None:
-            seen_fields[field_name] = _times_power(seen_fields[field_name], lever_ratio, power)
+    if ratio == 1.0:
+        return fields
+    seen = dict(fields)
+    for field_name, power in _LEVER_POWERS.items():
+        if seen.get(field_name) is not None:
+            seen[field_name] = _times_power(seen[field_name], ratio, power)
     for field_name in ("hardening", "stretching"):
-        if seen_fields.get(field_name):
-            seen_fields[field_name] /= lever_ratio**4  # q·(x/s)³/s
-    if seen_fields.get("exponent", 1.0) != 1.0:
+        if seen.get(field_name):
+            seen[field_name] /= ratio**4  # q·(x/s)³/s
+    if seen.get("exponent", 1.0) != 1.0:
         # The force is K·(p/s)^α/s, so K gets the factor s^-(1+α); s^-2 is applied above.
-        seen_fields["K"] *= lever_ratio / _core.pow(lever_ratio, seen_fields["exponent"])
-    return seen_fields
+        seen["K"] *= ratio / _core.pow(ratio, seen["exponent"])
+    return seen
 
 
-def _times_power(field_value: Any, lever_ratio: float, lever_power: int) -> Any:
-    """A value, or those of a generator's members, times `lever_ratio` to the power 1, -1 or -2."""
-    if isinstance(field_value, tuple):
-        return tuple(_times_power(member, lever_ratio, lever_power) for member in field_value)
-    if isinstance(field_value, Start):
-        return replace(field_value, value=_times_power(field_value.value, lever_ratio, lever_power))
-    return (
-        field_value * lever_ratio
-        if lever_power == 1
-        else field_value / (lever_ratio if lever_power == -1 else lever_ratio * lever_ratio)
-    )
+def _times_power(value: Any, ratio: float, power: int) -> Any:
+    """A value, or those of a generator's members, times `ratio` to the power 1, -1 or -2."""
+    if isinstance(value, tuple):
+        return tuple(_times_power(member, ratio, power) for member in value)
+    if isinstance(value, Start):
+        return replace(value, value=_times_power(value.value, ratio, power))
+    return value * ratio if power == 1 else value / (ratio if power == -1 else ratio * ratio)

@@ -56,11 +56,11 @@ def follows_field(value_shape: Shape, endpoint: Shape, doc: str) -> Field:
     return Field("follows", NamesOf(record, "parameter"), doc, ())
 
 
-def followings(part_module: Module) -> Mapping[str, Following]:
+def followings(module: Module) -> Mapping[str, Following]:
     """The parameters of a module that follow a MAT, by name."""
-    if part_module.kind not in ("LNL", "MAS"):
+    if module.kind not in ("LNL", "MAS"):
         return {}
-    return part_module.fields.get("follows") or {}
+    return module.fields.get("follows") or {}
 
 
 def targets(module: Module) -> Iterator[Target]:
@@ -107,13 +107,13 @@ def check_constants(law_values: Values) -> None:
 
 
 def engine_values(
-    part_module: Module, mat: Callable[[Target], int]
+    module: Module, mat: Callable[[Target], int]
 ) -> list[tuple[str, tuple[int, float, float, float, float]]]:
     """The following parameters by name: index of the MAT, offset, span, and the values at both ends
     of the span.
     """
     return [
         (name, (mat(value.of), value.offset, value.span, value.start, value.stop))
-        for name, value in followings(part_module).items()
+        for name, value in followings(module).items()
         if isinstance(value.of, Target)
     ]

@@ -18,12 +18,15 @@ from ergon.notation.tables.fields import Values
 
 # Fields that describe material and size; the other fields are computed from them.
 MATTER_FIELDS = ("material", "length", "diameter", "thickness", "tension")
-AUDIBLE_TOP_HZ = 5_000.0  # [Hz] bodies get enough masses for modes up to here
-_SECOND_DECAY_HERTZ = 2_000.0  # [Hz] of a body's second decay; at least four times its pitch
+AUDIBLE_FREQUENCY_MAX = 5_000.0  # [Hz] bodies get enough masses for modes up to here
+_SECOND_DECAY_FREQUENCY = 2_000.0  # [Hz] of a body's second decay; at least four times its pitch
 _AIR_DENSITY, _AIR_VISCOSITY = 1.204, 1.81e-5  # [kg/m³], [Pa·s] at 20 °C
-_STRING_MASSES_RANGE, _PLATE_MASSES_RANGE = (40, 300), (150, 500)  # (least, most) masses by default
-_DISC_RINGS_RANGE = (3, 60)  # (least, most) rings of a disc
-_SIDE_MASSES_RANGE = (7, 121)  # (least, most) masses along a side of a plate that bends
+_STRING_MASSES_LIMITS, _PLATE_MASSES_LIMITS = (
+    (40, 300),
+    (150, 500),
+)  # (least, most) masses by default
+_DISC_RINGS_LIMITS = (3, 60)  # (least, most) rings of a disc
+_SIDE_MASSES_LIMITS = (7, 121)  # (least, most) masses along a side of a plate that bends
 
 
 class _MatterError(Exception):
@@ -34,35 +37,33 @@ class _MatterError(Exception):
         self.code, self.message, self.field = code, message, field
 
 
-def from_material(body_kind: str, body_values: Values, *, quietly: bool = False) -> Values | None:
+def from_material(kind: str, values: Values, *, quietly: bool = False) -> Values | None:
     """The fields of a body, with mass, pitch, stiffness and decay computed from its material.
 
     None if an error was reported, or if fields are missing and `quietly` is set.
     """
-    resolve = {"STRING": _string_fields, "PLATE": _plate}.get(body_kind)
+    resolve = {"STRING": _string_fields, "PLATE": _plate}.get(kind)
     if resolve is None:
-        return body_values
+        return values
     try:
-        if not body_values.written("material"):
-            _refuse_size_without_material(body_kind, body_values)
-            return body_values
-        if any(name not in body_values.by_name for name in body_values.nodes):
+        if not values.written("material"):
+            _refuse_size_without_material(kind, values)
+            return values
+        if any(name not in values.by_name for name in values.nodes):
             return None  # a field was refused already
-        resolved = resolve(body_values, body_values.by_name["material"])
+        resolved = resolve(values, values.by_name["material"])
     except _MatterError as refused:
         if not quietly:
-            field_label = body_values.context.label(refused.field)
-            body_values.error(refused.code, f"{field_label}: {refused.message}", refused.field)
+            field_label = values.context.label(refused.field)
+            values.error(refused.code, f"{field_label}: {refused.message}", refused.field)
         return None
-    material_node = body_values.nodes["material"]
-    dropped_fields = (*MATTER_FIELDS, "masses") if body_kind == "PLATE" else MATTER_FIELDS
-    module_fields = {
-        name: value for name, value in body_values.by_name.items() if name not in dropped_fields
-    }
-    nodes = {name: node for name, node in body_values.nodes.items() if name not in dropped_fields}
+    material_node = values.nodes["material"]
+    dropped_fields = (*MATTER_FIELDS, "masses") if kind == "PLATE" else MATTER_FIELDS
+    fields = {name: value for name, value in values.by_name.items() if name not in dropped_fields}
+    nodes = {name: node for name, node in values.nodes.items() if name not in dropped_fields}
     resolved = {name: value for name, value in resolved.items() if value is not None}
     nodes |= {name: nodes.get(name, material_node) for name in resolved}
-    return replace(body_values, by_name={**module_fields, **resolved}, nodes=nodes)
+    return replace(values, by_name={**fields, **resolved}, nodes=nodes)
 
 
 def _refuse_size_without_material(kind: str, body_values: Values) -> None:
@@ -88,7 +89,7 @@ def _is_size(value: Any) -> bool:
     )
 
 
-def _missing_name(module_values: Values, field_names: tuple[str, ...], what_noun: str) -> str:
+def _missing_name(module_values: Values, field_names: tuple[str, ...], noun: str) -> str:
     """The name in `field_names` that is not written, and follows from the others; refuses none or
     several.
     """
@@ -99,9 +100,7 @@ def _missing_name(module_values: Values, field_names: tuple[str, ...], what_noun
         message = f"{others} already determine it; remove one of {names_text}"
         raise _MatterError("E111", message, field_names[-1])
     if len(missing_names) > 1:
-        need = (
-            f"{what_noun} needs all but one of {names_text}; write {' or '.join(missing_names)} too"
-        )
+        need = f"{noun} needs all but one of {names_text}; write {' or '.join(missing_names)} too"
         raise _MatterError("E103", need)
     return missing_names[0]
 
@@ -113,10 +112,10 @@ def _root_of_positive(square: float) -> float:
     return sqrt(square)
 
 
-def _checked_pitch(pitch_hertz: float) -> float:
-    if 0.0 < pitch_hertz <= 1e6:
-        return pitch_hertz
-    message = f"its lowest mode would sound at {pitch_hertz:.3g} Hz; the maximum is 1e+06 Hz"
+def _checked_pitch(frequency: float) -> float:
+    if 0.0 < frequency <= 1e6:
+        return frequency
+    message = f"its lowest mode would sound at {frequency:.3g} Hz; the maximum is 1e+06 Hz"
     raise _MatterError("E202", message + ": make it larger or slacker", "material")
 
 
@@ -145,44 +144,27 @@ def _tuned_wire(
     `pitch`: the pitch [Hz], and the square of it over that without stiffness; `young`: the modulus
     that bends it [Pa]. Raises _MatterError.
     """
-    string_length, _, line_density, tension, bending_term = wire
-    string_pitch, stiff_pitch_ratio_squared = pitch
+    length, _, line_density, tension, bending_term = wire
+    f, stiff_ratio_squared = pitch
     if unknown == "tension":
         tension = (
-            4.0
-            * string_length
-            * string_length
-            * line_density
-            * string_pitch
-            * string_pitch
-            / stiff_pitch_ratio_squared
-            - bending_term / (string_length * string_length)
+            4.0 * length * length * line_density * f * f / stiff_ratio_squared
+            - bending_term / (length * length)
         )
         _root_of_positive(tension)
         return wire._replace(tension=tension)
     if unknown == "length":
-        tension_per_length_squared = (
-            4.0 * line_density * string_pitch * string_pitch / stiff_pitch_ratio_squared
+        wave_term = 4.0 * line_density * f * f / stiff_ratio_squared
+        length = _root_of_positive(
+            (tension + sqrt(tension * tension + 4.0 * wave_term * bending_term)) / (2.0 * wave_term)
         )
-        string_length = _root_of_positive(
-            (tension + sqrt(tension * tension + 4.0 * tension_per_length_squared * bending_term))
-            / (2.0 * tension_per_length_squared)
-        )
-        return wire._replace(length=string_length)
+        return wire._replace(length=length)
     if unknown != "diameter":
         return wire
-    a = pi * pi * pi * young / (64.0 * string_length * string_length)
-    b = (
-        matter.density
-        * pi
-        * string_pitch
-        * string_pitch
-        * string_length
-        * string_length
-        / stiff_pitch_ratio_squared
-    )
-    square = b * b - 4.0 * a * tension
-    diameter = sqrt(2.0 * tension / (b + _root_of_positive(square)))
+    a = pi * pi * pi * young / (64.0 * length * length)
+    b = matter.density * pi * f * f * length * length / stiff_ratio_squared
+    discriminant = b * b - 4.0 * a * tension
+    diameter = sqrt(2.0 * tension / (b + _root_of_positive(discriminant)))
     return wire._replace(
         diameter=diameter,
         line_density=matter.density * pi * diameter * diameter / 4.0,
@@ -190,73 +172,62 @@ def _tuned_wire(
     )
 
 
-def _string_fields(string_values: Values, matter: Material) -> dict[str, Any]:
-    string_fields = dict(string_values.by_name)
-    quarter_wave_factor = (
-        2.0 if string_values["ends"] == "left" else 1.0
-    )  # a quarter of a wave fits, not a half
-    if "M" in string_fields:
-        if "length" not in string_fields:
+def _string_fields(values: Values, matter: Material) -> dict[str, Any]:
+    fields = dict(values.by_name)
+    length_factor = 2.0 if values["ends"] == "left" else 1.0  # a quarter of a wave fits, not a half
+    if "M" in fields:
+        if "length" not in fields:
             raise _MatterError("E103", "a written mass needs the length too", "M")
-        mass_share = _string_share(
-            string_values["ends"], string_fields.get("masses", _STRING_MASSES_RANGE[0])
+        moving_mass_ratio = _moving_mass_ratio(
+            values["ends"], fields.get("masses", _STRING_MASSES_LIMITS[0])
         )
-        line_density = string_fields["M"] / (mass_share * string_fields["length"])
-        string_fields.setdefault("diameter", sqrt(4.0 * line_density / (pi * matter.density)))
-        string_values = replace(string_values, by_name=string_fields)
+        line_density = fields["M"] / (moving_mass_ratio * fields["length"])
+        fields.setdefault("diameter", sqrt(4.0 * line_density / (pi * matter.density)))
+        values = replace(values, by_name=fields)
     unknown = _missing_name(
-        string_values, ("length", "diameter", "f", "tension"), "a STRING of a material"
+        values, ("length", "diameter", "f", "tension"), "a STRING of a material"
     )
-    has_written_stiffness = bool(string_values.written("stiffness"))
+    has_written_stiffness = bool(values.written("stiffness"))
     # The coefficient of inharmonicity B, if it is written.
-    written_inharmonicity = 0.0 if has_written_stiffness else string_fields.get("inharmonicity")
-    diameter = string_fields.get("diameter", 0.0)
+    written_inharmonicity = 0.0 if has_written_stiffness else fields.get("inharmonicity")
+    diameter = fields.get("diameter", 0.0)
     line_density = matter.density * pi * diameter * diameter / 4.0  # [kg/m]
-    if "M" in string_fields:
-        line_density = string_fields["M"] / (mass_share * string_fields["length"])
-    string_pitch = string_fields.get("f", 0.0)
+    if "M" in fields:
+        line_density = fields["M"] / (moving_mass_ratio * fields["length"])
+    f = fields.get("f", 0.0)
     young = matter.young if written_inharmonicity is None else 0.0
     wire = _Wire(
-        length=string_fields.get("length", 0.0) * quarter_wave_factor,
+        length=fields.get("length", 0.0) * length_factor,
         diameter=diameter,
         line_density=line_density,
-        tension=string_fields.get("tension", 0.0),
+        tension=fields.get("tension", 0.0),
         bending_term=pi * pi * young * pi * diameter * diameter * diameter * diameter / 64.0,
     )
     # Square of the pitch over that without stiffness.
-    stiff_pitch_ratio_squared = 1.0 + (written_inharmonicity or 0.0)
-    wire = _tuned_wire(wire, unknown, (string_pitch, stiff_pitch_ratio_squared), young, matter)
-    string_length, diameter, line_density, tension, bending_term = wire
+    stiff_ratio_squared = 1.0 + (written_inharmonicity or 0.0)
+    wire = _tuned_wire(wire, unknown, (f, stiff_ratio_squared), young, matter)
+    length, diameter, line_density, tension, bending_term = wire
     inharmonicity = (
         written_inharmonicity
         if written_inharmonicity is not None
-        else bending_term / (tension * string_length * string_length)
+        else bending_term / (tension * length * length)
     )
     if inharmonicity > INHARMONICITY_MAX:
         message = f"the inharmonicity would be {inharmonicity:.3g}, above the maximum of "
         message += f"{INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
-        raise _MatterError("E202", message, "diameter" if string_values.written("diameter") else "")
+        raise _MatterError("E202", message, "diameter" if values.written("diameter") else "")
     if unknown == "f":
-        string_pitch = _checked_pitch(
-            sqrt(tension / line_density * (1.0 + inharmonicity)) / (2.0 * string_length)
-        )
-    low, high = _STRING_MASSES_RANGE
-    masses = string_fields.get("masses") or min(
-        max(low, ceil(2.0 * AUDIBLE_TOP_HZ / string_pitch)), high
-    )
-    mass = (
-        line_density
-        * string_length
-        / quarter_wave_factor
-        * _string_share(string_values["ends"], masses)
-    )
-    resolved = {"masses": masses, "M": string_fields.get("M", mass), "f": string_pitch}
+        f = _checked_pitch(sqrt(tension / line_density * (1.0 + inharmonicity)) / (2.0 * length))
+    low, high = _STRING_MASSES_LIMITS
+    masses = fields.get("masses") or min(max(low, ceil(2.0 * AUDIBLE_FREQUENCY_MAX / f)), high)
+    mass = line_density * length / length_factor * _moving_mass_ratio(values["ends"], masses)
+    resolved = {"masses": masses, "M": fields.get("M", mass), "f": f}
     if not has_written_stiffness:
         resolved["inharmonicity"] = inharmonicity
-    if "t60" not in string_fields:
+    if "t60" not in fields:
         bending_stiffness = bending_term / (pi * pi)
         resolved["t60"] = _decays(
-            string_pitch,
+            f,
             lambda frequency: _string_loss(
                 frequency, line_density, diameter, tension, bending_stiffness, matter.loss
             ),
@@ -264,43 +235,43 @@ def _string_fields(string_values: Values, matter: Material) -> dict[str, Any]:
     return resolved
 
 
-def _string_share(ends: str, masses: int) -> float:
+def _moving_mass_ratio(ends: str, masses: int) -> float:
     """The share of a string's mass in its moving masses; the rest is in its fixed ends."""
     return masses / (masses + {"fixed": 1.0, "left": 0.5, "free": 0.0}[ends])
 
 
 def _string_loss(
-    partial_frequency: float,
+    frequency: float,
     line_density: float,
     diameter: float,
     tension: float,
-    curved: float,
-    loss: float,
+    bending_stiffness: float,
+    material_loss: float,
 ) -> float:
     """1/Q of a partial: losses to the air (Stokes) and in bending, after Valette and after
     Woodhouse.
     """
-    viscous_layer = sqrt(pi * _AIR_VISCOSITY * _AIR_DENSITY * partial_frequency)
+    viscous_layer = sqrt(pi * _AIR_VISCOSITY * _AIR_DENSITY * frequency)
     drag = 2.0 * pi * (_AIR_VISCOSITY + diameter * viscous_layer)  # [N·s/m²]
-    angular_frequency = 2.0 * pi * partial_frequency
+    angular_frequency = 2.0 * pi * frequency
     return drag / (
         line_density * angular_frequency
-    ) + loss * curved * line_density * angular_frequency * angular_frequency / (tension * tension)
+    ) + material_loss * bending_stiffness * line_density * angular_frequency * angular_frequency / (
+        tension * tension
+    )
 
 
-def _decays(lowest_frequency: float, loss: Any) -> Any:
+def _decays(f_low: float, loss: Any) -> Any:
     """T60 at the lowest mode and at a higher frequency, with a ratio that dampers of a row or mesh
     can have.
     """
-    high_frequency = max(_SECOND_DECAY_HERTZ, 4.0 * lowest_frequency)
-    if loss(lowest_frequency) <= 0.0:
+    f_high = max(_SECOND_DECAY_FREQUENCY, 4.0 * f_low)
+    if loss(f_low) <= 0.0:
         return None
-    low_t60, high_t60 = (
-        LN_1000 / (pi * at * loss(at)) for at in (lowest_frequency, high_frequency)
-    )
-    ratio = high_frequency / lowest_frequency
-    return (lowest_frequency, low_t60), (
-        high_frequency,
+    low_t60, high_t60 = (LN_1000 / (pi * at * loss(at)) for at in (f_low, f_high))
+    ratio = f_high / f_low
+    return (f_low, low_t60), (
+        f_high,
         min(max(high_t60, low_t60 / (ratio * ratio)), low_t60),
     )
 
@@ -308,83 +279,70 @@ def _decays(lowest_frequency: float, loss: Any) -> Any:
 # --- plates and membranes -------------------------------------------------------------------------
 
 
-def _plate(plate_values: Values, matter: Material) -> dict[str, Any]:
-    plate_fields = dict(plate_values.by_name)
-    is_disc = _is_size(plate_fields.get("radius"))
-    _plate_form(plate_values, "disc" if is_disc else "rectangle")
-    is_membrane = _is_membrane(plate_values)
-    rim = "fixed" if is_membrane else plate_values["rim"]
-    plate_width, plate_height = (
-        (2.0 * plate_fields["radius"],) * 2 if is_disc else plate_fields["sides"]
-    )
-    area = pi * plate_width * plate_height / 4.0 if is_disc else plate_width * plate_height
-    if "M" in plate_fields and "thickness" not in plate_fields:
-        mesh, mass_share = _mesh_fields(
+def _plate(values: Values, matter: Material) -> dict[str, Any]:
+    fields = dict(values.by_name)
+    is_disc = _is_size(fields.get("radius"))
+    _plate_form(values, "disc" if is_disc else "rectangle")
+    is_membrane = _is_membrane(values)
+    rim = "fixed" if is_membrane else values["rim"]
+    width, height = (2.0 * fields["radius"],) * 2 if is_disc else fields["sides"]
+    area = pi * width * height / 4.0 if is_disc else width * height
+    if "M" in fields and "thickness" not in fields:
+        mesh, mass_ratio = _mesh_fields(
             is_disc,
             rim,
-            plate_width,
-            plate_height,
-            plate_fields.get("masses", _PLATE_MASSES_RANGE[0]),
+            width,
+            height,
+            fields.get("masses", _PLATE_MASSES_LIMITS[0]),
             is_membrane,
         )
-        plate_fields["thickness"] = plate_fields["M"] / (mass_share * area * matter.density)
-        plate_values = replace(plate_values, by_name=plate_fields)
+        fields["thickness"] = fields["M"] / (mass_ratio * area * matter.density)
+        values = replace(values, by_name=fields)
     names = ("thickness", "f", "tension") if is_membrane else ("thickness", "f")
-    unknown = _missing_name(plate_values, names, "a PLATE of a material and a size")
-    thickness, lowest_frequency, tension = (
-        plate_fields.get(name, 0.0) for name in ("thickness", "f", "tension")
-    )
-    poisson = plate_fields.get("bending") or matter.poisson
-    angular_frequency = 2.0 * pi * lowest_frequency
+    unknown = _missing_name(values, names, "a PLATE of a material and a size")
+    thickness, f, tension = (fields.get(name, 0.0) for name in ("thickness", "f", "tension"))
+    poisson = fields.get("bending") or matter.poisson
+    omega = 2.0 * pi * f
     if is_membrane:
         shape_factor = (
-            _DISC_MEMBRANE_COEFFICIENT / plate_fields["radius"]
+            _DISC_MEMBRANE_COEFFICIENT / fields["radius"]
             if is_disc
-            else _membrane_wave_number(plate_width, plate_height)
+            else _membrane_wave_number(width, height)
         )
         if unknown == "tension":
-            tension = (
-                thickness
-                * matter.density
-                * (angular_frequency / shape_factor)
-                * (angular_frequency / shape_factor)
-            )
+            tension = thickness * matter.density * (omega / shape_factor) * (omega / shape_factor)
         elif unknown == "thickness":
-            thickness = (
-                tension
-                * (shape_factor / angular_frequency)
-                * (shape_factor / angular_frequency)
-                / matter.density
-            )
+            thickness = tension * (shape_factor / omega) * (shape_factor / omega) / matter.density
         speed = sqrt(tension / (thickness * matter.density))
-        lowest_frequency = lowest_frequency or _checked_pitch(shape_factor * speed / (2.0 * pi))
-        # As many masses as put the highest mode of the lattice at AUDIBLE_TOP_HZ.
-        mass_count_needed = 1.6 * pi * area * AUDIBLE_TOP_HZ * AUDIBLE_TOP_HZ / (speed * speed)
+        f = f or _checked_pitch(shape_factor * speed / (2.0 * pi))
+        # As many masses as put the highest mode of the lattice at AUDIBLE_FREQUENCY_MAX.
+        n_needed = 1.6 * pi * area * AUDIBLE_FREQUENCY_MAX * AUDIBLE_FREQUENCY_MAX / (speed * speed)
     else:
         young = matter.young if matter.across is None else sqrt(matter.young * matter.across)
         shape_factor = (
-            _disc_factor(rim, poisson, plate_fields["radius"])
+            _disc_factor(rim, poisson, fields["radius"])
             if is_disc
-            else _rectangle_factor(rim, poisson, plate_width, plate_height)
+            else _rectangle_factor(rim, poisson, width, height)
         )
         flexural_speed = sqrt(young / (12.0 * matter.density * (1.0 - poisson * poisson)))  # [m/s]
-        thickness = thickness or angular_frequency / (shape_factor * flexural_speed)
-        lowest_frequency = lowest_frequency or _checked_pitch(
-            shape_factor * flexural_speed * thickness / (2.0 * pi)
+        thickness = thickness or omega / (shape_factor * flexural_speed)
+        f = f or _checked_pitch(shape_factor * flexural_speed * thickness / (2.0 * pi))
+        n_needed = (
+            (1.9 if rim == "free" else 1.2)
+            * area
+            * AUDIBLE_FREQUENCY_MAX
+            / (flexural_speed * thickness)
         )
-        mass_count_needed = (
-            (1.9 if rim == "free" else 1.2) * area * AUDIBLE_TOP_HZ / (flexural_speed * thickness)
-        )
-    masses = plate_fields.get("masses") or min(
-        max(_PLATE_MASSES_RANGE[0], ceil(mass_count_needed)), _PLATE_MASSES_RANGE[1]
+    masses = fields.get("masses") or min(
+        max(_PLATE_MASSES_LIMITS[0], ceil(n_needed)), _PLATE_MASSES_LIMITS[1]
     )
-    mesh, mass_share = _mesh_fields(is_disc, rim, plate_width, plate_height, masses, is_membrane)
-    mass = thickness * matter.density * area * mass_share
-    resolved = {**mesh, "rim": rim, "M": plate_fields.get("M", mass), "f": lowest_frequency}
+    mesh, mass_ratio = _mesh_fields(is_disc, rim, width, height, masses, is_membrane)
+    mass = thickness * matter.density * area * mass_ratio
+    resolved = {**mesh, "rim": rim, "M": fields.get("M", mass), "f": f}
     if not is_membrane:
         resolved["bending"] = poisson
-    if "t60" not in plate_fields:
-        resolved["t60"] = _decays(lowest_frequency, lambda _: matter.loss)
+    if "t60" not in fields:
+        resolved["t60"] = _decays(f, lambda _: matter.loss)
     return resolved
 
 
@@ -393,23 +351,23 @@ def _is_membrane(values: Values) -> bool:
     return "tension" in values.by_name or values.by_name.get("bending", True) is None
 
 
-def _plate_form(plate_values: Values, plate_shape: str) -> None:
+def _plate_form(values: Values, shape: str) -> None:
     """Refuse fields that contradict each other."""
-    plate_fields = plate_values.by_name
-    if plate_values.written("radius") and plate_values.written("sides"):
+    fields = values.by_name
+    if values.written("radius") and values.written("sides"):
         raise _MatterError("E111", "`radius` is written too; keep one of the two", "sides")
-    if not _is_size(plate_fields.get("radius" if plate_shape == "disc" else "sides")):
+    if not _is_size(fields.get("radius" if shape == "disc" else "sides")):
         message = "a PLATE of a material needs its size: radius: 30cm, or sides: [40cm, 25cm]"
         raise _MatterError("E103", message)
-    if plate_fields.get("shape", plate_shape) != plate_shape:
-        message = f"a PLATE of a material with this size is a {plate_shape}; remove the shape"
+    if fields.get("shape", shape) != shape:
+        message = f"a PLATE of a material with this size is a {shape}; remove the shape"
         raise _MatterError("E111", message, "shape")
-    if not _is_membrane(plate_values):
+    if not _is_membrane(values):
         return
-    if plate_fields.get("bending") is not None:
+    if fields.get("bending") is not None:
         message = "a membrane under tension does not bend; remove one of tension and bending"
         raise _MatterError("E111", message, "bending")
-    if plate_fields.get("rim") == "free":
+    if fields.get("rim") == "free":
         message = "a membrane under tension is held at its rim; write `rim: fixed`"
         raise _MatterError("E111", message, "rim")
 
@@ -421,7 +379,7 @@ def _mesh_fields(
     them.
     """
     if is_disc:
-        ring_count, gaps_max = _DISC_RINGS_RANGE
+        ring_count, gaps_max = _DISC_RINGS_LIMITS
         while 3 * ring_count * (ring_count + 1) + 1 < masses and ring_count < gaps_max:
             ring_count += 1
         inner_radius_share = (ring_count - 0.5) / ring_count
@@ -430,8 +388,8 @@ def _mesh_fields(
     # The number of gaps between masses, including those to a fixed rim.
     extra_gaps = 1 if rim == "fixed" else -1
     gaps_min, gaps_max = (
-        _SIDE_MASSES_RANGE[0] + extra_gaps,
-        (_SIDE_MASSES_RANGE[1] if not is_membrane else 4 * _SIDE_MASSES_RANGE[1]) + extra_gaps,
+        _SIDE_MASSES_LIMITS[0] + extra_gaps,
+        (_SIDE_MASSES_LIMITS[1] if not is_membrane else 4 * _SIDE_MASSES_LIMITS[1]) + extra_gaps,
     )
     short_side, long_side = min(plate_width, plate_height), max(plate_width, plate_height)
     side_ratio = long_side / short_side

@@ -109,7 +109,7 @@ def with_listed_modes(bank_values: Values) -> Values | None:
 
 
 def with_modes_of_file(
-    bank_values: Values,
+    values: Values,
     read_document: Callable[[str, Place], Document | None],
     transposed: Callable[[str, Any, Any], Any],
     collector: Collector,
@@ -117,32 +117,30 @@ def with_modes_of_file(
     """The fields of a BANK or MODES with the modes of the file that it names, moved by an
     `interval` if there is one.
     """
-    file_name = bank_values.by_name.get("modes")
+    file_name = values.by_name.get("modes")
     if file_name is None:
-        return bank_values
-    conflicting_fields = bank_values.written("f", "t60", "gain", "count", "spread", "places")
+        return values
+    conflicting_fields = values.written("f", "t60", "gain", "count", "spread", "places")
     if conflicting_fields:
         message = (
-            f"{bank_values.context.label(conflicting_fields[0])}: `modes` is written too; keep one "
+            f"{values.context.label(conflicting_fields[0])}: `modes` is written too; keep one "
             "of the two"
         )
-        bank_values.error("E111", message, conflicting_fields[0])
-        return _without_frequencies(bank_values)
-    table = read_document(file_name, bank_values.place_of("modes"))
-    file_columns = None if table is None else _columns(table, bank_values, collector)
-    if file_columns is None:
-        return _without_frequencies(bank_values)
-    bank_fields = {field: value for field, value in bank_values.by_name.items() if field != "modes"}
-    bank_nodes, modes_node = dict(bank_values.nodes), bank_values.nodes["modes"]
-    for field, column in file_columns.items():
-        bank_fields[field] = (
-            transposed(field, column, bank_fields["interval"])
-            if "interval" in bank_fields
-            else column
+        values.error("E111", message, conflicting_fields[0])
+        return _without_frequencies(values)
+    table = read_document(file_name, values.place_of("modes"))
+    columns = None if table is None else _columns(table, values, collector)
+    if columns is None:
+        return _without_frequencies(values)
+    fields = {field: value for field, value in values.by_name.items() if field != "modes"}
+    nodes, modes_node = dict(values.nodes), values.nodes["modes"]
+    for field, column in columns.items():
+        fields[field] = (
+            transposed(field, column, fields["interval"]) if "interval" in fields else column
         )
-        bank_nodes[field] = modes_node
-    bank_fields.pop("interval", None)
-    return replace(bank_values, by_name=bank_fields, nodes=bank_nodes)
+        nodes[field] = modes_node
+    fields.pop("interval", None)
+    return replace(values, by_name=fields, nodes=nodes)
 
 
 def _without_frequencies(values: Values) -> Values:
@@ -151,47 +149,45 @@ def _without_frequencies(values: Values) -> Values:
     return replace(values, by_name=fields, nodes={**values.nodes, "f": values.nodes["modes"]})
 
 
-def _columns(
-    table_document: Document, bank_values: Values, collector: Collector
-) -> dict[str, Any] | None:
+def _columns(table: Document, bank_values: Values, collector: Collector) -> dict[str, Any] | None:
     """Fields from the columns of a table: f [Hz], t60 [s], and gain or places; None if errors were
     reported.
     """
-    bank_label, modes_place = bank_values.context.label("modes"), bank_values.place_of("modes")
+    label, modes_place = bank_values.context.label("modes"), bank_values.place_of("modes")
     is_bank = "gain" in bank_values.record.by_name
-    line_format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE_NAME])
-    mode_rows: list[tuple[float, ...]] = []
+    row_format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE_NAME])
+    rows: list[tuple[float, ...]] = []
     are_all_valid = True
-    for line_number, table_line in enumerate(table_document.text.splitlines(), 1):
-        if not table_line.strip() or table_line.lstrip().startswith("#"):
+    for line_number, line in enumerate(table.text.splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
             continue
-        line_place = Place(table_document.file, line_number, 1)
-        if not mode_rows and are_all_valid and _is_heading(table_line):
-            place_names = [cell.strip() for cell in table_line.split(",")][2:]
+        line_place = Place(table.file, line_number, 1)
+        if not rows and are_all_valid and _is_heading(line):
+            place_names = [cell.strip() for cell in line.split(",")][2:]
             if is_bank or not place_names:
                 continue
             if (wrong_name := _wrong_name(place_names)) is not None:
-                collector.error("E110", f"{bank_label}: {wrong_name}", line_place)
+                collector.error("E110", f"{label}: {wrong_name}", line_place)
                 return None
-            line_format = _places_row(place_names)
+            row_format = _places_row(place_names)
             continue
-        mode_row = _read_row(table_line, line_place, bank_label, line_format, collector)
-        are_all_valid &= mode_row is not None
-        if mode_row is not None:
-            mode_rows.append(mode_row)
-        if len(mode_rows) > MAX_MODES:
-            message = f"{bank_label}: the file has more than {MAX_MODES:,} modes"
+        row = _read_row(line, line_place, label, row_format, collector)
+        are_all_valid &= row is not None
+        if row is not None:
+            rows.append(row)
+        if len(rows) > MAX_MODES:
+            message = f"{label}: the file has more than {MAX_MODES:,} modes"
             collector.error("E105", message, modes_place)
             return None
-    if not mode_rows and are_all_valid:
-        message = f"{bank_label}: the file has no modes; write lines such as {line_format.example}"
+    if not rows and are_all_valid:
+        message = f"{label}: the file has no modes; write lines such as {row_format.example}"
         collector.error("E106", message, modes_place)
-    if not mode_rows or not are_all_valid:
+    if not rows or not are_all_valid:
         return None
-    f, t60, *others = (Each(column) for column in zip(*mode_rows, strict=True))
+    f, t60, *others = (Each(column) for column in zip(*rows, strict=True))
     if is_bank:
         return {"f": f, "t60": t60, "gain": others[0]}
-    return {"f": f, "t60": t60, "places": dict(zip(line_format.places, others, strict=True))}
+    return {"f": f, "t60": t60, "places": dict(zip(row_format.places, others, strict=True))}
 
 
 @dataclass(frozen=True)
@@ -234,36 +230,34 @@ def _is_heading(line: str) -> bool:
 
 
 def _read_row(
-    table_line: str,
+    line: str,
     line_place: Place,
-    bank_label: str,
-    line_format: _LineFormat,
+    label: str,
+    row_format: _LineFormat,
     collector: Collector,
 ) -> tuple[float, ...] | None:
     """The values of a line; None if errors were reported, each at its cell."""
-    line_cells = table_line.split(",")
-    if not line_format.accepts_cells(len(line_cells)) or len(table_line) > _MAX_LINE:
-        message = f"{bank_label}: a line is {line_format.words}"
-        collector.error(
-            "E106", message, replace(line_place, length=max(1, min(len(table_line), 80)))
-        )
+    cells = line.split(",")
+    if not row_format.accepts_cells(len(cells)) or len(line) > _MAX_LINE:
+        message = f"{label}: a line is {row_format.words}"
+        collector.error("E106", message, replace(line_place, length=max(1, min(len(line), 80))))
         return None
-    row_values, cell_column = [], 1
-    for cell_text, cell_reader in zip(line_cells, line_format.cell_shapes, strict=False):
+    values, column = [], 1
+    for cell_text, shape in zip(cells, row_format.cell_shapes, strict=False):
         cell_word = cell_text.strip()
-        cell_begin = cell_column + len(cell_text) - len(cell_text.lstrip())
+        cell_begin = column + len(cell_text) - len(cell_text.lstrip())
         try:
-            row_values.append(_cell_value(cell_word, cell_reader))
+            values.append(_cell_value(cell_word, shape))
         except TextError as error:
             error_place = replace(
                 line_place, column=cell_begin + error.offset, length=max(1, error.length)
             )
-            message = f"{bank_label}: {error.message}"
+            message = f"{label}: {error.message}"
             collector.error(error.code, message, error_place, suggestion=error.suggestion)
-        cell_column += len(cell_text) + 1
-    if len(row_values) < len(line_cells):
+        column += len(cell_text) + 1
+    if len(values) < len(cells):
         return None
-    return (*row_values, 1.0)[: len(line_format.cell_shapes)]
+    return (*values, 1.0)[: len(row_format.cell_shapes)]
 
 
 def _cell_value(cell_text: str, cell_reader: Text) -> float:
@@ -317,97 +311,92 @@ def _wrong_name(place_names: Sequence[str]) -> str | None:
     return None
 
 
-def with_levels_at_places(modes_values: Values) -> Values | None:
+def with_levels_at_places(values: Values) -> Values | None:
     """The fields of MODES, with a decay for each mode and the level of each mode at each place.
 
     None if an error was reported.
     """
-    modes_fields, modes_nodes = dict(modes_values.by_name), dict(modes_values.nodes)
-    if any(
-        name not in modes_fields for name in ("f", "t60", "places", "band") if name in modes_nodes
-    ):
+    fields, nodes = dict(values.by_name), dict(values.nodes)
+    if any(name not in fields for name in ("f", "t60", "places", "band") if name in nodes):
         return None  # refused already
-    mode_frequencies, t60, mode_places = (
-        modes_fields.get("f"),
-        modes_fields.get("t60"),
-        modes_fields.get("places"),
+    frequencies, t60, levels_by_place = (
+        fields.get("f"),
+        fields.get("t60"),
+        fields.get("places"),
     )
-    if mode_frequencies is None:
-        return modes_values
+    if frequencies is None:
+        return values
     if t60 is not None and len(t60) == 1:
-        modes_fields["t60"] = t60 = Each(t60 * len(mode_frequencies))
-    if mode_places is None:
-        modes_fields["places"] = mode_places = {DEFAULT_PLACE_NAME: (1.0,) * len(mode_frequencies)}
-        modes_nodes["places"] = modes_nodes["f"]
-    place_names = list(mode_places)
+        fields["t60"] = t60 = Each(t60 * len(frequencies))
+    if levels_by_place is None:
+        fields["places"] = levels_by_place = {DEFAULT_PLACE_NAME: (1.0,) * len(frequencies)}
+        nodes["places"] = nodes["f"]
+    place_names = list(levels_by_place)
     if (wrong_name := _wrong_name(place_names)) is not None or not place_names:
         wrong_name = wrong_name or "name a place at least, such as rim: [1, 0.5]"
-        modes_values.error(
-            "E110", f"{modes_values.context.label('places')}: {wrong_name}", "places"
-        )
+        values.error("E110", f"{values.context.label('places')}: {wrong_name}", "places")
         return None
     values_by_list = {
         "t60": t60,
-        **{f"place {quote(name)}": levels for name, levels in mode_places.items()},
+        **{f"place {quote(name)}": levels for name, levels in levels_by_place.items()},
     }
     for list_name, mode_levels in values_by_list.items():
         field_name = list_name if list_name == "t60" else "places"
         if mode_levels is MISSING:
             return None
-        if mode_levels is not None and len(mode_levels) != len(mode_frequencies):
+        if mode_levels is not None and len(mode_levels) != len(frequencies):
             message = (
-                f"{modes_values.context.label(list_name)}: there are {len(mode_frequencies)} "
+                f"{values.context.label(list_name)}: there are {len(frequencies)} "
                 "frequencies; write as many "
             )
-            modes_values.error("E106", message + f"values, not {len(mode_levels)}", field_name)
+            values.error("E106", message + f"values, not {len(mode_levels)}", field_name)
             return None
         if field_name == "places" and not any(mode_levels):
             message = (
-                f"{modes_values.context.label(list_name)}: all levels are 0, so that nothing moves "
+                f"{values.context.label(list_name)}: all levels are 0, so that nothing moves "
                 "there; "
             )
-            modes_values.error("E202", message + "remove the place", field_name)
+            values.error("E202", message + "remove the place", field_name)
             return None
-    if isinstance(mode_band := modes_fields.pop("band", None), Band):
-        if (mistake := _wrong_band(mode_band, place_names, len(mode_frequencies))) is not None:
-            modes_values.error("E110", f"{modes_values.context.label('band')}: {mistake}", "band")
+    if isinstance(band := fields.pop("band", None), Band):
+        if (mistake := _wrong_band(band, place_names, len(frequencies))) is not None:
+            values.error("E110", f"{values.context.label('band')}: {mistake}", "band")
             return None
-        pitches, decays, mode_levels = mode_band.draw_modes(place_names)
-        modes_fields["f"] = Each((*mode_frequencies, *pitches))
+        band_frequencies, band_t60, mode_levels = band.draw_modes(place_names)
+        fields["f"] = Each((*frequencies, *band_frequencies))
         if t60 is not None:
-            modes_fields["t60"] = Each((*t60, *decays))
-        mode_places = {name: (*mode_places[name], *mode_levels[name]) for name in place_names}
-    modes_fields["places"] = tuple(mode_places.items())
-    return replace(modes_values, by_name=modes_fields, nodes=modes_nodes)
+            fields["t60"] = Each((*t60, *band_t60))
+        levels_by_place = {
+            name: (*levels_by_place[name], *mode_levels[name]) for name in place_names
+        }
+    fields["places"] = tuple(levels_by_place.items())
+    return replace(values, by_name=fields, nodes=nodes)
 
 
-def _wrong_band(mode_band: Band, place_names: Sequence[str], listed_modes: int) -> str | None:
+def _wrong_band(band: Band, place_names: Sequence[str], n_listed: int) -> str | None:
     """Why a band cannot be added to modes that are listed; None if it can."""
-    if unknown_places := sorted(set(mode_band.levels) - set(place_names)):
+    if unknown_places := sorted(set(band.levels) - set(place_names)):
         return (
             f"there is no place {quote(unknown_places[0])}; its places are {', '.join(place_names)}"
         )
-    if listed_modes + mode_band.count > _core.MAX_MODAL:
-        return (
-            f"there are {listed_modes + mode_band.count} modes with it; the most is "
-            f"{_core.MAX_MODAL}"
-        )
+    if n_listed + band.count > _core.MAX_MODAL:
+        return f"there are {n_listed + band.count} modes with it; the most is {_core.MAX_MODAL}"
     return None
 
 
 def retuned_modes(
-    body_values: Values, member_values: Values, tune: Callable[[tuple[float, ...], float], Any]
+    values: Values, member_values: Values, tune: Callable[[tuple[float, ...], float], Any]
 ) -> Values:
     """MODES with its lowest pitch, its decay and its mass set to those of the instrument's own
     fields.
 
     `tune` moves the other modes by the same interval; their decays keep their ratios.
     """
-    body_fields, body_nodes = dict(body_values.by_name), dict(body_values.nodes)
-    mode_frequencies = body_fields.get("f")
+    fields, nodes = dict(values.by_name), dict(values.nodes)
+    frequencies = fields.get("f")
     for field_name in member_values.written("f", "t60", "M"):
         member_value = member_values.by_name.get(field_name)
-        if member_value is None or not mode_frequencies:
+        if member_value is None or not frequencies:
             continue
         if field_name != "M" and member_value[0] != member_value[1]:
             member_values.error(
@@ -417,25 +406,23 @@ def retuned_modes(
             )
             continue
         if field_name == "f":
-            body_fields["f"] = Each(tune(mode_frequencies, member_value[0]))
-            if isinstance(mode_band := body_fields.get("band"), Band):
-                band_ends = tune((min(mode_frequencies), *mode_band.f), member_value[0])[1:]
-                body_fields["band"] = replace(mode_band, f=tuple(band_ends))
+            fields["f"] = Each(tune(frequencies, member_value[0]))
+            if isinstance(band := fields.get("band"), Band):
+                band_ends = tune((min(frequencies), *band.f), member_value[0])[1:]
+                fields["band"] = replace(band, f=tuple(band_ends))
         elif field_name == "M":
-            body_fields["M"] = member_value
-        elif t60 := body_fields.get("t60"):
+            fields["M"] = member_value
+        elif t60 := fields.get("t60"):
             lowest_t60 = (
-                t60[min(range(len(mode_frequencies)), key=mode_frequencies.__getitem__)]
-                if len(t60) == len(mode_frequencies)
+                t60[min(range(len(frequencies)), key=frequencies.__getitem__)]
+                if len(t60) == len(frequencies)
                 else t60[0]
             )
-            body_fields["t60"] = Each(member_value[0] * (mode_t60 / lowest_t60) for mode_t60 in t60)
-            if isinstance(mode_band := body_fields.get("band"), Band):
-                low, high = (
-                    member_value[0] * (mode_t60 / lowest_t60) for mode_t60 in mode_band.t60
-                )
-                body_fields["band"] = replace(mode_band, t60=(low, high))
+            fields["t60"] = Each(member_value[0] * (mode_t60 / lowest_t60) for mode_t60 in t60)
+            if isinstance(band := fields.get("band"), Band):
+                low, high = (member_value[0] * (mode_t60 / lowest_t60) for mode_t60 in band.t60)
+                fields["band"] = replace(band, t60=(low, high))
         else:
-            body_fields["t60"] = Each(member_value[:1])
-        body_nodes[field_name] = member_values.nodes[field_name]
-    return replace(body_values, by_name=body_fields, nodes=body_nodes)
+            fields["t60"] = Each(member_value[:1])
+        nodes[field_name] = member_values.nodes[field_name]
+    return replace(values, by_name=fields, nodes=nodes)

@@ -58,7 +58,7 @@ class NoteFamily:
                 note_height = pitch(word)
             except TextError:  # a key that the tuning leaves out
                 return None
-        return None if note_height is None else tuning.nearby(self.parts, note_height)
+        return None if note_height is None else tuning.part_at_height(self.parts, note_height)
 
 
 @dataclass(slots=True)
@@ -79,36 +79,36 @@ class PartNames:
 
         If one is not found, that is reported once, and there are none.
         """
-        name_targets = []
-        for member_target in self.member_names(name):
-            named_target = self.target(member_target, wanted, label)
-            if named_target is None:
+        targets = []
+        for member_name in self.member_names(name):
+            target = self.target(member_name, wanted, label)
+            if target is None:
                 return []
-            name_targets.append(named_target)
-        return name_targets
+            targets.append(target)
+        return targets
 
     def struck_targets(self, name: Name, who: str) -> list[Target]:
         """The MATs that strikes reach by a name: where it names an instrument, or an act of one
         (`kick.strike`), those of the act; there are none if an error was reported.
         """
-        struck_targets = []
+        targets = []
         for member_name in self.member_names(name):
-            named_part, act = self._named_act(member_name)
+            part, act = self._named_act(member_name)
             if act is None:
-                named_target = self.target(member_name, "mats", who)
-                if named_target is None:
+                target = self.target(member_name, "mats", who)
+                if target is None:
                     return []
-                struck_targets.append(named_target)
+                targets.append(target)
                 continue
             # What is wrong with the act itself is reported where it is written.
-            silent_names = replace(self, collector=Collector())
-            self.referenced_parts.add(named_part.name)
-            self._add_modules_of_act(named_part, act)
-            act_targets = silent_names.act_targets(named_part, act)
-            struck_targets += [
+            quiet = replace(self, collector=Collector())
+            self.referenced_parts.add(part.name)
+            self._add_modules_of_act(part, act)
+            act_targets = quiet.act_targets(part, act)
+            targets += [
                 replace(t, text=str(member_name), place=member_name.place) for t in act_targets
             ]
-        return struck_targets
+        return targets
 
     def act_targets(self, act_owner: PartContents, act: Act) -> list[Target]:
         """The MATs that an act of an instrument strikes; reports what is wrong with its names."""
@@ -189,21 +189,16 @@ class PartNames:
         if part is not None and act in part.acts and part.acts[act].is_drawn:
             yield Name(f"{owner}.{act}", instrument_name.place)
 
-    def required_impulse_range(
-        self, struck_target: Target, module_label: str
-    ) -> ImpulseRange | None:
+    def required_impulse_range(self, target: Target, label: str) -> ImpulseRange | None:
         """The impulses of the softest and the hardest stroke at a target; reports an instrument
         that does not say how it is played.
         """
-        impulse_reach = self.impulse_range(struck_target)
-        if impulse_reach is None:
-            message = (
-                f"{module_label}: how strongly? {quote(struck_target.part)} has no `play` that "
-                "says what "
-            )
+        impulses = self.impulse_range(target)
+        if impulses is None:
+            message = f"{label}: how strongly? {quote(target.part)} has no `play` that says what "
             message += "soft and hard are; write an impulse with its unit, such as impulse: 2mNs"
-            self.collector.error("E103", message, struck_target.place)
-        return impulse_reach
+            self.collector.error("E103", message, target.place)
+        return impulses
 
     def _named_act(self, name: Name) -> tuple[PartContents, Act | None]:
         """The instrument and its act that a name names; no act if it names something else."""
@@ -236,12 +231,12 @@ class PartNames:
         else None.
         """
         for full in _with_prefix(tuning.spelled(path), prefix) if self.families else ():
-            path_words = full.split(".")
-            for word_count in range(len(path_words), 0, -1):
-                family = self.families.get(".".join(path_words[:word_count]))
-                is_note = word_count < len(path_words) and tuning.is_pitch(path_words[word_count])
+            words = full.split(".")
+            for n_words in range(len(words), 0, -1):
+                family = self.families.get(".".join(words[:n_words]))
+                is_note = n_words < len(words) and tuning.is_pitch(words[n_words])
                 if family is not None and not is_note:
-                    return family, ".".join(path_words[word_count:])
+                    return family, ".".join(words[n_words:])
         return None
 
     def is_known(self, name: str) -> bool:
@@ -252,12 +247,12 @@ class PartNames:
         """A path with its note spelled as in the instrument: `string.Gb3` for `string.F#3`."""
         path = tuning.spelled(path)
         for full in _with_prefix(path, prefix) if self.families else ():
-            path_words = full.split(".")
-            for word_count in range(1, len(path_words)):
-                family = self.families.get(".".join(path_words[:word_count]))
-                part = None if family is None else family.note(path_words[word_count])
+            words = full.split(".")
+            for n_words in range(1, len(words)):
+                family = self.families.get(".".join(words[:n_words]))
+                part = None if family is None else family.note(words[n_words])
                 if part is not None:
-                    return ".".join((part, *path_words[word_count + 1 :]))
+                    return ".".join((part, *words[n_words + 1 :]))
         return path
 
     def tuning_of(self, path: str) -> Tuning | None:
@@ -342,29 +337,29 @@ class PartNames:
         name: Name,
         owner: PartContents,
         module: Module,
-        members_text: str | None,
+        members: str | None,
         axis: int | None,
         wanted: WantedFamily,
         who: str,
     ) -> Target | None:
         """Points of a module, or one of their coordinates; None if an error was reported."""
-        body_module = self._carrying_masses(owner, module)
-        point_count = body_module.count if body_module else member_count(module.kind, module.fields)
+        masses = self._carrying_masses(owner, module)
+        n_points = masses.count if masses else member_count(module.kind, module.fields)
         full_name = ".".join(filter(None, (owner.name, module.name)))
-        first_point, range_size, problem = 0, 1, ""
-        if point_count == 0:  # the body was refused already
+        first_point, n_named, problem = 0, 1, ""
+        if n_points == 0:  # the body was refused already
             return None
-        if members_text is None and point_count > 1:
+        if members is None and n_points > 1:
             problem = (
-                f"{full_name} has {point_count:,} points; write some of them: {full_name}.0, "
+                f"{full_name} has {n_points:,} points; write some of them: {full_name}.0, "
                 f"{full_name}.all"
             )
-        elif members_text is not None and point_count == 1:
+        elif members is not None and n_points == 1:
             problem = f"{full_name} is one {module.kind}; it has no members"
-        elif members_text is not None:
+        elif members is not None:
             try:
-                start, range_size = parse_members(members_text, point_count, full_name)
-                first_point = point_count // 2 if start == "centre" else start
+                start, n_named = parse_members(members, n_points, full_name)
+                first_point = n_points // 2 if start == "centre" else start
             except TextError as error:
                 problem = error.message
         is_point = wanted in ("point", "points")
@@ -379,23 +374,23 @@ class PartNames:
             problem = f"{quote(name)} is a point in space; write one of its axes: {examples}"
         elif axis is not None and axis >= owner.axes:
             problem = f"{owner.name} has the axes {' and '.join(axis_names)}"
-        elif axis is not None and body_module and axis == owner.axes - 1:
-            full_path = ".".join(filter(None, (body_module.part, body_module.module)))
+        elif axis is not None and masses and axis == owner.axes - 1:
+            full_path = ".".join(filter(None, (masses.part, masses.module)))
             problem = (
                 f"{quote(name)} moves with a mass of {full_path}; write that mass, such as "
                 f"{full_path}.0"
             )
-        elif range_size > 1 and wanted in ("mat", "point"):
-            problem = f"one is expected here, but {range_size:,} are named"
+        elif n_named > 1 and wanted in ("mat", "point"):
+            problem = f"one is expected here, but {n_named:,} are named"
         if problem:
             self._refuse(name, who, problem)
             return None
         if is_point:
             return Target(
-                owner.name, module.name, first_point, range_size, str(name), name.place, point_count
+                owner.name, module.name, first_point, n_named, str(name), name.place, n_points
             )
-        first_point += point_count * (axis or 0)
-        return Target(owner.name, module.name, first_point, range_size, str(name), name.place)
+        first_point += n_points * (axis or 0)
+        return Target(owner.name, module.name, first_point, n_named, str(name), name.place)
 
     def _carrying_masses(self, owner: PartContents, module: Module) -> Target | None:
         """The masses that carry the points of a surface; None for other modules."""
@@ -439,53 +434,47 @@ class PartNames:
         if seen_from is not None and path in seen_from.modules:
             return seen_from, path
         if seen_from is not None:
-            path_head, _, path_tail = path.partition(".")
-            if path_head in seen_from.self_names and (
-                not path_tail or path_tail in seen_from.modules
-            ):
-                return seen_from, path_tail if path_tail or "" in seen_from.modules else None
+            head, _, tail = path.partition(".")
+            if head in seen_from.self_names and (not tail or tail in seen_from.modules):
+                return seen_from, tail if tail or "" in seen_from.modules else None
         for full_path in _with_prefix(path, prefix):
             if full_path in self.parts:
                 self.searched_parts.add(full_path)
                 owner = self.parts[full_path]
                 return owner, "" if "" in owner.modules else None
-            path_head, _, path_tail = full_path.rpartition(".")
-            if path_head in self.parts:
-                self.searched_parts.add(path_head)
-                if path_tail in self.parts[path_head].modules:
-                    return self.parts[path_head], path_tail
+            head, _, tail = full_path.rpartition(".")
+            if head in self.parts:
+                self.searched_parts.add(head)
+                if tail in self.parts[head].modules:
+                    return self.parts[head], tail
         return None
 
     def _only_module(
         self,
-        target_part: PartContents,
-        target_name: Name,
+        part: PartContents,
+        name: Name,
         wanted: WantedFamily,
-        module_label: str,
+        label: str,
         members_text: str | None,
     ) -> str | None:
-        if target_part.struck_mat:
-            return target_part.struck_mat
-        links = [n for n, m in target_part.modules.items() if m.kind in LINK_KINDS]
-        candidates = links if wanted in ("link", "links") else target_part.mats
-        if target_part.refused_modules or not target_part.modules:  # refused already
+        if part.struck_mat:
+            return part.struck_mat
+        links = [n for n, m in part.modules.items() if m.kind in LINK_KINDS]
+        candidates = links if wanted in ("link", "links") else part.mats
+        if part.refused_modules or not part.modules:  # refused already
             return None
         if len(candidates) == 1:
             return candidates[0]
-        examples = ", ".join(f"{target_part.name}.{c}" for c in candidates[:4])
+        examples = ", ".join(f"{part.name}.{c}" for c in candidates[:4])
         if members_text is not None and examples:
-            problem = (
-                f"{quote(target_part.name)} is made of named modules, which {quote(members_text)} "
-            )
-            self._refuse(
-                target_name, module_label, f"{problem}does not select; write a list: [{examples}]"
-            )
+            problem = f"{quote(part.name)} is made of named modules, which {quote(members_text)} "
+            self._refuse(name, label, f"{problem}does not select; write a list: [{examples}]")
             return None
-        word, count = quote(target_name.written), len(candidates)
+        word, count = quote(name.written), len(candidates)
         problem = f"{word} is ambiguous: it has {count} modules of this kind"
         if examples:
             problem += f"; write one of them: {examples}"
-        self._refuse(target_name, module_label, problem)
+        self._refuse(name, label, problem)
         return None
 
     def _members(
@@ -493,19 +482,19 @@ class PartNames:
         name: Name,
         owner: PartContents,
         module: Module,
-        some: str | None,
+        members: str | None,
         wanted: WantedFamily,
         who: str,
     ) -> Target | None:
         count = self._member_count(owner, module)
         allows_several = wanted in ("mats", "body", "links")
-        called = ".".join(filter(None, (owner.name, module.name)))
+        full_name = ".".join(filter(None, (owner.name, module.name)))
         first_member: int | Literal["centre"] = 0
-        range_size = 1
+        n_named = 1
         problem = ""
-        if some is None:
+        if members is None:
             if module.kind in LINK_KINDS or wanted == "body":  # all together
-                range_size = count
+                n_named = count
             elif count > 1:
                 member_kind, examples = "masses", ("0", "centre")
                 if module.kind == "MODES":
@@ -513,21 +502,21 @@ class PartNames:
                         "places",
                         tuple(place_name for place_name, _ in module.fields["places"])[:4],
                     )
-                words = ", ".join(f"{called}.{example}" for example in examples)
-                problem = f"{called} has {count:,} {member_kind}; write one of them: {words}"
+                words = ", ".join(f"{full_name}.{example}" for example in examples)
+                problem = f"{full_name} has {count:,} {member_kind}; write one of them: {words}"
         elif count == 1 and module.kind in (*LINK_KINDS, "MAS", "SOL", "CEL", "PROXY"):
-            problem = f"{called} is one {module.kind}; it has no members"
+            problem = f"{full_name} is one {module.kind}; it has no members"
         else:
             try:
-                first_member, range_size = parse_members(some, count, called)
+                first_member, n_named = parse_members(members, count, full_name)
             except TextError as error:
                 problem = error.message
-        if not problem and range_size > 1 and not allows_several:
-            problem = f"one MAT is expected here, but {range_size:,} are named"
+        if not problem and n_named > 1 and not allows_several:
+            problem = f"one MAT is expected here, but {n_named:,} are named"
         if problem:
             self._refuse(name, who, problem)
             return None
-        return Target(owner.name, module.name, first_member, range_size, str(name), name.place)
+        return Target(owner.name, module.name, first_member, n_named, str(name), name.place)
 
     def _member_count(self, owner: PartContents, module: Module) -> int:
         """The number of members of a module, or of single links of a link over a range."""
@@ -574,42 +563,34 @@ class PartNames:
     def _is_broken(self, path: str, seen_from: PartContents | None) -> bool:
         """Whether the name was refused already: each mistake is reported once."""
         words = path.split(".")
-        head_and_tail_pairs = [
-            (".".join(words[:i]), ".".join(words[i:])) for i in range(1, len(words) + 1)
-        ]
+        splits = [(".".join(words[:i]), ".".join(words[i:])) for i in range(1, len(words) + 1)]
         for (
-            path_head,
-            path_tail,
-        ) in head_and_tail_pairs:  # a part, a module of the same part, or a module of another
-            if path_head in self.refused_parts or (
-                seen_from is not None and path_head in seen_from.refused_modules
+            head,
+            tail,
+        ) in splits:  # a part, a module of the same part, or a module of another
+            if head in self.refused_parts or (
+                seen_from is not None and head in seen_from.refused_modules
             ):
                 return True
-            owner = self.parts.get(path_head)
+            owner = self.parts.get(head)
             if owner is not None and (
-                not owner.modules or path_tail.split(".")[0] in owner.refused_modules
+                not owner.modules or tail.split(".")[0] in owner.refused_modules
             ):
                 return True
         return False
 
     def _report_wrong_family(
-        self, target_name: Name, target_module: Module, wanted: WantedFamily, module_label: str
+        self, name: Name, module: Module, wanted: WantedFamily, label: str
     ) -> None:
         if wanted in ("link", "links"):
-            error_sentence = (
-                f"{quote(target_name)} is a {target_module.kind}: SOF listens to the force of a "
-                "link"
-            )
-        elif target_module.kind in LINK_KINDS:
-            error_sentence = (
-                f"{quote(target_name)} is a {target_module.kind}, a link: an <L> point joins <M> "
-                "points only"
+            message = f"{quote(name)} is a {module.kind}: SOF listens to the force of a link"
+        elif module.kind in LINK_KINDS:
+            message = (
+                f"{quote(name)} is a {module.kind}, a link: an <L> point joins <M> points only"
             )
         else:
-            error_sentence = (
-                f"{quote(target_name)} is a {target_module.kind}: it has no <M> point of its own"
-            )
-        self._refuse(target_name, module_label, error_sentence)
+            message = f"{quote(name)} is a {module.kind}: it has no <M> point of its own"
+        self._refuse(name, label, message)
 
 
 def _play_label(owner: PartContents) -> str:

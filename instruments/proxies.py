@@ -79,43 +79,37 @@ def check(proxy_values: Values) -> None:
 def add(
     network: _core.Network,
     proxy_name: str,
-    proxy_fields: Mapping[str, Any],
+    fields: Mapping[str, Any],
     members_of: Callable[[Target], Sequence[int]],
 ) -> int:
     """Add a PROXY; returns the index of its MAT. Raises EngineError."""
-    mats = [mat for target in proxy_fields["of"] for mat in members_of(target)]
-    if proxy_fields["shares"] is not None:
-        return network.proxy(proxy_name, list(zip(mats, proxy_fields["shares"], strict=True)))
-    columns = proxy_fields["columns"]
-    mat_rows = [mats[first : first + columns] for first in range(0, len(mats), columns)]
-    if proxy_fields["rim"] is not None:
-        rim_mat = members_of(proxy_fields["rim"])[0]
-        mat_rows = [[rim_mat, *row, rim_mat] for row in mat_rows]
-        if len(mat_rows) > 1:
-            mesh_mats = [rim_mat] * len(mat_rows[0])
-            mat_rows = [mesh_mats, *mat_rows, mesh_mats]
-    if proxy_fields["follows"]:
-        guides = [members_of(target)[0] for target in proxy_fields["follows"]]
-        lengths = (
-            _repeated_for_each(proxy_fields[name], len(guides)) for name in ("offset", "span")
-        )
-        side_positions = list(zip(guides, *lengths, strict=True))
+    mats = [mat for target in fields["of"] for mat in members_of(target)]
+    if fields["shares"] is not None:
+        return network.proxy(proxy_name, list(zip(mats, fields["shares"], strict=True)))
+    columns = fields["columns"]
+    rows = [mats[first : first + columns] for first in range(0, len(mats), columns)]
+    if fields["rim"] is not None:
+        rim_mat = members_of(fields["rim"])[0]
+        rows = [[rim_mat, *row, rim_mat] for row in rows]
+        if len(rows) > 1:
+            rim_row = [rim_mat] * len(rows[0])
+            rows = [rim_row, *rows, rim_row]
+    if fields["follows"]:
+        guides = [members_of(target)[0] for target in fields["follows"]]
+        lengths = (_repeated_for_each(fields[name], len(guides)) for name in ("offset", "span"))
+        positions = list(zip(guides, *lengths, strict=True))
     else:
-        side_positions = [(None, at, 1.0) for at in proxy_fields["at"]]
-    first_place = (None, 0.0, 1.0)
-    mat_pair = side_positions[0], side_positions[-1]
-    if len(side_positions) == 1:
-        mat_pair = (
-            (first_place, side_positions[0])
-            if len(mat_rows) == 1
-            else (side_positions[0], first_place)
-        )
-    all_mats = [mat for row in mat_rows for mat in row]
-    return network.moving_proxy(proxy_name, all_mats, len(mat_rows[0]), mat_pair)
+        positions = [(None, at, 1.0) for at in fields["at"]]
+    start = (None, 0.0, 1.0)
+    position_pair = positions[0], positions[-1]
+    if len(positions) == 1:
+        position_pair = (start, positions[0]) if len(rows) == 1 else (positions[0], start)
+    all_mats = [mat for row in rows for mat in row]
+    return network.moving_proxy(proxy_name, all_mats, len(rows[0]), position_pair)
 
 
-def _repeated_for_each(values: tuple[float, ...], count: int) -> tuple[float, ...]:
-    return values if len(values) == count else values * count
+def _repeated_for_each(values: tuple[float, ...], n: int) -> tuple[float, ...]:
+    return values if len(values) == n else values * n
 
 
 def targets(fields: Mapping[str, Any]) -> list[Target]:

@@ -278,22 +278,20 @@ INSTRUMENT_SHAPE = InstrumentShape(
 )
 
 
-def has_required_fields(kind_name: str, module_values: Values, axes: int = 1) -> bool:
+def has_required_fields(kind: str, values: Values, axes: int = 1) -> bool:
     """Whether all required fields of a module are there, after `like:` is followed; reports an
     error if not.
     """
-    tables = KINDS[kind_name].tables
+    tables = KINDS[kind].tables
     # Under `units: ca` some kinds have more fields, and other fields are required.
-    is_discrete = module_values.record.by_name.keys() != KINDS[kind_name].table.by_name.keys()
+    is_discrete = values.record.by_name.keys() != KINDS[kind].table.by_name.keys()
     table = tables["space" if axes > 1 else "ca" if is_discrete else "si"]
     required = [field for field in table.fields if field.required]
     for field in required:
-        if field.name not in module_values.nodes and field.name not in module_values.misspelt:
-            message = (
-                f"{module_values.context.label('')} has no '{field.name}': {field.shape.words()}"
-            )
-            module_values.context.error("E103", message, module_values.place)
-    return all(field.name in module_values.by_name for field in required)
+        if field.name not in values.nodes and field.name not in values.misspelt:
+            message = f"{values.context.label('')} has no '{field.name}': {field.shape.words()}"
+            values.context.error("E103", message, values.place)
+    return all(field.name in values.by_name for field in required)
 
 
 def read_modules(
@@ -317,51 +315,49 @@ def _modules_of(bodies: Mapping[str, Any], axes: int, recall: Recall) -> tuple[M
 
 
 def _values_and_modules(
-    module_name: str, module_values: Values, axis_count: int
+    module_name: str, module_values: Values, n_axes: int
 ) -> tuple[Values, tuple[Module, ...]]:
     """The values of a module, and the modules that they make: none if they were refused."""
     _core.poll(_INTERRUPT_STEPS_PER_MODULE)
-    body = _completed_values(
-        module_values.kind, module_values.by_name[module_values.kind], axis_count
+    fields = _completed_values(
+        module_values.kind, module_values.by_name[module_values.kind], n_axes
     )
-    if body is None or not has_required_fields(module_values.kind, body, axis_count):
+    if fields is None or not has_required_fields(module_values.kind, fields, n_axes):
         return module_values, ()
     return module_values, with_ground_point(
-        make_module(module_name, module_values.kind, body, axis_count)
+        make_module(module_name, module_values.kind, fields, n_axes)
     )
 
 
-def with_ground_point(module_made: Module) -> tuple[Module, ...]:
+def with_ground_point(module: Module) -> tuple[Module, ...]:
     """A module; for a DRY with `to`, preceded by the fixed point on which it rubs."""
-    to = module_made.fields.get("to")
-    if module_made.kind != "DRY" or to is None:
-        return (module_made,)
-    ground = Module(f"{module_made.name} ground", "SOL", {"X0": 0.0}, module_made.place)
-    ends = (Name(ground.name, module_made.place), to)
-    return ground, replace(module_made, fields={**module_made.fields, "to": None, "between": ends})
+    to = module.fields.get("to")
+    if module.kind != "DRY" or to is None:
+        return (module,)
+    ground = Module(f"{module.name} ground", "SOL", {"X0": 0.0}, module.place)
+    ends = (Name(ground.name, module.place), to)
+    return ground, replace(module, fields={**module.fields, "to": None, "between": ends})
 
 
-def _completed_values(kind_name: str, module_values: Values, axes: int = 1) -> Values | None:
+def _completed_values(kind: str, values: Values, axes: int = 1) -> Values | None:
     """The fields of a module with those computed from others; None if an error was reported."""
     if axes > 1:
-        return module_values
-    complete = {"BANK": with_listed_modes, "MODES": with_levels_at_places}.get(kind_name)
-    return from_material(kind_name, module_values) if complete is None else complete(module_values)
+        return values
+    complete = {"BANK": with_listed_modes, "MODES": with_levels_at_places}.get(kind)
+    return from_material(kind, values) if complete is None else complete(values)
 
 
-def make_module(
-    module_name: str, kind_name: str, module_values: Values, axis_count: int = 1
-) -> Module:
+def make_module(module_name: str, kind_name: str, values: Values, n_axes: int = 1) -> Module:
     """A module with all its fields, with defaults filled in; checks the fields against each
     other.
     """
-    if axis_count > 1:
-        return _in_space(module_name, kind_name, module_values, axis_count)
+    if n_axes > 1:
+        return _in_space(module_name, kind_name, values, n_axes)
     return _built_module(
         module_name,
         kind_name,
-        {field.name: module_values[field.name] for field in module_values.record.fields},
-        module_values,
+        {field.name: values[field.name] for field in values.record.fields},
+        values,
     )
 
 

@@ -38,7 +38,7 @@ class ModuleRules:
     ) -> None:
         """Begin with no module."""
         self._part, self._part_names = part, part_names
-        self._laws, self._takes, self._bodies = laws, takes, bodies
+        self._law_texts, self._takes, self._written_values = laws, takes, bodies
         self._driver_of_point: dict[tuple[str, str, object], str] = {}
 
     def resolved(self, module: Module) -> Module | None:
@@ -80,8 +80,8 @@ class ModuleRules:
         named = following_names.with_targets(
             replace(module, fields=module_fields), module_part, part_names, module_label
         )
-        body = self._bodies.get(module.name)
-        return with_checked_law(named, self._laws, body, module_label, part_names.collector)
+        body = self._written_values.get(module.name)
+        return with_checked_law(named, self._law_texts, body, module_label, part_names.collector)
 
 
 def with_checked_law(
@@ -170,46 +170,45 @@ def _point_key(target: Target) -> tuple[str, str, object]:
 
 
 def _resolve_drive(
-    drive_module: Module,
-    drive_part: PartContents,
+    module: Module,
+    part: PartContents,
     part_names: PartNames,
     takes: Mapping[str, Any],
-    drive_fields: dict[str, Any],
+    fields: dict[str, Any],
     driver_of_point: dict[tuple[str, str, object], str],
-    module_label: str,
+    label: str,
 ) -> None:
     """Look up the target and source of an ENX or ENF, and report two imposed positions at one
     point.
     """
-    driven_target = part_names.target(drive_fields["to"], "mat", module_label, drive_part)
-    drive_fields["to"] = driven_target
-    drive_source = drive_fields["from"]
-    if isinstance(drive_source, Name) and drive_source not in takes:
-        full = f"{drive_part.prefix}.{drive_source}"
+    target = part_names.target(fields["to"], "mat", label, part)
+    fields["to"] = target
+    source = fields["from"]
+    if isinstance(source, Name) and source not in takes:
+        full = f"{part.prefix}.{source}"
         if full in takes:
-            drive_fields["from"] = Name(full, drive_source.place)
+            fields["from"] = Name(full, source.place)
         else:
-            message = f"{module_label}: {quote(drive_source)} is neither a take nor a number"
+            message = f"{label}: {quote(source)} is neither a take nor a number"
             part_names.collector.error(
-                "E301", message, drive_source.place, word=str(drive_source), names=tuple(takes)
+                "E301", message, source.place, word=str(source), names=tuple(takes)
             )
     else:
-        _check_input(drive_module, takes.get(str(drive_source)), module_label, part_names.collector)
-    if driven_target is None or drive_module.kind != "ENX":
+        _check_input(module, takes.get(str(source)), label, part_names.collector)
+    if target is None or module.kind != "ENX":
         return
-    if part_names.parts[driven_target.part].modules[driven_target.module].kind == "PROXY":
+    if part_names.parts[target.part].modules[target.module].kind == "PROXY":
         message = (
-            f"{module_label}: {quote(driven_target.text)} is a PROXY, which moves as its masses "
-            "do; drive one "
+            f"{label}: {quote(target.text)} is a PROXY, which moves as its masses do; drive one "
         )
-        part_names.collector.error("E304", f"{message}of its masses instead", drive_module.place)
-    first_driver = driver_of_point.setdefault(_point_key(driven_target), drive_module.name)
-    if first_driver != drive_module.name:
+        part_names.collector.error("E304", f"{message}of its masses instead", module.place)
+    first_driver = driver_of_point.setdefault(_point_key(target), module.name)
+    if first_driver != module.name:
         message = (
-            f"{module_label}: {first_driver} already imposes the position of {driven_target.text}; "
+            f"{label}: {first_driver} already imposes the position of {target.text}; "
             "only forces add up"
         )
-        part_names.collector.error("E304", message, drive_module.place)
+        part_names.collector.error("E304", message, module.place)
 
 
 def _check_input(drive_module: Module, take: Any, module_label: str, collector: Collector) -> None:
@@ -225,10 +224,10 @@ def _check_input(drive_module: Module, take: Any, module_label: str, collector: 
         return
     _, is_force = input_values["gain"]
     if is_force != (drive_module.kind == "ENF"):
-        unit_noun, drive_kind = ("force", "ENF") if is_force else ("length", "ENX")
+        quantity, drive_kind = ("force", "ENF") if is_force else ("length", "ENX")
         name = quote(str(drive_module.fields["from"]))
         message = (
-            f"{module_label}: the gain of the input {name} is a {unit_noun}, which drives an "
+            f"{module_label}: the gain of the input {name} is a {quantity}, which drives an "
             f"{drive_kind}"
         )
         collector.error("E304", message, drive_module.places.get("from", drive_module.place))
@@ -244,14 +243,12 @@ def resolved_outputs(
     layout: Callable[[str, Place], Layout | None],
 ) -> tuple[Output, ...]:
     """Outputs with names replaced by their targets."""
-    resolved_outputs = []
-    for written_output in written:
-        called = (
-            f"{output_part.name}.{written_output.name}" if written_output.name else output_part.name
-        )
-        output_label = f"{written_output.kind} of {quote(called)}"
-        family = "point" if written_output.is_distance else written_output.kind_facts.sources
-        names: tuple[Any, ...] = written_output.targets
+    outputs = []
+    for output in written:
+        full_name = f"{output_part.name}.{output.name}" if output.name else output_part.name
+        output_label = f"{output.kind} of {quote(full_name)}"
+        family = "point" if output.is_distance else output.kind_facts.sources
+        names: tuple[Any, ...] = output.targets
         targets = (
             target for name in names for target in _names_of_notes(name, output_part, part_names)
         )
@@ -259,20 +256,16 @@ def resolved_outputs(
             _output_target(name, family, output_label, output_part, part_names) for name in targets
         )
         output_targets = tuple(target for target in target_lists if target is not None)
-        if written_output.is_distance and not _is_distance(
-            output_targets, output_label, part_names
-        ):
+        if output.is_distance and not _is_distance(output_targets, output_label, part_names):
             continue
         loudspeakers = None
-        if isinstance(written_output.nearest, str):
-            loudspeakers = layout(written_output.nearest, written_output.place)
+        if isinstance(output.nearest, str):
+            loudspeakers = layout(output.nearest, output.place)
             if not any(module.kind == "BANK" for module in output_part.modules.values()):
                 message = f"{output_label}: `nearest` needs the members of a BANK"
-                part_names.collector.error("E304", message, written_output.place)
-        resolved_outputs.append(
-            replace(written_output, targets=output_targets, nearest=loudspeakers)
-        )
-    return tuple(resolved_outputs)
+                part_names.collector.error("E304", message, output.place)
+        outputs.append(replace(output, targets=output_targets, nearest=loudspeakers))
+    return tuple(outputs)
 
 
 def _is_distance(
@@ -283,20 +276,15 @@ def _is_distance(
     """
     if len(output_targets) != 2:
         return False
-    first_target, second_target = output_targets
-    axis_counts = [part_names.parts[end.part].axes for end in output_targets]
+    first, second = output_targets
+    n_axes = [part_names.parts[end.part].axes for end in output_targets]
     problem = ""
-    if _point_key(first_target) == _point_key(second_target):
-        problem = (
-            f"both points are {second_target.text}; a distance is that of two different points"
-        )
-    elif axis_counts[0] != axis_counts[1]:
-        problem = (
-            f"{quote(first_target.text)} has {axis_counts[0]} axes and {quote(second_target.text)} "
-            f"{axis_counts[1]}"
-        )
+    if _point_key(first) == _point_key(second):
+        problem = f"both points are {second.text}; a distance is that of two different points"
+    elif n_axes[0] != n_axes[1]:
+        problem = f"{quote(first.text)} has {n_axes[0]} axes and {quote(second.text)} {n_axes[1]}"
     if problem:
-        part_names.collector.error("E304", f"{output_label}: {problem}", second_target.place)
+        part_names.collector.error("E304", f"{output_label}: {problem}", second.place)
     return not problem
 
 

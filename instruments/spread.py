@@ -103,52 +103,50 @@ def has_wall(contact_fields: Mapping[str, Any]) -> bool:
     return any(shape is not None for shape in shapes) or contact_fields.get("side") == "inside"
 
 
-def single_links(link_module: Module) -> Iterator[Module]:
+def single_links(link: Module) -> Iterator[Module]:
     """The single links of a link over a range, `bridge.0` and so on; the link itself if it is one.
 
     A link that acts between all points of two ranges is one link; a box is one for each wall.
     """
-    ends = link_module.ends
-    n, gap = link_count(ends), link_module.fields.get("gap")
-    if link_module.fields.get("box") is not None:
-        yield from _box_walls(link_module)
+    ends = link.ends
+    n, gap = link_count(ends), link.fields.get("gap")
+    if link.fields.get("box") is not None:
+        yield from _box_walls(link)
         return
-    if n == 1 or is_pairwise(link_module.kind, link_module.fields, ends):
-        yield link_module
+    if n == 1 or is_pairwise(link.kind, link.fields, ends):
+        yield link
         return
     for i in range(n):
         module_fields = {
-            **link_module.fields,
+            **link.fields,
             "between": tuple(_single_end(end, i) for end in ends),
         }
         if isinstance(gap, tuple):
             module_fields["gap"] = gap[i]
-        yield replace(link_module, name=f"{link_module.name}.{i}", fields=module_fields)
+        yield replace(link, name=f"{link.name}.{i}", fields=module_fields)
 
 
-def _box_walls(box_module: Module) -> Iterator[Module]:
+def _box_walls(link: Module) -> Iterator[Module]:
     """The walls of a box, two for each axis: planes that face its middle."""
-    widths = box_module.fields["box"]
-    for axis_index, box_width in enumerate(widths):
+    widths = link.fields["box"]
+    for axis, width in enumerate(widths):
         for sign, side in ((1.0, "from"), (-1.0, "to")):
-            normal = tuple(sign if other == axis_index else 0.0 for other in range(len(widths)))
+            normal = tuple(sign if other == axis else 0.0 for other in range(len(widths)))
             wall_fields = {
                 "box": None,
                 "normal": normal,
-                "gap": box_module.fields["gap"] - 0.5 * box_width,
+                "gap": link.fields["gap"] - 0.5 * width,
             }
-            name = f"{box_module.name} {side} {AXES[axis_index]}"
-            yield replace(box_module, name=name, fields={**box_module.fields, **wall_fields})
+            name = f"{link.name} {side} {AXES[axis]}"
+            yield replace(link, name=name, fields={**link.fields, **wall_fields})
 
 
-def _single_end(link_end: Target, i: int) -> Target:
+def _single_end(end: Target, i: int) -> Target:
     """The end of single link `i`: a range gives its member, a single module stays."""
-    if link_end.count == 1 or link_end.first == "centre":
-        return link_end
-    member = link_end.first + i
-    return replace(
-        link_end, first=member, count=1, text=f"{_MEMBER_SUFFIX.sub('', link_end.text)}.{member}"
-    )
+    if end.count == 1 or end.first == "centre":
+        return end
+    member = end.first + i
+    return replace(end, first=member, count=1, text=f"{_MEMBER_SUFFIX.sub('', end.text)}.{member}")
 
 
 def may_join(ends: Sequence[Target], link_label: str, collector: Collector) -> bool:
@@ -157,12 +155,12 @@ def may_join(ends: Sequence[Target], link_label: str, collector: Collector) -> b
     """
     if len(ends) != 2:
         return False
-    first_end, second_end = ends
-    end_place = second_end.place
-    if first_end.count != second_end.count and min(first_end.count, second_end.count) > 1:
+    first, second = ends
+    end_place = second.place
+    if first.count != second.count and min(first.count, second.count) > 1:
         message = (
-            f"{link_label}: {quote(first_end.text)} has {first_end.count:,} members and "
-            f"{quote(second_end.text)} {second_end.count:,}"
+            f"{link_label}: {quote(first.text)} has {first.count:,} members and "
+            f"{quote(second.text)} {second.count:,}"
         )
         message += "; a link joins one module to each of a range, or two ranges of one length"
         collector.error("E304", message, end_place)
@@ -174,8 +172,8 @@ def may_join(ends: Sequence[Target], link_label: str, collector: Collector) -> b
         )
         collector.error("E105", message, end_place)
         return False
-    if (self_joined := _self_joined_point(first_end, second_end)) is not None:
-        message = f"{link_label}: both ends are {self_joined}; a link joins two different points"
+    if (shared_point := _self_joined_point(first, second)) is not None:
+        message = f"{link_label}: both ends are {shared_point}; a link joins two different points"
         collector.error("E304", message, end_place)
         return False
     return True
@@ -189,46 +187,42 @@ def may_act_on_all_pairs(
     """
     if len(ends) != 2:
         return False
-    first_end, second_end = ends
-    pair_kind, pairs_limit = _PAIRWISE_LIMITS[kind_name]
+    first, second = ends
+    noun, n_max = _PAIRWISE_LIMITS[kind_name]
     problem = ""
     code = "E304"
-    if is_wall and first_end.count > second_end.count:
+    if is_wall and first.count > second.count:
         problem = (
-            f"{quote(first_end.text)} has {first_end.count:,} points; the first end is the wall "
+            f"{quote(first.text)} has {first.count:,} points; the first end is the wall "
             "and must be "
         )
         problem += "one point"
     elif (
-        first_end.part == second_end.part
-        and first_end.module == second_end.module
-        and isinstance(first_end.first, int)
+        first.part == second.part and first.module == second.module and isinstance(first.first, int)
     ):
-        is_same = (first_end.first, first_end.count) == (second_end.first, second_end.count)
-        common_end = (
-            min(first_end.first + first_end.count, second_end.first + second_end.count)
-            if isinstance(second_end.first, int)
+        is_same = (first.first, first.count) == (second.first, second.count)
+        overlap_end = (
+            min(first.first + first.count, second.first + second.count)
+            if isinstance(second.first, int)
             else 0
         )
-        if is_same and (is_wall or first_end.count == 1):
-            problem = f"both ends are {second_end.text}; {pair_kind} joins different points"
+        if is_same and (is_wall or first.count == 1):
+            problem = f"both ends are {second.text}; {noun} joins different points"
         elif (
             not is_same
-            and isinstance(second_end.first, int)
-            and max(first_end.first, second_end.first) < common_end
+            and isinstance(second.first, int)
+            and max(first.first, second.first) < overlap_end
         ):
             problem = (
-                f"{quote(first_end.text)} and {quote(second_end.text)} have points in common; "
+                f"{quote(first.text)} and {quote(second.text)} have points in common; "
                 "write the same "
             )
             problem += "range twice, or two that have none"
-    if not problem and link_count(ends) > pairs_limit:
+    if not problem and link_count(ends) > n_max:
         code = "E105"
-        problem = (
-            f"{pair_kind} of all pairs has at most {pairs_limit:,} points, not {link_count(ends):,}"
-        )
+        problem = f"{noun} of all pairs has at most {n_max:,} points, not {link_count(ends):,}"
     if problem:
-        collector.error(code, f"{module_label}: {problem}", second_end.place)
+        collector.error(code, f"{module_label}: {problem}", second.place)
     return not problem
 
 
@@ -245,15 +239,15 @@ def _self_joined_point(first_end: Target, second_end: Target) -> str | None:
     return None
 
 
-def contact_gaps(contact_module: Module, n: int, module_label: str, collector: Collector) -> Any:
+def contact_gaps(contact: Module, n: int, module_label: str, collector: Collector) -> Any:
     """The gap of a contact of n points: one for all, or one for each; reports a list of another
     length.
     """
-    gap = contact_module.fields.get("gap")
+    gap = contact.fields.get("gap")
     if isinstance(gap, Profile):
         gap = gap.gaps(n)
     elif isinstance(gap, tuple) and len(gap) != n:
-        gap_place = contact_module.places.get("gap", contact_module.place)
+        gap_place = contact.places.get("gap", contact.place)
         message = f"{module_label}: gap: the number of items is {len(gap)}, but must be {n}"
         message += " (one for each point)" if n > 1 else ": it joins two single points"
         collector.error("E106", message, gap_place)

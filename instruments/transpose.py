@@ -27,12 +27,12 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Text
 from ergon.notation.text.errors import TextError, quote
 
-AUDIBLE_HZ_MIN = 20.0  # [Hz] slower CELs are mechanics
+AUDIBLE_FREQUENCY_MIN = 20.0  # [Hz] slower CELs are mechanics
 CENTS_MAX = 12000.0  # ten octaves
 _EXAMPLE = "7st, -14cents or 3/2"
 _RATIO = re.compile(r"\d{1,15}/\d{1,15}")
 _INTERVAL = re.compile(r"([+-]?(?:\d{1,5}\.?\d{0,6}|\.\d{1,6})) *(st|cents?)")
-_A4_HZ = 440.0
+_A4_FREQUENCY = 440.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,33 +84,27 @@ def is_interval(word: str) -> bool:
 
 def parse_interval(text: str) -> Interval:
     """Read `7st`, `-14cents`, `x1.5` or `3/2`. Raises TextError."""
-    interval_word = text.strip()
-    if interval_word.startswith("x") or _RATIO.fullmatch(interval_word):
-        pitch_ratio = q.factor(f"x{interval_word.removeprefix('x')}")
-        if not 1e-3 <= pitch_ratio <= 1e3:
-            message = f"{quote(interval_word)} lies outside the range from x0.001 to x1000"
-            raise TextError(message, length=max(1, len(interval_word)), code="E202")
-        return Interval(pitch_ratio)
-    interval_match = _INTERVAL.fullmatch(interval_word)
-    if interval_match is None:
-        problem = (
-            f"{quote(interval_word)} is not an interval"
-            if interval_word
-            else "an interval is missing,"
-        )
+    word = text.strip()
+    if word.startswith("x") or _RATIO.fullmatch(word):
+        ratio = q.factor(f"x{word.removeprefix('x')}")
+        if not 1e-3 <= ratio <= 1e3:
+            message = f"{quote(word)} lies outside the range from x0.001 to x1000"
+            raise TextError(message, length=max(1, len(word)), code="E202")
+        return Interval(ratio)
+    match = _INTERVAL.fullmatch(word)
+    if match is None:
+        problem = f"{quote(word)} is not an interval" if word else "an interval is missing,"
         message = f"{problem} such as {_EXAMPLE}"
-        is_number = re.fullmatch(r"[+-]?\d+(\.\d+)?", interval_word)
-        suggestion = f"{interval_word}st" if is_number else None
+        is_number = re.fullmatch(r"[+-]?\d+(\.\d+)?", word)
+        suggestion = f"{word}st" if is_number else None
         code = "E203" if is_number else "E201"
-        raise TextError(
-            message, length=max(1, len(interval_word)), suggestion=suggestion, code=code
-        )
-    amount = Fraction(interval_match[1])
-    cents = float(amount * (100 if interval_match[2] == "st" else 1))
+        raise TextError(message, length=max(1, len(word)), suggestion=suggestion, code=code)
+    amount = Fraction(match[1])
+    cents = float(amount * (100 if match[2] == "st" else 1))
     if abs(cents) > CENTS_MAX:
-        message = f"{quote(interval_word)} lies outside the range from -120st to 120st"
-        raise TextError(message, length=len(interval_word), code="E202")
-    is_keys = interval_match[2] == "st" and amount.denominator == 1
+        message = f"{quote(word)} lies outside the range from -120st to 120st"
+        raise TextError(message, length=len(word), code="E202")
+    is_keys = match[2] == "st" and amount.denominator == 1
     return replace(interval_of_cents(cents), keys=int(amount) if is_keys else None)
 
 
@@ -158,7 +152,7 @@ def _note_frequency(cents: int) -> float:
     semitones, cents_over = divmod(rest, 100)
     semitone_steps = semitones + cents_over / 100
     return math.ldexp(
-        _A4_HZ * (_core.pow(2.0, semitone_steps / 12) if semitone_steps else 1.0), octaves
+        _A4_FREQUENCY * (_core.pow(2.0, semitone_steps / 12) if semitone_steps else 1.0), octaves
     )
 
 
@@ -166,7 +160,7 @@ def _cents_above_a4(frequency: float) -> int | None:
     """The cents above A4 of a frequency that belongs to a note exactly; None for any other."""
     if frequency <= 0.0:
         return None
-    cents = round(1200.0 * math.log2(frequency / _A4_HZ))
+    cents = round(1200.0 * math.log2(frequency / _A4_FREQUENCY))
     return cents if _note_frequency(cents) == frequency else None
 
 
@@ -177,54 +171,54 @@ def _cents_above_a4(frequency: float) -> int | None:
 _RATIO_POWERS = {"t60": -1, "K": 2, "Z": 1, "V0": 1, "hardening": 2, "stretching": 2}
 
 
-def base_at_pitch(base_values: Values, member_values: Values, *, is_root: bool) -> Values:
+def base_at_pitch(base_values: Values, values: Values, *, is_root: bool) -> Values:
     """The base of an instrument, at the pitch that the instrument's own `f` and
     `transpose` ask for.
 
     For a root, which has no `like` or `from`, the base is the instrument itself. Reports a base
     without a pitch.
     """
-    interval = member_values["transpose"] if member_values.written("transpose") else None
-    member_pitch = member_values.by_name.get("f")
-    if not is_root and isinstance(member_pitch, tuple) and base_values.written("modules"):
-        if member_values.written("modules") and member_pitch[0] != member_pitch[1]:
+    interval = values["transpose"] if values.written("transpose") else None
+    frequency_range = values.by_name.get("f")
+    if not is_root and isinstance(frequency_range, tuple) and base_values.written("modules"):
+        if values.written("modules") and frequency_range[0] != frequency_range[1]:
             return base_values
         base_pitch = named_pitch(base_values)
         if base_pitch is None:
             message = (
-                f"{member_values.context.label('f')}: {base_values.context.label('')} has no named "
+                f"{values.context.label('f')}: {base_values.context.label('')} has no named "
                 "pitch; write `f` beside its modules, the pitch at which they are written, or "
                 "`transpose`"
             )
-            member_values.error("E103", message, "f")
-        elif member_pitch[0] == member_pitch[1]:
-            step = interval_between(base_pitch, member_pitch[0])
+            values.error("E103", message, "f")
+        elif frequency_range[0] == frequency_range[1]:
+            step = interval_between(base_pitch, frequency_range[0])
             interval = step.plus(interval) if interval is not None else step
     if interval is None or (interval.ratio == 1.0 and is_root):
         return base_values
-    if base_values["units"] == "ca" or member_values["units"] == "ca":
-        field_name = "transpose" if member_values.written("transpose") else "f"
+    if base_values["units"] == "ca" or values["units"] == "ca":
+        field_name = "transpose" if values.written("transpose") else "f"
         message = (
-            f"{member_values.context.label(field_name)}: under `units: ca` K and Z are those of a "
+            f"{values.context.label(field_name)}: under `units: ca` K and Z are those of a "
             "discrete network, whose modes no factor moves alike; write them in SI units"
         )
-        member_values.error("E111", message, field_name)
+        values.error("E111", message, field_name)
         return base_values
     return _transposed_instrument(base_values, interval)
 
 
-def instrument_at_note(instrument_values: Values, note: str) -> Values:
+def instrument_at_note(values: Values, note: str) -> Values:
     """An instrument with `notes` at one of its notes; it must have a named pitch."""
-    base_pitch, note_frequency = named_pitch(instrument_values), q.frequency(note)
-    assert base_pitch is not None
-    fields = {name: value for name, value in instrument_values.by_name.items() if name != "notes"}
-    note_values = replace(instrument_values, by_name=fields)
-    if not instrument_values.kind:
+    written_frequency, note_frequency = named_pitch(values), q.frequency(note)
+    assert written_frequency is not None
+    fields = {name: value for name, value in values.by_name.items() if name != "notes"}
+    note_values = replace(values, by_name=fields)
+    if not values.kind:
         note_values = _transposed_instrument(
-            note_values, interval_between(base_pitch, note_frequency)
+            note_values, interval_between(written_frequency, note_frequency)
         )
     # Set `f` beside a generator, as if it were written.
-    nodes = {"f": instrument_values.nodes["notes"], **instrument_values.nodes}
+    nodes = {"f": values.nodes["notes"], **values.nodes}
     return replace(
         note_values,
         by_name={**note_values.by_name, "f": (note_frequency, note_frequency)},
@@ -232,60 +226,46 @@ def instrument_at_note(instrument_values: Values, note: str) -> Values:
     )
 
 
-def named_pitch(instrument_values: Values) -> float | None:
+def named_pitch(values: Values) -> float | None:
     """The named pitch [Hz] of an instrument: its `f`, or that of its only module with
     one.
 
     None for a range, and for mechanics.
     """
-    written = instrument_values.by_name.get("f")
+    written = values.by_name.get("f")
     if isinstance(written, tuple):
         return written[0] if written[0] == written[1] else None
     module_values = [
-        body for body in (instrument_values["modules"] or {}).values() if isinstance(body, Values)
+        body for body in (values["modules"] or {}).values() if isinstance(body, Values)
     ]
-    pitches = []
-    for body_values in [instrument_values] if instrument_values.kind else module_values:
-        module_fields = body_values.by_name.get(body_values.kind)
-        if isinstance(module_fields, Values):
-            module_fields = (
-                from_material(body_values.kind, module_fields, quietly=True) or module_fields
-            )
-        body_frequency = (
-            module_fields.by_name.get("f") if isinstance(module_fields, Values) else None
-        )
-        if isinstance(body_frequency, tuple) and body_values.kind == "MODES":
-            body_frequency = min(body_frequency, default=None)
-        elif (
-            isinstance(body_frequency, tuple)
-            and not isinstance(body_frequency, Each)
-            and body_frequency[0] == body_frequency[1]
-        ):
-            body_frequency = body_frequency[0]
-        if isinstance(body_frequency, float) and not (
-            body_values.kind == "CEL" and body_frequency < AUDIBLE_HZ_MIN
-        ):
-            pitches.append(body_frequency)
-    return pitches[0] if len(pitches) == 1 else None
+    frequencies = []
+    for body_values in [values] if values.kind else module_values:
+        fields = body_values.by_name.get(body_values.kind)
+        if isinstance(fields, Values):
+            fields = from_material(body_values.kind, fields, quietly=True) or fields
+        f = fields.by_name.get("f") if isinstance(fields, Values) else None
+        if isinstance(f, tuple) and body_values.kind == "MODES":
+            f = min(f, default=None)
+        elif isinstance(f, tuple) and not isinstance(f, Each) and f[0] == f[1]:
+            f = f[0]
+        if isinstance(f, float) and not (body_values.kind == "CEL" and f < AUDIBLE_FREQUENCY_MIN):
+            frequencies.append(f)
+    return frequencies[0] if len(frequencies) == 1 else None
 
 
-def _transposed_instrument(instrument_values: Values, interval: Interval) -> Values:
-    moved_fields = dict(instrument_values.by_name)
-    if isinstance(moved_fields.get("modules"), dict):
-        moved_fields["modules"] = {
+def _transposed_instrument(values: Values, interval: Interval) -> Values:
+    fields = dict(values.by_name)
+    if isinstance(fields.get("modules"), dict):
+        fields["modules"] = {
             name: _transposed_body(body, interval) if isinstance(body, Values) else body
-            for name, body in moved_fields["modules"].items()
+            for name, body in fields["modules"].items()
         }
-    if instrument_values.kind and isinstance(
-        body := moved_fields.get(instrument_values.kind), Values
-    ):
-        moved_fields[instrument_values.kind] = _transposed_fields(
-            instrument_values.kind, body, interval
-        )
+    if values.kind and isinstance(body := fields.get(values.kind), Values):
+        fields[values.kind] = _transposed_fields(values.kind, body, interval)
     for name in ("f", "t60"):
-        if name in moved_fields:
-            moved_fields[name] = transposed_value(name, moved_fields[name], interval)
-    return replace(instrument_values, by_name=moved_fields)
+        if name in fields:
+            fields[name] = transposed_value(name, fields[name], interval)
+    return replace(values, by_name=fields)
 
 
 def _transposed_body(body: Values, interval: Interval) -> Values:
@@ -298,22 +278,19 @@ def _transposed_body(body: Values, interval: Interval) -> Values:
     )
 
 
-def _transposed_fields(kind_name: str, module_fields: Values, interval: Interval) -> Values:
+def _transposed_fields(kind: str, fields: Values, interval: Interval) -> Values:
     """The fields of one module moved by an interval; a law keeps the interval in `interval`, and is
     moved later.
     """
-    if is_mechanics(kind_name, module_fields):
-        return module_fields
-    module_fields = from_material(kind_name, module_fields, quietly=True) or module_fields
-    moved_fields = {
-        name: transposed_value(name, value, interval)
-        for name, value in module_fields.by_name.items()
+    if is_mechanics(kind, fields):
+        return fields
+    fields = from_material(kind, fields, quietly=True) or fields
+    moved = {
+        name: transposed_value(name, value, interval) for name, value in fields.by_name.items()
     }
-    if KINDS[kind_name].role == "law" or module_fields.written("modes"):
-        moved_fields["interval"] = (
-            moved_fields["interval"].plus(interval) if "interval" in moved_fields else interval
-        )
-    return replace(module_fields, by_name=moved_fields)
+    if KINDS[kind].role == "law" or fields.written("modes"):
+        moved["interval"] = moved["interval"].plus(interval) if "interval" in moved else interval
+    return replace(fields, by_name=moved)
 
 
 def is_mechanics(kind: str, fields: Values) -> bool:
@@ -321,71 +298,63 @@ def is_mechanics(kind: str, fields: Values) -> bool:
     return keeps_pitch(kind, fields.by_name)
 
 
-def keeps_pitch(kind_name: str, module_fields: Mapping[str, Any]) -> bool:
+def keeps_pitch(kind: str, fields: Mapping[str, Any]) -> bool:
     """Whether a module with these fields, in SI units, is below audible frequencies, or is
     friction.
     """
-    module_frequency, stiffness, module_mass = (module_fields.get(name) for name in ("f", "K", "M"))
-    if KINDS[kind_name].role == "friction":
+    f, stiffness, mass = (fields.get(name) for name in ("f", "K", "M"))
+    if KINDS[kind].role == "friction":
         return True  # the module belongs to the bow
-    if kind_name != "CEL":
+    if kind != "CEL":
         return False
-    if isinstance(module_frequency, float):
-        return module_frequency < AUDIBLE_HZ_MIN
-    if not isinstance(stiffness, float) or not isinstance(module_mass, float):
+    if isinstance(f, float):
+        return f < AUDIBLE_FREQUENCY_MIN
+    if not isinstance(stiffness, float) or not isinstance(mass, float):
         return False
-    return stiffness < module_mass * (2.0 * math.pi * AUDIBLE_HZ_MIN) ** 2
+    return stiffness < mass * (2.0 * math.pi * AUDIBLE_FREQUENCY_MIN) ** 2
 
 
-def transposed_value(field_name: str, field_value: Any, interval: Interval) -> Any:
+def transposed_value(name: str, value: Any, interval: Interval) -> Any:
     """The value of a field of a module, moved by an interval."""
-    if isinstance(field_value, tuple):
-        if field_name == "points":
+    if isinstance(value, tuple):
+        if name == "points":
+            return tuple((d, _decimal_product(force, interval.power(2))) for d, force in value)
+        if name == "t60" and isinstance(value[0], tuple):
             return tuple(
-                (d, _decimal_product(force, interval.power(2))) for d, force in field_value
+                (transposed_frequency(f, interval), transposed_value(name, t, interval))
+                for f, t in value
             )
-        if field_name == "t60" and isinstance(field_value[0], tuple):
-            return tuple(
-                (transposed_frequency(f, interval), transposed_value(field_name, t, interval))
-                for f, t in field_value
-            )
-        moved_numbers = (
-            transposed_value(field_name, field_number, interval) for field_number in field_value
-        )
-        return Each(moved_numbers) if isinstance(field_value, Each) else tuple(moved_numbers)
-    if isinstance(field_value, Band):
+        moved = (transposed_value(name, field_number, interval) for field_number in value)
+        return Each(moved) if isinstance(value, Each) else tuple(moved)
+    if isinstance(value, Band):
         f, t60 = (
-            transposed_value("f", field_value.f, interval),
-            transposed_value("t60", field_value.t60, interval),
+            transposed_value("f", value.f, interval),
+            transposed_value("t60", value.t60, interval),
         )
-        return replace(field_value, f=f, t60=t60)
-    if isinstance(field_value, Start):
-        return replace(field_value, value=transposed_value(field_name, field_value.value, interval))
-    if isinstance(field_value, Stretched):
-        return replace(
-            field_value, per_gap=_decimal_product(field_value.per_gap, interval.power(2))
-        )
-    if field_name == "f" and isinstance(field_value, float):
-        return transposed_frequency(field_value, interval)
-    power = _RATIO_POWERS.get(field_name)
-    if power is None or not isinstance(field_value, float):
-        return field_value
-    return _decimal_product(field_value, interval.power(power))
+        return replace(value, f=f, t60=t60)
+    if isinstance(value, Start):
+        return replace(value, value=transposed_value(name, value.value, interval))
+    if isinstance(value, Stretched):
+        return replace(value, per_gap=_decimal_product(value.per_gap, interval.power(2)))
+    if name == "f" and isinstance(value, float):
+        return transposed_frequency(value, interval)
+    power = _RATIO_POWERS.get(name)
+    if power is None or not isinstance(value, float):
+        return value
+    return _decimal_product(value, interval.power(power))
 
 
-def transpose_law(law_fields: dict[str, Any], interval: Interval) -> None:
+def transpose_law(fields: dict[str, Any], interval: Interval) -> None:
     """Move a law that is written out: law(d) is multiplied by r², damping(d, v) becomes
     r²·damping(d, v/r).
 
     A damping without a law is friction, which stays.
     """
-    if law_fields["law"] is None and law_fields["points"] is None:
+    if fields["law"] is None and fields["points"] is None:
         return
     ratio_squared = f"{float(interval.power(2))!r}"
-    if law_fields["law"] is not None:
-        law_fields["law"] = f"{ratio_squared}*({law_fields['law']})"
-    if law_fields["damping"] is not None:
-        slower_damping = re.sub(
-            r"\bv\b", f"(v/{float(interval.power(1))!r})", law_fields["damping"]
-        )
-        law_fields["damping"] = f"{ratio_squared}*({slower_damping})"
+    if fields["law"] is not None:
+        fields["law"] = f"{ratio_squared}*({fields['law']})"
+    if fields["damping"] is not None:
+        slower_damping = re.sub(r"\bv\b", f"(v/{float(interval.power(1))!r})", fields["damping"])
+        fields["damping"] = f"{ratio_squared}*({slower_damping})"

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.instruments.model import Target
 
-DEFAULT_FREQUENCY_COUNT = 1000
-DEFAULT_LOW_HZ, DEFAULT_HIGH_HZ = 20.0, 5000.0  # [Hz]
+N_FREQUENCIES_DEFAULT = 1000
+FREQUENCY_MIN_DEFAULT, FREQUENCY_MAX_DEFAULT = 20.0, 5000.0  # [Hz]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +36,9 @@ class AdmittanceOptions(ReadOptions):
     (n,) [Hz] replace all of these.
     """
 
-    low: float | str = DEFAULT_LOW_HZ
-    high: float | str = DEFAULT_HIGH_HZ
-    count: int = DEFAULT_FREQUENCY_COUNT
+    low: float | str = FREQUENCY_MIN_DEFAULT
+    high: float | str = FREQUENCY_MAX_DEFAULT
+    count: int = N_FREQUENCIES_DEFAULT
     linear: bool = False
     peaks: bool = False
     frequencies: Sequence[float] | NDArray[np.float64] | None = None
@@ -48,24 +48,20 @@ class AdmittanceOptions(ReadOptions):
         import numpy as np
 
         if self.frequencies is not None:
-            frequencies_asked = np.asarray(self.frequencies, dtype=float)
-            if frequencies_asked.ndim != 1 or not np.all(
-                np.isfinite(frequencies_asked) & (frequencies_asked > 0)
-            ):
+            frequencies = np.asarray(self.frequencies, dtype=float)
+            if frequencies.ndim != 1 or not np.all(np.isfinite(frequencies) & (frequencies > 0)):
                 raise OptionError("frequencies", "write a row of numbers above 0 [Hz]")
-            return frequencies_asked
-        low_hertz, high_hertz = (
+            return frequencies
+        low, high = (
             frequency_option("low", self.low),
             frequency_option("high", self.high),
         )
-        if not low_hertz < high_hertz:
-            raise OptionError(
-                "high", f"is {high_hertz:g} Hz; it must be above low, {low_hertz:g} Hz"
-            )
+        if not low < high:
+            raise OptionError("high", f"is {high:g} Hz; it must be above low, {low:g} Hz")
         if self.count < 2:
             raise OptionError("count", f"is {self.count}; it must be at least 2")
-        even = np.linspace if self.linear else np.geomspace
-        return np.asarray(even(low_hertz, high_hertz, self.count))
+        spaced = np.linspace if self.linear else np.geomspace
+        return np.asarray(spaced(low, high, self.count))
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,9 +122,12 @@ class Admittance:
         """Indices of the local maxima of a point's level, from the highest level down."""
         import numpy as np
 
-        size = np.abs(self.values[row])
-        inside = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])) + 1
-        return inside[np.argsort(-size[inside], kind="stable")]
+        magnitude = np.abs(self.values[row])
+        maxima = (
+            np.flatnonzero((magnitude[1:-1] > magnitude[:-2]) & (magnitude[1:-1] >= magnitude[2:]))
+            + 1
+        )
+        return maxima[np.argsort(-magnitude[maxima], kind="stable")]
 
 
 def admittance(
@@ -149,7 +148,7 @@ def admittance(
     from ergon.scores.staging.preparing import prepare
 
     options = options or AdmittanceOptions()
-    frequency_axis = options.axis()
+    frequencies = options.axis()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     observed_names = (observed,) if isinstance(observed, str) else tuple(observed) or (forced,)
@@ -166,23 +165,23 @@ def admittance(
             reason = "lies in a part whose `units` or rate differ from those of the force's part"
             raise OptionError("observed", reason)
         if options.peaks and options.frequencies is None:
-            frequency_axis = _with_peaks(network, part_names, frequency_axis)
+            frequencies = _with_peaks(network, part_names, frequencies)
         mats = [
             _moving_mats(
                 "observed" if number else "forced", end, built.assembly.members(end), part_elements
             )
             for number, end in enumerate((forced_point, *observed_points))
         ]
-        admittance_values = network.admittance(list(part_names), mats[0], mats[1:], frequency_axis)  # type: ignore[arg-type]
-        element_counts = network.elements(list(part_names)).kinds
+        values = network.admittance(list(part_names), mats[0], mats[1:], frequencies)  # type: ignore[arg-type]
+        kinds = network.elements(list(part_names)).kinds
     return Admittance(
         part_names,
         forced,
         observed_names,
-        frequency_axis,
-        admittance_values,
-        sum(kind in ("LNL", "BRISTLE", "DRY") for kind in element_counts),
-        element_counts.count("BUT"),
+        frequencies,
+        values,
+        sum(kind in ("LNL", "BRISTLE", "DRY") for kind in kinds),
+        kinds.count("BUT"),
         tuple(loaded.inputs),
     )
 

@@ -212,14 +212,13 @@ def _render_concurrently(
                 score_work.work.cancel()
 
 
-def _may_start_another(running: Iterable[_SharedRender], render_count: int, limit: int) -> bool:
+def _may_start_another(running: Iterable[_SharedRender], n_renders: int, limit: int) -> bool:
     """Whether workers may be idle, and memory is left for another score."""
     running_list = list(running)
     return len(running_list) < limit and (
         not running_list
         or (
-            sum(running_render.n_chains for running_render in running_list)
-            < chain_count(render_count)
+            sum(running_render.n_chains for running_render in running_list) < chain_count(n_renders)
             and sum(running_render.n_modules for running_render in running_list) < MODULES_MAX
         )
     )

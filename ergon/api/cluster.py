@@ -131,12 +131,12 @@ class Cluster:
 
     def tell(self, report: Report) -> None:
         """Report a line for each worker that computed stretches."""
-        total_seconds = sum(worker.seconds for worker in self._shares_by_worker.values())
+        total = sum(worker.seconds for worker in self._shares_by_worker.values())
         for worker_name, worker in sorted(self._shares_by_worker.items()):
-            work_share = 100.0 * worker.seconds / total_seconds if total_seconds else 0.0
+            percent = 100.0 * worker.seconds / total if total else 0.0
             report.say(
                 f"worker {worker_name}: {worker.n_stretches} stretches in {worker.seconds:.1f} s, "
-                f"{work_share:.0f} % of the work that was shared"
+                f"{percent:.0f} % of the work that was shared"
             )
             fields = {"stretches": worker.n_stretches, "seconds": worker.seconds}
             report.event("worker", worker=worker_name, **fields)
@@ -262,21 +262,21 @@ def _silence_logs() -> None:
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
-def _started_cluster(stack: contextlib.ExitStack, process_count: int) -> Any:
+def _started_cluster(stack: contextlib.ExitStack, n_processes: int) -> Any:
     """Start processes on this machine, and try again if one dies meanwhile. Raises ClusterError."""
     from .local_workers import local_cluster
 
     failure_reason = ""
     for _ in range(_START_ATTEMPTS):
         try:
-            return stack.enter_context(local_cluster(process_count, _TASK_RETRIES))
+            return stack.enter_context(local_cluster(n_processes, _TASK_RETRIES))
         except ImportError:  # the library that makes certificates is missing
             raise ClusterError(_missing_package_error("cryptography")) from None
         except NotPrivateError as error:
-            raise ClusterError(f"local:{process_count}: {error}") from None
+            raise ClusterError(f"local:{n_processes}: {error}") from None
         except (RuntimeError, OSError) as error:
             failure_reason = str(error)
-    raise ClusterError(f"local:{process_count}: the processes did not start: {failure_reason}")
+    raise ClusterError(f"local:{n_processes}: the processes did not start: {failure_reason}")
 
 
 def _missing_package_error(package: str) -> str:

@@ -53,12 +53,12 @@ def version() -> list[Any]:
     return [_core.__version__, plan_file.PLAN_VERSION, _FORMAT_VERSION]
 
 
-def check_version(versions_asked: list[Any]) -> None:
+def check_version(client_version: list[Any]) -> None:
     """Raise ClusterError if the machine that asks has another version."""
-    if list(versions_asked) != version():
+    if list(client_version) != version():
         asking_version, worker_version = (
             f"ergon {a} (plans of version {b}, requests of version {c})"
-            for a, b, c in (versions_asked, version())
+            for a, b, c in (client_version, version())
         )
         raise ClusterError(
             f"this worker has {worker_version}, and the machine that asks has {asking_version}; "
@@ -147,16 +147,16 @@ def _computed_island(
     staged_job: _StagedJob, request: Request, island_request: IslandRequest
 ) -> tuple[bytes, bytes]:
     """Compute a stretch of an island: its sound, and its state after it."""
-    first_frame, stop_frame, island_number = (
+    first_frame, stop_frame, island_index = (
         request["at"],
         request["stop"],
         island_request["number"],
     )
-    if not 0 <= island_number < len(staged_job.islands):
+    if not 0 <= island_index < len(staged_job.islands):
         raise ClusterError(
             "this worker finds other islands in the same score; install the same ergon"
         )
-    island, simulation = staged_job.islands[island_number], staged_job.simulation
+    island, simulation = staged_job.islands[island_index], staged_job.simulation
     if (
         simulation.island_key(island, first_frame, stop_frame, island_request["before"])
         != island_request["key"]

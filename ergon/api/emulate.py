@@ -157,7 +157,7 @@ def emulate(
     default_url = DEVICES[device]
     _check_options(device, options)
     transport, port = _transport(device, options)
-    axis_count = options.axes or default_url.axes
+    n_axes = options.axes or default_url.axes
     suffix = "?lockstep" if options.lockstep else ""
 
     def tell_url(event: str, text: str) -> None:
@@ -169,9 +169,9 @@ def emulate(
         transport,
         tell_url,
         port=port,
-        paths=_hand_paths(options, 0 if options.free else axis_count),
+        paths=_hand_paths(options, 0 if options.free else n_axes),
         hand=(options.hand, options.grip),
-        axes=axis_count,
+        axes=n_axes,
         force_max=default_url.force if options.force_max is None else options.force_max,
         model=_key_model(options),
         network=None if options.calib is None else _measured_key(options.calib, options.travel),
@@ -283,11 +283,11 @@ def _transport(device: DeviceName, emulation_options: EmulationOptions) -> tuple
         "udp": emulation_options.udp,
         "ws": emulation_options.ws,
     }
-    ports_asked = [(name, port) for name, port in ports.items() if port is not None]
-    if len(ports_asked) > 1:
+    chosen_ports = [(name, port) for name, port in ports.items() if port is not None]
+    if len(chosen_ports) > 1:
         raise EmulationError("--pty, --udp and --ws exclude each other; give one")
     transport_name, port = (
-        ports_asked[0] if ports_asked else (next(iter(schemes)), 10001 if "ws" in schemes else 0)
+        chosen_ports[0] if chosen_ports else (next(iter(schemes)), 10001 if "ws" in schemes else 0)
     )
     if transport_name not in schemes:
         raise EmulationError(f"a {device} is emulated by --{' or --'.join(schemes)}")

@@ -232,23 +232,23 @@ def _point_places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
                 list(piece.keys).index(instrument_name), len(piece.keys), len(point_indices)
             )
         else:
-            instrument_size, middle = _placing(stage, instrument_name, instruments)
+            width, middle = _placing(stage, instrument_name, instruments)
             if (
                 _axis_count(stage, instrument_name) == 1
             ):  # points in space are where their coordinates say
                 bench = np.array([network.position_of(mats[point]) for point in point_indices])
-                point_places[point_indices, :2] = instrument_size * _centred_bench(bench)
+                point_places[point_indices, :2] = width * _centred_bench(bench)
             point_places[point_indices] += middle
     return point_places
 
 
-def _key_places(key_number: int, n_keys: int, n_points: int) -> NDArray[np.float64]:
+def _key_places(key_index: int, n_keys: int, n_points: int) -> NDArray[np.float64]:
     """Positions of the points of a key, one behind the other; keys lie in a row before the
     instruments.
     """
     import numpy as np
 
-    x = (key_number - 0.5 * (n_keys - 1)) * _KEY_WIDTH
+    x = (key_index - 0.5 * (n_keys - 1)) * _KEY_WIDTH
     return np.array([(x, _KEYS_Y - 0.5 * _KEY_WIDTH * row, 0.0) for row in range(n_points)])
 
 
@@ -262,10 +262,10 @@ def _placing(
         return placing.across, (*placing.at, placing.height or 0.0)
     if stage.piece.mix.layout is not None:
         return 1.0, (0.0, 0.0, 0.0)
-    instrument_number = instruments.index(instrument_name)
+    instrument_index = instruments.index(instrument_name)
     columns = max(1, math.isqrt(max(0, len(instruments) - 1)) + 1)
-    x = (instrument_number % columns - 0.5 * (columns - 1)) * _INSTRUMENT_SPACING
-    return 1.0, (x, instrument_number // columns * _INSTRUMENT_SPACING, 0.0)
+    x = (instrument_index % columns - 0.5 * (columns - 1)) * _INSTRUMENT_SPACING
+    return 1.0, (x, instrument_index // columns * _INSTRUMENT_SPACING, 0.0)
 
 
 def _centred_bench(bench: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _AMBISONICS_PREFIX = "ambix"
 _BLOCK_FRAMES = 65_536  # frames
-_WRITTEN_BITS: dict[Bits, Bits] = {
+_BITS_TO_WRITE: dict[Bits, Bits] = {
     8: 16,
     32: "float",
     "double": "float",
@@ -98,69 +98,67 @@ def fold_file(
 
     from .layouts import chunks_of
 
-    report, path, target_path = report or Report(), Path(source), str(out)
+    report, path, target = report or Report(), Path(source), str(out)
     options = options or FoldOptions()
     try:
         info = sound.read_info(path)
     except NotWaveError as error:
         raise FoldError(f"{path}: {error}") from None
     input_files = (path, *([Path(options.head)] if options.head else []))
-    if target_path != "-":
-        check_target(Path(target_path), force=options.force, inputs=input_files)
-    source_file, effects = _source_field(path, info, options, report)
-    filters, adm_chunks = _fold_filters(source_file, (to, options.head), info.format.rate, report)
-    filters = _filters_without(effects, filters)
-    bits: Bits = options.bits or _WRITTEN_BITS.get(info.format.bits, info.format.bits)
+    if target != "-":
+        check_target(Path(target), force=options.force, inputs=input_files)
+    source_field, effects = _source_field(path, info, options, report)
+    filters, target_field = _fold_filters(
+        source_field, (to, options.head), info.format.rate, report
+    )
+    filters = _filters_with_silent_channels(effects, filters)
+    bits: Bits = options.bits or _BITS_TO_WRITE.get(info.format.bits, info.format.bits)
     if info.damage is not None:
         report.warn(f"{path}: {info.damage}")
     format = WaveFormat(info.format.rate, filters.shape[1], bits)
-    sound.check_format(target_path, format)
+    sound.check_format(target, format)
     fold = _core.Fold(filters)
     n_frames = info.n_frames + fold.tail
     title = info.title if info.originator == ORIGINATOR else path.stem
-    chunks = b"" if adm_chunks is None else chunks_of(adm_chunks, title)
+    chunks = b"" if target_field is None else chunks_of(target_field, title)
     stamp = Stamp(title, chunks=chunks)
-    folder = None if target_path == "-" else Path(target_path).resolve().parent
+    folder = None if target == "-" else Path(target).resolve().parent
     with (
-        open_for_writing(target_path, binary=True, force=options.force, inputs=input_files) as file,
+        open_for_writing(target, binary=True, force=options.force, inputs=input_files) as file,
         FrameSpool(folder, format.n_channels) as spool,
         report.progress("folding", n_frames, format.rate) as progress,
     ):
         true_peak, n_folded = _core.TruePeak(format.n_channels), 0
         blocks = _folded_file(path, info, sound.read_blocks(path), fold.tail)
-        for fold_block in _folded_blocks(blocks, fold, format.n_channels):
-            spool.take(fold_block)
-            true_peak.process(fold_block)
-            n_folded += len(fold_block)
+        for block in _folded_blocks(blocks, fold, format.n_channels):
+            spool.take(block)
+            true_peak.process(block)
+            n_folded += len(block)
             progress.update(n_folded)
-        fold_gain = _fold_gain(options, format, spool.peak, true_peak.peak)
-        writer = sound.writer(target_path, file, format, n_frames, stamp)
-        for fold_block in spool.blocks(_BLOCK_FRAMES):
+        gain = _fold_gain(options, format, spool.peak, true_peak.peak)
+        writer = sound.writer(target, file, format, n_frames, stamp)
+        for block in spool.blocks(_BLOCK_FRAMES):
             if format.bits == "float":
-                writer.write(_core.single(fold_block * fold_gain, 1.0))  # type: ignore[arg-type]
+                writer.write(_core.single(block * gain, 1.0))  # type: ignore[arg-type]
             else:
-                writer.write(
-                    _core.pcm(fold_block * fold_gain, 1.0, 16 if format.bits == 16 else 24)
-                )
+                writer.write(_core.pcm(block * gain, 1.0, 16 if format.bits == 16 else 24))
         writer.close()
-    peaks = spool.peak * fold_gain, true_peak.peak * fold_gain
-    return Folded(
-        target_path, format.n_channels, n_frames, format.rate, *peaks, fold_gain, writer.sha256
-    )
+    peaks = spool.peak * gain, true_peak.peak * gain
+    return Folded(target, format.n_channels, n_frames, format.rate, *peaks, gain, writer.sha256)
 
 
 def _fold_gain(
     fold_options: FoldOptions, format: WaveFormat, peak: float, true_peak: float
 ) -> float:
     """The gain (a ratio) of a fold: as asked, or less where it would clip. Raises OptionError."""
-    gain_asked = 1.0 if fold_options.gain is None else asked_gain(fold_options.gain)
-    if format.bits == "float" or gain_asked * peak <= 1.0:
-        return gain_asked
+    gain = 1.0 if fold_options.gain is None else asked_gain(fold_options.gain)
+    if format.bits == "float" or gain * peak <= 1.0:
+        return gain
     if fold_options.gain is None:
         return gain_to_peak(true_peak)
     raise OptionError(
         "gain",
-        f"the fold would clip: its peak would be {20.0 * log10(gain_asked * peak):+.1f} dBFS; the "
+        f"the fold would clip: its peak would be {20.0 * log10(gain * peak):+.1f} dBFS; the "
         f"most is {-20.0 * log10(peak):.2f} dB in {format.bits} bits. Leave the option out, and "
         "the fold is turned down as far as it must be, or write floats",
         value=fold_options.gain,
@@ -187,12 +185,12 @@ def fold_of(
     if layout is None:
         reason = "the score does not say where its loudspeakers are: write `mix: {layout: …}` in it"
         raise OptionError("to", reason, value=options.to)
-    fold_to = options.to, options.head
-    filters, _ = _fold_filters(
-        _speakers_by_channel(layout), fold_to, piece.rate, report or Report()
-    )
+    target = options.to, options.head
+    filters, _ = _fold_filters(_speakers_by_channel(layout), target, piece.rate, report or Report())
     return _core.Fold(
-        _filters_without(layout.channels_without_loudspeaker(piece.mix.channels), filters)
+        _filters_with_silent_channels(
+            layout.channels_without_loudspeaker(piece.mix.channels), filters
+        )
     )
 
 
@@ -209,25 +207,23 @@ def _folded_blocks(
 
 
 def _folded_file(
-    path: Path, info: WaveInfo, blocks: Iterator[NDArray[np.float64]], tail_frames: int
+    path: Path, info: WaveInfo, blocks: Iterator[NDArray[np.float64]], n_tail: int
 ) -> Iterator[NDArray[np.float64]]:
     """The blocks of a file, then zeros for the tail of the fold. Raises FoldError for infinite
     samples.
     """
     import numpy as np
 
-    start_frame = 0
+    n_read = 0
     try:
-        for fold_block in blocks:
-            if not np.isfinite(fold_block).all():
-                raise FoldError(
-                    f"{path} holds samples that are not finite, after frame {start_frame:,}"
-                )
-            start_frame += len(fold_block)
-            yield np.ascontiguousarray(fold_block)
+        for block in blocks:
+            if not np.isfinite(block).all():
+                raise FoldError(f"{path} holds samples that are not finite, after frame {n_read:,}")
+            n_read += len(block)
+            yield np.ascontiguousarray(block)
     except NotWaveError as error:
         raise FoldError(f"{path}: {error}") from None
-    yield np.zeros((tail_frames, info.format.n_channels))
+    yield np.zeros((n_tail, info.format.n_channels))
 
 
 def _ambisonics_order(layout_word: str, option: str) -> int | None:
@@ -274,7 +270,7 @@ def _field_of_word(
         ) from None
 
 
-def _filters_without(
+def _filters_with_silent_channels(
     left_out: tuple[int, ...], filters: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The filters of all channels, of which the others are not heard."""
@@ -317,13 +313,13 @@ def _source_field(
         raise FoldError(f"{path} has {info.format.n_channels} channels, but {channel_text}")
     if effects:
         *first_channels, last_channel = (str(channel + 1) for channel in effects)
-        channel_words = f"channel {last_channel} is {channel_kind}, and is left out"
+        warning = f"channel {last_channel} is {channel_kind}, and is left out"
         if first_channels:
-            channel_words = (
+            warning = (
                 f"channels {', '.join(first_channels)} and {last_channel} are {channel_kind}, and "
                 "are left out"
             )
-        report.warn(f"{path}: {channel_words}")
+        report.warn(f"{path}: {warning}")
     return field_names, effects
 
 
@@ -351,10 +347,10 @@ def _fold_filters(
     try:
         filters = fold_filters.to_field(source_field, target_field)
         if left_out:
-            filters_by_ear = _filters_without(left_out, filters.transpose(1, 0, 2)).transpose(
-                1, 0, 2
-            )
-            return np.ascontiguousarray(filters_by_ear), None
+            filters_by_channel = _filters_with_silent_channels(
+                left_out, filters.transpose(1, 0, 2)
+            ).transpose(1, 0, 2)
+            return np.ascontiguousarray(filters_by_channel), None
         return filters, target_field
     except ArrayError as error:
         raise OptionError("to", str(error), value=to) from None

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 # Extra time [s]: with a real hand a piece may be longer, as the hand's stand-in ends with a tick.
-_EXTRA_SECONDS = 1.0
+_EXTRA_DURATION = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +89,7 @@ def prepare(
     ).stage
     folder = Path(out) if out is not None else _frozen_folder(str(score))
     taps = {part: stage.listening.taps(part) for part in parts}
-    n_frames = stage.n_frames + int(_EXTRA_SECONDS * stage.rate)
+    n_frames = stage.n_frames + int(_EXTRA_DURATION * stage.rate)
     return PreparedFreeze(folder, taps, n_frames, loaded, stage)
 
 
@@ -132,28 +132,28 @@ def _check_instruments(piece: Piece, part_names: Iterable[str]) -> None:
     from ergon.notation.text.spelling import nearest
 
     audible_names = _audible_parts(piece)
-    for frozen_part in part_names:
-        if frozen_part in audible_names:
+    for part in part_names:
+        if part in audible_names:
             continue
-        if frozen_part in piece.instruments:
+        if part in piece.instruments:
             raise OptionError(
                 "freeze",
                 "this instrument has no route to a channel; add a route to the mix",
-                value=frozen_part,
+                value=part,
             )
-        close = nearest(frozen_part, audible_names)
+        close = nearest(part, audible_names)
         hint = f"; did you mean '{close}'?" if close else f"; there are {', '.join(audible_names)}"
-        raise OptionError("freeze", f"the score has no instrument '{frozen_part}'{hint}")
+        raise OptionError("freeze", f"the score has no instrument '{part}'{hint}")
 
 
 def _check_untouched(
     piece: Piece, part_names: Collection[str], live: Iterable[str], option: str
 ) -> None:
-    from ergon.scores.staging.reach import ties
+    from ergon.scores.staging.reach import freeze_obstacles
 
-    tied_names = ties(piece, part_names, live)
-    if tied_names:
-        raise OptionError(option, "; ".join(map(str, tied_names)))
+    obstacles = freeze_obstacles(piece, part_names, live)
+    if obstacles:
+        raise OptionError(option, "; ".join(map(str, obstacles)))
 
 
 def _frozen_source(loaded: Loaded, stage: Stage) -> Source:

@@ -57,10 +57,10 @@ def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> l
         hands.close()
 
 
-def _wait_for_hands(hands: LedHands, wait_seconds: float, report: Report) -> None:
+def _wait_for_hands(hands: LedHands, timeout: float, report: Report) -> None:
     """Wait until each input has been measured, or has sent nothing for long."""
     leads = [board.lead for board in hands.boards if board.lead is not None]
-    report.say(f"move each input for {wait_seconds:g} s")
+    report.say(f"move each input for {timeout:g} s")
     start_by_hand: dict[str, float] = {}
     end = time.monotonic() + _WAIT_SECONDS_MAX
     while time.monotonic() < end:
@@ -69,6 +69,6 @@ def _wait_for_hands(hands: LedHands, wait_seconds: float, report: Report) -> Non
             if lead.name not in start_by_hand and lead.tally["taken"]:
                 start_by_hand[lead.name] = now
             lead.discard()  # no performance reads them
-        if len(start_by_hand) == len(leads) and now >= max(start_by_hand.values()) + wait_seconds:
+        if len(start_by_hand) == len(leads) and now >= max(start_by_hand.values()) + timeout:
             return
         time.sleep(_POLL_SECONDS)

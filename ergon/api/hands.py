@@ -188,7 +188,7 @@ def _tried_together(
 
 def _find_direction(
     board: Board,
-    axis_number: int,
+    axis: int,
     player: str,
     calibrations: dict[int, Axis],
     known_axis: Axis | None,
@@ -198,14 +198,14 @@ def _find_direction(
     from ergon import _core
     from ergon.live.calibration import axis_key, find_direction, store_axis
 
-    calibration_before = calibrations.get(axis_number)
-    motor_sign = 1 if calibration_before is None else calibration_before.sign
+    old_calibration = calibrations.get(axis)
+    motor_sign = 1 if old_calibration is None else old_calibration.sign
     try:
-        known_axis = known_axis or find_direction(board.url, axis_number, calibration_before)
+        known_axis = known_axis or find_direction(board.url, axis, old_calibration)
         if (
             board.is_emulated and known_axis.sign != motor_sign
         ):  # perhaps a hand moved the key with the pulse
-            known_axis = find_direction(board.url, axis_number, calibration_before)
+            known_axis = find_direction(board.url, axis, old_calibration)
     except _core.UnsureError as error:
         if board.is_emulated:
             report.warn(f"{player}: {error}; the key is emulated, so it plays all the same")
@@ -217,18 +217,18 @@ def _find_direction(
         raise OptionError(
             "live",
             f"the motor pushes the wrong way; `ergon devices calibrate {board.url} "
-            f"--axis {axis_number}` corrects that (--unchecked plays without a trial)",
+            f"--axis {axis}` corrects that (--unchecked plays without a trial)",
             value=player,
         )
-    if known_axis is calibration_before or board.is_emulated:
+    if known_axis is old_calibration or board.is_emulated:
         return
-    if calibration_before is not None:
+    if old_calibration is not None:
         report.warn(
-            f"{player}: {axis_key(board.url, axis_number)} moves against the direction of its "
+            f"{player}: {axis_key(board.url, axis)} moves against the direction of its "
             "calibration, so it is taken for another board, whose ends are not known"
         )
-    calibrations[axis_number] = known_axis
-    store_axis(board.url, axis_number, known_axis)
+    calibrations[axis] = known_axis
+    store_axis(board.url, axis, known_axis)
 
 
 def guide_stiffnesses(

@@ -82,7 +82,7 @@ def attach_midi(session: Session, performance: _core.Performance, ports: MidiPor
 
 
 def _follow_clock(
-    ear: HearingClock, clock: ClockIn, performance: _core.Performance, instant_now: float
+    ear: HearingClock, clock: ClockIn, performance: _core.Performance, now: float
 ) -> None:
-    ear.update(performance.status(), instant_now)
-    clock.follow(instant_now)
+    ear.update(performance.status(), now)
+    clock.follow(now)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
 
-DEFAULT_MODE_COUNT = 20  # modes of each part, by default
+N_MODES_DEFAULT = 20  # modes of each part, by default
 
 
 @renamed(to="upto")
@@ -46,32 +46,32 @@ class ModesOptions(ReadOptions):
     )
     count: int | None = option(
         None,
-        f"So many modes of each part; without --upto and --count {DEFAULT_MODE_COUNT}.",
+        f"So many modes of each part; without --upto and --count {N_MODES_DEFAULT}.",
         Integer(1),
     )
     around: float | str | None = option(
         None, "The modes next to a frequency or note, such as A3.", metavar="FREQUENCY"
     )
 
-    def asked(self) -> dict[str, float | int]:
+    def search_arguments(self) -> dict[str, float | int]:
         """The arguments for the engine's search for modes. Raises OptionError."""
         if self.upto is not None:
             for name, value in (("count", self.count), ("around", self.around)):
                 if value is not None:
                     raise OptionError(name, "; give one of the two", excludes="upto")
             return {"to": frequency_option("upto", self.upto)}
-        mode_count = DEFAULT_MODE_COUNT if self.count is None else self.count
-        if mode_count < 1:
-            raise OptionError("count", f"is {mode_count}; it must be at least 1")
+        n_modes = N_MODES_DEFAULT if self.count is None else self.count
+        if n_modes < 1:
+            raise OptionError("count", f"is {n_modes}; it must be at least 1")
         if self.around is not None:
-            return {"count": mode_count, "around": frequency_option("around", self.around)}
-        return {"count": mode_count}
+            return {"count": n_modes, "around": frequency_option("around", self.around)}
+        return {"count": n_modes}
 
 
 _LEVEL_DB_MIN = -200.0  # [dB] lower levels are shown as no motion
-_NOTE_HZ_MIN = 8.0  # [Hz] below it is the rigid motion of a free body
+_NOTE_FREQUENCY_MIN = 8.0  # [Hz] below it is the rigid motion of a free body
 # A motion that seems to decay for longer than 11 days is undamped; the rest is rounding [s].
-_T60_SECONDS_MAX = 1e6
+_T60_MAX = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ class PartModes:
         from ergon.notation.tables.notes import nearest_note
 
         pitches = (float(f) for f in self.frequencies)
-        return tuple(nearest_note(f) if f >= _NOTE_HZ_MIN else ("", 0.0) for f in pitches)
+        return tuple(nearest_note(f) if f >= _NOTE_FREQUENCY_MIN else ("", 0.0) for f in pitches)
 
     def plot(self) -> Picture:
         """The modes by pitch, and cents from the nearest note."""
@@ -129,13 +129,13 @@ class PartModes:
         """
         import numpy as np
 
-        mode_sizes = np.abs(self.points[point])
-        largest = mode_sizes.max(initial=0.0)
+        magnitudes = np.abs(self.points[point])
+        largest = magnitudes.max(initial=0.0)
         with np.errstate(divide="ignore"):
             return (
-                20 * np.log10(mode_sizes / largest)
+                20 * np.log10(magnitudes / largest)
                 if largest > 0
-                else np.full(mode_sizes.shape, -np.inf)
+                else np.full(magnitudes.shape, -np.inf)
             )
 
 
@@ -143,21 +143,19 @@ def stave_picture(part_modes: Sequence[PartModes], name: str) -> Picture:
     """The modes of parts on staves, by pitch and cents from the nearest note."""
     from ergon.view.structure import PitchedMode, stave
 
-    stave_parts = []
-    for modes_of_part in part_modes:
-        modes_with_notes = zip(
-            modes_of_part.frequencies, modes_of_part.notes, mode_words(modes_of_part), strict=True
-        )
+    modes_by_part = []
+    for part in part_modes:
+        modes_with_notes = zip(part.frequencies, part.notes, mode_labels(part), strict=True)
         modes = [
-            PitchedMode(float(f), cents, words)
-            for f, (note, cents), words in modes_with_notes
+            PitchedMode(float(f), cents, label)
+            for f, (note, cents), label in modes_with_notes
             if note
         ]
-        stave_parts.append((modes_of_part.part, modes))
-    return Picture(stave(stave_parts, title=f"Modes of {name}"))
+        modes_by_part.append((part.part, modes))
+    return Picture(stave(modes_by_part, title=f"Modes of {name}"))
 
 
-def mode_words(part: PartModes) -> list[str]:
+def mode_labels(part: PartModes) -> list[str]:
     """`1  A4 +2.1  0.5 s` for each mode."""
     modes_with_decays = zip(part.frequencies, part.t60, part.notes, strict=True)
     return [
@@ -170,7 +168,7 @@ def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
     """A table of the modes for reading: its head, and a row for each mode."""
     levels = [part.levels(point) for point in part.points]
     modes_with_decays = zip(part.frequencies, part.t60, part.notes, strict=True)
-    mode_lines = [
+    rows = [
         (
             str(i + 1),
             note,
@@ -181,14 +179,14 @@ def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
         )
         for i, (f, t60, (note, cents)) in enumerate(modes_with_decays)
     ]
-    return [("", "note", "cents", "frequency", "T60", *part.points), *mode_lines]
+    return [("", "note", "cents", "frequency", "T60", *part.points), *rows]
 
 
-def _t60_text(decay_seconds: float) -> str:
-    if isinf(decay_seconds):
+def _t60_text(t60: float) -> str:
+    if isinf(t60):
         return "no loss"
-    minutes, seconds = divmod(int(decay_seconds), 60)
-    return f"{decay_seconds:.3g} s" if decay_seconds < 120 else f"{minutes} min {seconds:02} s"
+    minutes, seconds = divmod(int(t60), 60)
+    return f"{t60:.3g} s" if t60 < 120 else f"{minutes} min {seconds:02} s"
 
 
 def modes(
@@ -201,15 +199,13 @@ def modes(
     from ergon.scores.staging.preparing import prepare
 
     options = options or ModesOptions()
-    search_bounds = options.asked()
+    search = options.search_arguments()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     part_names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
-        return tuple(
-            modes_of(piece, built, name, search_bounds, loaded.inputs) for name in part_names
-        )
+        return tuple(modes_of(piece, built, name, search, loaded.inputs) for name in part_names)
 
 
 def modes_of(
@@ -223,28 +219,28 @@ def modes_of(
     import numpy as np
 
     network = built.network
-    asked_modes = _engine_modes(network, name, search_bounds)
-    decay = -asked_modes.poles.real
-    is_damped = decay > LN_1000 / _T60_SECONDS_MAX
+    engine_modes = _engine_modes(network, name, search_bounds)
+    decay = -engine_modes.poles.real
+    is_damped = decay > LN_1000 / _T60_MAX
     t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay, 1.0), np.inf)
-    slots = points_of(piece, built, name, asked_modes.mats)
-    points_by_name = {
-        label: asked_modes.shapes[:, point_slots].sum(axis=1)
-        for label, point_slots in slots.items()
+    indices_by_point = points_of(piece, built, name, engine_modes.mats)
+    shapes_at_points = {
+        label: engine_modes.shapes[:, indices].sum(axis=1)
+        for label, indices in indices_by_point.items()
     }
-    mass_positions = [network.position_of(mat) for mat in asked_modes.mats]
+    positions = [network.position_of(mat) for mat in engine_modes.mats]
     return PartModes(
         name,
-        asked_modes.poles.imag / (2 * np.pi),
+        engine_modes.poles.imag / (2 * np.pi),
         t60,
-        asked_modes.poles,
-        asked_modes.shapes,
-        tuple(network.name_of(mat) for mat in asked_modes.mats),
-        np.array(mass_positions, dtype=float).reshape(len(mass_positions), 2),
-        points_by_name,
-        asked_modes.is_certified,
-        asked_modes.n_laws,
-        asked_modes.n_contacts,
+        engine_modes.poles,
+        engine_modes.shapes,
+        tuple(network.name_of(mat) for mat in engine_modes.mats),
+        np.array(positions, dtype=float).reshape(len(positions), 2),
+        shapes_at_points,
+        engine_modes.is_certified,
+        engine_modes.n_laws,
+        engine_modes.n_contacts,
         tuple(inputs),
     )
 
@@ -267,18 +263,18 @@ def points_of(
     """The points where a part is struck, touched or heard, each with its slots among the masses
     `mats`.
     """
-    slots = {mat: slot for slot, mat in enumerate(mats)}
-    slots_by_point = {}
+    index_by_mat = {mat: slot for slot, mat in enumerate(mats)}
+    indices_by_point = {}
     for point_text, targets in _named_points(piece, name):
         all_mats = [mat for target in targets for mat in built.assembly.members(target)]
-        mat_slots = [slots[mat] for mat in all_mats if mat in slots]
-        if mat_slots:
+        indices = [index_by_mat[mat] for mat in all_mats if mat in index_by_mat]
+        if indices:
             is_one = len(all_mats) == 1
             label = point_text or (
                 built.network.name_of(all_mats[0]) if is_one else targets[0].text
             )
-            slots_by_point[label] = mat_slots
-    return slots_by_point
+            indices_by_point[label] = indices
+    return indices_by_point
 
 
 def _named_points(piece: Piece, part_name: str) -> Iterator[tuple[str, Sequence[Target]]]:

@@ -28,7 +28,7 @@ def frequency_option(option: str, value: float | str) -> float:
         raise OptionError(option, f"{error.message}{hint}") from None
 
 
-def selected_parts(piece: Piece, names_asked: Sequence[str]) -> tuple[str, ...]:
+def selected_parts(piece: Piece, names: Sequence[str]) -> tuple[str, ...]:
     """The parts that are asked for; without names, all that move along one axis.
 
     Raises OptionError.
@@ -36,7 +36,7 @@ def selected_parts(piece: Piece, names_asked: Sequence[str]) -> tuple[str, ...]:
     from ergon.notation.text.spelling import nearest
 
     part_names = (*piece.keys, *piece.instruments)
-    for asked_name in names_asked:
+    for asked_name in names:
         if asked_name not in part_names:
             close = nearest(asked_name, part_names)
             part_list = f"there are {', '.join(part_names)}" if part_names else "the score has none"
@@ -44,9 +44,9 @@ def selected_parts(piece: Piece, names_asked: Sequence[str]) -> tuple[str, ...]:
             raise OptionError("parts", f"no instrument or key is called '{asked_name}'; {reason}")
         refuse_several_axes("parts", piece, asked_name)
     flat = [n for n in part_names if n not in piece.instruments or not _space_of(piece, n)]
-    if part_names and not flat and not names_asked:
+    if part_names and not flat and not names:
         refuse_several_axes("parts", piece, part_names[0])
-    return tuple(dict.fromkeys(names_asked)) or tuple(flat)
+    return tuple(dict.fromkeys(names)) or tuple(flat)
 
 
 def refuse_several_axes(option: str, piece: Piece, name: str) -> None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ergon.view.roll import Bar
 
 NOTES_NAME = "notes"  # a plot of all notes, in place of a name
-_JOIN_SECONDS = 0.02  # [s] drawn before a gesture: its joining curve
+_JOIN_DURATION = 0.02  # [s] drawn before a gesture: its joining curve
 
 
 def plot(
@@ -61,13 +61,11 @@ def struck_bars(loaded: Loaded, report: Report) -> tuple[Sequence[StruckNote], S
     from ergon.view.roll import Bar
 
     stage = scores.stage_piece(loaded, None, report).stage
-    struck_bars_found = struck_notes(stage)
-    if not struck_bars_found:
+    notes = struck_notes(stage)
+    if not notes:
         raise ErgonError("no instrument is struck in this piece")
-    bars = [
-        Bar(n.instrument, n.begin, n.end, _midi_key(n.pitch), n.strength) for n in struck_bars_found
-    ]
-    return struck_bars_found, bars, f"notes of {stage.piece.title or 'a piece'}"
+    bars = [Bar(n.instrument, n.begin, n.end, _midi_key(n.pitch), n.strength) for n in notes]
+    return notes, bars, f"notes of {stage.piece.title or 'a piece'}"
 
 
 def _midi_key(pitch: float | None) -> float | None:
@@ -102,15 +100,15 @@ def drawn_curves(
         raise ErgonError(f"there is no '{name}'{_nearest_name(name, all_names)}")
     stage, gestures = _stage_and_gestures(loaded, name, key, report)
     first_gesture = gestures[0]
-    start_seconds = max(0.0, min(gesture.start for gesture in gestures) - _JOIN_SECONDS)
-    stop_seconds = max(gesture.stop for gesture in gestures)
+    start = max(0.0, min(gesture.start for gesture in gestures) - _JOIN_DURATION)
+    stop = max(gesture.stop for gesture in gestures)
     reach = piece.keys[first_gesture.key].reach
     curves = asked_and_done(
         stage.simulation,
         first_gesture.key_index,
         first_gesture.struck,
-        start_seconds,
-        stop_seconds,
+        start,
+        stop,
         reach,
     )
     instant = "" if key is not None else f" at {scores.where(piece, first_gesture.start)}"
@@ -139,8 +137,8 @@ def _stage_and_gestures(
     if not piece.keys:
         raise ErgonError("this piece has no key that could play it")
     with scores.staging(lambda: loaded, report):
-        piece_alone = solo(piece, gesture_name, key_name or next(iter(piece.keys)))
-    return piece_alone, piece_alone.gestures
+        solo_stage = solo(piece, gesture_name, key_name or next(iter(piece.keys)))
+    return solo_stage, solo_stage.gestures
 
 
 def _nearest_name(unknown_word: str, known_names: Iterable[str]) -> str:

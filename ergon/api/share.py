@@ -55,19 +55,19 @@ def check_estimate(prepared: PreparedRender, path: Path, limit_mb: float) -> Non
     film, rate = prepared.job.film, prepared.stage.rate
     if film is None:
         return
-    film_seconds = film.stop / rate
-    motion = film_seconds * _motion_bytes_per_second(prepared.stage)
-    sound_bytes = film_seconds * rate * min(film.n_channels, EARS) * 2 * _FLAC_RATIO
-    page_size = _BASE64_RATIO * (motion + sound_bytes)
-    if page_size > _ESTIMATE_RATIO_MAX * limit_mb * _BYTES_PER_MEGABYTE:
-        fitting = film_seconds * limit_mb * _BYTES_PER_MEGABYTE / page_size
+    duration = film.stop / rate
+    motion = duration * _motion_bytes_per_second(prepared.stage)
+    sound_bytes = duration * rate * min(film.n_channels, EARS) * 2 * _FLAC_RATIO
+    n_bytes = _BASE64_RATIO * (motion + sound_bytes)
+    if n_bytes > _ESTIMATE_RATIO_MAX * limit_mb * _BYTES_PER_MEGABYTE:
+        fitting = duration * limit_mb * _BYTES_PER_MEGABYTE / n_bytes
         raise OptionError(
             "limit",
-            f"{path} would have about {_megabytes_text(page_size)} "
+            f"{path} would have about {_megabytes_text(n_bytes)} "
             f"({_megabytes_text(_BASE64_RATIO * motion)} of "
             f"motion, {_megabytes_text(_BASE64_RATIO * sound_bytes)} of sound), more than "
             f"{limit_mb:g} MB, so it was "
-            f"not computed; share a shorter stretch than its {film_seconds:,.0f} s (about "
+            f"not computed; share a shorter stretch than its {duration:,.0f} s (about "
             f"{fitting:,.0f} s fit), or allow more",
         )
 

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
 
-_RIGID_SHARE_MAX = (
+_STATIC_FREQUENCY_RATIO = (
     1e-5  # of the lowest frequency: there inertia changes the response by this squared
 )
-_ZERO_SHARE_MAX = 1e-12  # share of a blow's energy that counts as none
+_ENERGY_SHARE_MIN = 1e-12  # share of a blow's energy that counts as none
 
 
 @renamed(to="upto")
@@ -143,11 +143,11 @@ def _part_stats(
     elements = built.network.elements([part_name])
     part_modes = modes_of(piece, built, part_name, {"to": frequency_max}, input_files)
     n_free = int(stretches_no_spring(part_modes.shapes, elements).sum())
-    swinging = part_modes.frequencies[n_free:]
-    middles, counts = _third_octave_counts(swinging[swinging > 0])
+    frequencies = part_modes.frequencies[n_free:]
+    centres, counts = _third_octave_counts(frequencies[frequencies > 0])
     guarantee, oversampling = _part_certificate(piece, part_name)
     mats = elements.mats
-    named_slots = points_of(piece, built, part_name, mats)
+    indices_by_point = points_of(piece, built, part_name, mats)
     return PartStats(
         part_name,
         len(mats),
@@ -157,21 +157,21 @@ def _part_stats(
         tuple(_link_stats(elements)),
         part_modes,
         n_free,
-        middles,
+        centres,
         counts,
-        _highest_mode_hertz(built.network, part_name, elements),
+        _highest_frequency(built.network, part_name, elements),
         guarantee,
         oversampling,
         tuple(
             _point_stats(built.network, part_name, elements, part_modes, label, np.array(slots))
-            for label, slots in named_slots.items()
+            for label, slots in indices_by_point.items()
         ),
         tuple(input_files),
-        {m.name: m.fields["M"] for m in _module_counts(piece, part_name) if m.kind == "MODES"},
+        {m.name: m.fields["M"] for m in _modules_of(piece, part_name) if m.kind == "MODES"},
     )
 
 
-def _module_counts(piece: Piece, name: str) -> Sequence[Module]:
+def _modules_of(piece: Piece, name: str) -> Sequence[Module]:
     part = piece.instruments.get(name) or piece.keys.get(name)
     return () if part is None else part.modules
 
@@ -180,12 +180,12 @@ def _link_stats(elements: _core.Elements) -> Sequence[LinkStats]:
     import numpy as np
 
     kinds = np.array(elements.kinds)
-    link_rows = []
+    rows = []
     for link_kind in dict.fromkeys(elements.kinds):
         k, z = elements.stiffness[kinds == link_kind], elements.damping[kinds == link_kind]
         k_range, z_range = ((float(x.min()), float(x.max())) for x in (k, z))
-        link_rows.append(LinkStats(link_kind, len(k), k_range, z_range))
-    return link_rows
+        rows.append(LinkStats(link_kind, len(k), k_range, z_range))
+    return rows
 
 
 def _third_octave_counts(
@@ -198,13 +198,13 @@ def _third_octave_counts(
 
     if not frequencies.size:
         return np.zeros(0), np.zeros(0, dtype=np.intp)
-    number = np.round(3 * np.log2(frequencies / 1000)).astype(int)
-    low = int(number.min())
-    counts = np.bincount(number - low)
+    band = np.round(3 * np.log2(frequencies / 1000)).astype(int)
+    low = int(band.min())
+    counts = np.bincount(band - low)
     return 1000 * 2 ** ((low + np.arange(len(counts))) / 3), counts
 
 
-def _highest_mode_hertz(network: _core.Network, part_name: str, elements: _core.Elements) -> float:
+def _highest_frequency(network: _core.Network, part_name: str, elements: _core.Elements) -> float:
     """The highest mode's frequency without damping [Hz]: that of the mode nearest to an upper
     bound, or the bound where no mode is found.
     """
@@ -213,14 +213,16 @@ def _highest_mode_hertz(network: _core.Network, part_name: str, elements: _core.
     if not elements.mats:
         return 0.0
     stiffness = np.where([kind == "BUT" for kind in elements.kinds], 0.0, elements.stiffness)
-    ties = np.zeros(len(elements.mats) + 1)  # index -1 is a held end
-    np.add.at(ties, elements.a, stiffness)
-    np.add.at(ties, elements.b, stiffness)
-    highest = float((ties[:-1] / elements.masses).max())  # λ is at most twice this (Gershgorin)
-    if highest <= 0:
+    diagonal_stiffness = np.zeros(len(elements.mats) + 1)  # index -1 is a held end
+    np.add.at(diagonal_stiffness, elements.a, stiffness)
+    np.add.at(diagonal_stiffness, elements.b, stiffness)
+    ratio_max = float(
+        (diagonal_stiffness[:-1] / elements.masses).max()
+    )  # λ is at most twice this (Gershgorin)
+    if ratio_max <= 0:
         return 0.0
     rate = elements.ca_rate
-    bound = np.sqrt(2.002 * highest)
+    bound = np.sqrt(2.002 * ratio_max)
     f = bound / (2 * np.pi) if rate is None else rate * np.arcsin(min(1.0, bound / 2)) / np.pi
     poles = network.part_modes(part_name, around=float(f), count=1).poles
     if not poles.size or not np.isfinite(poles[0]):
@@ -249,29 +251,29 @@ def _point_stats(
     elements: _core.Elements,
     part_modes: PartModes,
     point_label: str,
-    mass_slots: NDArray[np.intp],
+    mass_indices: NDArray[np.intp],
 ) -> PointStats:
     import numpy as np
 
-    masses = elements.masses[mass_slots]
+    masses = elements.masses[mass_indices]
     energy_shares = np.abs(part_modes.points[point_label]) ** 2 / np.sum(1 / masses)
-    total_share = float(energy_shares.sum())
-    centroid = (
-        float(energy_shares @ part_modes.frequencies / total_share) if total_share > 0 else 0.0
-    )
-    mats = [elements.mats[slot] for slot in mass_slots]
+    total = float(energy_shares.sum())
+    centroid = float(energy_shares @ part_modes.frequencies / total) if total > 0 else 0.0
+    mats = [elements.mats[slot] for slot in mass_indices]
     compliance = np.inf
     lowest = network.part_modes(part_name, count=1)
     # A mass that only a damper holds has a pole at 0: a constant force moves it without bound.
     # Points that no such mode moves still have a finite compliance.
-    stands = part_modes.frequencies > 0
-    swinging = 2 * np.pi * min(part_modes.frequencies[stands], default=0.0)
-    slowest = float(np.abs(lowest.poles[:1]).sum() or swinging)
-    if not isfinite(slowest):  # a discrete network may be at rest within a frame
-        slowest = 2 * np.pi * (elements.ca_rate or 0.0)
-    is_pushed_away = bool((energy_shares[~stands] > _ZERO_SHARE_MAX).any()) or slowest == 0
+    oscillates = part_modes.frequencies > 0
+    lowest_omega = 2 * np.pi * min(part_modes.frequencies[oscillates], default=0.0)
+    slowest_rate = float(np.abs(lowest.poles[:1]).sum() or lowest_omega)
+    if not isfinite(slowest_rate):  # a discrete network may be at rest within a frame
+        slowest_rate = 2 * np.pi * (elements.ca_rate or 0.0)
+    is_pushed_away = (
+        bool((energy_shares[~oscillates] > _ENERGY_SHARE_MIN).any()) or slowest_rate == 0
+    )
     if not is_pushed_away and not stretches_no_spring(lowest.shapes, elements).any():
-        f = _RIGID_SHARE_MAX * slowest / (2 * np.pi)
-        answer = network.admittance([part_name], mats, [mats], [f])[0, 0]
-        compliance = float((answer / (2j * np.pi * f)).real)
+        f = _STATIC_FREQUENCY_RATIO * slowest_rate / (2 * np.pi)
+        admittance = network.admittance([part_name], mats, [mats], [f])[0, 0]
+        compliance = float((admittance / (2j * np.pi * f)).real)
     return PointStats(point_label, float(masses.sum()), compliance, energy_shares, centroid)

@@ -80,21 +80,21 @@ def _contact_warning(
     for player in _contact_players(piece, simulated, contact.module, kinds):
         strokes = sorted(player.strokes)
         # No stroke closed a contact that is closed from the beginning.
-        strokes_before = [
+        earlier_strokes = [
             stroke
             for stroke in strokes
             if stroke.begins <= (first_closed or last_closed) / simulated.rate
         ]
         later_strokes = [
             stroke
-            for stroke in strokes[len(strokes_before) :]
+            for stroke in strokes[len(earlier_strokes) :]
             if stroke.begins > last_closed / simulated.rate
         ]
-        if (first_closed and not strokes_before) or len(strokes_before) + len(later_strokes) < len(
-            strokes
-        ):
+        if (first_closed and not earlier_strokes) or len(earlier_strokes) + len(
+            later_strokes
+        ) < len(strokes):
             continue  # something else closed it, or several strokes did
-        least = strokes_before[-1].reach * (1 - _ROUNDING_TOLERANCE) if first_closed else 0.0
+        least = earlier_strokes[-1].reach * (1 - _ROUNDING_TOLERANCE) if first_closed else 0.0
         n_as_far = sum(stroke.reach >= least and stroke.reach > 0.0 for stroke in later_strokes)
         if n_as_far:
             contact_time = scores.where(piece, first_closed / simulated.rate)

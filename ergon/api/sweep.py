@@ -227,21 +227,19 @@ def _named_variants(
     targets = [text.partition("=")[0].strip() for text in sweep_options.vary]
     render_options = _render_options(sweep_options)
     named_variants, file_names = [], set[str]()
-    for variant_number, variant in enumerate(variants):
+    for index, variant in enumerate(variants):
         values = zip(targets, variant.values, strict=True)
         variant_name = stem = _file_name(", ".join(map("=".join, values)))
-        name_count = 1
+        suffix = 1
         while variant_name.lower() in file_names:
-            name_count += 1
-            variant_name = f"{stem}-{name_count}"
+            suffix += 1
+            variant_name = f"{stem}-{suffix}"
         file_names.add(variant_name.lower())
         file = f"{variant_name}.wav" if sweep_options.sound else ""
         key = digest(
             bundled(score, variant.loaded), sorted(render_options.items()), _program_version()
         )
-        named_variants.append(
-            _NamedVariant(variant_number, variant.values, variant.texts, file, key)
-        )
+        named_variants.append(_NamedVariant(index, variant.values, variant.texts, file, key))
     return named_variants
 
 
@@ -384,15 +382,15 @@ def _first_done(futures: Sequence[Future[Outcome]]) -> None:
 
 def _keep_results(
     pairs: Iterator[tuple[_NamedVariant, Outcome]],
-    variant_count: int,
+    n_variants: int,
     folder: Path,
     sweep_options: SweepOptions,
     rows_by_number: dict[int, SweepRow],
     sweep_table: Table,
     report: Report,
 ) -> None:
-    n_done, done_seconds = 0, 0.0
-    with report.progress("sweeping", variant_count, 0.0) as progress:
+    n_done, duration_done = 0, 0.0
+    with report.progress("sweeping", n_variants, 0.0) as progress:
         for variant, outcome in pairs:
             figures = {name: outcome["figures"].get(name) for name in FIGURES}
             variant_sound, variant_file = (
@@ -412,7 +410,7 @@ def _keep_results(
                 sha256(variant_sound).hexdigest() if variant_file else "",
                 outcome["reason"],
             )
-            done_seconds += outcome["figures"].get("cpu_s") or 0.0
+            duration_done += outcome["figures"].get("cpu_s") or 0.0
             n_done += 1
             sweep_table.keep(
                 [rows_by_number[number] for number in sorted(rows_by_number)],

@@ -79,7 +79,7 @@ def _computed_variant(
     start_time, start_cpu = time.perf_counter(), time.process_time()
     with scores.computing(stage, loaded, Report()):
         mix_frames, outcome, _ = render_array(stage, job, lambda _: None)
-    cpu_seconds, wall = time.process_time() - start_cpu, time.perf_counter() - start_time
+    cpu_time, wall = time.process_time() - start_cpu, time.perf_counter() - start_time
     sound_measures = measures(mix_frames, stage.rate)
     plan_rows = stage.plan.rows() if stage.plan is not None else []
     errors = [row.error_db for row in plan_rows if row.error_db is not None]
@@ -95,7 +95,7 @@ def _computed_variant(
         "pitch_hz": sound_measures.pitch,
         "partial_hz": sound_measures.partial,
         "t60_s": sound_measures.t60,
-        "cpu_s": cpu_seconds,
+        "cpu_s": cpu_time,
         "x_real_time": len(mix_frames) / stage.rate / wall,
         "plan_cost": sum(row.cost for row in plan_rows),
         "error_db": max(errors, default=None),

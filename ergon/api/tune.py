@@ -144,7 +144,7 @@ def tune(
             }
         search = _Search(tuned_part, chosen, target_frequencies)
         tuned_numbers = search.run()
-    frequencies_before = search.initial_frequencies
+    initial_frequencies = search.initial_frequencies
     tuned_values = [
         replace(value, number=number)
         for value, number in zip(search.values, tuned_numbers, strict=True)
@@ -166,7 +166,7 @@ def tune(
     return Tuned(
         selected_name,
         mode_numbers,
-        frequencies_before,
+        initial_frequencies,
         np.array(list(target_frequencies.values())),
         frequencies,
         tuple(
@@ -369,9 +369,9 @@ class _Search:
             logs, search_state = accepted_step
         return [
             value.number
-            if log_number == initial_log
-            else float(f"{math.exp(log_number):.{_SIGNIFICANT_DIGITS}g}")
-            for value, log_number, initial_log in zip(self.values, logs, initial_logs, strict=True)
+            if log_value == initial_log
+            else float(f"{math.exp(log_value):.{_SIGNIFICANT_DIGITS}g}")
+            for value, log_value, initial_log in zip(self.values, logs, initial_logs, strict=True)
         ]
 
     def _better(
@@ -405,8 +405,8 @@ class _Search:
         import numpy as np
 
         return {
-            value.field_key: float(np.exp(log_number))
-            for value, log_number in zip(self.values, logs, strict=True)
+            value.field_key: float(np.exp(log_value))
+            for value, log_value in zip(self.values, logs, strict=True)
         }
 
     def _modes(self, values: Mapping[FieldKey, float]) -> _State:
@@ -418,18 +418,18 @@ class _Search:
         network = self.part.network(values)
         elements = network.elements([self.part.name])
         n, last_mode = len(elements.mats), max(self.wanted)
-        mode_count = last_mode + 2
+        n_modes = last_mode + 2
         while True:
             try:
-                part_modes = network.part_modes(self.part.name, count=mode_count)
+                part_modes = network.part_modes(self.part.name, count=n_modes)
             except _core.EngineError as error:
                 raise OptionError("targets", str(error)) from None
             swings = np.flatnonzero(
                 (part_modes.poles.imag > 0) & ~stretches_no_spring(part_modes.shapes, elements)
             )
-            if len(swings) >= last_mode or mode_count >= n:
+            if len(swings) >= last_mode or n_modes >= n:
                 break
-            mode_count = min(n, 2 * mode_count)
+            n_modes = min(n, 2 * n_modes)
         if len(swings) < last_mode:
             has = f"{len(swings)} modes that swing" if len(swings) != 1 else "1 mode that swings"
             reason = f"mode {last_mode} is wanted, but {self.part.name} has {has}"

@@ -349,7 +349,7 @@ def _glide_values(
     for glide in glides:
         first_frame, last_frame = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
         glide_share = min(1.0, max(0.0, (glide_frame - first_frame) / (last_frame - first_frame)))
-        if glide_share == 1.0 and glide.value_alone is None:
+        if glide_share == 1.0 and glide.network_value is None:
             continue
         module_key = glide.part, glide.module
         if len(glide.before) == 3:

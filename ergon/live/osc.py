@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.common.errors import ErgonError
-from ergon.scores.staging.drives import input_number
+from ergon.scores.staging.drives import input_id
 
 from .datagrams import (
     DATAGRAM_BYTES_MAX,
@@ -112,7 +112,7 @@ class OscServer:
             performance.stop()
 
         def tell(name: str, value: float) -> bool:
-            return performance.tell(input_number(name), value) is not None
+            return performance.tell(input_id(name), value) is not None
 
         input_values = InputValues(tell)
         handlers = request_handlers(

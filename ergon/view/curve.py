@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import ceil, floor, isfinite
 
 CURVES_MAX = 3  # more cannot be told apart without colour
-_MARGIN_SHARE = 0.04  # margin as a share of the range, so that extremes are visible
+_MARGIN_RATIO = 0.04  # margin as a share of the range, so that extremes are visible
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A range with ticks at round numbers within it; `names` are labels to show in place of the
+    """A range with ticks at round numbers within it; `tick_labels` are shown in place of the
     numbers.
     """
 
@@ -29,44 +29,40 @@ class Axis:
     high: float
     ticks: tuple[float, ...]
     digits: int
-    names: tuple[str, ...] = ()
+    tick_labels: tuple[str, ...] = ()
 
     def text(self, tick: float) -> str:
         """The label of a tick, in the same format for all ticks of the axis."""
-        if self.names:
-            return self.names[self.ticks.index(tick)]
+        if self.tick_labels:
+            return self.tick_labels[self.ticks.index(tick)]
         return f"{tick:.{self.digits}f}".replace("-", "−")
 
-    def part(self, value: float) -> float:
+    def fraction(self, value: float) -> float:
         """Where the value lies, 0 at `low` and 1 at `high`."""
         return (value - self.low) / (self.high - self.low)
 
 
-def axis(shown_values: Sequence[float], n_ticks: int, *, tight: bool = False) -> Axis:
-    """An axis over all finite `shown_values` with about `n_ticks` ticks a 1-2-5 step apart.
+def axis(values: Sequence[float], n_ticks: int, *, tight: bool = False) -> Axis:
+    """An axis over all finite `values` with about `n_ticks` ticks a 1-2-5 step apart.
 
     `tight` ends at the values (time); otherwise there is a little room round them.
     """
-    finite_values = [value for value in shown_values if isfinite(value)]
-    low_value, high_value = (
-        (min(finite_values), max(finite_values)) if finite_values else (0.0, 1.0)
-    )
-    if high_value - low_value <= 1e-12 * max(
-        abs(low_value), abs(high_value)
-    ):  # a flat line gets room on both sides
-        margin = abs(low_value) * 0.1 or 1.0
-        low_value, high_value = low_value - margin, high_value + margin
+    finite_values = [value for value in values if isfinite(value)]
+    low, high = (min(finite_values), max(finite_values)) if finite_values else (0.0, 1.0)
+    if high - low <= 1e-12 * max(abs(low), abs(high)):  # a flat line gets room on both sides
+        margin = abs(low) * 0.1 or 1.0
+        low, high = low - margin, high + margin
         tight = False
-    tick_step, digits = _step((high_value - low_value) / max(n_ticks, 1))
-    margin = 0.0 if tight else _MARGIN_SHARE * (high_value - low_value)
-    low_value, high_value = low_value - margin, high_value + margin
+    tick_step, digits = _round_step((high - low) / max(n_ticks, 1))
+    margin = 0.0 if tight else _MARGIN_RATIO * (high - low)
+    low, high = low - margin, high + margin
     # A small tolerance, because 3 steps of 0.1 are above 0.3 in floating point.
-    first_tick, last_tick = ceil(low_value / tick_step - 1e-9), floor(high_value / tick_step + 1e-9)
+    first_tick, last_tick = ceil(low / tick_step - 1e-9), floor(high / tick_step + 1e-9)
     ticks = tuple(index * tick_step for index in range(first_tick, last_tick + 1))
-    return Axis(low_value, high_value, ticks, digits)
+    return Axis(low, high, ticks, digits)
 
 
-def _step(step_min: float) -> tuple[float, int]:
+def _round_step(step_min: float) -> tuple[float, int]:
     """The smallest of 1, 2, 5 times a power of ten that is not below `step_min`, and its
     decimals.
     """

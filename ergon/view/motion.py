@@ -19,35 +19,35 @@ def asked_and_done(
     simulation: Simulation,
     key_index: int,
     struck_mat: int,
-    start_seconds: float,
-    stop_seconds: float,
-    reach: float = 1.0,
-    point_count: int = POINTS,
+    start_s: float,
+    end_s: float,
+    displacement_ratio: float = 1.0,
+    n_points: int = POINTS,
 ) -> tuple[Curve, Curve]:
-    """Run from the beginning to `stop_seconds` [s] and trace the key from `start_seconds` on, in
+    """Run from the beginning to `end_s` [s] and trace the key from `start_s` on, in
     millimetres.
 
-    Each curve has about `point_count` points.
+    Each curve has about `n_points` points.
 
     `key_index` is the key's index on the timeline, `struck_mat` its struck MAT, whose displacement
-    in the piece is `reach` times the key's.
+    in the piece is `displacement_ratio` times the key's.
     """
     import numpy as np
 
-    rate, scale = simulation.rate, _MM / reach
-    first_frame, last_frame = int(start_seconds * rate + 0.5), int(stop_seconds * rate + 0.5)
-    frame_step = max(1, (last_frame - first_frame) // point_count)
-    frame_block = np.zeros((4096, simulation.n_out))
+    rate, mm_per_position = simulation.rate, _MM / displacement_ratio
+    first_frame, last_frame = int(start_s * rate + 0.5), int(end_s * rate + 0.5)
+    stride = max(1, (last_frame - first_frame) // n_points)
+    block = np.zeros((4096, simulation.n_out))
     while simulation.frame < first_frame:
-        simulation.process(frame_block[: first_frame - simulation.frame])
-    t, asked, done = [], [], []
+        simulation.process(block[: first_frame - simulation.frame])
+    t, asked_mm, done_mm = [], [], []
     while True:
         t.append(simulation.frame / rate)
-        asked.append(float(simulation.asked()[key_index]) * scale)
-        done.append(float(simulation.positions()[struck_mat]) * scale)
+        asked_mm.append(float(simulation.asked()[key_index]) * mm_per_position)
+        done_mm.append(float(simulation.positions()[struck_mat]) * mm_per_position)
         if simulation.frame >= last_frame:
             break
-        until = min(last_frame, simulation.frame + frame_step)
-        while simulation.frame < until:
-            simulation.process(frame_block[: until - simulation.frame])
-    return Curve("asked", t, asked), Curve("done", t, done)
+        next_frame = min(last_frame, simulation.frame + stride)
+        while simulation.frame < next_frame:
+            simulation.process(block[: next_frame - simulation.frame])
+    return Curve("asked", t, asked_mm), Curve("done", t, done_mm)

@@ -9,15 +9,15 @@ from operator import itemgetter
 from xml.sax.saxutils import escape
 
 from .curve import Axis, axis
-from .svg import Frame, axes, document, short, text
+from .svg import Frame, axes, document, shorten, text
 
 # Safe for the colour-blind (Okabe & Ito, 2008).
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#222222")
 _WIDTH, _HEIGHT = 960, 480  # pixels
 _MIDDLE_C = 60.0  # key above the lines where no note has a pitch
-_NAMES = {0: "C", 4: "E", 7: "G"}  # names of the keys with a line, by their number in an octave
-_ALL_NAMES_RANGE = 24  # keys, up to which E and G have lines too
-_LANES_IN_HEIGHT = 20  # lines of instruments without a pitch that would fill the picture
+_KEY_NAMES = {0: "C", 4: "E", 7: "G"}  # names of the keys with a line, by their number in an octave
+_ALL_LINES_RANGE = 24  # keys, up to which E and G have lines too
+_LANES_PER_PICTURE = 20  # lines of instruments without a pitch that would fill the picture
 _CHARACTER_WIDTH = 7.5  # pixels across
 _NOTE_GAP = 1.0  # pixels between a note and the next: strokes that follow each other stay apart
 
@@ -35,73 +35,73 @@ class Bar:
     strength: float
 
 
-def heights(note_bars: Sequence[Bar]) -> tuple[list[float], dict[str, float]]:
+def heights(bars: Sequence[Bar]) -> tuple[list[float], dict[str, float]]:
     """The height of each note, in keys of MIDI, and of the line of each instrument without a
     pitch: these lie below all keys, in the order in which they begin.
     """
-    pitched_keys = [bar.key for bar in note_bars if bar.key is not None]
-    lowest, highest = (
+    pitched_keys = [bar.key for bar in bars if bar.key is not None]
+    key_min, key_max = (
         (min(pitched_keys), max(pitched_keys)) if pitched_keys else (_MIDDLE_C, _MIDDLE_C)
     )
-    lane_step = max(2, ceil((highest - lowest) / _LANES_IN_HEIGHT))
-    unpitched = dict.fromkeys(bar.name for bar in note_bars if bar.key is None)
-    lanes = {name: float(floor(lowest) - lane_step * n) for n, name in enumerate(unpitched, 1)}
-    return [lanes[bar.name] if bar.key is None else bar.key for bar in note_bars], lanes
+    keys_per_lane = max(2, ceil((key_max - key_min) / _LANES_PER_PICTURE))
+    unpitched = dict.fromkeys(bar.name for bar in bars if bar.key is None)
+    lanes = {name: float(floor(key_min) - keys_per_lane * n) for n, name in enumerate(unpitched, 1)}
+    return [lanes[bar.name] if bar.key is None else bar.key for bar in bars], lanes
 
 
-def picture(note_bars: Sequence[Bar], *, title: str = "") -> str:
-    """A whole SVG document; `note_bars` has at least one."""
-    t_axis = axis([0.0, *(bar.end for bar in note_bars)], 10, tight=True)
-    bar_keys, lanes = heights(note_bars)
+def picture(bars: Sequence[Bar], *, title: str = "") -> str:
+    """A whole SVG document; `bars` has at least one."""
+    t_axis = axis([0.0, *(bar.end for bar in bars)], 10, tight=True)
+    bar_heights, lanes = heights(bars)
     left = max(
-        64, round(16 + _CHARACTER_WIDTH * max((len(short(name)) for name in lanes), default=0))
+        64, round(16 + _CHARACTER_WIDTH * max((len(shorten(name)) for name in lanes), default=0))
     )
-    plot_frame = Frame(left, 40, _WIDTH - 16, _HEIGHT - 64, t_axis, _key_axis(bar_keys, lanes))
-    names = dict.fromkeys(bar.name for bar in note_bars)
+    frame = Frame(left, 40, _WIDTH - 16, _HEIGHT - 64, t_axis, _key_axis(bar_heights, lanes))
+    names = dict.fromkeys(bar.name for bar in bars)
     colour_by_name = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
-    svg_parts = [axes(plot_frame, "time [s]", "")]
-    svg_parts += [
-        _rectangle(bar, key, plot_frame, colour_by_name[bar.name])
-        for bar, key in zip(note_bars, bar_keys, strict=True)
+    elements = [axes(frame, "time [s]", "")]
+    elements += [
+        _rectangle(bar, height, frame, colour_by_name[bar.name])
+        for bar, height in zip(bars, bar_heights, strict=True)
     ]
-    svg_parts += [
-        *_legend(colour_by_name, plot_frame),
-        text(plot_frame.left, 20, short(title), weight="bold"),
+    elements += [
+        *_legend(colour_by_name, frame),
+        text(frame.left, 20, shorten(title), weight="bold"),
     ]
-    return document(_WIDTH, _HEIGHT, title, svg_parts)
+    return document(_WIDTH, _HEIGHT, title, elements)
 
 
 def _key_axis(keys: Sequence[float], lanes: Mapping[str, float]) -> Axis:
     """An axis of keys with the names of notes, and those of instruments on their lines."""
-    lowest_key, highest_key = floor(min(keys)) - 1, ceil(max(keys)) + 1
-    lowest_labelled_key = floor(max(lanes.values(), default=lowest_key - 1.0)) + 1
-    labelled_steps = _NAMES if highest_key - lowest_key < _ALL_NAMES_RANGE else (0,)
+    key_min, key_max = floor(min(keys)) - 1, ceil(max(keys)) + 1
+    labelled_key_min = floor(max(lanes.values(), default=key_min - 1.0)) + 1
+    labelled_pitch_classes = _KEY_NAMES if key_max - key_min < _ALL_LINES_RANGE else (0,)
     labelled_keys = [
-        key for key in range(lowest_labelled_key, highest_key + 1) if key % 12 in labelled_steps
+        key for key in range(labelled_key_min, key_max + 1) if key % 12 in labelled_pitch_classes
     ]
-    labels = {key: short(name) for name, key in sorted(lanes.items(), key=itemgetter(1))}
-    labels |= {float(key): f"{_NAMES[key % 12]}{key // 12 - 1}" for key in labelled_keys}
-    return Axis(lowest_key, highest_key, tuple(labels), 0, tuple(labels.values()))
+    labels = {key: shorten(name) for name, key in sorted(lanes.items(), key=itemgetter(1))}
+    labels |= {float(key): f"{_KEY_NAMES[key % 12]}{key // 12 - 1}" for key in labelled_keys}
+    return Axis(key_min, key_max, tuple(labels), 0, tuple(labels.values()))
 
 
-def _rectangle(note_bar: Bar, bar_key: float, plot_frame: Frame, colour: str) -> str:
-    left_edge, right_edge = plot_frame.across(note_bar.begin), plot_frame.across(note_bar.end)
-    pixels_per_key = abs(plot_frame.down(1.0) - plot_frame.down(0.0))
-    bar_height = max(2.0, min(12.0, 0.8 * pixels_per_key))
+def _rectangle(bar: Bar, height: float, frame: Frame, colour: str) -> str:
+    left, right = frame.x_pixel(bar.begin), frame.x_pixel(bar.end)
+    pixels_per_key = abs(frame.y_pixel(1.0) - frame.y_pixel(0.0))
+    thickness = max(2.0, min(12.0, 0.8 * pixels_per_key))
     return (
-        f"<rect x='{left_edge:.2f}' y='{plot_frame.down(bar_key) - bar_height / 2:.2f}' "
-        f"width='{max(1.5, right_edge - left_edge - _NOTE_GAP):.2f}' height='{bar_height:.2f}' "
-        f"fill='{colour}' fill-opacity='{0.35 + 0.65 * note_bar.strength:.2f}'>"
-        f"<title>{escape(note_bar.name)}</title></rect>"
+        f"<rect x='{left:.2f}' y='{frame.y_pixel(height) - thickness / 2:.2f}' "
+        f"width='{max(1.5, right - left - _NOTE_GAP):.2f}' height='{thickness:.2f}' "
+        f"fill='{colour}' fill-opacity='{0.35 + 0.65 * bar.strength:.2f}'>"
+        f"<title>{escape(bar.name)}</title></rect>"
     )
 
 
 def _legend(colour_by_name: dict[str, str], frame: Frame) -> Iterator[str]:
-    left_edge, text_baseline = frame.left, frame.bottom + 54
-    for instrument_name, colour in colour_by_name.items():
+    left, text_baseline = frame.left, frame.bottom + 54
+    for name, colour in colour_by_name.items():
         yield (
-            f"<rect x='{left_edge:g}' y='{text_baseline - 10:g}' width='12' height='12' "
+            f"<rect x='{left:g}' y='{text_baseline - 10:g}' width='12' height='12' "
             f"fill='{colour}'/>"
         )
-        yield text(left_edge + 18, text_baseline, short(instrument_name))
-        left_edge += 36 + _CHARACTER_WIDTH * len(short(instrument_name))
+        yield text(left + 18, text_baseline, shorten(name))
+        left += 36 + _CHARACTER_WIDTH * len(shorten(name))

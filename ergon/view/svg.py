@@ -27,13 +27,13 @@ class Frame:
     t_axis: Axis
     x_axis: Axis
 
-    def across(self, t: float) -> float:
+    def x_pixel(self, instant: float) -> float:
         """Pixel of an instant."""
-        return self.left + self.t_axis.part(t) * (self.right - self.left)
+        return self.left + self.t_axis.fraction(instant) * (self.right - self.left)
 
-    def down(self, x: float) -> float:
+    def y_pixel(self, value: float) -> float:
         """Pixel of a value."""
-        return self.bottom - self.x_axis.part(x) * (self.bottom - self.top)
+        return self.bottom - self.x_axis.fraction(value) * (self.bottom - self.top)
 
 
 def plot(
@@ -48,7 +48,7 @@ def plot(
     """The same curves as `braille.plot`, as a whole SVG document."""
     if not 1 <= len(curves) <= CURVES_MAX:
         raise ValueError(f"a plot has 1 to {CURVES_MAX} curves, not {len(curves)}")
-    plot_frame = Frame(
+    frame = Frame(
         64,
         40,
         width - 16,
@@ -56,75 +56,75 @@ def plot(
         axis([t for curve in curves for t in curve.t], 8, tight=True),
         axis([x for curve in curves for x in curve.x], 6),
     )
-    svg_parts = [
-        axes(plot_frame, t_label, x_label),
-        lines(curves, plot_frame),
-        _legend(curves, plot_frame),
+    elements = [
+        axes(frame, t_label, x_label),
+        curve_paths(curves, frame),
+        _legend(curves, frame),
     ]
-    svg_parts.append(text(plot_frame.left, 20, short(title), weight="bold"))
-    return document(width, height, title, svg_parts)
+    elements.append(text(frame.left, 20, shorten(title), weight="bold"))
+    return document(width, height, title, elements)
 
 
 def panels(
-    labelled_curves: Sequence[tuple[str, Sequence[Curve]]], *, title: str, width: int = 900
+    labelled_plots: Sequence[tuple[str, Sequence[Curve]]], *, title: str, width: int = 900
 ) -> str:
     """Curves in frames one above the other over the same time, each with a label."""
-    panel_height, panel_gap, top_edge = 190, 46, 44
+    panel_height, panel_gap, margin_top = 190, 46, 44
     t_axis = axis(
-        [t for _, curves in labelled_curves for curve in curves for t in curve.t], 8, tight=True
+        [t for _, curves in labelled_plots for curve in curves for t in curve.t], 8, tight=True
     )
-    svg_parts = [text(64, 20, short(title), weight="bold")]
-    for panel_index, (panel_label, curves) in enumerate(labelled_curves):
-        panel_top = top_edge + panel_index * (panel_height + panel_gap)
+    elements = [text(64, 20, shorten(title), weight="bold")]
+    for panel_index, (panel_label, curves) in enumerate(labelled_plots):
+        panel_top = margin_top + panel_index * (panel_height + panel_gap)
         x_axis = axis([x for curve in curves for x in curve.x], 5)
         frame = Frame(64, panel_top, width - 16, panel_top + panel_height, t_axis, x_axis)
-        svg_parts += [
-            axes(frame, "time [s]" if panel_index == len(labelled_curves) - 1 else "", panel_label)
+        elements += [
+            axes(frame, "time [s]" if panel_index == len(labelled_plots) - 1 else "", panel_label)
         ]
-        svg_parts += [lines(curves, frame), _legend(curves, frame)]
+        elements += [curve_paths(curves, frame), _legend(curves, frame)]
     return document(
-        width, top_edge + len(labelled_curves) * (panel_height + panel_gap), title, svg_parts
+        width, margin_top + len(labelled_plots) * (panel_height + panel_gap), title, elements
     )
 
 
-def lines(curves: Sequence[Curve], frame: Frame) -> str:
+def curve_paths(curves: Sequence[Curve], frame: Frame) -> str:
     """The curves, each in its stroke."""
-    return "\n".join(curve_path(curve, frame, number) for number, curve in enumerate(curves))
-
-
-def document(
-    picture_width: int, picture_height: int, picture_title: str, svg_parts: Sequence[str]
-) -> str:
-    """A whole SVG file round `svg_parts`."""
-    header = (
-        f"<svg xmlns='http://www.w3.org/2000/svg' width='{picture_width}' "
-        f"height='{picture_height}' "
-        f"viewBox='0 0 {picture_width} {picture_height}' role='img' "
-        f"aria-label={quoteattr(picture_title)} {_FONT}>\n"
-        "<!-- made by ergon -->\n"
-        f"<title>{escape(picture_title)}</title>\n"
-        f"<rect width='{picture_width}' height='{picture_height}' fill='{_PAPER_COLOUR}'/>\n"
+    return "\n".join(
+        curve_path(curve, frame, stroke_index) for stroke_index, curve in enumerate(curves)
     )
-    return header + "\n".join(part for part in svg_parts if part) + "\n</svg>\n"
+
+
+def document(width: int, height: int, title: str, elements: Sequence[str]) -> str:
+    """A whole SVG file round `elements`."""
+    header = (
+        f"<svg xmlns='http://www.w3.org/2000/svg' width='{width}' "
+        f"height='{height}' "
+        f"viewBox='0 0 {width} {height}' role='img' "
+        f"aria-label={quoteattr(title)} {_FONT}>\n"
+        "<!-- made by ergon -->\n"
+        f"<title>{escape(title)}</title>\n"
+        f"<rect width='{width}' height='{height}' fill='{_PAPER_COLOUR}'/>\n"
+    )
+    return header + "\n".join(part for part in elements if part) + "\n</svg>\n"
 
 
 def axes(frame: Frame, t_label: str, x_label: str) -> str:
     """Grid, ticks, numbers and labels of a frame."""
-    svg_parts = []
+    elements = []
     for tick in frame.t_axis.ticks:
-        x = frame.across(tick)
-        svg_parts.append(_line(x, frame.top, x, frame.bottom))
-        svg_parts.append(text(x, frame.bottom + 16, frame.t_axis.text(tick), anchor="middle"))
+        x = frame.x_pixel(tick)
+        elements.append(_line(x, frame.top, x, frame.bottom))
+        elements.append(text(x, frame.bottom + 16, frame.t_axis.text(tick), anchor="middle"))
     for tick in frame.x_axis.ticks:
-        x = frame.down(tick)
-        svg_parts.append(_line(frame.left, x, frame.right, x))
-        svg_parts.append(text(frame.left - 6, x + 4, frame.x_axis.text(tick), anchor="end"))
-    svg_parts.append(
+        x = frame.y_pixel(tick)
+        elements.append(_line(frame.left, x, frame.right, x))
+        elements.append(text(frame.left - 6, x + 4, frame.x_axis.text(tick), anchor="end"))
+    elements.append(
         f"<rect x='{frame.left:g}' y='{frame.top:g}' "
         f"width='{frame.right - frame.left:g}' "
         f"height='{frame.bottom - frame.top:g}' fill='none' stroke='{_INK_COLOUR}'/>"
     )
-    svg_parts.append(
+    elements.append(
         text(
             (frame.left + frame.right) / 2,
             frame.bottom + 36,
@@ -132,44 +132,44 @@ def axes(frame: Frame, t_label: str, x_label: str) -> str:
             anchor="middle",
         )
     )
-    middle = (frame.top + frame.bottom) / 2
-    svg_parts.append(
-        f"<text x='14' y='{middle:g}' fill='{_INK_COLOUR}' text-anchor='middle' "
-        f"transform='rotate(-90 14 {middle:g})'>{escape(x_label)}</text>"
+    centre_y = (frame.top + frame.bottom) / 2
+    elements.append(
+        f"<text x='14' y='{centre_y:g}' fill='{_INK_COLOUR}' text-anchor='middle' "
+        f"transform='rotate(-90 14 {centre_y:g})'>{escape(x_label)}</text>"
     )
-    return "\n".join(svg_parts)
+    return "\n".join(elements)
 
 
-def curve_path(curve: Curve, plot_frame: Frame, number: int) -> str:
+def curve_path(curve: Curve, frame: Frame, stroke_index: int) -> str:
     """A curve in a frame, in the stroke of its number, below CURVES_MAX."""
-    colour, dash = _STROKES[number]
+    colour, dash = _STROKES[stroke_index]
     return (
-        f"<path d='{_path(curve, plot_frame)}' fill='none' stroke='{colour}' stroke-width='1.6' "
-        f"stroke-linejoin='round'{_dash(dash)}/>"
+        f"<path d='{_path(curve, frame)}' fill='none' stroke='{colour}' stroke-width='1.6' "
+        f"stroke-linejoin='round'{_dash_attribute(dash)}/>"
     )
 
 
-def key_line(x: float, y: float, number: int) -> str:
+def legend_stroke(x: float, y: float, stroke_index: int) -> str:
     """A short line in the stroke of a curve's number, below CURVES_MAX."""
-    colour, dash = _STROKES[number]
+    colour, dash = _STROKES[stroke_index]
     return (
         f"<line x1='{x:g}' y1='{y:g}' x2='{x + 28:g}' y2='{y:g}' stroke='{colour}' "
-        f"stroke-width='2'{_dash(dash)}/>"
+        f"stroke-width='2'{_dash_attribute(dash)}/>"
     )
 
 
-def short(title: str) -> str:
+def shorten(title: str) -> str:
     """A title shortened to leave room for the text beside it."""
     return title if len(title) <= _TITLE_MAX else title[: _TITLE_MAX - 1] + "…"
 
 
-def text(x: float, y: float, words: str, *, anchor: str = "start", weight: str = "normal") -> str:
+def text(x: float, y: float, content: str, *, anchor: str = "start", weight: str = "normal") -> str:
     """Words at a place; nothing for no words."""
-    if not words:
+    if not content:
         return ""
     return (
         f"<text x='{x:.1f}' y='{y:.1f}' fill='{_INK_COLOUR}' text-anchor='{anchor}' "
-        f"font-weight='{weight}'>{escape(words)}</text>"
+        f"font-weight='{weight}'>{escape(content)}</text>"
     )
 
 
@@ -179,26 +179,26 @@ def _line(x1: float, y1: float, x2: float, y2: float) -> str:
     )
 
 
-def _dash(dash: str) -> str:
+def _dash_attribute(dash: str) -> str:
     return f" stroke-dasharray='{dash}'" if dash else ""
 
 
-def _path(curve: Curve, plot_frame: Frame) -> str:
+def _path(curve: Curve, frame: Frame) -> str:
     """Path data; a gap begins a new subpath."""
-    path_parts, command = [], "M"
+    commands, command = [], "M"
     for t, x in zip(curve.t, curve.x, strict=True):
         if isfinite(t) and isfinite(x):
-            path_parts.append(f"{command}{plot_frame.across(t):.2f} {plot_frame.down(x):.2f}")
+            commands.append(f"{command}{frame.x_pixel(t):.2f} {frame.y_pixel(x):.2f}")
             command = "L"
         else:
             command = "M"
-    return "".join(path_parts)
+    return "".join(commands)
 
 
-def _legend(curves: Sequence[Curve], plot_frame: Frame) -> str:
-    svg_parts, entry_left = [], plot_frame.right
-    for number, curve in reversed(list(enumerate(curves))):
+def _legend(curves: Sequence[Curve], frame: Frame) -> str:
+    elements, entry_left = [], frame.right
+    for stroke_index, curve in reversed(list(enumerate(curves))):
         entry_left -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
-        svg_parts.append(key_line(entry_left, plot_frame.top - 14, number))
-        svg_parts.append(text(entry_left + 33, plot_frame.top - 10, curve.name))
-    return "\n".join(svg_parts)
+        elements.append(legend_stroke(entry_left, frame.top - 14, stroke_index))
+        elements.append(text(entry_left + 33, frame.top - 10, curve.name))
+    return "\n".join(elements)

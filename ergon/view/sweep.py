@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from .curve import Axis, axis
-from .svg import Frame, axes, document, short, text
+from .svg import Frame, axes, document, shorten, text
 
-_PANELS: Mapping[str, str] = {
+_PANEL_TITLES: Mapping[str, str] = {
     "loudness_lufs": "loudness [LUFS]",
     "centroid_hz": "centroid [Hz]",
     "pitch_hz": "pitch [Hz]",
@@ -36,83 +36,81 @@ class Point:
     figures: Mapping[str, float]
 
 
-def picture(title: str, target_names: Sequence[str], sweep_points: Sequence[Point]) -> str:
+def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
     """The sweep as a whole SVG document.
 
     Variants that differ only in the first value are joined by a line; lines get darker from the
     first to the last of the other values.
     """
-    horizontal = _across(sweep_points)
-    points_by_other_values: dict[tuple[str, ...], list[Point]] = {}
-    for point in sweep_points:
-        points_by_other_values.setdefault(point.values[1:], []).append(point)
-    if all(len(curve_points) == 1 for curve_points in points_by_other_values.values()):  # pairs
-        points_by_other_values = {(): list(sweep_points)}
+    x_axis = _across(points)
+    point_groups: dict[tuple[str, ...], list[Point]] = {}
+    for point in points:
+        point_groups.setdefault(point.values[1:], []).append(point)
+    if all(len(curve_points) == 1 for curve_points in point_groups.values()):  # pairs
+        point_groups = {(): list(points)}
     figure_names = [
-        name for name in _PANELS if any(name in point.figures for point in sweep_points)
+        name for name in _PANEL_TITLES if any(name in point.figures for point in points)
     ]
-    svg_parts = [
-        text(_LEFT_MARGIN, 20, short(title), weight="bold"),
-        _key(list(points_by_other_values), target_names[1:]),
+    elements = [
+        text(_LEFT_MARGIN, 20, shorten(title), weight="bold"),
+        _legend(list(point_groups), targets[1:]),
     ]
-    for panel_number, figure_name in enumerate(figure_names):
-        row, column = divmod(panel_number, 2)
-        left_edge, top_edge = (
+    for panel_index, figure_name in enumerate(figure_names):
+        row, column = divmod(panel_index, 2)
+        left, top = (
             column * _PANEL_WIDTH,
             _TOP_MARGIN + row * (_PANEL_HEIGHT + _PANEL_GAP),
         )
-        figures = [
-            point.figures[figure_name] for point in sweep_points if figure_name in point.figures
-        ]
-        plot_frame = Frame(
-            left_edge + _LEFT_MARGIN,
-            top_edge,
-            left_edge + _PANEL_WIDTH - _RIGHT_MARGIN,
-            top_edge + _PANEL_HEIGHT,
-            horizontal.axis,
-            axis(figures, 5),
+        values = [point.figures[figure_name] for point in points if figure_name in point.figures]
+        frame = Frame(
+            left + _LEFT_MARGIN,
+            top,
+            left + _PANEL_WIDTH - _RIGHT_MARGIN,
+            top + _PANEL_HEIGHT,
+            x_axis.axis,
+            axis(values, 5),
         )
-        svg_parts += [
-            axes(plot_frame, target_names[0] + horizontal.unit, ""),
-            text(left_edge + _LEFT_MARGIN, top_edge - 8, _PANELS[figure_name]),
+        elements += [
+            axes(frame, targets[0] + x_axis.unit, ""),
+            text(left + _LEFT_MARGIN, top - 8, _PANEL_TITLES[figure_name]),
         ]
-        for index, curve_points in enumerate(points_by_other_values.values()):
-            colour = _colour(index, len(points_by_other_values))
-            line_points = [
+        for index, curve_points in enumerate(point_groups.values()):
+            colour = _colour(index, len(point_groups))
+            pixels = [
                 (
-                    plot_frame.across(horizontal.place_of(p.values[0])),
-                    plot_frame.down(p.figures[figure_name]),
+                    frame.x_pixel(x_axis.position(p.values[0])),
+                    frame.y_pixel(p.figures[figure_name]),
                 )
                 for p in curve_points
                 if figure_name in p.figures
             ]
-            svg_parts.append(_curve(line_points, colour))
-    rows = (len(figure_names) + 1) // 2
+            elements.append(_curve_elements(pixels, colour))
+    n_rows = (len(figure_names) + 1) // 2
     return document(
         2 * _PANEL_WIDTH,
-        _TOP_MARGIN + rows * (_PANEL_HEIGHT + _PANEL_GAP),
+        _TOP_MARGIN + n_rows * (_PANEL_HEIGHT + _PANEL_GAP),
         f"sweep of {title}",
-        svg_parts,
+        elements,
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _Across:
+class _XAxis:
     """The horizontal positions of the values of the first target."""
 
     axis: Axis
     unit: str
-    places: Mapping[str, float]
+    positions: Mapping[str, float]
 
-    def place_of(self, value: str) -> float:
-        return self.places[value]
+    def position(self, value: str) -> float:
+        return self.positions[value]
 
 
-def _across(sweep_points: Sequence[Point]) -> _Across:
+def _across(points: Sequence[Point]) -> _XAxis:
     """Numbers in their own unit, on a logarithmic axis if they are spaced evenly on one; other
     values at equal distances.
     """
-    first_values = list(dict.fromkeys(point.values[0] for point in sweep_points))
+    first_values = list(dict.fromkeys(point.values[0] for point in points))
     matches = [_NUMBER_PATTERN.match(value) for value in first_values]
     units = {
         value[match.end() :].strip()
@@ -120,84 +118,86 @@ def _across(sweep_points: Sequence[Point]) -> _Across:
         if match
     }
     if all(matches) and len(units) == 1:
-        axis_numbers = [float(match[0]) for match in matches if match]
+        numbers = [float(match[0]) for match in matches if match]
         (unit,) = units
         unit_text = f" [{unit}]" if unit else ""
-        if _is_geometric(axis_numbers):
-            positions = [math.log10(x) for x in axis_numbers]
-            ticks = tuple(sorted(_few(positions)))
-            tick_names = tuple(f"{10.0**tick:.3g}" for tick in ticks)
-            return _Across(
-                _room(positions, ticks, tick_names),
+        if _is_geometric(numbers):
+            positions = [math.log10(x) for x in numbers]
+            ticks = tuple(sorted(_thin(positions)))
+            tick_labels = tuple(f"{10.0**tick:.3g}" for tick in ticks)
+            return _XAxis(
+                _axis_with_margin(positions, ticks, tick_labels),
                 unit_text,
                 dict(zip(first_values, positions, strict=True)),
             )
-        return _Across(
-            axis(axis_numbers, 6), unit_text, dict(zip(first_values, axis_numbers, strict=True))
-        )
+        return _XAxis(axis(numbers, 6), unit_text, dict(zip(first_values, numbers, strict=True)))
     positions = [float(i) for i in range(len(first_values))]
-    ticks = _few(positions)
-    tick_names = tuple(first_values[int(tick)] for tick in ticks)
-    return _Across(
-        _room(positions, ticks, tick_names), "", dict(zip(first_values, positions, strict=True))
+    ticks = _thin(positions)
+    tick_labels = tuple(first_values[int(tick)] for tick in ticks)
+    return _XAxis(
+        _axis_with_margin(positions, ticks, tick_labels),
+        "",
+        dict(zip(first_values, positions, strict=True)),
     )
 
 
-def _room(positions: Sequence[float], ticks: tuple[float, ...], names: tuple[str, ...]) -> Axis:
+def _axis_with_margin(
+    positions: Sequence[float], ticks: tuple[float, ...], tick_labels: tuple[str, ...]
+) -> Axis:
     margin = 0.04 * (max(positions) - min(positions)) or 0.5
-    return Axis(min(positions) - margin, max(positions) + margin, ticks, 0, names)
+    return Axis(min(positions) - margin, max(positions) + margin, ticks, 0, tick_labels)
 
 
-def _few(positions: Sequence[float], count_max: int = 6) -> tuple[float, ...]:
-    stride = math.ceil(len(positions) / count_max)
+def _thin(positions: Sequence[float], n_max: int = 6) -> tuple[float, ...]:
+    stride = math.ceil(len(positions) / n_max)
     return tuple(positions[::stride])
 
 
-def _is_geometric(axis_numbers: Sequence[float]) -> bool:
-    if len(axis_numbers) < 3 or min(axis_numbers) <= 0.0:
+def _is_geometric(numbers: Sequence[float]) -> bool:
+    if len(numbers) < 3 or min(numbers) <= 0.0:
         return False
-    ratios = [b / a for a, b in itertools.pairwise(axis_numbers)]
-    differences = [b - a for a, b in itertools.pairwise(axis_numbers)]
+    ratios = [b / a for a, b in itertools.pairwise(numbers)]
+    differences = [b - a for a, b in itertools.pairwise(numbers)]
     is_arithmetic = max(differences) - min(differences) <= 1e-6 * max(map(abs, differences))
     return not is_arithmetic and max(ratios) <= (1.0 + 1e-6) * min(ratios)
 
 
-def _colour(index: int, count: int) -> str:
-    share = index / max(1, count - 1)
+def _colour(curve_index: int, n_curves: int) -> str:
+    fraction = curve_index / max(1, n_curves - 1)
     channels = (
-        round(a + share * (b - a)) for a, b in zip(_FIRST_COLOUR, _LAST_COLOUR, strict=True)
+        round(a + fraction * (b - a)) for a, b in zip(_FIRST_COLOUR, _LAST_COLOUR, strict=True)
     )
     return "#" + "".join(f"{channel:02x}" for channel in channels)
 
 
-def _curve(line_points: Sequence[tuple[float, float]], colour: str) -> str:
-    if not line_points:
+def _curve_elements(pixels: Sequence[tuple[float, float]], colour: str) -> str:
+    if not pixels:
         return ""
-    line = "L".join(f"{x:.1f} {y:.1f}" for x, y in line_points)
-    dots = "".join(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='2.2'/>" for x, y in line_points)
+    line = "L".join(f"{x:.1f} {y:.1f}" for x, y in pixels)
+    dots = "".join(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='2.2'/>" for x, y in pixels)
     path = f"<path d='M{line}' fill='none' stroke='{colour}' stroke-width='1.2'/>"
     return f"{path}\n<g fill='{colour}'>{dots}</g>"
 
 
-def _key(other_values: Sequence[tuple[str, ...]], targets: Sequence[str]) -> str:
+def _legend(values_by_curve: Sequence[tuple[str, ...]], targets: Sequence[str]) -> str:
     """The legend of all lines if they are few, else of the first and the last."""
-    if len(other_values) < 2:
+    if len(values_by_curve) < 2:
         return ""
-    labelled_values = (
-        other_values
-        if len(other_values) <= _LEGEND_CURVES_MAX
-        else (other_values[0], other_values[-1])
+    shown_values = (
+        values_by_curve
+        if len(values_by_curve) <= _LEGEND_CURVES_MAX
+        else (values_by_curve[0], values_by_curve[-1])
     )
     labels = [
-        ", ".join(map("=".join, zip(targets, values, strict=True))) for values in labelled_values
+        ", ".join(map("=".join, zip(targets, values, strict=True))) for values in shown_values
     ]
-    svg_parts, left_edge = [], float(_LEFT_MARGIN)
-    for values, label in zip(labelled_values, labels, strict=True):
-        colour = _colour(other_values.index(values), len(other_values))
-        svg_parts.append(
-            f"<line x1='{left_edge:g}' y1='32' x2='{left_edge + 20:g}' y2='32' stroke='{colour}' "
+    elements, left = [], float(_LEFT_MARGIN)
+    for values, label in zip(shown_values, labels, strict=True):
+        colour = _colour(values_by_curve.index(values), len(values_by_curve))
+        elements.append(
+            f"<line x1='{left:g}' y1='32' x2='{left + 20:g}' y2='32' stroke='{colour}' "
             "stroke-width='3'/>"
         )
-        svg_parts.append(text(left_edge + 25, 36, label))
-        left_edge += 45 + 7 * len(label)
-    return "\n".join(svg_parts)
+        elements.append(text(left + 25, 36, label))
+        left += 45 + 7 * len(label)
+    return "\n".join(elements)

@@ -32,51 +32,45 @@ _Fields = dict[str, Any]
 _SUBSTITUTE_ITEMS: dict[Shape, float] = {BLOCK_COUNTS: 1, WIDTHS: math.inf}
 
 
-def check(kind_name: str, module_fields: _Fields, module_values: Values, axis_count: int) -> None:
+def check(kind: str, fields: _Fields, values: Values, n_axes: int) -> None:
     """Check that lists have an item for each axis, and that the fields of a kind go together;
     reports errors.
     """
-    for list_field in module_values.record.fields:
-        field_value = module_fields[list_field.name]
-        item_count = axis_count - 1 if list_field.shape == CENTRE else axis_count
-        is_vector = list_field.shape in (PLACE, VELOCITY, DIRECTION, CENTRE, BLOCK_COUNTS, WIDTHS)
-        if is_vector and field_value is not None and len(field_value) != item_count:
+    for field in values.record.fields:
+        value = fields[field.name]
+        n_items = n_axes - 1 if field.shape == CENTRE else n_axes
+        is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, CENTRE, BLOCK_COUNTS, WIDTHS)
+        if is_vector and value is not None and len(value) != n_items:
             axis_names = " and ".join(
-                filter(None, (", ".join(AXES[: item_count - 1]), AXES[item_count - 1]))
+                filter(None, (", ".join(AXES[: n_items - 1]), AXES[n_items - 1]))
             )
             message = (
-                f"{module_values.context.label(list_field.name)}: the number of items is "
-                f"{len(field_value)}, but "
+                f"{values.context.label(field.name)}: the number of items is {len(value)}, but "
             )
-            module_values.error(
-                "E106", f"{message}must be {item_count}: {axis_names}", list_field.name
-            )
-            module_fields[list_field.name] = (
-                _SUBSTITUTE_ITEMS.get(list_field.shape, 0.0),
-            ) * item_count
-    if kind_name in _CHECKS_BY_KIND:
-        _CHECKS_BY_KIND[kind_name](module_fields, module_values)
-    if kind_name == "BUT" and module_fields["mesh"] is not None:
-        module_fields["mesh"] = _surface_of_file(module_fields, module_values, axis_count)
-    if "sides" in module_fields or "span" in module_fields:
-        _check_size(kind_name, module_fields, module_values)
+            values.error("E106", f"{message}must be {n_items}: {axis_names}", field.name)
+            fields[field.name] = (_SUBSTITUTE_ITEMS.get(field.shape, 0.0),) * n_items
+    if kind in _CHECKS_BY_KIND:
+        _CHECKS_BY_KIND[kind](fields, values)
+    if kind == "BUT" and fields["mesh"] is not None:
+        fields["mesh"] = _surface_of_file(fields, values, n_axes)
+    if "sides" in fields or "span" in fields:
+        _check_size(kind, fields, values)
 
 
 def _check_size(kind_name: str, net_fields: _Fields, net_values: Values) -> None:
     """Report a net with too many points or springs."""
-    n, axis_count = count(kind_name, net_fields), net_fields["axes"]
-    springs_per_point = ((2 * net_fields.get("span", 1) + 1) ** axis_count - 1) // 2
-    for net_size, size_limit, what_noun in (
-        (n, MAX_POINTS, "points"),
-        (n * springs_per_point, MAX_SPRINGS, "springs"),
+    n_points, n_axes = count(kind_name, net_fields), net_fields["axes"]
+    springs_per_point = ((2 * net_fields.get("span", 1) + 1) ** n_axes - 1) // 2
+    for net_size, n_max, noun in (
+        (n_points, MAX_POINTS, "points"),
+        (n_points * springs_per_point, MAX_SPRINGS, "springs"),
     ):
-        if net_size > size_limit:
+        if net_size > n_max:
             message = (
-                f"{net_values.context.label('')}: a {kind_name} has at most {size_limit:,} "
-                f"{what_noun}, not "
+                f"{net_values.context.label('')}: a {kind_name} has at most {n_max:,} {noun}, not "
             )
             net_values.error("E105", f"{message}{net_size:,}")
-            net_fields.update(sides=(1,) * axis_count, points=2)
+            net_fields.update(sides=(1,) * n_axes, points=2)
             return
 
 

@@ -68,29 +68,29 @@ def read(gltf_text: str | bytes, binary: bytes | None = None) -> Mesh:
         raise MeshFileError("it is incomplete: something that it refers to is missing") from error
 
 
-def read_binary(file_bytes: bytes) -> Mesh:
+def read_binary(content: bytes) -> Mesh:
     """The mesh of a binary file, as from `read`. Raises MeshFileError."""
-    if len(file_bytes) < _FILE_HEADER.size or not file_bytes.startswith(MAGIC):
+    if len(content) < _FILE_HEADER.size or not content.startswith(MAGIC):
         raise MeshFileError("it is not a binary glTF file")
-    _, version, file_length = _FILE_HEADER.unpack_from(file_bytes)
+    _, version, file_length = _FILE_HEADER.unpack_from(content)
     if version != 2:
         raise MeshFileError(f"glTF 2 is read, not version {version}")
-    if file_length != len(file_bytes):
-        length_problem = "incomplete" if file_length > len(file_bytes) else "longer than it says"
+    if file_length != len(content):
+        length_problem = "incomplete" if file_length > len(content) else "longer than it says"
         raise MeshFileError(
-            f"it is {length_problem}: {file_length:,} bytes are promised, {len(file_bytes):,} there"
+            f"it is {length_problem}: {file_length:,} bytes are promised, {len(content):,} there"
         )
     chunks: list[tuple[bytes, bytes]] = []
-    chunk_offset = _FILE_HEADER.size
-    while chunk_offset < file_length and len(chunks) < 2:  # further chunks belong to extensions
-        if file_length - chunk_offset < _CHUNK_HEADER.size:
+    offset = _FILE_HEADER.size
+    while offset < file_length and len(chunks) < 2:  # further chunks belong to extensions
+        if file_length - offset < _CHUNK_HEADER.size:
             raise MeshFileError("it is incomplete: a chunk has no head")
-        chunk_size, chunk_kind = _CHUNK_HEADER.unpack_from(file_bytes, chunk_offset)
-        chunk_offset += _CHUNK_HEADER.size
-        if chunk_size > file_length - chunk_offset:
+        chunk_size, chunk_kind = _CHUNK_HEADER.unpack_from(content, offset)
+        offset += _CHUNK_HEADER.size
+        if chunk_size > file_length - offset:
             raise MeshFileError("it is incomplete: a chunk is longer than the file")
-        chunks.append((chunk_kind, file_bytes[chunk_offset : chunk_offset + chunk_size]))
-        chunk_offset += chunk_size
+        chunks.append((chunk_kind, content[offset : offset + chunk_size]))
+        offset += chunk_size
     if not chunks or chunks[0][0] != _JSON:
         raise MeshFileError("its first chunk is no JSON")
     binary = chunks[1][1] if len(chunks) > 1 and chunks[1][0] == _BIN else None
@@ -137,68 +137,68 @@ class _Reader:
         for needed in gltf_root.get("extensionsRequired", ()):
             raise MeshFileError(f"it needs the extension {str(needed)[:60]}, which is not read")
         self._buffers: dict[int, memoryview] = {}
-        self._number_of_point: dict[_Position, int] = {}
+        self._index_by_point: dict[_Position, int] = {}
         self._edges: dict[tuple[int, int], None] = {}
         self._faces: list[tuple[int, int, int]] = []
-        self._n_read = 0
+        self._n_items_read = 0
 
     def mesh(self) -> Mesh:
         """All meshes of the scene as a single one."""
-        scene_nodes = self._root.get("nodes", [])
+        nodes = self._root.get("nodes", [])
         scenes = self._root.get("scenes")
-        root_nodes = scenes[_index(self._root.get("scene", 0))].get("nodes", []) if scenes else None
-        pending_nodes = [
+        top_indices = (
+            scenes[_index(self._root.get("scene", 0))].get("nodes", []) if scenes else None
+        )
+        pending = [
             (_index(top), _IDENTITY)
-            for top in (range(len(scene_nodes)) if root_nodes is None else root_nodes)
+            for top in (range(len(nodes)) if top_indices is None else top_indices)
         ]
         n_visited = 0
-        while pending_nodes:
-            node_number, parent_matrix = pending_nodes.pop()
+        while pending:
+            node_index, parent_matrix = pending.pop()
             n_visited += 1
             if n_visited > MAX_NODES:
                 raise MeshFileError(
                     f"the scene has more than {MAX_NODES:,} nodes, or contains itself"
                 )
-            scene_node = scene_nodes[node_number]
-            matrix = _matrix_product(parent_matrix, _node_matrix(scene_node))
-            if "mesh" in scene_node:
-                for part in self._root["meshes"][_index(scene_node["mesh"])]["primitives"]:
+            node = nodes[node_index]
+            matrix = _matrix_product(parent_matrix, _node_matrix(node))
+            if "mesh" in node:
+                for part in self._root["meshes"][_index(node["mesh"])]["primitives"]:
                     self._count_read(4)
                     if "POSITION" in part["attributes"]:
                         self._add_primitive(part, matrix)
             if scenes is not None:
-                pending_nodes += [
-                    (_index(child), matrix) for child in scene_node.get("children", ())
-                ]
+                pending += [(_index(child), matrix) for child in node.get("children", ())]
         if not self._edges:
             raise MeshFileError("the scene has no edges; a mesh has triangles or lines")
         return with_merged_corners(
-            Mesh(tuple(self._number_of_point), tuple(self._edges), tuple(self._faces))
+            Mesh(tuple(self._index_by_point), tuple(self._edges), tuple(self._faces))
         )
 
     def _add_primitive(self, part: Mapping[str, Any], matrix: _Matrix) -> None:
         points = [_transformed(matrix, point) for point in self._positions(part)]
-        point_indices = [self._point_number(point) for point in points]
-        corners = (
+        point_indices = [self._point_index(point) for point in points]
+        corner_numbers = (
             self._indices(part["indices"]) if "indices" in part else list(range(len(point_indices)))
         )
-        for first_corner, second_corner in _edges(part.get("mode", 4), corners):
-            first, other = point_indices[first_corner], point_indices[second_corner]
+        for a, b in _edges(part.get("mode", 4), corner_numbers):
+            first, other = point_indices[a], point_indices[b]
             if first != other:
                 self._edges[min(first, other), max(first, other)] = None
-        for corner in _triangles(part.get("mode", 4), corners):
-            first_corner, second_corner, c = (point_indices[index] for index in corner)
-            if len({first_corner, second_corner, c}) == 3:
-                self._faces.append((first_corner, second_corner, c))
+        for corner in _triangles(part.get("mode", 4), corner_numbers):
+            a, b, c = (point_indices[index] for index in corner)
+            if len({a, b, c}) == 3:
+                self._faces.append((a, b, c))
         if len(self._edges) > MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
         if len(self._faces) > MAX_FACES:
             raise MeshFileError(f"the file has more than {MAX_FACES:,} triangles", "E105")
 
-    def _point_number(self, point: _Position) -> int:
+    def _point_index(self, point: _Position) -> int:
         if not max(map(abs, point)) <= COORDINATE_MAX:
             raise MeshFileError(f"a coordinate is at most {COORDINATE_MAX:,.0f}", "E105")
-        point_number = self._number_of_point.setdefault(point, len(self._number_of_point))
+        point_number = self._index_by_point.setdefault(point, len(self._index_by_point))
         if point_number >= MAX_POINTS:
             raise MeshFileError(f"the file has more than {MAX_POINTS:,} vertices", "E105")
         return point_number
@@ -236,8 +236,8 @@ class _Reader:
 
     def _count_read(self, n: int) -> None:
         """Count what was read: also again, because many nodes may show one mesh."""
-        self._n_read += n
-        if self._n_read > _READ_ITEMS_MAX:
+        self._n_items_read += n
+        if self._n_items_read > _READ_ITEMS_MAX:
             raise MeshFileError(f"its nodes show more than {_READ_ITEMS_MAX:,} vertices", "E105")
 
     def _buffer(self, number: int) -> memoryview:

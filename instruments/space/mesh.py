@@ -16,7 +16,7 @@ MAX_FACES = 200_000  # triangles
 AXIS_ORDER_BY_UP = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 COORDINATE_MAX = 1e6  # largest coordinate, in units of the file
 # Share of the size of a mesh: the places of single precision, moved by their nodes.
-_MERGE_DISTANCE_SHARE = 1e-6
+_MERGE_DISTANCE_RATIO = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,16 +37,16 @@ class Surface:
 
 
 def placed_points(
-    mesh: Mesh, scale: float, up: str, mesh_position: Sequence[float]
+    mesh: Mesh, scale: float, up: str, origin: Sequence[float]
 ) -> Iterator[tuple[float, ...]]:
-    """Positions of the points of a file [m]: its origin at `mesh_position`, its unit `scale` [m]
+    """Positions of the points of a file [m]: its origin at `origin`, its unit `scale` [m]
     long.
 
     The axis `up` of the file becomes the last one.
     """
-    turn = AXIS_ORDER_BY_UP[up]
+    source_axes = AXIS_ORDER_BY_UP[up]
     for point in mesh.points:
-        yield tuple(a + scale * point[axis] for a, axis in zip(mesh_position, turn, strict=True))
+        yield tuple(a + scale * point[axis] for a, axis in zip(origin, source_axes, strict=True))
 
 
 def with_merged_corners(mesh: Mesh) -> Mesh:
@@ -55,41 +55,38 @@ def with_merged_corners(mesh: Mesh) -> Mesh:
     Writers round the places of nodes, and a seam would leave two bodies. Points of lines alone
     stay: who joins points by lines means each of them.
     """
-    corners_of_faces = {number for face in mesh.faces for number in face}
-    if not corners_of_faces:
+    corner_indices = {number for face in mesh.faces for number in face}
+    if not corner_indices:
         return mesh
     axes = [*zip(*mesh.points, strict=True)]
-    axis_minima = [min(axis) for axis in axes]  # a small mesh may lie far away
-    size = max(max(axis) - low for axis, low in zip(axes, axis_minima, strict=True))
-    near_distance = _MERGE_DISTANCE_SHARE * size
-    if not near_distance:
+    minima = [min(axis) for axis in axes]  # a small mesh may lie far away
+    size = max(max(axis) - low for axis, low in zip(axes, minima, strict=True))
+    merge_distance = _MERGE_DISTANCE_RATIO * size
+    if not merge_distance:
         return mesh
     points_by_cell: dict[tuple[int, ...], list[int]] = {}
     merged_points: list[tuple[float, float, float]] = []
     merged_indices: list[int] = []
-    for index, mesh_point in enumerate(mesh.points):
-        if index not in corners_of_faces:
+    for index, point in enumerate(mesh.points):
+        if index not in corner_indices:
             merged_indices.append(len(merged_points))
-            merged_points.append(mesh_point)
+            merged_points.append(point)
             continue
-        point_cell = tuple(
-            math.floor((x - low) / near_distance)
-            for x, low in zip(mesh_point, axis_minima, strict=True)
+        cell = tuple(
+            math.floor((x - low) / merge_distance) for x, low in zip(point, minima, strict=True)
         )
-        corner_faces = (
+        candidates = (
             number
             for step in product((-1, 0, 1), repeat=3)
-            for number in points_by_cell.get(
-                tuple(map(sum, zip(point_cell, step, strict=True))), ()
-            )
+            for number in points_by_cell.get(tuple(map(sum, zip(cell, step, strict=True))), ())
         )
         merged_index = next(
-            (n for n in corner_faces if math.dist(merged_points[n], mesh_point) <= near_distance),
+            (n for n in candidates if math.dist(merged_points[n], point) <= merge_distance),
             len(merged_points),
         )
         if merged_index == len(merged_points):
-            merged_points.append(mesh_point)
-            points_by_cell.setdefault(point_cell, []).append(merged_index)
+            merged_points.append(point)
+            points_by_cell.setdefault(cell, []).append(merged_index)
         merged_indices.append(merged_index)
     if len(merged_points) == len(mesh.points):
         return mesh

@@ -42,8 +42,8 @@ class Run:
 class Net:
     """Positions of points [m], which of them are held, and the springs that join them."""
 
-    places: Sequence[Vector]
-    held: Sequence[bool]
+    positions: Sequence[Vector]
+    is_held: Sequence[bool]
     runs: Iterable[Run]
 
 
@@ -112,8 +112,8 @@ class MeshFields(NetFields):
 def add(network: _core.Network, net_name: str, net: Net, net_fields: NetFields) -> int:
     """Add a net; returns the index of the first MAT. Raises EngineError."""
     first_mat, n, axis_count = (
-        add_points(network, net_name, net_fields, net.places, net.held),
-        len(net.places),
+        add_points(network, net_name, net_fields, net.positions, net.is_held),
+        len(net.positions),
         net_fields["axes"],
     )
     for run in net.runs:
@@ -135,19 +135,17 @@ def add(network: _core.Network, net_name: str, net: Net, net_fields: NetFields) 
 
 def chain(chain_fields: ChainFields) -> Net:
     """Points in a row, each joined to the next."""
-    n, start_position, stop_position = (
+    n, start, stop = (
         chain_fields["masses"],
         chain_fields["from"],
         chain_fields["to"],
     )
-    places = [interpolated(start_position, stop_position, i / (n - 1)) for i in range(n)]
+    places = [interpolated(start, stop, i / (n - 1)) for i in range(n)]
     is_held = [False] * n
     is_held[0] = chain_fields["ends"] in ("fixed", "left")
     is_held[-1] = chain_fields["ends"] == "fixed"
     rest_length = (
-        math.dist(start_position, stop_position) / (n - 1)
-        if chain_fields["rest"] is None
-        else chain_fields["rest"]
+        math.dist(start, stop) / (n - 1) if chain_fields["rest"] is None else chain_fields["rest"]
     )
     return Net(
         places, is_held, [Run(0, 1, n - 1, rest_length, chain_fields["K"], chain_fields["Z"])]
@@ -156,73 +154,72 @@ def chain(chain_fields: ChainFields) -> Net:
 
 def cloth(cloth_fields: ClothFields) -> Net:
     """Points row by row, with springs along each row, along each column, and across each cell."""
-    (across, rows_up), axes = cloth_fields["sides"], cloth_fields["axes"]
-    corner, right_step, upwards = cloth_fields["at"], cloth_fields["across"], cloth_fields["up"]
-    point_positions = [
+    (n_columns, n_rows), axes = cloth_fields["sides"], cloth_fields["axes"]
+    corner, row_vector, column_vector = (
+        cloth_fields["at"],
+        cloth_fields["across"],
+        cloth_fields["up"],
+    )
+    positions = [
         tuple(
             corner[axis]
-            + right_step[axis] * (i / max(1, across - 1))
-            + upwards[axis] * (j / max(1, rows_up - 1))
+            + row_vector[axis] * (i / max(1, n_columns - 1))
+            + column_vector[axis] * (j / max(1, n_rows - 1))
             for axis in range(axes)
         )
-        for j in range(rows_up)
-        for i in range(across)
+        for j in range(n_rows)
+        for i in range(n_columns)
     ]
-    row_sides, ends = (0, across - 1), (0, rows_up - 1)
+    first_and_last_column, first_and_last_row = (0, n_columns - 1), (0, n_rows - 1)
     is_held: Callable[[int, int], bool] = {
-        "corners": lambda i, j: i in row_sides and j in ends,
-        "top": lambda i, j: j == rows_up - 1,
-        "rim": lambda i, j: i in row_sides or j in ends,
+        "corners": lambda i, j: i in first_and_last_column and j in first_and_last_row,
+        "top": lambda i, j: j == n_rows - 1,
+        "rim": lambda i, j: i in first_and_last_column or j in first_and_last_row,
     }.get(cloth_fields["held"], lambda i, j: False)
-    held = [is_held(i, j) for j in range(rows_up) for i in range(across)]
+    held = [is_held(i, j) for j in range(n_rows) for i in range(n_columns)]
 
-    def run(
-        low_index: int, high_index: int, spring_count: int, stiffness: float, damping: float
-    ) -> Run:
+    def run(first: int, second: int, n_springs: int, stiffness: float, damping: float) -> Run:
         return Run(
-            low_index,
-            high_index,
-            spring_count,
-            math.dist(point_positions[low_index], point_positions[high_index]),
+            first,
+            second,
+            n_springs,
+            math.dist(positions[first], positions[second]),
             stiffness,
             damping,
         )
 
     def runs() -> Iterator[Run]:
         spring, shear = (cloth_fields["K"], cloth_fields["Z"]), (cloth_fields["shear"], 0.0)
-        for j in range(rows_up if across > 1 else 0):
-            yield run(j * across, j * across + 1, across - 1, *spring)
-        if rows_up > 1:
-            yield run(0, across, (rows_up - 1) * across, *spring)
-        for j in range(rows_up - 1 if across > 1 else 0):
-            yield run(j * across, (j + 1) * across + 1, across - 1, *shear)
-            yield run(j * across + 1, (j + 1) * across, across - 1, *shear)
+        for j in range(n_rows if n_columns > 1 else 0):
+            yield run(j * n_columns, j * n_columns + 1, n_columns - 1, *spring)
+        if n_rows > 1:
+            yield run(0, n_columns, (n_rows - 1) * n_columns, *spring)
+        for j in range(n_rows - 1 if n_columns > 1 else 0):
+            yield run(j * n_columns, (j + 1) * n_columns + 1, n_columns - 1, *shear)
+            yield run(j * n_columns + 1, (j + 1) * n_columns, n_columns - 1, *shear)
 
-    return Net(point_positions, held, runs())
+    return Net(positions, held, runs())
 
 
 def disc(disc_fields: DiscFields) -> Net:
     """Points of a triangular lattice, in rings around a middle."""
-    ring_count, disc_position, axes = disc_fields["rings"], disc_fields["at"], disc_fields["axes"]
-    spacing = 0.5 * disc_fields["across"] / ring_count
-    right_step, upwards = _plane_axes(disc_fields["normal"])
+    n_rings, centre, axes = disc_fields["rings"], disc_fields["at"], disc_fields["axes"]
+    spacing = 0.5 * disc_fields["across"] / n_rings
+    u, v = _plane_axes(disc_fields["normal"])
     row_height = math.sqrt(0.75)
     # The axes of the cells are 60 degrees apart.
-    numbers = range(-ring_count, ring_count + 1)
-    lattice_cells = [(q, r) for r in numbers for q in numbers if abs(q + r) <= ring_count]
+    numbers = range(-n_rings, n_rings + 1)
+    cells = [(q, r) for r in numbers for q in numbers if abs(q + r) <= n_rings]
     places = [
         tuple(
-            disc_position[axis]
-            + spacing * ((q + 0.5 * r) * right_step[axis] + row_height * r * upwards[axis])
+            centre[axis] + spacing * ((q + 0.5 * r) * u[axis] + row_height * r * v[axis])
             for axis in range(axes)
         )
-        for q, r in lattice_cells
+        for q, r in cells
     ]
-    ring = {"rim": ring_count, "middle": 0}.get(disc_fields["held"])
-    held = [max(abs(q), abs(r), abs(q + r)) == ring for q, r in lattice_cells]
-    springs = _lattice_springs(
-        lattice_cells, [((1, 0), spacing), ((0, 1), spacing), ((-1, 1), spacing)]
-    )
+    held_ring = {"rim": n_rings, "middle": 0}.get(disc_fields["held"])
+    held = [max(abs(q), abs(r), abs(q + r)) == held_ring for q, r in cells]
+    springs = _lattice_springs(cells, [((1, 0), spacing), ((0, 1), spacing), ((-1, 1), spacing)])
     return Net(places, held, _runs_of_equal_springs(springs, disc_fields))
 
 
@@ -235,57 +232,52 @@ def _plane_axes(normal: Vector | None) -> tuple[Vector, Vector]:
     x, y, z = (0.0, 0.0, 1.0) if normal is None else normal
     length = math.hypot(x, y, z)
     x, y, z = x / length, y / length, z / length
-    z_sign = math.copysign(1.0, z)
-    a = -1.0 / (z_sign + z)
+    sign = math.copysign(1.0, z)
+    a = -1.0 / (sign + z)
     b = x * y * a
-    return (1.0 + z_sign * x * x * a, z_sign * b, -z_sign * x), (b, z_sign + y * y * a, -y)
+    return (1.0 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
 
 
 def block(block_fields: BlockFields) -> Net:
     """A box of points on a lattice, each joined to its neighbours."""
-    start_corner, stop_corner_index, stop_corner = (
+    corner, opposite_corner, sides = (
         block_fields["from"],
         block_fields["to"],
         block_fields["sides"],
     )
     spacing = [
-        (b - a) / max(1, n - 1)
-        for a, b, n in zip(start_corner, stop_corner_index, stop_corner, strict=True)
+        (b - a) / max(1, n - 1) for a, b, n in zip(corner, opposite_corner, sides, strict=True)
     ]
-    axis_counts = _lattice_cells_of_box(stop_corner)
+    cells = _lattice_cells_of_box(sides)
     places = [
-        tuple(a + i * step for a, i, step in zip(start_corner, cell, spacing, strict=True))
-        for cell in axis_counts
+        tuple(a + i * step for a, i, step in zip(corner, cell, spacing, strict=True))
+        for cell in cells
     ]
-    top = stop_corner[-1] - 1
+    top_index = sides[-1] - 1
     is_held: Callable[[Cell], bool] = {
         "bottom": lambda cell: cell[-1] == 0,
-        "top": lambda cell: cell[-1] == top,
-        "rim": lambda cell: any(i in (0, n - 1) for i, n in zip(cell, stop_corner, strict=True)),
+        "top": lambda cell: cell[-1] == top_index,
+        "rim": lambda cell: any(i in (0, n - 1) for i, n in zip(cell, sides, strict=True)),
     }.get(block_fields["held"], lambda cell: False)
-    springs = _lattice_springs(axis_counts, _neighbours(block_fields["span"], spacing))
+    springs = _lattice_springs(cells, _neighbours(block_fields["span"], spacing))
     return Net(
         places,
-        [is_held(cell) for cell in axis_counts],
+        [is_held(cell) for cell in cells],
         _runs_of_equal_springs(springs, block_fields),
     )
 
 
 def ball(ball_fields: BallFields) -> Net:
     """The points of a lattice that lie in a sphere or a circle, each joined to its neighbours."""
-    ball_centre, n = ball_fields["at"], ball_fields["points"]
+    centre, n = ball_fields["at"], ball_fields["points"]
     spacing, middle = ball_fields["across"] / (n - 1), 0.5 * (n - 1)
-    lattice_cells = [
-        cell for cell in _lattice_cells_of_box((n,) * len(ball_centre)) if _is_in_ball(cell, n)
-    ]
+    cells = [cell for cell in _lattice_cells_of_box((n,) * len(centre)) if _is_in_ball(cell, n)]
     places = [
-        tuple(a + (i - middle) * spacing for a, i in zip(ball_centre, cell, strict=True))
-        for cell in lattice_cells
+        tuple(a + (i - middle) * spacing for a, i in zip(centre, cell, strict=True))
+        for cell in cells
     ]
-    springs = _lattice_springs(
-        lattice_cells, _neighbours(ball_fields["span"], [spacing] * len(ball_centre))
-    )
-    return Net(places, [False] * len(lattice_cells), _runs_of_equal_springs(springs, ball_fields))
+    springs = _lattice_springs(cells, _neighbours(ball_fields["span"], [spacing] * len(centre)))
+    return Net(places, [False] * len(cells), _runs_of_equal_springs(springs, ball_fields))
 
 
 def _is_in_ball(cell: Cell, n: int) -> bool:
@@ -298,13 +290,13 @@ def _is_in_ball(cell: Cell, n: int) -> bool:
 def mesh(mesh_fields: MeshFields) -> Net:
     """The points of a file, joined along its edges."""
     model, up = mesh_fields["file"], mesh_fields["up"]
-    point_positions = list(placed_points(model, mesh_fields["scale"], up, mesh_fields["at"]))
+    positions = list(placed_points(model, mesh_fields["scale"], up, mesh_fields["at"]))
     heights = [point[AXIS_ORDER_BY_UP[up][-1]] for point in model.points]
-    end = {"bottom": min(heights), "top": max(heights)}.get(mesh_fields["held"])
-    springs = ((a, b, math.dist(point_positions[a], point_positions[b])) for a, b in model.edges)
+    held_height = {"bottom": min(heights), "top": max(heights)}.get(mesh_fields["held"])
+    springs = ((a, b, math.dist(positions[a], positions[b])) for a, b in model.edges)
     return Net(
-        point_positions,
-        [height == end for height in heights],
+        positions,
+        [height == held_height for height in heights],
         _runs_of_equal_springs(springs, mesh_fields),
     )
 
@@ -324,12 +316,12 @@ def _count_cells_in_ball(n: int, axes: int) -> int:
     squares = [(2 * i - n + 1) ** 2 for i in range(n)]
     sums = {0: 1}
     for _ in range(axes):
-        next_sums: dict[int, int] = {}
-        for cell_sum, cell_count in sums.items():
+        new_sums: dict[int, int] = {}
+        for square_sum, n_cells in sums.items():
             for square in squares:
-                if cell_sum + square <= (n - 1) ** 2:
-                    next_sums[cell_sum + square] = next_sums.get(cell_sum + square, 0) + cell_count
-        sums = next_sums
+                if square_sum + square <= (n - 1) ** 2:
+                    new_sums[square_sum + square] = new_sums.get(square_sum + square, 0) + n_cells
+        sums = new_sums
     return sum(sums.values())
 
 
@@ -341,49 +333,54 @@ def _lattice_cells_of_box(counts: Sequence[int]) -> list[Cell]:
     return [cell[::-1] for cell in itertools.product(*(range(n) for n in reversed(counts)))]
 
 
-def _neighbours(step_span: int, spacing: Sequence[float]) -> Iterator[tuple[Cell, float]]:
-    """Steps to all neighbours within `step_span` along each axis that come later in order, with
+def _neighbours(span: int, spacing: Sequence[float]) -> Iterator[tuple[Cell, float]]:
+    """Steps to all neighbours within `span` along each axis that come later in order, with
     their lengths [m].
     """
-    for step in itertools.product(range(-step_span, step_span + 1), repeat=len(spacing)):
+    for step in itertools.product(range(-span, span + 1), repeat=len(spacing)):
         if step[::-1] > (0,) * len(step):
             yield step, math.hypot(*(i * size for i, size in zip(step, spacing, strict=True)))
 
 
 def _lattice_springs(
-    lattice_cells: Sequence[Cell], steps: Iterable[tuple[Cell, float]]
+    cells: Sequence[Cell], steps: Iterable[tuple[Cell, float]]
 ) -> Iterator[Spring]:
     """Springs from each cell to the cells one step away, for each step in turn."""
-    numbers_by_cell = {cell: number for number, cell in enumerate(lattice_cells)}
+    index_by_cell = {cell: number for number, cell in enumerate(cells)}
     for step, rest_length in steps:
-        for cell_number, cell in enumerate(lattice_cells):
-            neighbour = numbers_by_cell.get(tuple(i + j for i, j in zip(cell, step, strict=True)))
+        for index, cell in enumerate(cells):
+            neighbour = index_by_cell.get(tuple(i + j for i, j in zip(cell, step, strict=True)))
             if neighbour is not None:
-                yield cell_number, neighbour, rest_length
+                yield index, neighbour, rest_length
 
 
 def _runs_of_equal_springs(springs: Iterable[Spring], net_fields: NetFields) -> Iterator[Run]:
     """Springs with K and Z as runs of consecutive ones."""
-    run_begin, run_length = (0, 0, 0.0), 0
+    first_spring, n_springs = (0, 0, 0.0), 0
     for first_index, second_index, rest_length in springs:
-        if run_length and (first_index, second_index, rest_length) == (
-            run_begin[0] + run_length,
-            run_begin[1] + run_length,
-            run_begin[2],
+        if n_springs and (first_index, second_index, rest_length) == (
+            first_spring[0] + n_springs,
+            first_spring[1] + n_springs,
+            first_spring[2],
         ):
-            run_length += 1
+            n_springs += 1
             continue
-        if run_length:
+        if n_springs:
             yield Run(
-                run_begin[0],
-                run_begin[1],
-                run_length,
-                run_begin[2],
+                first_spring[0],
+                first_spring[1],
+                n_springs,
+                first_spring[2],
                 net_fields["K"],
                 net_fields["Z"],
             )
-        run_begin, run_length = (first_index, second_index, rest_length), 1
-    if run_length:
+        first_spring, n_springs = (first_index, second_index, rest_length), 1
+    if n_springs:
         yield Run(
-            run_begin[0], run_begin[1], run_length, run_begin[2], net_fields["K"], net_fields["Z"]
+            first_spring[0],
+            first_spring[1],
+            n_springs,
+            first_spring[2],
+            net_fields["K"],
+            net_fields["Z"],
         )

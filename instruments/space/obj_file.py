@@ -33,24 +33,24 @@ _GEOMETRY_KEYWORDS = frozenset(
 )
 
 
-def decoded(file_bytes: bytes, file_name: str, collector: Collector) -> str | None:
+def decoded(content: bytes, file_name: str, collector: Collector) -> str | None:
     """The text of a file, whose names and comments may be in Latin-1; None after saying what is
     wrong.
     """
     try:
-        file_bytes.decode()
+        content.decode()
     except UnicodeDecodeError:
-        if file_bytes[:2] not in (b"\xff\xfe", b"\xfe\xff"):
-            file_bytes = file_bytes.decode("latin-1").encode()
-    return decode(file_bytes, file_name, collector)
+        if content[:2] not in (b"\xff\xfe", b"\xfe\xff"):
+            content = content.decode("latin-1").encode()
+    return decode(content, file_name, collector)
 
 
 def as_obj_text(mesh: Mesh) -> str:
     """A mesh as text from which `Reader` makes the same mesh."""
-    obj_lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.points]
-    obj_lines += [f"l {a + 1} {b + 1}" for a, b in mesh.edges]
-    obj_lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces]
-    return "\n".join([*obj_lines, ""])
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.points]
+    lines += [f"l {a + 1} {b + 1}" for a, b in mesh.edges]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces]
+    return "\n".join([*lines, ""])
 
 
 class Reader:
@@ -107,10 +107,10 @@ class Reader:
                 f"{quote(line_kind)} is not read; a mesh has vertices (v), faces (f) and lines (l)"
             )
 
-    def _add_vertex(self, line_words: list[str]) -> None:
-        if len(line_words) < 3 or not all(map(_NUMBER.fullmatch, line_words[:3])):
+    def _add_vertex(self, words: list[str]) -> None:
+        if len(words) < 3 or not all(map(_NUMBER.fullmatch, words[:3])):
             raise MeshFileError("a vertex has three numbers, such as v 0 0.5 1")
-        x, y, z = map(float, line_words[:3])
+        x, y, z = map(float, words[:3])
         if max(abs(x), abs(y), abs(z)) > COORDINATE_MAX:
             raise MeshFileError(f"a coordinate is at most {COORDINATE_MAX:,.0f}", "E105")
         if len(self._points) == MAX_POINTS:
@@ -134,16 +134,15 @@ class Reader:
         if len(self._faces) > MAX_FACES:
             raise MeshFileError(f"the file has more than {MAX_FACES:,} triangles", "E105")
 
-    def _corner_index(self, corner_word: str) -> int:
+    def _corner_index(self, word: str) -> int:
         """The index of a vertex, from 0; the word counts from 1, or backward from the last one if
         negative.
         """
-        match = _CORNER.fullmatch(corner_word)
+        match = _CORNER.fullmatch(word)
         number = int(match[1][:20]) if match else 0
-        vertex_index = number - 1 if number > 0 else len(self._points) + number
-        if number == 0 or not 0 <= vertex_index < len(self._points):
+        index = number - 1 if number > 0 else len(self._points) + number
+        if number == 0 or not 0 <= index < len(self._points):
             raise MeshFileError(
-                f"{quote(corner_word)} is not a vertex of a line above; there are "
-                f"{len(self._points):,}"
+                f"{quote(word)} is not a vertex of a line above; there are {len(self._points):,}"
             )
-        return vertex_index
+        return index

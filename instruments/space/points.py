@@ -59,9 +59,9 @@ def mats_by_axis(first: int, count: int, axes: int) -> list[int]:
     return [first + axis * count for axis in range(axes)]
 
 
-def interpolated(start: Vector, stop: Vector, share: float) -> Vector:
+def interpolated(start: Vector, stop: Vector, fraction: float) -> Vector:
     """The position at a share of the way from `start` to `stop`."""
-    return tuple(a + (b - a) * share for a, b in zip(start, stop, strict=True))
+    return tuple(a + (b - a) * fraction for a, b in zip(start, stop, strict=True))
 
 
 def unit_vector(direction: Vector | None) -> Vector | None:
@@ -72,16 +72,16 @@ def unit_vector(direction: Vector | None) -> Vector | None:
     return (*(component / length for component in direction), 0.0)[:3]
 
 
-def add_point(network: _core.Network, points_name: str, point_fields: PointFields) -> int:
+def add_point(network: _core.Network, name: str, fields: PointFields) -> int:
     """Add a single point; returns the index of its first MAT. Raises EngineError."""
-    axis_count = point_fields["axes"]
+    n_axes = fields["axes"]
     return network.points(
-        points_name,
-        axes=axis_count,
-        M=[point_fields.get("M", 0.0)],
-        X0=point_fields["X0"],
-        V0=point_fields.get("V0") or (0.0,) * axis_count,
-        Z=point_fields.get("drag", 0.0),
+        name,
+        axes=n_axes,
+        M=[fields.get("M", 0.0)],
+        X0=fields["X0"],
+        V0=fields.get("V0") or (0.0,) * n_axes,
+        Z=fields.get("drag", 0.0),
         numbered=False,
     )
 

@@ -72,12 +72,12 @@ def read_command(typed_line: Line, scope: Scope, hints: Hints | None = None) -> 
     for form in _possible_forms(verb, verb_words):
         reading = _FormReader(form, typed_line, list(verb_words), line_end, scope, hints)
         try:
-            command_read = reading.command()
+            command = reading.command()
         except TextError as error:
             refusals.append(error)
         else:
-            if command_read is not None:
-                return command_read
+            if command is not None:
+                return command
     if hints is not None:
         return None
     # The form that could be read furthest is probably the intended one.
@@ -200,9 +200,9 @@ class _FormReader:
             del self.words[-2:]
         elif last_word.text in _TIME_LEADS:
             self._offer(_TIME_LEADS[last_word.text])
-            time_noun = _TIME_LEADS[last_word.text].what
+            noun = _TIME_LEADS[last_word.text].what
             raise TextError(
-                f"'{last_word.text}' needs {time_noun}",
+                f"'{last_word.text}' needs {noun}",
                 offset=last_word.start,
                 length=len(last_word.text),
             )
@@ -229,12 +229,12 @@ class _FormReader:
         if form_slot.many:
             return self._read_many(form_slot, option_slots)
         word_texts = [word.text for word in self.words]
-        word_count = form_slot.value.count(word_texts)
-        if len(word_texts) < word_count:
+        n_words = form_slot.value.count(word_texts)
+        if len(word_texts) < n_words:
             self._offer(form_slot.value, tuple(word_texts))
             self.words = []
             return form_slot.optional or self._refuse_missing(form_slot)
-        words, self.words = self.words[:word_count], self.words[word_count:]
+        words, self.words = self.words[:n_words], self.words[n_words:]
         self._store(form_slot, self._joined(words))
         return True
 
@@ -276,8 +276,8 @@ class _FormReader:
         if not self.words or not self.words[0].text:
             if not self.words:
                 self._offer(option_slot.value)
-            slot_noun = option_slot.value.what
-            raise TextError(f"'{option_slot.lead}' needs {slot_noun}", offset=self.end_of_line)
+            noun = option_slot.value.what
+            raise TextError(f"'{option_slot.lead}' needs {noun}", offset=self.end_of_line)
         self._store(option_slot, self.words.pop(0))
 
     def _store(self, slot: Slot, word: Word) -> None:
@@ -349,10 +349,14 @@ class _FormReader:
     def _joined_with_unit(self, line_word: Word) -> str | None:
         """A number before a unit that is a word of its own, joined with it; None if it is not."""
         unit_name = _UNIT_BY_WORD.get(line_word.text)
-        words_before = self.line.text[: line_word.start - self.line.start].split()
-        if unit_name is None or not words_before or not _NUMBER_PATTERN.fullmatch(words_before[-1]):
+        earlier_words = self.line.text[: line_word.start - self.line.start].split()
+        if (
+            unit_name is None
+            or not earlier_words
+            or not _NUMBER_PATTERN.fullmatch(earlier_words[-1])
+        ):
             return None
-        return words_before[-1] + unit_name
+        return earlier_words[-1] + unit_name
 
     # --- completions ------------------------------------------------------------------------------
 

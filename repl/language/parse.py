@@ -49,13 +49,13 @@ def first_error(submitted_text: str, scope: Scope) -> TextError | None:
 
 def _commands_of_lines(text: str, scope: Scope) -> Iterator[Command]:
     for line in submitted_lines(text):
-        command_read = read_command(line, scope)
-        if command_read is None:
+        command = read_command(line, scope)
+        if command is None:
             continue
-        if isinstance(command_read, DefineBlock):
-            _check_block(command_read, scope)
-        scope = _scope_after(scope, command_read)
-        yield command_read
+        if isinstance(command, DefineBlock):
+            _check_block(command, scope)
+        scope = _scope_after(scope, command)
+        yield command
 
 
 def parse_block_line(line_text: str, scope: Scope) -> Command:
@@ -102,59 +102,57 @@ def _check_variants(
     """
     for variant_text in variants(block_line.text, values_by_name):
         try:
-            command_read = _block_command(Line(variant_text, 0), 0, scope)
+            command = _block_command(Line(variant_text, 0), 0, scope)
         except TextError as error:
             start, length = block_offset + block_line.start, len(block_line.text.rstrip())
             message = f"{error.message}; the line is {quote(variant_text.strip())}"
             raise TextError(message, offset=start, length=length) from None
-        if command_read is not None:
-            scope = _scope_after(scope, command_read)
+        if command is not None:
+            scope = _scope_after(scope, command)
     return scope
 
 
 def _block_command(block_line: Line, block_offset: int, scope: Scope) -> Command | None:
     """The command of a line of a block, whose text begins at `block_offset`. Raises TextError."""
-    command_read = read_command(Line(block_line.text, block_offset + block_line.start), scope)
-    if command_read is None or (
-        isinstance(command_read, BlockCommand) and command_read.when is None
-    ):
-        return command_read
+    command = read_command(Line(block_line.text, block_offset + block_line.start), scope)
+    if command is None or (isinstance(command, BlockCommand) and command.when is None):
+        return command
     line_content = block_line.text.strip()
     content_place = block_offset + block_line.start + block_line.text.index(line_content)
     why = "says when it acts, and the lines of a block act when the block is run"
-    if not isinstance(command_read, BlockCommand):
+    if not isinstance(command, BlockCommand):
         why = "does not change the music, moves a real hand, or is about files, history or blocks"
     message = f"a block cannot hold {quote(line_content)}: the line {why}"
     raise TextError(message, offset=content_place, length=len(line_content))
 
 
-def _scope_after(scope: Scope, command_read: Command) -> Scope:
+def _scope_after(scope: Scope, command: Command) -> Scope:
     """The scope of the lines below a command: it also has the names that the command adds."""
-    if isinstance(command_read, Define):
-        return with_name(scope, "gestures", command_read.name)
-    if isinstance(command_read, DefinePhrase):
-        return with_name(scope, "phrases", command_read.name)
-    if isinstance(command_read, DefineBlock):
-        return with_name(scope, "blocks", command_read.name)
-    if isinstance(command_read, StrikeModules):
-        return _scope_after_strikes(scope, command_read)
-    if isinstance(command_read, Build):
-        return with_name(scope, "instruments", command_read.name)
-    if isinstance(command_read, Use):
-        for member in library().get(command_read.family, ()):
+    if isinstance(command, Define):
+        return with_name(scope, "gestures", command.name)
+    if isinstance(command, DefinePhrase):
+        return with_name(scope, "phrases", command.name)
+    if isinstance(command, DefineBlock):
+        return with_name(scope, "blocks", command.name)
+    if isinstance(command, StrikeModules):
+        return _scope_after_strikes(scope, command)
+    if isinstance(command, Build):
+        return with_name(scope, "instruments", command.name)
+    if isinstance(command, Use):
+        for member in library().get(command.family, ()):
             if member.name not in scope.instruments:
                 scope = with_name(scope, "available", member.name)
         return scope
-    if isinstance(command_read, Takes):
-        return with_name(with_name(scope, "keys", command_read.key), "players", command_read.player)
+    if isinstance(command, Takes):
+        return with_name(with_name(scope, "keys", command.key), "players", command.player)
     return scope
 
 
-def _scope_after_strikes(scope: Scope, strikes_read: StrikeModules) -> Scope:
+def _scope_after_strikes(scope: Scope, strikes: StrikeModules) -> Scope:
     """The scope with the name of strikes, and with the instruments that they begin to play."""
-    for name in {path.partition(".")[0] for path in strikes_read.struck} & scope.available.keys():
+    for name in {path.partition(".")[0] for path in strikes.struck} & scope.available.keys():
         scope = with_name(scope, "instruments", name)
-    return with_name(scope, "strikes", strikes_read.name)
+    return with_name(scope, "strikes", strikes.name)
 
 
 def _corrected_text(submitted_text: str, scope: Scope, error: TextError) -> str | None:

@@ -117,23 +117,23 @@ def _transforms_field(text: str, start: int | None) -> dict[str, str]:
 
 
 def with_level(
-    words_before: Sequence[PlacedWord],
+    earlier_words: Sequence[PlacedWord],
     placed_options: dict[str, PlacedWord],
     known_names: Container[str],
 ) -> tuple[list[PlacedWord], dict[str, PlacedWord]]:
     """Words before the options, without strengths at their end, which become `impulse`."""
-    words_stop = len(words_before)
+    words_stop = len(earlier_words)
     while (
         words_stop
-        and words_before[words_stop - 1].text not in known_names
-        and is_level(words_before[words_stop - 1].text)
+        and earlier_words[words_stop - 1].text not in known_names
+        and is_level(earlier_words[words_stop - 1].text)
     ):
         words_stop -= 1
-    if words_stop == len(words_before) or "impulse" in placed_options:
-        return [*words_before], placed_options
-    text = " ".join(word.text for word in words_before[words_stop:])
-    return [*words_before[:words_stop]], {
-        "impulse": PlacedWord(text, words_before[words_stop].offset),
+    if words_stop == len(earlier_words) or "impulse" in placed_options:
+        return [*earlier_words], placed_options
+    text = " ".join(word.text for word in earlier_words[words_stop:])
+    return [*earlier_words[:words_stop]], {
+        "impulse": PlacedWord(text, earlier_words[words_stop].offset),
         **placed_options,
     }
 
@@ -182,9 +182,9 @@ def _strikes_name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 def _read_notes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that have notes, as texts."""
     text_before, do = split_at_do(slot_text)
-    words_read, placed_options = parse_strikes(text_before, OPTIONS)
-    words_read, placed_options = with_level(words_read, placed_options, ())
-    words_end = words_read[-1].offset + len(words_read[-1].text) if words_read else 0
+    words, placed_options = parse_strikes(text_before, OPTIONS)
+    words, placed_options = with_level(words, placed_options, ())
+    words_end = words[-1].offset + len(words[-1].text) if words else 0
     parse_values(slot_text[:words_end], amount_reader(k.PITCH.parse, "f"), is_pitch=True)
     check_options(placed_options, scope)
     if not placed_options.keys() & {"every", "euclid"}:

@@ -37,10 +37,10 @@ def transforms(chain_text: str, chain_start: int, rhythm: str) -> str:
     return chain_text.strip()
 
 
-def transform_offers(words_before: Sequence[str]) -> Iterator[Completion]:
+def transform_offers(earlier_words: Sequence[str]) -> Iterator[Completion]:
     """Transformations, at the beginning and behind a comma; values behind a transformation."""
-    last_form = FORM_BY_WORD.get(words_before[-1]) if words_before else None
-    if not words_before or words_before[-1].endswith(","):
+    last_form = FORM_BY_WORD.get(earlier_words[-1]) if earlier_words else None
+    if not earlier_words or earlier_words[-1].endswith(","):
         yield from (Completion(name, form.line) for name, form in FORM_BY_WORD.items())
     elif last_form is not None:
         transform_words = [

@@ -119,11 +119,11 @@ class Condition:
 
     def count(self, tempo: TempoMap, begin: float, before: float) -> int:
         """How often the block runs from the beginning of the rule until before a beat."""
-        run_count, run_beat = 0, begin - 2.0 * SAME
+        n_runs, run_beat = 0, begin - 2.0 * SAME
         last = before - 2.0 * SAME
         while (coming := self.next_beat(tempo, begin, run_beat, last)) is not None:
-            run_count, run_beat = run_count + 1, coming
-        return run_count
+            n_runs, run_beat = n_runs + 1, coming
+        return n_runs
 
 
 Trigger = Every | Condition

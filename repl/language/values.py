@@ -86,11 +86,11 @@ def name_completions(names: Mapping[str, str]) -> Iterator[Completion]:
     return (Completion(text, hint) for text, hint in names.items())
 
 
-def unknown_name(unknown_text: str, kind_noun: str, names: Iterable[str]) -> TextError:
+def unknown_name(unknown_text: str, noun: str, names: Iterable[str]) -> TextError:
     """The error for a word that is not a known name, with the most similar name."""
     known_names = list(names)[:MAX_COMPARED]
     nearest_name = nearest(unknown_text, known_names)
-    message = f"{quote(unknown_text)} is not {kind_noun}"
+    message = f"{quote(unknown_text)} is not {noun}"
     if nearest_name is None:
         name_list = ", ".join(known_names[:8]) + (", …" if len(known_names) > 8 else "")
         message += f"; there are only {name_list}" if known_names else "; the score has none"
@@ -98,13 +98,13 @@ def unknown_name(unknown_text: str, kind_noun: str, names: Iterable[str]) -> Tex
 
 
 def unknown_instrument(
-    slot_text: str, kind_noun: str, known_names: Iterable[str], scope: Scope
+    slot_text: str, noun: str, known_names: Iterable[str], scope: Scope
 ) -> TextError:
     """The same for an instrument or one of its modules; names the family that has to come first."""
     name = slot_text.split(".")[0]
     family = unused_family(name, scope)
     return (
-        unknown_name(slot_text, kind_noun, known_names)
+        unknown_name(slot_text, noun, known_names)
         if family is None
         else family_missing(name, family)
     )
@@ -150,11 +150,11 @@ def _read_free_name(new_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
     taken = {*scope.gestures, *scope.takes, *scope.marks}
     if new_name in taken:
         numbered = re.fullmatch(r"(.+)-([0-9]{1,4})", new_name)
-        stem, name_count = (numbered[1], int(numbered[2]) + 1) if numbered else (new_name, 2)
-        while f"{stem}-{name_count}" in taken:
-            name_count += 1
+        stem, suffix = (numbered[1], int(numbered[2]) + 1) if numbered else (new_name, 2)
+        while f"{stem}-{suffix}" in taken:
+            suffix += 1
         message = f"the name {quote(new_name)} is in use"
-        raise TextError(message, length=len(new_name), suggestion=f"{stem}-{name_count}")
+        raise TextError(message, length=len(new_name), suggestion=f"{stem}-{suffix}")
     return new_name
 
 

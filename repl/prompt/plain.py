@@ -184,7 +184,7 @@ def _without_flow_control(terminal: int) -> Iterator[None]:
         return
     import termios
 
-    terminal_before = termios.tcgetattr(terminal)
+    old_attributes = termios.tcgetattr(terminal)
     changed = termios.tcgetattr(terminal)
     changed[0] &= ~termios.IXON
     # Without this, Ctrl-C also discards output, sometimes the next prompt.
@@ -193,4 +193,4 @@ def _without_flow_control(terminal: int) -> Iterator[None]:
     try:
         yield
     finally:
-        termios.tcsetattr(terminal, termios.TCSANOW, terminal_before)
+        termios.tcsetattr(terminal, termios.TCSANOW, old_attributes)

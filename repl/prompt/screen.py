@@ -76,10 +76,10 @@ class ScreenPrompt:
 
     def _toolbar(self) -> str:
         """The status line, with the drawing of a traced key above it if there is room."""
-        session_state, screen_size = self._session.state(), self._app.output.get_size()
-        rows = session_state.drawing if len(session_state.drawing) < screen_size.rows // 2 else ()
-        drawn = [clean(row)[: screen_size.columns] for row in rows]
-        return "\n".join([*drawn, status(session_state, screen_size.columns)])
+        session_state, terminal_size = self._session.state(), self._app.output.get_size()
+        rows = session_state.drawing if len(session_state.drawing) < terminal_size.rows // 2 else ()
+        drawn = [clean(row)[: terminal_size.columns] for row in rows]
+        return "\n".join([*drawn, status(session_state, terminal_size.columns)])
 
     def run(self) -> int:
         """Serve until it is left; the number of refused lines."""

@@ -42,11 +42,11 @@ def with_handler(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    handler_before = {number: signal.signal(number, handler) for number in signals}
+    old_handlers = {number: signal.signal(number, handler) for number in signals}
     try:
         yield
     finally:
-        for number, previous in handler_before.items():
+        for number, previous in old_handlers.items():
             signal.signal(number, previous)
 
 
@@ -61,13 +61,13 @@ def signals_blocked_in_threads() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    handler_before = signal.pthread_sigmask(
+    old_mask = signal.pthread_sigmask(
         signal.SIG_BLOCK, [signal.SIGINT, *_SUSPENDING_SIGNALS, *_TERMINATING_SIGNALS]
     )
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, handler_before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, old_mask)
 
 
 @contextlib.contextmanager

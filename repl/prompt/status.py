@@ -17,12 +17,12 @@ def status(session_state: State, line_width: int) -> str:
     If there is not enough room, the list of what plays is shortened, then fields at the end are
     left out.
     """
-    texts_before = ["PANIC: type release"] if session_state.panicked else []
+    texts = ["PANIC: type release"] if session_state.panicked else []
     if session_state.let_go and not session_state.panicked:
-        texts_before = ["NO FORCE: type release"]
-    texts_before += session_state.troubles
+        texts = ["NO FORCE: type release"]
+    texts += session_state.troubles
     # Tenths are cut off, not rounded: 4.96 is still beat 4.
-    texts_before += [
+    texts += [
         f"{session_state.bar}|{math.floor(10 * session_state.beat) / 10:.1f}",
         f"{session_state.tempo:g} bpm",
     ]
@@ -40,14 +40,13 @@ def status(session_state: State, line_width: int) -> str:
     )
     least = min(len(playing), _WIDTH_MIN)
     while (
-        texts_after
-        and len(_FIELD_SEPARATOR.join([*texts_before, "", *texts_after])) + least > line_width
+        texts_after and len(_FIELD_SEPARATOR.join([*texts, "", *texts_after])) + least > line_width
     ):
         texts_after.pop()
-    room = max(line_width - len(_FIELD_SEPARATOR.join([*texts_before, "", *texts_after])), least)
+    room = max(line_width - len(_FIELD_SEPARATOR.join([*texts, "", *texts_after])), least)
     if len(playing) > room:
         playing = playing[: room - 1] + "…"
-    return clean(_FIELD_SEPARATOR.join([*texts_before, playing, *texts_after]))[:line_width]
+    return clean(_FIELD_SEPARATOR.join([*texts, playing, *texts_after]))[:line_width]
 
 
 def _level_text(level: float) -> str:

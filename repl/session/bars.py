@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
-from ergon.scores.pattern.search import count_before
+from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 
 if TYPE_CHECKING:
@@ -78,8 +78,8 @@ def _beginnings(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[
         if part_play.player != player:
             continue
         play_beats = [piece.tempo_map.resolve(part_play.at)] if start_beats is None else start_beats
-        first = count_before(play_beats, starts[0] - SAME)
-        last = count_before(play_beats, starts[-1] - SAME)
+        first = n_before(play_beats, starts[0] - SAME)
+        last = n_before(play_beats, starts[-1] - SAME)
         for place_index in range(first, last):
             begun_text = (
                 play_beats.course.played(place_index)
@@ -105,7 +105,7 @@ def _strokes_within(
         )
     elif strikes.pattern is not None:
         steps = strikes.steps(piece)
-        for place_index in range(count_before(steps, first_beat), count_before(steps, last_beat)):
+        for place_index in range(n_before(steps, first_beat), n_before(steps, last_beat)):
             note = steps.course.named(place_index)
             if note is not None:
                 yield steps[place_index], note if strikes.voices else _STRIKE_SIGN
@@ -115,7 +115,7 @@ def _strokes_within(
             yield max(begin, starts[0]), _CONTINUED_SIGN
     else:
         beats = strikes.beats(tempo)
-        places = range(count_before(beats, first_beat), count_before(beats, last_beat))
+        places = range(n_before(beats, first_beat), n_before(beats, last_beat))
         yield from ((beats[place], _STRIKE_SIGN) for place in places)
 
 

@@ -94,17 +94,17 @@ class Changes:
 
         Raises EngineError.
         """
-        version_before = self.running
+        old_version = self.running
         is_last = all(sent.frame <= change.frame for sent in self.under_way)
         if not is_last:  # gains that act later are under way
-            version_before = self.playing_at(change.frame)
-            after = on_other_faders(after, version_before.version, lines)
+            old_version = self.playing_at(change.frame)
+            after = on_other_faders(after, old_version.version, lines)
             if lines:
-                change = replace(change, gains=changed_ratios(version_before, after))
+                change = replace(change, gains=changed_ratios(old_version, after))
         ticket = self._engine.change(change)
         self._n_sent += 1
         sent = UnderWay(
-            ticket, self._n_sent, change.frame, tuple(lines), version_before, after, change.gains
+            ticket, self._n_sent, change.frame, tuple(lines), old_version, after, change.gains
         )
         self.done += [line.number for line in lines]
         self._insert(sent)
@@ -137,9 +137,9 @@ class Changes:
     def _send_gains(
         self, change_frame: int, waiting_lines: Sequence[WaitingLine], change_number: int
     ) -> None:
-        running_before = self.playing_at(change_frame)
-        running_after = faded(running_before, waiting_lines)
-        gains = changed_ratios(running_before, running_after)
+        running = self.playing_at(change_frame)
+        running_after = faded(running, waiting_lines)
+        gains = changed_ratios(running, running_after)
         ticket = self._engine.change(gains_at(change_frame, running_after, gains))
         self._insert(
             UnderWay(
@@ -147,7 +147,7 @@ class Changes:
                 change_number,
                 change_frame,
                 tuple(waiting_lines),
-                running_before,
+                running,
                 running_after,
                 gains,
             )
@@ -199,10 +199,10 @@ class Changes:
         lines that were typed earlier, and `undo` must restore what was heard.
         """
         for pending_change in self.under_way:
-            version_before = pending_change.before.version
+            old_version = pending_change.before.version
             for waiting_line, faders in zip(
                 pending_change.lines,
-                faders_after(version_before, pending_change.lines),
+                faders_after(old_version, pending_change.lines),
                 strict=True,
             ):
                 known_version = past.get(waiting_line.number)
@@ -211,7 +211,7 @@ class Changes:
                 version_after = known_version
                 if pending_change.is_gains:
                     version_after = PastVersion.from_version(
-                        version_before, known_version.where, known_version.line
+                        old_version, known_version.where, known_version.line
                     )
                 version_after = replace(version_after, number=known_version.number, faders=faders)
                 if version_after != known_version:

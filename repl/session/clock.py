@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ergon.notation.clock.tempo import TempoMap
 
 # The joining curve before a gesture [s]; a version takes over before it begins.
-JOIN_SECONDS = 0.02
+JOIN_DURATION = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Timing(NamedTuple):
     @property
     def lead(self) -> float:
         """How long a version takes over before its beat [s]."""
-        return JOIN_SECONDS + self.tick
+        return JOIN_DURATION + self.tick
 
     def lead_of(self, is_cut: bool) -> float:
         """How long before its beat a change takes over [s]; a cut needs no time before it."""
@@ -94,8 +94,8 @@ class Entry(NamedTuple):
 
 def entry_of(
     clock: Clock,
-    tempo_before: TempoMap,
-    tempo_after: TempoMap,
+    old_tempo: TempoMap,
+    new_tempo: TempoMap,
     line_beat: float,
     start_frame: int,
     sets_running: bool | None,
@@ -107,16 +107,16 @@ def entry_of(
     It may start the piece at that beat, stop it (`sets_running`), or let it go on from
     `enter_beat`.
     """
-    start_seconds = start_frame / timing.rate
+    start = start_frame / timing.rate
     if sets_running is not None:
-        leave = clock.beat(tempo_before, start_seconds)
-        clock_after = running_clock(tempo_after, line_beat, start_seconds + timing.lead)
+        leave = clock.beat(old_tempo, start)
+        clock_after = running_clock(new_tempo, line_beat, start + timing.lead)
         return Entry(clock_after if sets_running else Clock(None, leave), leave, line_beat)
     if enter_beat is not None:
-        clock_after = clock_at_beat(clock, tempo_after, enter_beat, start_seconds + timing.lead)
+        clock_after = clock_at_beat(clock, new_tempo, enter_beat, start + timing.lead)
         return Entry(clock_after, line_beat, enter_beat)
     clock_after, takeover_beat = clock_after_takeover(
-        clock, tempo_before, tempo_after, line_beat, start_seconds + timing.lead, timing.tick
+        clock, old_tempo, new_tempo, line_beat, start + timing.lead, timing.tick
     )
     return Entry(clock_after, takeover_beat, takeover_beat)
 
@@ -133,10 +133,10 @@ def clock_at_beat(clock: Clock, tempo: TempoMap, beat: float, seconds: float) ->
 
 def clock_after_takeover(
     clock: Clock,
-    tempo_before: TempoMap,
-    tempo_after: TempoMap,
+    old_tempo: TempoMap,
+    new_tempo: TempoMap,
     takeover_beat: float,
-    takeover_seconds: float,
+    takeover_instant: float,
     tick: float,
 ) -> tuple[Clock, float]:
     """The clock and the beat with which a version takes over that may have another tempo map.
@@ -146,28 +146,26 @@ def clock_after_takeover(
     """
     if (
         not clock.is_running
-        or clock.beat(tempo_before, takeover_seconds - tick) <= takeover_beat + SAME
+        or clock.beat(old_tempo, takeover_instant - tick) <= takeover_beat + SAME
     ):
         return clock, takeover_beat
-    beat_before = clock.beat(tempo_before, takeover_seconds)
-    is_same = tempo_after.seconds(beat_before) == tempo_before.seconds(beat_before)
-    return (
-        clock if is_same else running_clock(tempo_after, beat_before, takeover_seconds)
-    ), beat_before
+    old_beat = clock.beat(old_tempo, takeover_instant)
+    is_same = new_tempo.seconds(old_beat) == old_tempo.seconds(old_beat)
+    return (clock if is_same else running_clock(new_tempo, old_beat, takeover_instant)), old_beat
 
 
 def next_boundary(tempo: TempoMap, from_beat: float, grid: Length) -> float:
     """The first beat, not before `from_beat`, that is a multiple of `grid`. Bars count from the
     first one, beats from the beginning of their bar, seconds from the beginning of the piece.
     """
-    bar_map = tempo.bars
-    bar_index, into = bar_map.bar_beat(from_beat)
+    bars = tempo.bars
+    bar, beat_in_bar = bars.bar_beat(from_beat)
     if grid.bars:
         step = max(1, round(grid.bars))
-        bar_index += into > 1.0 + SAME
-        return bar_map.start(bar_index + (1 - bar_index) % step)
+        bar += beat_in_bar > 1.0 + SAME
+        return bars.start(bar + (1 - bar) % step)
     if grid.beats:
-        steps = math.ceil((into - 1.0 - SAME) / grid.beats)
-        return min(bar_map.start(bar_index) + steps * grid.beats, bar_map.start(bar_index + 1))
+        steps = math.ceil((beat_in_bar - 1.0 - SAME) / grid.beats)
+        return min(bars.start(bar) + steps * grid.beats, bars.start(bar + 1))
     seconds = tempo.seconds(from_beat)
     return tempo.beats(math.ceil(seconds / grid.seconds - SAME) * grid.seconds)

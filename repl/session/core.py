@@ -390,10 +390,10 @@ class SessionCore:
             self.log.say(str(error))
             return
         assert take.stop is not None
-        take_seconds = (take.stop - take.start) / self.schedule.rate
+        duration = (take.stop - take.start) / self.schedule.rate
         missing = take.n_missing * self.schedule.engine.tick_frames / self.schedule.rate
         cut = f", of which {missing:.3f} s were not recorded" if take.n_missing else ""
-        self.log.say(f"take {take.name}: {take_seconds:.1f} s{cut} -> {take_file}")
+        self.log.say(f"take {take.name}: {duration:.1f} s{cut} -> {take_file}")
 
     def _take_sound_file(self) -> None:
         message, closed = self.sound_file.report_change(self.schedule.engine, self.schedule.rate)

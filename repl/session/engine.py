@@ -308,13 +308,13 @@ class SteppedEngine:
         import numpy as np
 
         mixed = np.zeros((n_frames, self.n_channels))
-        frames_done = 0
-        while frames_done < n_frames:
+        n_done = 0
+        while n_done < n_frames:
             self._do_due_changes()
             self._acts = []
             stop_frame = min(
                 [
-                    self.frame + n_frames - frames_done,
+                    self.frame + n_frames - n_done,
                     *(change.frame for _, change in self._changes[:1]),
                 ]
             )
@@ -323,8 +323,8 @@ class SteppedEngine:
             n = stop_frame - self.frame
             frames = np.zeros((n, self._simulation.n_out))
             self._simulation.process(frames)
-            self._mixer.process(frames, mixed[frames_done : frames_done + n])
-            frames_done += n
+            self._mixer.process(frames, mixed[n_done : n_done + n])
+            n_done += n
             self.frame = stop_frame
         return mixed
 

@@ -44,16 +44,15 @@ def _use_family(command: Use) -> VersionEdit:
     return edit
 
 
-def with_brought(now: Texts, texts_before: Texts) -> Texts:
+def with_brought(now: Texts, old_texts: Texts) -> Texts:
     """Texts of the disk with the files that `use` has brought in since, as they are there now.
 
-    `texts_before` are the texts of the disk as the session knew them, with these files.
+    `old_texts` are the texts of the disk as the session knew them, with these files.
     """
-    brought = texts_before.overlay.keys() - texts_before.load().files.keys() - now.overlay.keys()
+    brought = old_texts.overlay.keys() - old_texts.load().files.keys() - now.overlay.keys()
     texts_read = {file: read_text(Path(file)) for file in brought}
     new_texts = {
-        file: texts_before.overlay[file] if text is None else text
-        for file, text in texts_read.items()
+        file: old_texts.overlay[file] if text is None else text for file, text in texts_read.items()
     }
     return replace(now, overlay={**now.overlay, **new_texts})
 

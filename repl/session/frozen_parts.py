@@ -146,7 +146,7 @@ def load_frozen(
 
 def still_frozen(
     loaded_parts: Sequence[LoadedPart],
-    version_before: Version,
+    old_version: Version,
     version: Version,
     real: Collection[str],
 ) -> tuple[LoadedPart, ...]:
@@ -156,7 +156,7 @@ def still_frozen(
         for part in loaded_parts
         if part.name in version.sounding.instruments
         and is_same(
-            frozen_content(version_before.sounding, part.name),
+            frozen_content(old_version.sounding, part.name),
             frozen_content(version.sounding, part.name),
         )
         and not _is_reached(version, part.name, real)

@@ -71,17 +71,17 @@ def faded(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> Runn
 
 
 def on_other_faders(
-    new_running: RunningVersion, version_before: Version, waiting_lines: Sequence[WaitingLine]
+    new_running: RunningVersion, old_version: Version, waiting_lines: Sequence[WaitingLine]
 ) -> RunningVersion:
     """The version made by lines, with the faders that these lines give when they start from the
-    faders of `version_before`.
+    faders of `old_version`.
     """
     version = new_running.version
     if not waiting_lines:  # the timeline is extended
-        number, text = version_before.number, version_before.line
-        version = replace(version, faders=version_before.faders, number=number, line=text)
+        number, text = old_version.number, old_version.line
+        version = replace(version, faders=old_version.faders, number=number, line=text)
     else:
-        *_, faders = faders_after(version_before, waiting_lines)
+        *_, faders = faders_after(old_version, waiting_lines)
         version = replace(version, faders=faders)
     return replace(new_running, version=version)
 

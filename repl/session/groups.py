@@ -45,15 +45,15 @@ def _line_kind(waiting_line: WaitingLine) -> LineKind | None:
 
 @dataclass(frozen=True, slots=True)
 class StagedGroup:
-    """The version that lines make of the version `on`."""
+    """The version that lines make of the version `base`."""
 
     lines: Sequence[WaitingLine]
-    on: RunningVersion
+    base: RunningVersion
     result: RunningVersion
 
     def fits(self, group: Sequence[WaitingLine], running: RunningVersion) -> bool:
         """Whether it is what these lines make of a running version, but for faders."""
-        version_before = self.on
+        old_running = self.base
         return (
             len(group) == len(self.lines)
             and all(
@@ -62,11 +62,11 @@ class StagedGroup:
                 and is_same_music(waiting.result(), other.result())
                 for waiting, other in zip(group, self.lines, strict=True)
             )
-            and version_before.serial == running.serial
+            and old_running.serial == running.serial
             and self.result.start > running.start
             # What an extension put behind the old end may sound at the takeover.
             and (
-                version_before is running
-                or version_before.beat(self.result.start) <= version_before.timeline_end
+                old_running is running
+                or old_running.beat(self.result.start) <= old_running.timeline_end
             )
         )

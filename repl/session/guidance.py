@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # The length of a path [s]; it is replaced after half of it. Making one takes some hundredths of a
 # second.
-_PATH_SECONDS = 6.0
+_PATH_DURATION = 6.0
 # During a rest longer than _REST_MAX the hand is free; guidance begins _LEAD_IN before the next
 # gesture [s].
 _REST_MAX = 1.0
@@ -40,13 +40,13 @@ def guide_of(command: Guide) -> HandGuide:
         raise NotTakenError(
             f"K={stiffness:g}N/m is too stiff to guide a hand: {stiffest:g}N/m at most"
         )
-    stiffness_share = stiffness / stiffest
-    viscosity = stiffness_share * thickest if command.viscosity is None else command.viscosity
+    stiffness_ratio = stiffness / stiffest
+    viscosity = stiffness_ratio * thickest if command.viscosity is None else command.viscosity
     if viscosity > thickest:
         raise NotTakenError(
             f"Z={viscosity:g}Ns/m is too viscous to guide a hand: {thickest:g}Ns/m at most"
         )
-    return HandGuide(command.by, stiffness_share, viscosity / thickest)
+    return HandGuide(command.by, stiffness_ratio, viscosity / thickest)
 
 
 def check_guide(command: Guide, schedule: Schedule, driven: Collection[str] = ()) -> None:
@@ -113,7 +113,7 @@ class Guidance:
         )
         ticks = range(
             first_frame // tick_frames,
-            first_frame // tick_frames + int(_PATH_SECONDS * rate) // tick_frames,
+            first_frame // tick_frames + int(_PATH_DURATION * rate) // tick_frames,
         )
         paths = dict(self._release_paths(guides))
         paths |= {
@@ -122,7 +122,7 @@ class Guidance:
             )
             for player, guide in guides.items()
         }
-        self._remake_at = first_frame + int(_PATH_SECONDS / 2 * rate)
+        self._remake_at = first_frame + int(_PATH_DURATION / 2 * rate)
         self._guided = frozenset(guides)
         self._making.add(start_frame)
         return first_frame, paths
@@ -186,11 +186,11 @@ def _guided_path(
 def _without_short_rests(playing_spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Join spans that no long rest separates."""
     joined_spans: list[tuple[float, float]] = []
-    for start_seconds, stop_seconds in sorted(playing_spans):
-        if joined_spans and start_seconds - joined_spans[-1][1] <= _REST_MAX:
-            joined_spans[-1] = joined_spans[-1][0], max(stop_seconds, joined_spans[-1][1])
+    for start, stop in sorted(playing_spans):
+        if joined_spans and start - joined_spans[-1][1] <= _REST_MAX:
+            joined_spans[-1] = joined_spans[-1][0], max(stop, joined_spans[-1][1])
         else:
-            joined_spans.append((start_seconds, stop_seconds))
+            joined_spans.append((start, stop))
     return joined_spans
 
 

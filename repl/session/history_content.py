@@ -65,11 +65,11 @@ def history_fields(history: PastVersions) -> dict[str, object]:
     versions = history.versions[first_index:]
     if len(versions) < 2:
         return {}
-    history_rows, texts_before = [], dict[str, str]()
+    history_rows, old_texts = [], dict[str, str]()
     for version in versions:
         texts_by_file = _texts_by_file(version.texts)
         changed = {
-            name: _text_difference(texts_before.get(name, ""), text)
+            name: _text_difference(old_texts.get(name, ""), text)
             for name, text in texts_by_file.items()
         }
         history_rows.append(
@@ -79,7 +79,7 @@ def history_fields(history: PastVersions) -> dict[str, object]:
                 "where": version.where,
                 "score": version.texts.path,
                 "files": {name: delta for name, delta in changed.items() if delta is not None},
-                "gone": sorted(texts_before.keys() - texts_by_file.keys()),
+                "gone": sorted(old_texts.keys() - texts_by_file.keys()),
                 **faders_fields(version.faders),
                 **maps_field(version.maps),
                 **rules_field(version.rules),
@@ -87,7 +87,7 @@ def history_fields(history: PastVersions) -> dict[str, object]:
                 **levels_fields(version.strike_levels),
             }
         )
-        texts_before = texts_by_file
+        old_texts = texts_by_file
     return {"history": history_rows, "index": history.index - first_index}
 
 
@@ -157,18 +157,18 @@ def _used_files(files: Mapping[str, str]) -> dict[str, str]:
     return {name: text for name, text in files.items() if name}
 
 
-def _text_difference(text_before: str, new_text: str) -> list[object] | None:
+def _text_difference(old_text: str, new_text: str) -> list[object] | None:
     """[characters kept in front, characters kept at the end, new text between]; None if equal."""
-    if text_before == new_text:
+    if old_text == new_text:
         return None
-    start, end, new = difference(text_before, new_text)
-    return [start, len(text_before) - end, new]
+    start, end, new = difference(old_text, new_text)
+    return [start, len(old_text) - end, new]
 
 
-def _apply_delta(row_event: JournalEvent, text_before: str, delta: object) -> str:
+def _apply_delta(row_event: JournalEvent, old_text: str, delta: object) -> str:
     match delta:
         case [int(front), int(n_behind), str(inserted_text)] if (
-            front >= 0 and n_behind >= 0 and front + n_behind <= len(text_before)
+            front >= 0 and n_behind >= 0 and front + n_behind <= len(old_text)
         ):
-            return text_before[:front] + inserted_text + text_before[len(text_before) - n_behind :]
+            return old_text[:front] + inserted_text + old_text[len(old_text) - n_behind :]
     row_event.refuse("the field 'history' has the wrong type or value")

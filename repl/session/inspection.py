@@ -77,16 +77,16 @@ def draw_name(version: Version, gesture_name: str, sounding: Piece, now: float) 
     rehearsal = rehearsal_stage(piece, gesture_name)
     assert rehearsal is not None  # there is a key
     first_gesture = rehearsal.gestures[0]
-    start_seconds, stop_seconds = max(0.0, first_gesture.start - _LEAD_IN), first_gesture.stop
-    reach = piece.keys[first_gesture.key].reach
+    start, stop = max(0.0, first_gesture.start - _LEAD_IN), first_gesture.stop
+    displacement_ratio = piece.keys[first_gesture.key].reach
     plot_width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     curves = asked_and_done(
         rehearsal.simulation,
         first_gesture.key_index,
         first_gesture.struck,
-        start_seconds,
-        stop_seconds,
-        reach,
+        start,
+        stop,
+        displacement_ratio,
         _POINTS_SHOWN * plot_width,
     )
     text = plot(curves, width=plot_width, height=_PICTURE_HEIGHTS, x_label="position [mm]")
@@ -149,10 +149,10 @@ def _recorded_positions(hands: Path, player: str, ticks: range) -> NDArray[np.fl
         recording = _core.read_recording(hands, (ticks.start, ticks.stop))
     except (_core.EngineError, OSError) as error:
         raise NotTakenError(f"the recording of hands cannot be read: {error}") from None
-    axis_number = next((i for i, (name, _) in enumerate(recording.axes) if name == player), None)
-    if axis_number is None or len(recording.ticks()) < _TRACE_TICKS_MIN:
+    axis_index = next((i for i, (name, _) in enumerate(recording.axes) if name == player), None)
+    if axis_index is None or len(recording.ticks()) < _TRACE_TICKS_MIN:
         raise NotTakenError(f"nothing of {player} is recorded yet")
-    return recording.positions()[:, axis_number]
+    return recording.positions()[:, axis_index]
 
 
 def definition_lines(version: Version, defined_name: str, sounding: Piece, now: float) -> list[str]:

@@ -34,7 +34,7 @@ from ergon.repl.session.journal_names import JournalNameError, file_named, journ
 from ergon.repl.session.midi_maps import Map, maps_field, read_maps
 from ergon.repl.session.strike_levels import StrikeLevels, levels_fields, read_levels
 from ergon.repl.session.struck_places import Place
-from ergon.repl.session.version import GLIDE_SECONDS, Faders, Version, piece_of
+from ergon.repl.session.version import GLIDE_DURATION, Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.sounding import SoundingNames
 
@@ -121,7 +121,7 @@ def text_fields(score_texts: Texts) -> dict[str, object]:
 def effect_fields(version: Version) -> dict[str, object]:
     """The journal fields for how a version read from files takes over."""
     effect_values: dict[str, object] = {}
-    if version.glide != GLIDE_SECONDS:
+    if version.glide != GLIDE_DURATION:
         effect_values["glide"] = version.glide
     if version.enter_beat is not None:
         effect_values["enters"] = version.enter_beat
@@ -168,11 +168,11 @@ class JournalGaps:
         """Note the next event. Journals of earlier versions have no numbers."""
         if "n" not in journal_event.fields:
             return
-        event_number = journal_event.number_of("n", int, 1, _NUMBER_MAX)
-        if event_number > self.last + 1:
-            self.n_missing += event_number - self.last - 1
+        number = journal_event.number_of("n", int, 1, _NUMBER_MAX)
+        if number > self.last + 1:
+            self.n_missing += number - self.last - 1
             self.first = self.first or journal_event.number
-        self.last = event_number
+        self.last = number
 
     def sentence(self, file: str) -> str:
         """What is missing; empty where nothing is."""
@@ -236,12 +236,12 @@ class JournalContent:
 
     def history(self) -> History:
         """The history at the end of the session."""
-        history_before = self.start.history
+        old_history = self.start.history
         history = History()
-        if history_before is not None:
+        if old_history is not None:
             history = History(
-                [past_version.number for past_version in history_before.versions],
-                history_before.index,
+                [past_version.number for past_version in old_history.versions],
+                old_history.index,
             )
         effect_order = self.order()
         for journal_event in self.events:
@@ -393,7 +393,7 @@ def _read_faders(event: JournalEvent) -> Faders:
 
 
 def _read_version(event: JournalEvent, file_locations: _FileLocations) -> FileVersion:
-    glide = event.number_of("glide", float, 0.0, _GLIDE_MAX, GLIDE_SECONDS)
+    glide = event.number_of("glide", float, 0.0, _GLIDE_MAX, GLIDE_DURATION)
     enters = _parse_beat(event, "enters") if "enters" in event.fields else None
     return FileVersion(file_locations.texts(event), glide, enters)
 

@@ -89,11 +89,11 @@ class LiveEngine:
         """Send a change to the physics thread; returns its ticket."""
         if change.is_gains:
             return self._performance.change(change.frame, gains=list(change.gains.items()))
-        stage, stage_before = change.stage, change.old_stage
+        stage, old_stage = change.stage, change.old_stage
         ticket = self._performance.change(
             change.frame,
             simulation=stage.simulation,
-            old=None if change.resets else stage_before.simulation,
+            old=None if change.resets else old_stage.simulation,
             mixer=stage.mixer(highpass=self._highpass, reference=self._reference)
             if change.needs_new_mixer
             else None,
@@ -189,22 +189,20 @@ class LiveEngine:
         """Events since the last call."""
         engine_events = []
         for raw_event in self._unreported if self._final_status else self._performance.events():
-            frame, event_kind, event_number = raw_event
+            frame, event_kind, value = raw_event
             if event_kind in ("changed", "late"):
-                engine_events.append(
-                    EngineEvent(frame, int(event_number), is_late=event_kind == "late")
-                )
+                engine_events.append(EngineEvent(frame, int(value), is_late=event_kind == "late"))
             elif event_kind in ("acted", "missed"):
                 engine_events.append(
-                    EngineEvent(frame, act_ticket=int(event_number), is_late=event_kind == "missed")
+                    EngineEvent(frame, act_ticket=int(value), is_late=event_kind == "missed")
                 )
             elif event_text := event_sentence(raw_event, self._players, self._boards):
                 real = self._real_now(raw_event)
-                lost_seconds = event_number if event_kind == "lost" else 0.0
+                lost_duration = value if event_kind == "lost" else 0.0
                 engine_events += [
                     EngineEvent(event_frame, sentence=line, real=real)
                     for event_frame, line in self._notices.shown(
-                        frame, event_kind, event_text, lost_seconds
+                        frame, event_kind, event_text, lost_duration
                     )
                 ]
         self._unreported = []
@@ -222,10 +220,10 @@ class LiveEngine:
         return engine_events
 
     def _real_now(self, event: _core.PerformanceEvent) -> dict[str, bool]:
-        _, event_kind, event_number = event
+        _, event_kind, value = event
         if event_kind == "gone":
-            return dict.fromkeys(self._players_by_board[int(event_number)], False)
-        return {self._players[int(event_number)]: True} if event_kind == "took over" else {}
+            return dict.fromkeys(self._players_by_board[int(value)], False)
+        return {self._players[int(value)]: True} if event_kind == "took over" else {}
 
     def silences(self) -> Sequence[tuple[int, bool]]:
         """Begins and ends of the silence of panics since the last call: (frame, whether it

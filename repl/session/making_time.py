@@ -34,13 +34,13 @@ class MakingTime:
         """The time that a change is given [s]."""
         return _SAFETY_FACTOR * self.seconds
 
-    def after_slips(self, slip_count: int) -> float:
-        """The time that a line is given which was late `slip_count` times before [s].
+    def after_slips(self, n_slips: int) -> float:
+        """The time that a line is given which was late `n_slips` times before [s].
 
         It is longer each time, whatever was measured.
         """
         return _SAFETY_FACTOR * min(
-            _SLIP_MAX, max(self.seconds, _SLIP_MIN) * 2.0 ** min(slip_count, 20)
+            _SLIP_MAX, max(self.seconds, _SLIP_MIN) * 2.0 ** min(n_slips, 20)
         )
 
     def began(self) -> int:

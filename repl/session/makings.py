@@ -45,11 +45,11 @@ class Makings:
         self, running: RunningVersion, line_group: Sequence[WaitingLine]
     ) -> tuple[WaitingLine, str]:
         """The first line of a group that cannot be made after those before it, and why."""
-        for tried_count in range(1, len(line_group) + 1):
+        for n_tried in range(1, len(line_group) + 1):
             try:
-                self.stage(running, line_group[:tried_count])
+                self.stage(running, line_group[:n_tried])
             except REFUSALS as error:
-                return line_group[tried_count - 1], str(error)
+                return line_group[n_tried - 1], str(error)
         return line_group[-1], "it could not be made together with those before it"
 
     def _checked(self, running: RunningVersion, result: RunningVersion) -> RunningVersion:

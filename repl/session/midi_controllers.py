@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from ergon.live.midi_messages import Control, Pressure, Wheel
-from ergon.scores.gesture.midi_source import pair_share, seven_bit_share, wheel_share
+from ergon.scores.gesture.midi_source import pair_position, seven_bit_position, wheel_position
 
 if TYPE_CHECKING:
     from ergon.repl.session.midi_maps import Map
@@ -22,20 +22,20 @@ class Controllers:
         """Begin with all of them at 0."""
         self._values = [0] * _CONTROLLER_COUNT
 
-    def shares(self, message: Moved, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
+    def positions(self, message: Moved, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
         """What a message moves, and its position now, from 0 to 1; of pairs of controllers
         those that are mapped.
 
         The upper bits put the lower ones at 0, until these come (MIDI 1.0, control change).
         """
         if isinstance(message, Wheel):
-            yield "bend", wheel_share(message.value)
+            yield "bend", wheel_position(message.value)
         elif isinstance(message, Pressure):
             key = "" if message.number is None else f" {message.number}"
-            yield f"pressure{key}", seven_bit_share(message.value)
+            yield f"pressure{key}", seven_bit_position(message.value)
         else:
             self._values[message.number] = message.value
-            yield f"cc {message.number}", seven_bit_share(message.value)
+            yield f"cc {message.number}", seven_bit_position(message.value)
             yield from self._pairs(message.number, maps)
 
     def _pairs(self, number: int, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
@@ -46,4 +46,4 @@ class Controllers:
             if number == upper:
                 self._values[lower] = 0
             if number in (upper, lower):
-                yield map_source, pair_share(self._values[upper], self._values[lower])
+                yield map_source, pair_position(self._values[upper], self._values[lower])

@@ -109,9 +109,9 @@ class MidiInput:
 
     def learn(self, wanted: MapControl | MapNotes | None) -> str:
         """Map the next controller or note that comes; returns a sentence that says so."""
-        wanted_before, self._wanted = self._wanted, wanted
+        old_wanted, self._wanted = self._wanted, wanted
         if wanted is None:
-            if wanted_before is None:
+            if old_wanted is None:
                 raise NotTakenError("nothing is to be learnt; `map learn bell.m.K …` begins it")
             return "nothing is learnt any more"
         action_text = "strike a note" if isinstance(wanted, MapNotes) else "move a controller"

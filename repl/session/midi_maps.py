@@ -99,18 +99,18 @@ def note_lines(version: Version, note_number: int) -> Iterator[str]:
             yield f"run {note_map.target} now"
 
 
-def share_line(source_name: str, control_share: float, version: Version) -> str | None:
+def line_at_position(source_name: str, position: float, version: Version) -> str | None:
     """The line that sets the target of a controller at a share (0 to 1) of its range; None
     without a map.
     """
     control = version.maps.get(source_name)
-    return line_to(control, control_share) if isinstance(control, MapControl) else None
+    return line_to(control, position) if isinstance(control, MapControl) else None
 
 
-def line_to(control: MapControl, control_share: float) -> str:
+def line_to(control: MapControl, position: float) -> str:
     """The line that sets the target of a map, at a share (0 to 1) of its range."""
     low, high = control.range
-    x = low + (high - low) * control_share
+    x = low + (high - low) * position
     if control.unit == BPM_UNIT:
         return f"tempo {x:.6g} now"
     if control.target is not None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.tables.notes import number
 from ergon.repl.language.mapping import MapControl
 from ergon.repl.session.midi_controllers import Controllers, Moved
-from ergon.repl.session.midi_maps import Map, line_to, share_line
+from ergon.repl.session.midi_maps import Map, line_at_position, line_to
 from ergon.scores.gesture.midi_bytes import CONTROLLER, NOTE_ON, PITCH_BEND, MidiEvent
 from ergon.scores.gesture.midi_wheels import Wheels
 
@@ -33,7 +33,7 @@ class Zones:
         """Begin without zones: then a channel counts for nothing."""
         self._wheels = Wheels(_WHEEL_RANGE_CENTS)
         self._controllers: dict[int, Controllers] = {}
-        self._shares: dict[tuple[int, str], float] = {}  # by channel and source
+        self._positions: dict[tuple[int, str], float] = {}  # by channel and source
         self._turned: set[str] = set()  # names of the pitches that a wheel has moved
 
     def follow(self, data: bytes) -> None:
@@ -45,27 +45,25 @@ class Zones:
                 pass
 
     def moves(
-        self, channel_number: int, message: Moved, maps: Mapping[str, Map], piece: Piece
+        self, channel: int, message: Moved, maps: Mapping[str, Map], piece: Piece
     ) -> tuple[bool, list[tuple[str, LineOf]]]:
         """Whether a message has a map, and what it sets: the name of each value, and the line that
         sets it.
         """
-        is_in_zone, is_mapped = self._wheels.is_in_zone(channel_number), False
+        is_in_zone, is_mapped = self._wheels.is_in_zone(channel), False
         lines_by_name: list[tuple[str, LineOf]] = []
-        controllers = self._controllers.setdefault(
-            channel_number if is_in_zone else 0, Controllers()
-        )
-        for map_source, control_share in controllers.shares(message, maps):
+        controllers = self._controllers.setdefault(channel if is_in_zone else 0, Controllers())
+        for map_source, position in controllers.positions(message, maps):
             control = maps.get(map_source)
             if not isinstance(control, MapControl):
                 continue
             is_mapped = True
             if is_in_zone and _note_family(control, piece):
-                self._shares[channel_number, map_source] = control_share
-                for note in self._wheels.notes(channel_number):
-                    lines_by_name += self._note_move(control, note, control_share, piece)
+                self._positions[channel, map_source] = position
+                for note in self._wheels.notes(channel):
+                    lines_by_name += self._note_move(control, note, position, piece)
             else:
-                lines_by_name.append((map_source, partial(share_line, map_source, control_share)))
+                lines_by_name.append((map_source, partial(line_at_position, map_source, position)))
         return is_mapped, lines_by_name
 
     def begun(
@@ -76,33 +74,31 @@ class Zones:
             return
         for map_source, control in maps.items():
             if isinstance(control, MapControl) and _note_family(control, piece):
-                share = self._shares.get((channel, map_source))
-                if map_source == "bend" or share is not None:
-                    yield from self._note_move(control, note, share, piece)
+                position = self._positions.get((channel, map_source))
+                if map_source == "bend" or position is not None:
+                    yield from self._note_move(control, note, position, piece)
 
     def _note_move(
-        self, control: MapControl, note_number: int, control_share: float | None, piece: Piece
+        self, control: MapControl, key: int, position: float | None, piece: Piece
     ) -> Iterator[tuple[str, LineOf]]:
         """The value of one note, if its instrument has that note."""
         family = _note_family(control, piece)
-        target_path = _note_target(control, family, note_number, piece)
+        target_path = _note_target(control, family, key, piece)
         if target_path is None:
             return
         move_name = f"{control.source}, {target_path}"
         if control.source == "bend" and target_path.endswith(_PITCH_SUFFIX):
-            cents = self._wheels.note_cents(note_number)
+            cents = self._wheels.note_cents(key)
             if cents or move_name in self._turned:
                 self._turned.add(move_name)
                 yield (
                     move_name,
                     partial(_constant_line, f"set {target_path} {cents:.6g}cents over 50ms now"),
                 )
-        elif control_share is not None:
+        elif position is not None:
             yield (
                 move_name,
-                partial(
-                    _constant_line, line_to(replace(control, target=target_path), control_share)
-                ),
+                partial(_constant_line, line_to(replace(control, target=target_path), position)),
             )
 
 
@@ -113,14 +109,12 @@ def _note_family(control: MapControl, piece: Piece) -> str | None:
     return next((head for head in heads if head in piece.families), None)
 
 
-def _note_target(
-    control: MapControl, family: str | None, note_number: int, piece: Piece
-) -> str | None:
+def _note_target(control: MapControl, family: str | None, key: int, piece: Piece) -> str | None:
     """The parameter of one note; None if there is no such note."""
     if family is None or control.target is None:
         return None
     for member in piece.families[family]:
-        if number(member.rpartition(".")[2]) == note_number:
+        if number(member.rpartition(".")[2]) == key:
             return f"{member}{control.target.removeprefix(family)}"
     return None
 

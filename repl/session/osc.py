@@ -22,7 +22,7 @@ from ergon.repl.language.recording import Record, RecordAudio, RecordOff
 from ergon.repl.language.versions import Keep, Load, Reload, Save
 from ergon.repl.line_queue import LineQueue
 from ergon.repl.session.played_versions import PlayedVersions
-from ergon.scores.staging.drives import input_number
+from ergon.scores.staging.drives import input_id
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -96,7 +96,7 @@ class SessionOsc:
 
     def _tell(self, name: str, value: float) -> bool:
         session = self._session
-        tell = partial(session.schedule.engine.set_input, input_number(name), value)
+        tell = partial(session.schedule.engine.set_input, input_id(name), value)
         return session.acts.begin(tell, "value", input=name, value=value)
 
     def _names(self, kind: str) -> Mapping[str, str]:

@@ -98,25 +98,25 @@ def _compressed_text(text: str) -> _Packed:
     return _Packed(0, zlib.compress(text.encode(), 1))
 
 
-def difference(text_before: str, now: str) -> tuple[int, int, str]:
-    """The characters from one index to another that become a text, so that a text becomes `now`."""
-    shared = min(len(text_before), len(now))
-    start_index = _n_equal(shared, lambda a, b: text_before[a:b] == now[a:b])
-    n_before, n_now = len(text_before), len(now)
+def difference(old: str, new: str) -> tuple[int, int, str]:
+    """The characters from one index to another that become a text, so that a text becomes `new`."""
+    shared = min(len(old), len(new))
+    start_index = _n_equal(shared, lambda a, b: old[a:b] == new[a:b])
+    n_old, n_new = len(old), len(new)
     after_index = _n_equal(
         shared - start_index,
-        lambda a, b: text_before[n_before - b : n_before - a] == now[n_now - b : n_now - a],
+        lambda a, b: old[n_old - b : n_old - a] == new[n_new - b : n_new - a],
     )
-    return start_index, n_before - after_index, now[start_index : n_now - after_index]
+    return start_index, n_old - after_index, new[start_index : n_new - after_index]
 
 
 def _n_equal(count: int, is_equal: Callable[[int, int], bool]) -> int:
     """The number of characters, of at most `count`, up to which two texts are equal."""
-    low_count, high_count = 0, count  # the texts are equal up to `low`
-    while low_count < high_count:
-        middle = (low_count + high_count + 1) // 2
-        if is_equal(low_count, middle):
-            low_count = middle
+    low, high = 0, count  # the texts are equal up to `low`
+    while low < high:
+        middle = (low + high + 1) // 2
+        if is_equal(low, middle):
+            low = middle
         else:
-            high_count = middle - 1
-    return low_count
+            high = middle - 1
+    return low

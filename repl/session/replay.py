@@ -37,8 +37,8 @@ from ergon.repl.session.running import RunningVersion, stage_first
 from ergon.repl.session.struck_places import place_number
 from ergon.repl.session.version import NotTakenError, PastVersion, Version, piece_of
 from ergon.repl.session.waiting_lines import REFUSALS, VersionEdit, WaitingLine, reparse
-from ergon.scores.staging.drives import input_number
-from ergon.scores.staging.preparing import MAX_SECONDS
+from ergon.scores.staging.drives import input_id
+from ergon.scores.staging.preparing import DURATION_MAX
 
 if TYPE_CHECKING:
     import numpy as np
@@ -117,7 +117,7 @@ class ReplayedSession:
         if not journal_content.ended:
             self.n_frames = max(self.n_frames, hands.n_frames)
         self.warnings = (*hands.warnings, *_gap_warnings(journal_content, hands, self.rate))
-        if journal_content.n_frames > MAX_SECONDS * self.rate:
+        if journal_content.n_frames > DURATION_MAX * self.rate:
             raise NotTakenError("the journal claims that the session lasted longer than a day")
         self.n_channels = self.n_out = running.stage.n_channels
 
@@ -155,12 +155,12 @@ class ReplayedSession:
 
     def process(self, out: NDArray[np.float64]) -> None:
         """Fill (n_frames, n_channels) with the next frames."""
-        frames_done = 0
-        while frames_done < len(out):
+        n_done = 0
+        while n_done < len(out):
             self._do_due()
-            n = min(_BLOCK_FRAMES, len(out) - frames_done, *self._frames_until_due(len(out)))
-            out[frames_done : frames_done + n] = self._engine.process(n)
-            frames_done += n
+            n = min(_BLOCK_FRAMES, len(out) - n_done, *self._frames_until_due(len(out)))
+            out[n_done : n_done + n] = self._engine.process(n)
+            n_done += n
 
     def _frames_until_due(self, frames_max: int) -> Iterator[int]:
         """Numbers of frames until the next change or act, and `frames_max`."""
@@ -221,7 +221,7 @@ class ReplayedSession:
 
     def _do_act(self, act: JournalAct) -> None:
         if isinstance(act.target, str):
-            self._engine.set_input(input_number(act.target), act.amount)
+            self._engine.set_input(input_id(act.target), act.amount)
             missing_text = "at this value has no such input"
         else:
             self._engine.strike(place_number(act.target), act.amount)
@@ -322,11 +322,9 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
     committed = [(commit.frame, commit.beat, commit.line) for commit in journal_content.commits]
     for takeover_frame, last_beat, line_event in (*committed, *waited):
         with _as_journal_errors(line_event):
-            sets_running_now = line_event.fields.get("goes")
-            now_running = (
-                sets_running_now if isinstance(sets_running_now, bool) else version.is_running
-            )
-            tempo_before = version.piece.tempo_map
+            makes_running = line_event.fields.get("goes")
+            now_running = makes_running if isinstance(makes_running, bool) else version.is_running
+            old_tempo = version.piece.tempo_map
             version = replace(version.taken_over(), is_running=now_running)
             version = edit_of_line(
                 line_event, versions, version, journal_content.versions_from_files
@@ -335,10 +333,10 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
             versions[line_event.get("number", int)] = PastVersion.from_version(
                 version, tempo.written(last_beat), line_event.get("line", str)
             )
-            sets_running = sets_running_now if isinstance(sets_running_now, bool) else None
+            sets_running = makes_running if isinstance(makes_running, bool) else None
             resumed_entry = entry_of(
                 clock,
-                tempo_before,
+                old_tempo,
                 tempo,
                 last_beat,
                 takeover_frame,
@@ -349,7 +347,7 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
             clock = resumed_entry.clock
     tempo = version.piece.tempo_map
     last_beat = clock.beat(tempo, journal_content.n_frames / rate)
-    if not (math.isfinite(last_beat) and journal_content.n_frames <= MAX_SECONDS * rate):
+    if not (math.isfinite(last_beat) and journal_content.n_frames <= DURATION_MAX * rate):
         raise NotTakenError("the journal claims that the session lasted longer than a day")
     bar, _ = tempo.bar_beat(last_beat)
     # Guidance is not resumed: a hand is pulled only after a line that asks for it.
@@ -389,7 +387,7 @@ def _renumbered_history(
 def edit_of_line(
     line_event: JournalEvent,
     versions: Mapping[int, PastVersion],
-    version_before: Version,
+    old_version: Version,
     file_versions: Mapping[int, FileVersion],
 ) -> VersionEdit:
     """The version edit of a journal's line, without its other effects. Raises NotTakenError."""
@@ -404,7 +402,7 @@ def edit_of_line(
     if isinstance(restores, int):
         target = versions.get(restores)
         return version_edits.unchanged if target is None else target.restore
-    commands = reparse(line_event.get("line", str), version_before)
+    commands = reparse(line_event.get("line", str), old_version)
     if any(
         type(command) in version_edits.READS_FILES for command in commands
     ):  # rendering a journal reads no further file
@@ -421,16 +419,16 @@ def _gap_warnings(
     """Warnings about gaps in a journal, a missing end, and a recording that ends early."""
     if gap := journal_content.gaps.sentence(journal_content.first.file):
         yield gap
-    journal_seconds = journal_content.n_frames / rate
+    duration = journal_content.n_frames / rate
     if not journal_content.ended:
         yield (
             f"{journal_content.first.file} has no end: the session was killed, is still playing, "
-            f"or could not write; its last event is at {journal_seconds:.1f} s"
+            f"or could not write; its last event is at {duration:.1f} s"
         )
     if hands.hands and hands.n_frames < journal_content.n_frames:
         yield (
             f"the recording of hands ends at {hands.n_frames / rate:.1f} s of "
-            f"{journal_seconds:.1f} s; "
+            f"{duration:.1f} s; "
             "from there they stay where they were"
         )
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ergon.repl.language.retuning import Retune
 from ergon.repl.session.edit_table import makes_edit, with_texts
-from ergon.repl.session.version import GLIDE_SECONDS, Version, piece_from_files
+from ergon.repl.session.version import GLIDE_DURATION, Version, piece_from_files
 from ergon.scores.edits import retuning
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def _retuned_version(command: Retune) -> VersionEdit:
         if new_texts:
             written = base_texts or version.texts
             base_texts = replace(written, overlay={**new_texts, **written.overlay})
-        glide = GLIDE_SECONDS
+        glide = GLIDE_DURATION
         if command.over is not None:
             tempo = version.piece.tempo_map
             glide = max(

@@ -151,7 +151,7 @@ def stage_spans(
     version: Version,
     clock: Clock,
     spans: tuple[Span, ...],
-    stage_before: Stage | None,
+    old_stage: Stage | None,
     start_frame: int,
     real: Real,
     store: Store | None,
@@ -161,24 +161,22 @@ def stage_spans(
     frozen: tuple[LoadedPart, ...],
     is_seen: bool,
 ) -> Stage:
-    """Stage what `spans` play, from frame `start_frame` on, in place of the stage `stage_before`.
+    """Stage what `spans` play, from frame `start_frame` on, in place of the stage `old_stage`.
 
     `moving` are parameters that glide, `leaving_links` removed links that still separate.
     """
     piece = with_leaving(version.sounding, leaving_links)
-    tempo = clock.tempo(
-        piece.tempo_map, 0.0 if stage_before is None else start_frame / stage_before.rate
-    )
+    tempo = clock.tempo(piece.tempo_map, 0.0 if old_stage is None else start_frame / old_stage.rate)
     piece = replace(piece, tempo_map=tempo)
-    staged_now = stage(
+    new_stage = stage(
         piece,
         planned=True,
         store=store,
         real_hands=real,
         silent=frozenset(part.name for part in frozen),
         on_fault="mute",
-        going=StageTakeover(spans, stage_before, start_frame, moving, strike_points(version)),
+        going=StageTakeover(spans, old_stage, start_frame, moving, strike_points(version)),
         is_seen=is_seen,
     )
-    staged_now.placed = place_samples(frozen, staged_now.listening, clock, staged_now.rate)
-    return staged_now
+    new_stage.placed = place_samples(frozen, new_stage.listening, clock, new_stage.rate)
+    return new_stage

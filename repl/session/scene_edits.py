@@ -17,7 +17,7 @@ from ergon.repl.language import versions
 from ergon.repl.language.scope import SUFFIXES, scores_in
 from ergon.repl.session.disk import folder_of
 from ergon.repl.session.edit_table import makes_edit, with_texts
-from ergon.repl.session.version import GLIDE_SECONDS, NotTakenError, Version, piece_of
+from ergon.repl.session.version import GLIDE_DURATION, NotTakenError, Version, piece_of
 from ergon.scores.edits import scene_matter, scenes
 from ergon.scores.edits.scenes import Scene
 from ergon.scores.edits.texts import Texts
@@ -105,14 +105,14 @@ def _scene(command: versions.Scene) -> VersionEdit:
         if new_texts and base_texts is not None:  # `use` adds files in the same way
             base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
         over = None if command.over is None else command.words["over"].text
-        begin_beat, glide = edit_beat, GLIDE_SECONDS
+        begin_beat, glide = edit_beat, GLIDE_DURATION
         first_scene = scene_found if command.before is None else scene(version, command.before)
         released = tuple(scenes.released_parameters(piece, first_scene, edit_beat))
         edited_texts = scenes.with_scene_tempo(edited_texts, piece, scene_found, edit_beat, over)
         if command.over is not None:
             tempo = piece_of(edited_texts).tempo_map
             glide_end = tempo.after(edit_beat, command.over)
-            glide = max(GLIDE_SECONDS, tempo.seconds(glide_end) - tempo.seconds(edit_beat))
+            glide = max(GLIDE_DURATION, tempo.seconds(glide_end) - tempo.seconds(edit_beat))
             if command.before is not None:
                 edited_texts = scenes.play_scene(
                     edited_texts, piece_of(edited_texts), first_scene, edit_beat, glide_end

@@ -340,16 +340,16 @@ class Schedule:
 
     def _hand(self, line_group: Sequence[WaitingLine], running_result: RunningVersion) -> None:
         """Hand over lines, whose result was made. Raises EngineError."""
-        running_before = self.running
+        old_running = self.running
         running_after = replace(
-            running_result, version=line_group[-1].result(), serial=running_before.serial + 1
+            running_result, version=line_group[-1].result(), serial=old_running.serial + 1
         )
         change = Change(
             running_after.start,
             running_after.stage,
-            running_before.stage,
+            old_running.stage,
             any(waiting_line.resets for waiting_line in line_group),
-            gains=changed_ratios(running_before, running_after),
+            gains=changed_ratios(old_running, running_after),
             damp=running_after.damp,
             force_bounds=running_after.force_bounds,
         )

@@ -149,14 +149,14 @@ def _back(session: SessionCore, command: Back) -> Reply:
 
 
 def _back_by(
-    session: SessionCore, command: Command, line_count: int, line_text: str, none: str
+    session: SessionCore, command: Command, n_lines: int, line_text: str, none: str
 ) -> Reply:
-    """Go back by `line_count` lines. Those that still wait are cancelled, and those undone before
+    """Go back by `n_lines` lines. Those that still wait are cancelled, and those undone before
     that wait again. If any has taken effect, or an `undo` waits that was typed after it, the
     version before all of them is restored.
     """
     history = session.history
-    target_index = history.index - line_count
+    target_index = history.index - n_lines
     if target_index < 0:
         raise NotTakenError(f"{none}; `history` lists the versions")
     reverted_numbers = history.numbers[target_index + 1 : history.index + 1]
@@ -204,17 +204,17 @@ def _redo(session: SessionCore, command: Redo) -> Reply:
 
 
 def _restore(session: SessionCore, command: Command, index: int, line_text: str) -> Reply:
-    past, version_number = session.schedule.past_versions, session.history.numbers[index]
+    past, number = session.schedule.past_versions, session.history.numbers[index]
 
     def restored(version: Version, beat: float) -> Version:
-        return past[version_number].restore(version, beat)
+        return past[number].restore(version, beat)
 
     beat_text, queued = session.queue(
-        Entry(line_text, restored, when=command.when, restores=version_number)
+        Entry(line_text, restored, when=command.when, restores=number)
     )
-    session.history.go_to(version_number)
+    session.history.go_to(number)
     changes = [
-        f"as after: {first_line(past[version_number].line) or 'the beginning'}",
+        f"as after: {first_line(past[number].line) or 'the beginning'}",
         *session.log.force_messages(queued),
     ]
     return Reply(True, f"ok {beat_text} {'; '.join(changes)}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.clock.meter import SAME
 from ergon.repl.session.played_versions import PlayedVersions
 from ergon.repl.session_protocol import Sounding, SoundingPlace
-from ergon.scores.pattern.search import count_before
+from ergon.scores.pattern.search import n_before
 
 if TYPE_CHECKING:
     from ergon.notation.text.values import Place
@@ -123,7 +123,7 @@ def _strokes_between(
     elif strikes.pattern is not None:
         pattern_steps = strikes.steps(piece)
         for step_index in range(
-            count_before(pattern_steps, first_beat), count_before(pattern_steps, last_beat)
+            n_before(pattern_steps, first_beat), n_before(pattern_steps, last_beat)
         ):
             note_word = pattern_steps.course.named(step_index)
             if note_word is not None:
@@ -143,5 +143,5 @@ def _strokes_between(
             yield begun(stroke_beat, stroke_beat if stop is None else stop, strikes.name)
     else:
         beats = strikes.beats(tempo)
-        for step_index in range(count_before(beats, first_beat), count_before(beats, last_beat)):
+        for step_index in range(n_before(beats, first_beat), n_before(beats, last_beat)):
             yield begun(beats[step_index], -math.inf, strikes.name)

@@ -302,22 +302,18 @@ def _acts_at_note(piece: Piece, target_path: str, note_number: int) -> list[Act]
     return [] if part is None else [_act_of_part(piece, target_path, part)]
 
 
-def _member_of(piece: Piece, instrument_name: str, note_wanted: int | str) -> str | None:
+def _member_of(piece: Piece, instrument_name: str, note: int | str) -> str | None:
     """The member of an instrument with notes that has a pitch, or that a MIDI note plays, by the
     tuning of the instrument; None if there is none.
     """
     tuned = piece.tuning_of(instrument_name)
     with tuning.used(tuned):
         try:
-            note_height = pitch(
-                note_wanted
-                if isinstance(note_wanted, str)
-                else tuning.current().key_word(note_wanted)
-            )
+            note_height = pitch(note if isinstance(note, str) else tuning.current().key_word(note))
         except TextError:  # a key that the keyboard map leaves out
             return None
     members = _by_pitch(piece.families[instrument_name], tuned)
-    return None if note_height is None else tuning.nearby(members, note_height)
+    return None if note_height is None else tuning.part_at_height(members, note_height)
 
 
 @lru_cache(64)

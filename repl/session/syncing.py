@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.clock.meter import SAME
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits.strikes import strikes_named
-from ergon.scores.pattern.search import count_before
+from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 
 if TYPE_CHECKING:
@@ -65,11 +65,11 @@ def _next_round_beat(pattern_steps: Steps, after_beat: float) -> Sequence[float]
     """The beat of the next place on which a round of a pattern begins."""
     pattern = pattern_steps.course.pattern
     count = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses
-    place = count_before(pattern_steps, after_beat - SAME)
+    place = n_before(pattern_steps, after_beat - SAME)
     place += -(place + pattern.skip) % count
     return [pattern_steps.beat(place)] if place < len(pattern_steps) else []
 
 
 def _next_beat(beats: Sequence[float], after: float) -> float | None:
-    place = count_before(beats, after - SAME)
+    place = n_before(beats, after - SAME)
     return beats[place] if place < len(beats) else None

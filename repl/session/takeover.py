@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
-from ergon.repl.session.clock import JOIN_SECONDS, Timing
+from ergon.repl.session.clock import JOIN_DURATION, Timing
 from ergon.repl.session.frozen_parts import place_samples, still_frozen
 from ergon.repl.session.running import RunningVersion, put_horizon, stage_spans
 from ergon.repl.session.waiting_lines import WaitingLine, line_beat
@@ -102,25 +102,25 @@ class Takeovers:
     ) -> RunningVersion:
         """The running version after one line, with the stage of before."""
         assert line.start is not None
-        version_before, version, start_frame = running.version, line.result(), line.start
-        clock, leave, enter = line_beat(running.clock, version_before, version, line, self.timing)
+        old_version, version, frame = running.version, line.result(), line.start
+        clock, leave, enter = line_beat(running.clock, old_version, version, line, self.timing)
         running_after = replace(running, version=version, clock=clock)
         spans, timeline_end, skipped_from = self._spans(
-            running, running_after, start_frame, leave, enter, latest
+            running, running_after, frame, leave, enter, latest
         )
-        start_seconds = start_frame / self.timing.rate
-        pieces = version_before.sounding, version.sounding
-        moving = glides(*pieces, running.glides, start_seconds, version.glide)
-        leaving = leaving_links(*pieces, running.glides, running.leaving, start_seconds)
+        start = frame / self.timing.rate
+        pieces = old_version.sounding, version.sounding
+        moving = glides(*pieces, running.glides, start, version.glide)
+        leaving = leaving_links(*pieces, running.glides, running.leaving, start)
         return replace(
             running_after,
             spans=spans,
-            start=start_frame,
+            start=frame,
             timeline_end=timeline_end,
             skipped_from=running.skipped_from if skipped_from is None else skipped_from,
             glides=(*moving, *(link.glide for link in leaving)),
             leaving=leaving,
-            frozen=still_frozen(running.frozen, version_before, version, self.real),
+            frozen=still_frozen(running.frozen, old_version, version, self.real),
             damp=running.damp if version.damp is None else version.damp,
         )
 
@@ -137,35 +137,34 @@ class Takeovers:
         `after` it, which goes on from beat `enter`; up to which beat; and from which beat on
         nothing began.
         """
-        start_seconds = start / self.timing.rate
+        start_instant = start / self.timing.rate
         version, clock = after.version, after.clock
         old_spans: Sequence[Span] = ()
         if after is running or not version.ends_gestures:
-            old_spans = continuing_spans(running, leave, start_seconds, running.stage)
+            old_spans = continuing_spans(running, leave, start_instant, running.stage)
         timeline_end = min(put_horizon(version.piece.tempo_map, enter)[0], latest)
         piece = replace(
-            version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, start_seconds)
+            version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, start_instant)
         )
-        new = (Span(piece, Window(enter, timeline_end, start_seconds)),) if clock.is_running else ()
+        new = (Span(piece, Window(enter, timeline_end, start_instant)),) if clock.is_running else ()
         is_skipped = running.clock.is_running and leave > running.timeline_end + SAME
         return (*old_spans, *new), timeline_end, running.timeline_end if is_skipped else None
 
 
 def continuing_spans(
-    running_before: RunningVersion, leave: float, after_seconds: float, stage: Stage
+    old_running: RunningVersion, leave: float, after: float, stage: Stage
 ) -> Sequence[Span]:
     """The spans of earlier versions, the last one cut at a beat, of which something goes on after
-    `after_seconds` [s].
+    `after` [s].
     """
     tracked_spans = [(gesture.begins, gesture.stop) for gesture in stage.gestures]
     running_spans = []
-    for index, (piece, window) in enumerate(running_before.spans):
-        is_last = index == len(running_before.spans) - 1 and running_before.clock.is_running
+    for index, (piece, window) in enumerate(old_running.spans):
+        is_last = index == len(old_running.spans) - 1 and old_running.clock.is_running
         span_end = min(window.until, leave) if is_last else window.until
         first, last = (piece.tempo_map.seconds(beat) for beat in (window.since, span_end))
-        if last > after_seconds or any(
-            first - JOIN_SECONDS <= start <= last and stop > after_seconds
-            for start, stop in tracked_spans
+        if last > after or any(
+            first - JOIN_DURATION <= start <= last and stop > after for start, stop in tracked_spans
         ):
-            running_spans.append(Span(piece, Window(window.since, span_end, after_seconds)))
+            running_spans.append(Span(piece, Window(window.since, span_end, after)))
     return running_spans

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 
-def check_unheard(piece_before: Piece, stage: Stage) -> None:
-    """Check the unheard instruments of a stage that the piece `piece_before` lacks, or has
+def check_unheard(old_piece: Piece, stage: Stage) -> None:
+    """Check the unheard instruments of a stage that the piece `old_piece` lacks, or has
     with other values. Raises StageError for each module that the engine refuses.
     """
-    piece, known_instruments = stage.piece, piece_before.instruments
+    piece, known_instruments = stage.piece, old_piece.instruments
     plan_rows = () if stage.plan is None else stage.plan.rows()
     changed = [
         name

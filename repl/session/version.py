@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # The shortest glide of a parameter [s]. A jump of K by a half raises the third difference of the
 # sound twelvefold, a glide over 64 frames by a fifth; lower modes need longer.
-GLIDE_SECONDS = 0.02
+GLIDE_DURATION = 0.02
 
 
 class NotTakenError(ErgonError):
@@ -90,7 +90,7 @@ class Version:
     faders: Faders = Faders()
     ends_gestures: bool = False
     damp: float | None = None
-    glide: float = GLIDE_SECONDS
+    glide: float = GLIDE_DURATION
     guides: Mapping[str, HandGuide] = field(default_factory=dict)
     enter_beat: float | None = None
     maps: Mapping[str, MapControl | MapNotes | Hear] = field(default_factory=dict)
@@ -113,7 +113,7 @@ class Version:
             self,
             ends_gestures=False,
             damp=None,
-            glide=GLIDE_SECONDS,
+            glide=GLIDE_DURATION,
             enter_beat=None,
             read_texts=None,
             read_files={},

@@ -35,7 +35,7 @@ from ergon.repl.session.edit_table import edits_texts, makes_edit, with_texts
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearsal_stage
 from ergon.repl.session.version import (
-    GLIDE_SECONDS,
+    GLIDE_DURATION,
     NotTakenError,
     Version,
     piece_from_files,
@@ -169,8 +169,8 @@ def _nudge(command: Nudge, version: Version, beat: float) -> Texts:
     """
     tempo = version.piece.tempo_map
     bpm = tempo.bpm(beat)
-    shift_seconds = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
-    beat_length = 60.0 / bpm + shift_seconds
+    shift = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
+    beat_length = 60.0 / bpm + shift
     if not 30.0 / bpm <= beat_length <= 120.0 / bpm:
         raise NotTakenError(
             "this nudge is too large: it may make one beat half or twice "
@@ -206,17 +206,15 @@ def _set_gliding(command: Set) -> VersionEdit:
         if command.over is None:
             return with_texts(version, _set(command, version, edit_beat))
         tempo, command_words = version.piece.tempo_map, command.words
-        ramp_seconds = tempo.seconds(tempo.after(edit_beat, command.over)) - tempo.seconds(
-            edit_beat
-        )
-        is_written = ramp_seconds >= _WRITTEN_GLIDE_MIN and not command.target.endswith(TRANSPOSE)
+        duration = tempo.seconds(tempo.after(edit_beat, command.over)) - tempo.seconds(edit_beat)
+        is_written = duration >= _WRITTEN_GLIDE_MIN and not command.target.endswith(TRANSPOSE)
         if version.is_running and is_written:
             value, over = command_words["change"].text, command_words["over"].text
             args = command.target, edit_beat, value, {"over": over}, value_on
             return with_texts(version, automation.glide(version.texts, version.piece, *args))
         automation.check_can_glide(version.piece, command.target)
         edited = with_texts(version, _set(command, version, edit_beat))
-        return replace(edited, glide=max(GLIDE_SECONDS, ramp_seconds))
+        return replace(edited, glide=max(GLIDE_DURATION, duration))
 
     return edit
 
@@ -364,8 +362,8 @@ def command_summary(command: Command, running: RunningVersion, where_text: str) 
     if isinstance(command, Plays):
         return f"{command.player}: {command.words['play'].text}"
     if isinstance(command, Scene):
-        text_before = "" if command.before is None else f"{command.before}, then "
-        reply_sentence = f"{text_before}{command.name}, from its beginning, again and again"
+        prefix = "" if command.before is None else f"{command.before}, then "
+        reply_sentence = f"{prefix}{command.name}, from its beginning, again and again"
         if not running.version.freed_parameters:
             return reply_sentence
         many = len(running.version.freed_parameters) > 1

@@ -163,10 +163,10 @@ class WaitingLines:
     def _with(
         self, new_line: WaitingLine, place: int, soonest: int
     ) -> tuple[WaitingLines, WaitingLine]:
-        lines_before, lines_after = self.lines[:place], self.lines[place:]
-        previous, clock = self._state_after(lines_before)
+        earlier, later = self.lines[:place], self.lines[place:]
+        previous, clock = self._state_after(earlier)
         followed_line = self._follow(new_line, previous, clock)
-        arranged_lines, lost = self._arranged((*lines_before, followed_line), lines_after, soonest)
+        arranged_lines, lost = self._arranged((*earlier, followed_line), later, soonest)
         if lost:
             (failed, why), *_ = lost
             due = followed_line.result().piece.tempo_map.written(failed.beat)
@@ -204,17 +204,17 @@ class WaitingLines:
         A fence: lines that were typed after them and would overtake them move too.
         """
         follow = {slipped_line.number for slipped_line in late_lines}
-        first_number = min(
+        number_min = min(
             (slipped_line.number for slipped_line in late_lines if slipped_line.rule.is_fenced),
             default=math.inf,
         )
         for waiting in sorted(self.lines, key=lambda waiting_line: waiting_line.number):
             # What restores a version comes after every line that was typed before it.
-            is_later = waiting.number > (min(follow) if waiting.sets_all else first_number)
+            is_later = waiting.number > (min(follow) if waiting.sets_all else number_min)
             is_later |= any(self._begins_after(waiting, line) for line in late_lines)
             if is_later and waiting.rule.is_fenced and waiting.frame < start_frame:
                 follow.add(waiting.number)
-                first_number = min(first_number, waiting.number)
+                number_min = min(number_min, waiting.number)
         while True:
             slipped_lines, lost, moved = self._moved(follow, line_beat, start_frame)
             # What needs a late line waits for it too.
@@ -236,10 +236,10 @@ class WaitingLines:
         ]
         moved.sort(key=lambda waiting_line: waiting_line.number)
         rest = [waiting_line for waiting_line in self.lines if waiting_line.number not in numbers]
-        lines_before = [waiting_line for waiting_line in rest if waiting_line.frame <= start]
+        earlier = [waiting_line for waiting_line in rest if waiting_line.frame <= start]
         after = [waiting_line for waiting_line in rest if waiting_line.frame > start]
         empty_queue = replace(self, lines=())
-        lines, lost = empty_queue._arranged((), [*lines_before, *moved, *after], start)
+        lines, lost = empty_queue._arranged((), [*earlier, *moved, *after], start)
         return lines, lost, moved
 
     def fence(self, new_line: WaitingLine) -> WaitingLine | None:
@@ -371,7 +371,7 @@ def _effect_key(waiting_line: WaitingLine) -> tuple[float, float]:
 
 def line_beat(
     clock: Clock,
-    version_before: Version,
+    old_version: Version,
     edited: Version,
     waiting_line: WaitingLine,
     timing: Timing,
@@ -379,7 +379,7 @@ def line_beat(
     """Where a line leaves the piece of the version before, and where that of its own goes on."""
     if waiting_line.start is None:
         return Entry(clock, waiting_line.beat, waiting_line.beat)
-    tempos = version_before.piece.tempo_map, edited.piece.tempo_map
+    tempos = old_version.piece.tempo_map, edited.piece.tempo_map
     return entry_of(
         clock,
         *tempos,

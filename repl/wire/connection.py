@@ -85,14 +85,14 @@ class Connection:
         """Send a request; the future has its answer, or ConnectionLostError or
         RequestRefusedError."""
         future_answer: Future[Any] = Future()
-        request_number = next(self._numbers)
+        request_id = next(self._numbers)
         with self._lock:
             if self.is_closed:
                 future_answer.set_exception(ConnectionLostError())
                 return future_answer
-            self._waiting[request_number] = future_answer
+            self._waiting[request_id] = future_answer
         try:
-            line = encode(id=request_number, do=do, **request_fields)
+            line = encode(id=request_id, do=do, **request_fields)
             with self._sending:
                 self._socket.sendall(line)
         except OSError:  # also a timeout, after which a part of the line may be sent

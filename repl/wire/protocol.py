@@ -75,15 +75,15 @@ def decode_message(request_line: bytes) -> dict[str, Any]:
     return line_fields
 
 
-def request_id(fields: dict[str, Any]) -> int | str | None:
+def read_request_id(fields: dict[str, Any]) -> int | str | None:
     """The id of a request, as its answer repeats it. Raises ProtocolError."""
-    request_number = fields.get("id")
-    if request_number is None:
+    value = fields.get("id")
+    if value is None:
         return None
-    if type(request_number) is int and abs(request_number) <= _INTEGER_MAX:
-        return request_number
-    if isinstance(request_number, str) and len(request_number) <= MAX_ID:
-        return request_number
+    if type(value) is int and abs(value) <= _INTEGER_MAX:
+        return value
+    if isinstance(value, str) and len(value) <= MAX_ID:
+        return value
     raise ProtocolError(f"an id must be a whole number, or a word of {MAX_ID} characters at most")
 
 

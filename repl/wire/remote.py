@@ -141,8 +141,8 @@ class RemoteSession:
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
         """The kinds of a line's words, for colours."""
-        tokens_found: list[tuple[int, int, str]] = self._ask_briefly([], "tokens", line=line)
-        return [(start, end, kind) for start, end, kind in tokens_found]
+        tokens: list[tuple[int, int, str]] = self._ask_briefly([], "tokens", line=line)
+        return [(start, end, kind) for start, end, kind in tokens]
 
     def is_whole(self, text: str) -> bool:
         """Whether Enter ends the text."""

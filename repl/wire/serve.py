@@ -24,7 +24,7 @@ from .protocol import (
     encode_sounding,
     encode_state,
     parse_request,
-    request_id,
+    read_request_id,
 )
 
 MAX_PROMPTS = 16
@@ -236,23 +236,23 @@ class SessionServer:
 
     def _answer(self, prompt: PromptConnection, line: bytes) -> str:
         """Do the request of a line; returns its name, or "" if it was refused."""
-        request_number = None
+        request_id = None
         try:
             fields = decode_message(line)
-            request_number = request_id(fields)
+            request_id = read_request_id(fields)
             request_name, request_arguments = parse_request(fields)
             if request_name == "submit":
-                self._queue_line(prompt, request_number, **request_arguments)
+                self._queue_line(prompt, request_id, **request_arguments)
             else:
                 prompt.send(
-                    id=request_number,
+                    id=request_id,
                     **{"is": self._handlers[request_name](prompt, **request_arguments)},
                 )
             return request_name
         except ProtocolError as error:
-            prompt.send(id=request_number, error=str(error))
+            prompt.send(id=request_id, error=str(error))
         except Exception as error:  # an error of the session, which goes on
-            prompt.send(id=request_number, error=f"internal error: {type(error).__name__}: {error}")
+            prompt.send(id=request_id, error=f"internal error: {type(error).__name__}: {error}")
         return ""
 
     def _complete(self, prompt: PromptConnection, line: str, cursor: int) -> list[list[Any]]:
@@ -283,25 +283,23 @@ class SessionServer:
     # --- lines ------------------------------------------------------------------------------------
 
     def _queue_line(
-        self, prompt: PromptConnection, request_number: Any, text: str, releases: bool
+        self, prompt: PromptConnection, request_id: Any, text: str, releases: bool
     ) -> None:
         if prompt.waiting >= _LINES_MAX:
             raise ProtocolError(f"{_LINES_MAX} lines of this prompt are waiting already")
         prompt.waiting += 1
-        self._queue.enter(text, (prompt, request_number, releases))
+        self._queue.enter(text, (prompt, request_id, releases))
 
     def _do_lines(self) -> None:
         """Do lines, in a separate thread, because a line may take a while."""
         while (queued := self._queue.next()) is not None:
-            (prompt, request_number, releases), line_text = queued.sender, queued.text
+            (prompt, request_id, releases), line_text = queued.sender, queued.text
             self._current_prompt = prompt
             reply = self._submit(line_text, releases and queued.releases)
             self._current_prompt = None
             assert self._loop is not None
             with contextlib.suppress(RuntimeError):  # the loop is closed: the session has ended
-                self._loop.call_soon_threadsafe(
-                    self._reply, prompt, request_number, line_text, reply
-                )
+                self._loop.call_soon_threadsafe(self._reply, prompt, request_id, line_text, reply)
             if reply.leaves:
                 return
 
@@ -352,7 +350,7 @@ def _ended_by_signals(
         with _ended_by_handlers(event_loop, end_session, ending):
             yield
         return
-    handler_before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    old_handler = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     for signal_number in ending:
         event_loop.add_signal_handler(signal_number, end_session, f"ended by {signal_number.name}")
     if watch is not None:
@@ -362,7 +360,7 @@ def _ended_by_signals(
     finally:
         for signal_number in ending:
             event_loop.remove_signal_handler(signal_number)
-        signal.signal(signal.SIGHUP, handler_before)
+        signal.signal(signal.SIGHUP, old_handler)
 
 
 @contextlib.contextmanager
@@ -374,9 +372,9 @@ def _ended_by_handlers(
     def handle(number: int, _frame: object) -> None:
         loop.call_soon_threadsafe(end_session, f"ended by {signal.Signals(number).name}")
 
-    handler_before = [signal.signal(number, handle) for number in ending]
+    old_handlers = [signal.signal(number, handle) for number in ending]
     try:
         yield
     finally:
-        for number, handler in zip(ending, handler_before, strict=True):
+        for number, handler in zip(ending, old_handlers, strict=True):
             signal.signal(number, handler)

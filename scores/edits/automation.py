@@ -170,29 +170,29 @@ def end_beat_of(piece: Piece, automation_entry: Automation) -> float:
 def _with_automation_ended(
     score_texts: Texts, piece: Piece, from_beat: float, target: str
 ) -> tuple[Texts, int]:
-    tempo, ended_count = piece.tempo_map, 0
+    tempo, n_ended = piece.tempo_map, 0
     for automation_index in reversed(_entry_numbers(score_texts, piece, target)):
         entry = piece.automation[automation_index]
         is_over = entry.until is not None and tempo.resolve(entry.until) <= from_beat + SAME
         if not (is_over and tempo.resolve(entry.at) < from_beat - SAME):
-            score_texts, ended_count = (
+            score_texts, n_ended = (
                 _with_entry_ended(score_texts, piece, from_beat, automation_index),
-                ended_count + 1,
+                n_ended + 1,
             )
-    return score_texts, ended_count
+    return score_texts, n_ended
 
 
 def _entry_numbers(score_texts: Texts, piece: Piece, target_path: str) -> Sequence[int]:
     """The numbers of the automation entries of a parameter."""
     with score_texts.memory.lock:
         numbers_by_target: dict[tuple[str, str], list[int]]
-        automation_before, numbers_by_target = score_texts.memory.held(
+        old_automation, numbers_by_target = score_texts.memory.held(
             "automation by target", None
         ) or (
             (),
             {},
         )
-        if changed_range := changed_part(automation_before, piece.automation):
+        if changed_range := changed_part(old_automation, piece.automation):
             first_changed = changed_range.start  # those behind it are counted anew
             numbers_by_target = {
                 key: [n for n in numbers if n < first_changed]

@@ -15,7 +15,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.texts import SECTIONS, ListEdit, Texts
 from ergon.scores.gesture.transforms import parse_do
 from ergon.scores.pattern import words
-from ergon.scores.pattern.search import count_before
+from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.turn_chain import split_chain
 from ergon.scores.reading.piece import Piece
@@ -104,7 +104,7 @@ class PlacedEntry:
         """The number of beginnings of the entry, or of places of its pattern, that lie before a
         beat.
         """
-        return count_before(self.starts or (), before_beat - SAME)
+        return n_before(self.starts or (), before_beat - SAME)
 
     def part(self, first_start: int, stop_start: int, written_at: Callable[[float], str]) -> Entry:
         """The entry with only its beginnings from number `first_start` to before `stop_start`;
@@ -112,11 +112,11 @@ class PlacedEntry:
         """
         starts = self.starts or ()
         if not isinstance(starts, Steps):
-            entry_count = stop_start - first_start
+            n_entries = stop_start - first_start
             part_entry = self.entry.with_fields(
-                at=written_at(starts[first_start]), until=None, times=str(entry_count)
+                at=written_at(starts[first_start]), until=None, times=str(n_entries)
             )
-            return part_entry if entry_count > 1 else part_entry.with_fields(every=None, times=None)
+            return part_entry if n_entries > 1 else part_entry.with_fields(every=None, times=None)
         return self.entry.with_fields(**starts.part(first_start, stop_start, written_at))
 
 

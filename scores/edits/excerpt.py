@@ -22,7 +22,7 @@ from ergon.scores.edits.lists import place, section_entries, without_entry
 from ergon.scores.edits.scenes import END_MARK
 from ergon.scores.edits.strikes import melody_between
 from ergon.scores.edits.texts import Texts
-from ergon.scores.pattern.search import count_before
+from ergon.scores.pattern.search import n_before
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece, Strikes
 
@@ -143,7 +143,7 @@ class _Window:
         if strikes.pattern is not None:
             pattern_steps = strikes.steps(self.piece)
             first_place, stop_place = (
-                count_before(pattern_steps, at - SAME) for at in (self.start, self.stop)
+                n_before(pattern_steps, at - SAME) for at in (self.start, self.stop)
             )
             if first_place == stop_place:
                 return texts.remove(path), False
@@ -223,7 +223,7 @@ class _Window:
             if end_beat < math.inf:
                 entry_fields["until"] = self.position(min(end_beat, self.stop))
             if begin_beat < self.start - SAME and pattern_steps is not None:
-                first_place = count_before(pattern_steps, self.start - SAME)
+                first_place = n_before(pattern_steps, self.start - SAME)
                 if first_place == len(pattern_steps):
                     score_texts = without_entry(score_texts, "automation", entry_index)
                     continue
@@ -288,7 +288,7 @@ class _Window:
         first_entry: dict[str, edit.Tree] = {"at": "1|1", "bpm": f"{self.map.bpm(self.start):.12g}"}
         first_entry["meter"] = str(meter)
         entries_written = [first_entry]
-        for begin_beat, tempo_entry in self.map.placed:
+        for begin_beat, tempo_entry in self.map.entries_by_beat:
             end_beat = (
                 begin_beat
                 if tempo_entry.over is None

@@ -35,8 +35,8 @@ def with_files_read(score_texts: Texts) -> tuple[Texts, dict[str, str]]:
     """
     documents = replace(score_texts, sealed=False).load().files
     read_texts = {
-        name: document_read.text
-        for name, document_read in documents.items()
+        name: document_of_file.text
+        for name, document_of_file in documents.items()
         if name != score_texts.path
         and name not in score_texts.overlay
         and shipped(Path(name)) is None

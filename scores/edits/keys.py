@@ -51,20 +51,20 @@ def uncouple(score_texts: Texts, piece: Piece, from_beat: float, a: str, b: str)
 def _with_coupling_ended(
     score_texts: Texts, piece: Piece, from_beat: float, a: str, b: str
 ) -> tuple[Texts, int]:
-    tempo, parted_count = piece.tempo_map, 0
+    tempo, n_parted = piece.tempo_map, 0
     for entry_index in reversed(range(len(piece.duet))):
         coupling = piece.duet[entry_index]
         if {coupling.a.part, coupling.b.part} != {a, b}:
             continue
         if tempo.resolve(coupling.at) >= from_beat - SAME:
-            score_texts, parted_count = (
+            score_texts, n_parted = (
                 without_entry(score_texts, "duet", entry_index),
-                parted_count + 1,
+                n_parted + 1,
             )
         elif coupling.until is None or tempo.resolve(coupling.until) > from_beat + SAME:
             path = (*place(score_texts, "duet", entry_index), "until")
-            score_texts, parted_count = (
+            score_texts, n_parted = (
                 score_texts.put(path, position_text(piece, from_beat)),
-                parted_count + 1,
+                n_parted + 1,
             )
-    return score_texts, parted_count
+    return score_texts, n_parted

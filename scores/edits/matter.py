@@ -195,7 +195,7 @@ def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> T
     entry_values, file_name = named_entry.values, named_entry.values.node.document.file
     path = ("instruments", entry_values.context.name)
     assert instrument.pitch is not None
-    pitch_asked = (
+    wanted_pitch = (
         k.PITCH.parse(pitch_text)
         if not pitch_text.startswith("x")
         else instrument.pitch * q.factor(pitch_text)
@@ -203,14 +203,14 @@ def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> T
     if entry_values.written("like", "from"):
         score_texts = score_texts.put(
             (*path, "f"),
-            f"{pitch_asked!r}Hz" if pitch_text.startswith("x") else pitch_text,
+            f"{wanted_pitch!r}Hz" if pitch_text.startswith("x") else pitch_text,
             file_name,
         )
         is_moved = entry_values.written("transpose")
         return score_texts.remove((*path, "transpose"), file=file_name) if is_moved else score_texts
     written_pitch = named_pitch(entry_values)  # the written pitch, which `transpose` moves
     assert written_pitch is not None
-    pitch_interval = interval_between(written_pitch, pitch_asked)
+    pitch_interval = interval_between(written_pitch, wanted_pitch)
     if pitch_interval.ratio == 1.0:
         is_moved = entry_values.written("transpose")
         return score_texts.remove((*path, "transpose"), file=file_name) if is_moved else score_texts
@@ -294,10 +294,10 @@ def set_gain(score_texts: Texts, instrument_name: str | None, level_text: str) -
 def _value_owner(texts: Texts, target_path: str) -> tuple[_ValueOwner, str]:
     score_names, uses = texts.names()
     path_words = target_path.split(".")
-    for word_count in range(
+    for n_words in range(
         len(path_words) - 1, 0, -1
     ):  # names that a file brings in have dots themselves
-        part_name = ".".join(path_words[:word_count])
+        part_name = ".".join(path_words[:n_words])
         for section_name in ("keys", "instruments"):
             named_entry = score_names.tables[section_name].get(part_name)
             if named_entry is None or not isinstance(named_entry.values, Values):
@@ -308,15 +308,15 @@ def _value_owner(texts: Texts, target_path: str) -> tuple[_ValueOwner, str]:
             part_values = named_entry.values
             path: tuple[str, ...] = (section_name, part_values.context.name)
             if (values["notes"] or ()) if section_name == "instruments" else ():
-                member_found = _note_and_fields(values, part_values, path_words[word_count])
-                if member_found is not None:
-                    note_name, values, part_values = member_found
-                    part_name, path, word_count = (
+                member = _note_and_fields(values, part_values, path_words[n_words])
+                if member is not None:
+                    note_name, values, part_values = member
+                    part_name, path, n_words = (
                         f"{part_name}.{note_name}",
                         (*path, "members", note_name),
-                        word_count + 1,
+                        n_words + 1,
                     )
-            module_name, field_name = ".".join(path_words[word_count:-1]), path_words[-1]
+            module_name, field_name = ".".join(path_words[n_words:-1]), path_words[-1]
             fields_written, module_kind = _module_fields(values, module_name, target_path)
             is_ca = section_name == "instruments" and values["units"] == "ca"
             owner = _ValueOwner(
@@ -351,14 +351,14 @@ def _note_and_fields(
     """The note that a word names, the instrument at this note, and the fields that are written for
     it.
     """
-    pitch_asked = notes.pitch(note_word)
+    pitch = notes.pitch(note_word)
     for note_name in instrument_values["notes"]:
-        if notes.pitch(note_name) == pitch_asked:
-            member_values = overlay.fields_of_note(part_values, pitch_asked or 0.0)
+        if notes.pitch(note_name) == pitch:
+            member_values = overlay.fields_of_note(part_values, pitch or 0.0)
             if member_values is None:
                 member_values = Values(member_table("si"), part_values.node, part_values.context)
             else:
-                note_name = next(w for w in part_values["members"] if notes.pitch(w) == pitch_asked)
+                note_name = next(w for w in part_values["members"] if notes.pitch(w) == pitch)
             member_interval = part_values.by_name.get(TRANSPOSE)
             interval = overlay.interval_sum(member_interval, member_values.by_name.get(TRANSPOSE))
             if interval is not None:

@@ -38,42 +38,42 @@ _Value = Tree | MissingValue
 
 
 def merged_texts(
-    texts_before: Texts, texts_now: Texts, typed: Texts
+    old_texts: Texts, current_texts: Texts, typed: Texts
 ) -> tuple[Texts, list[ValuePlace]]:
-    """The texts `texts_now` with what was typed since `texts_before`, and the places whose typed
+    """The texts `current_texts` with what was typed since `old_texts`, and the places whose typed
     values are dropped.
 
     Raises EditError if a text cannot be read.
     """
     merge, dropped = _with_values_at(
-        texts_before, texts_now, typed, [*changed_places(texts_before, typed)]
+        old_texts, current_texts, typed, [*changed_places(old_texts, typed)]
     )
     if merge.load().piece is not None:
         return merge, dropped
     # Some typed value needs something that the files no longer have: find the values that can be
     # kept.
-    merge, dropped, spots_left = texts_now, [], [*changed_places(texts_before, typed)]
+    merge, dropped, spots_left = current_texts, [], [*changed_places(old_texts, typed)]
     count = -1
     while count != len(spots_left):
         count = len(spots_left)
         for place in spots_left[:]:
-            merged_text, lost = _with_values_at(texts_before, merge, typed, [place])
+            merged_text, lost = _with_values_at(old_texts, merge, typed, [place])
             if lost or merged_text.load().piece is not None:
                 spots_left.remove(place)
                 merge, dropped = (merge, [*dropped, place]) if lost else (merged_text, dropped)
     return merge, [*dropped, *spots_left]
 
 
-def changed_places(texts_before: Texts, texts_after: Texts) -> Iterator[ValuePlace]:
+def changed_places(old_texts: Texts, new_texts: Texts) -> Iterator[ValuePlace]:
     """The places at which two texts differ."""
-    for file_name in (texts_after.path, *texts_after.overlay):
-        text_before, text_after = (
-            _text_of_file(texts_before, file_name),
-            _text_of_file(texts_after, file_name),
+    for file_name in (new_texts.path, *new_texts.overlay):
+        old_text, new_text = (
+            _text_of_file(old_texts, file_name),
+            _text_of_file(new_texts, file_name),
         )
-        if text_before != text_after:
+        if old_text != new_text:
             paths = _differing_places(
-                _tree_of_text(text_before, file_name), _tree_of_text(text_after, file_name), ()
+                _tree_of_text(old_text, file_name), _tree_of_text(new_text, file_name), ()
             )
             yield from (ValuePlace(file_name, path) for path in paths)
 
@@ -84,85 +84,87 @@ def differ(a: Texts, b: Texts, spot: ValuePlace) -> bool:
 
 
 def _with_values_at(
-    texts_before: Texts, texts_now: Texts, typed: Texts, spots: list[ValuePlace]
+    old_texts: Texts, current_texts: Texts, typed: Texts, spots: list[ValuePlace]
 ) -> tuple[Texts, list[ValuePlace]]:
     lost_places = []
     for spot in spots:
-        value_before, typed_value, value_now = (
-            _value_of(texts_before, spot),
+        old_value, typed_value, current_value = (
+            _value_of(old_texts, spot),
             _value_of(typed, spot),
-            _value_of(texts_now, spot),
+            _value_of(current_texts, spot),
         )
-        if value_now == typed_value:
+        if current_value == typed_value:
             continue
-        if value_now != value_before or _text_of_file(texts_now, spot.file) is None:
+        if current_value != old_value or _text_of_file(current_texts, spot.file) is None:
             lost_places.append(spot)
             continue
         try:
-            texts_now = _with_value(texts_now, spot, value_before, typed_value)
+            current_texts = _with_value(current_texts, spot, old_value, typed_value)
         except EditError:
             lost_places.append(spot)
-    return texts_now, lost_places
+    return current_texts, lost_places
 
 
 def _with_value(
-    texts_now: Texts, spot: ValuePlace, value_before: _Value, typed_value: _Value
+    current_texts: Texts, spot: ValuePlace, old_value: _Value, typed_value: _Value
 ) -> Texts:
     """The texts with a value set at a place; comments are kept if possible. Raises EditError."""
     if isinstance(typed_value, MissingValue):
-        return texts_now.remove(spot.path, file=spot.file)
+        return current_texts.remove(spot.path, file=spot.file)
     if typed_value is None:
-        return texts_now.put(spot.path, "[]" if isinstance(value_before, list) else "{}", spot.file)
+        return current_texts.put(
+            spot.path, "[]" if isinstance(old_value, list) else "{}", spot.file
+        )
     try:
         if isinstance(typed_value, list):
-            return _with_items(texts_now, spot, value_before, typed_value)
-        if isinstance(typed_value, str) and "\n" in typed_value and isinstance(value_before, str):
-            return _with_rows(texts_now, spot, edit.rows(value_before), edit.rows(typed_value))
+            return _with_items(current_texts, spot, old_value, typed_value)
+        if isinstance(typed_value, str) and "\n" in typed_value and isinstance(old_value, str):
+            return _with_rows(current_texts, spot, edit.rows(old_value), edit.rows(typed_value))
     except EditError:  # write the whole value instead
         pass
-    return texts_now.put(spot.path, edit.flow(typed_value), spot.file)
+    return current_texts.put(spot.path, edit.flow(typed_value), spot.file)
 
 
 def _with_items(
-    texts_now: Texts, spot: ValuePlace, value_before: _Value, typed_items: list[Tree]
+    current_texts: Texts, spot: ValuePlace, old_value: _Value, typed_items: list[Tree]
 ) -> Texts:
-    items_before = value_before if isinstance(value_before, list) else []
-    if len(typed_items) < len(items_before) or (
-        value_before is not None and not isinstance(value_before, list)
+    old_items = old_value if isinstance(old_value, list) else []
+    if len(typed_items) < len(old_items) or (
+        old_value is not None and not isinstance(old_value, list)
     ):
         raise EditError("items were removed")
-    for item_index, (item_before, typed_item) in enumerate(
-        zip(items_before, typed_items, strict=False)
-    ):
-        if item_before != typed_item:
-            texts_now = texts_now.put((*spot.path, item_index), edit.flow(typed_item), spot.file)
-    for typed_item in typed_items[len(items_before) :]:
+    for item_index, (old_item, typed_item) in enumerate(zip(old_items, typed_items, strict=False)):
+        if old_item != typed_item:
+            current_texts = current_texts.put(
+                (*spot.path, item_index), edit.flow(typed_item), spot.file
+            )
+    for typed_item in typed_items[len(old_items) :]:
         item_text = edit.flow(typed_item)
-        texts_now = texts_now.edited(
+        current_texts = current_texts.edited(
             spot.path[0],
             partial(edit.append, path=spot.path, text=item_text, order=SECTIONS),
             spot.file,
         )
-    return texts_now
+    return current_texts
 
 
 def _with_rows(
-    texts_now: Texts, spot: ValuePlace, rows_before: list[str], typed_rows: list[str]
+    current_texts: Texts, spot: ValuePlace, old_rows: list[str], typed_rows: list[str]
 ) -> Texts:
-    if len(typed_rows) < len(rows_before):
+    if len(typed_rows) < len(old_rows):
         raise EditError("lines were removed")
-    for row_index, (row_before, typed_row) in enumerate(zip(rows_before, typed_rows, strict=False)):
-        if row_before != typed_row:
-            texts_now = texts_now.edited(
+    for row_index, (old_row, typed_row) in enumerate(zip(old_rows, typed_rows, strict=False)):
+        if old_row != typed_row:
+            current_texts = current_texts.edited(
                 spot.path[0],
                 partial(edit.put_row, path=spot.path, row=row_index, text=typed_row),
                 spot.file,
             )
-    for typed_row in typed_rows[len(rows_before) :]:
-        texts_now = texts_now.edited(
+    for typed_row in typed_rows[len(old_rows) :]:
+        current_texts = current_texts.edited(
             spot.path[0], partial(edit.add_row, path=spot.path, text=typed_row), spot.file
         )
-    return texts_now
+    return current_texts
 
 
 def _text_of_file(texts: Texts, file: str) -> str | None:
@@ -173,31 +175,27 @@ def _tree_of_text(text: str | None, file: str) -> Tree:
     return None if text is None else edit.tree(edit.read(text, file).root)
 
 
-def _differing_places(
-    value_before: _Value, value_after: _Value, path: edit.Path
-) -> Iterator[edit.Path]:
-    if value_before == value_after:
+def _differing_places(old_value: _Value, new_value: _Value, path: edit.Path) -> Iterator[edit.Path]:
+    if old_value == new_value:
         return
-    if isinstance(value_after, MissingValue) and path:  # something removed is removed as a whole
+    if isinstance(new_value, MissingValue) and path:  # something removed is removed as a whole
         yield path
         return
-    mappings = [
-        tree_value for tree_value in (value_before, value_after) if isinstance(tree_value, dict)
-    ]
+    mappings = [tree_value for tree_value in (old_value, new_value) if isinstance(tree_value, dict)]
     if not mappings or any(
-        isinstance(tree_value, (str, list)) for tree_value in (value_before, value_after)
+        isinstance(tree_value, (str, list)) for tree_value in (old_value, new_value)
     ):
         yield path
         return
     differing_names = dict.fromkeys(
         name
-        for tree_value in (value_after, value_before)
+        for tree_value in (new_value, old_value)
         if isinstance(tree_value, dict)
         for name in tree_value
     )
     for name in differing_names:
         yield from _differing_places(
-            _child_value(value_before, name), _child_value(value_after, name), (*path, name)
+            _child_value(old_value, name), _child_value(new_value, name), (*path, name)
         )
 
 

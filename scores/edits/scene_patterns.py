@@ -23,23 +23,23 @@ _PATTERN_FIELDS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH_
 
 
 def entries(
-    pattern_entry: Entry, pattern_steps: Steps, place_count: int, round_beats: float
+    pattern_entry: Entry, pattern_steps: Steps, n_places: int, round_beats: float
 ) -> Iterator[tuple[float, Entry]]:
-    """The entries that repeat the first `place_count` places of a pattern every `round_beats`.
+    """The entries that repeat the first `n_places` places of a pattern every `round_beats`.
 
     Yields each with the first beat on which it plays. Random choices are fixed to those of these
     places. Raises EditError if there are too many places.
     """
-    _check_place_count(place_count)
-    if not place_count:
+    _check_place_count(n_places)
+    if not n_places:
         return
     course = pattern_steps.course
-    if course.pattern.chance is None and _is_periodic(pattern_steps, place_count, round_beats):
+    if course.pattern.chance is None and _is_periodic(pattern_steps, n_places, round_beats):
         yield pattern_steps[0], pattern_entry
         return
     turns = _numbered_turns(pattern_entry) if course.pattern.turns else []
     played: dict[tuple[str, ...], list[tuple[float, str]]] = {}
-    for place_index in range(place_count):
+    for place_index in range(n_places):
         if (played_name := course.played(place_index)) is not None:
             chain = tuple(
                 text[transform.offset : transform.offset + transform.length]
@@ -48,10 +48,10 @@ def entries(
                 if transform is not None
             )
             played.setdefault(chain, []).append((pattern_steps[place_index], played_name))
-    for chain, starts_found in played.items():
+    for chain, starts in played.items():
         always = takewhile(lambda transform: not is_turn(transform), pattern_entry.do)
         occurrence = Entry(pattern_entry.with_fields(**_PATTERN_FIELDS).fields, (*always, *chain))
-        for begin, play, every in _absolute_patterns(starts_found, round_beats):
+        for begin, play, every in _absolute_patterns(starts, round_beats):
             yield begin, occurrence.with_fields(play=play).with_step(f"{every:.12g}")
 
 
@@ -72,20 +72,20 @@ def _numbered_turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
 def strikes(
     strike_fields: Mapping[str, object],
     pattern_steps: Steps,
-    place_count: int,
+    n_places: int,
     round_beats: float,
     notes_by_place: Mapping[str, str],
 ) -> Iterator[tuple[float, Mapping[str, object]]]:
-    """The fields of strikes that repeat the first `place_count` places of a pattern every
+    """The fields of strikes that repeat the first `n_places` places of a pattern every
     `round_beats`.
 
     Yields each with the first beat; `notes_by_place` has the pattern's notes as texts, and is empty
     without notes. The random choices of the strikes are drawn again in every round.
     """
-    _check_place_count(place_count)
-    if not place_count:
+    _check_place_count(n_places)
+    if not n_places:
         return
-    if _is_periodic(pattern_steps, place_count, round_beats):
+    if _is_periodic(pattern_steps, n_places, round_beats):
         yield pattern_steps[0], strike_fields
         return
     plain = {
@@ -94,7 +94,7 @@ def strikes(
         if name not in ("euclid", "swing", "skip")
     }
     places_with_names = (
-        (pattern_steps[place], pattern_steps.course.named(place)) for place in range(place_count)
+        (pattern_steps[place], pattern_steps.course.named(place)) for place in range(n_places)
     )
     named_beats = [(beat, name) for beat, name in places_with_names if name is not None]
     if notes_by_place:
@@ -106,24 +106,24 @@ def strikes(
         yield begin, {**plain, "every": f"{round_beats:.12g}"}
 
 
-def _check_place_count(place_count: int) -> None:
-    if place_count > _PLACES_MAX:
+def _check_place_count(n_places: int) -> None:
+    if n_places > _PLACES_MAX:
         raise EditError(
-            f"a pattern has {place_count:,} steps in this scene; a scene can repeat at most "
+            f"a pattern has {n_places:,} steps in this scene; a scene can repeat at most "
             f"{_PLACES_MAX:,}: make the scene shorter"
         )
 
 
-def _is_periodic(pattern_steps: Steps, place_count: int, beats: float) -> bool:
-    """Whether the `place_count` places after the first `place_count` repeat them `beats` later."""
+def _is_periodic(pattern_steps: Steps, n_places: int, beats: float) -> bool:
+    """Whether the `n_places` places after the first `n_places` repeat them `beats` later."""
     course = pattern_steps.course
     return (
         _plays_in_turn(course.pattern.order)
         and not course.pattern.turns
         and all(
-            abs(pattern_steps.beat(place_count + place) - pattern_steps[place] - beats) < SAME
-            and course.named(place_count + place) == course.named(place)
-            for place in range(place_count)
+            abs(pattern_steps.beat(n_places + place) - pattern_steps[place] - beats) < SAME
+            and course.named(n_places + place) == course.named(place)
+            for place in range(n_places)
         )
     )
 
@@ -143,13 +143,13 @@ def _absolute_patterns(
     If the names lie on no common grid, each gets a pattern of its own.
     """
     begin_beat = played[0][0] if played else 0.0
-    for step_count in range(len(played), _STEPS_MAX + 1):
-        slots = [(beat - begin_beat) * step_count / round_beats for beat, _ in played]
-        if all(abs(slot - round(slot)) < SAME * step_count for slot in slots):
+    for n_steps in range(len(played), _STEPS_MAX + 1):
+        slots = [(beat - begin_beat) * n_steps / round_beats for beat, _ in played]
+        if all(abs(slot - round(slot)) < SAME * n_steps for slot in slots):
             by_step = {round(slot): name for slot, (_, name) in zip(slots, played, strict=True)}
-            if len(by_step) == len(played) and max(by_step, default=step_count) < step_count:
-                row = [by_step.get(step, REST) for step in range(step_count)]
-                yield begin_beat, " ".join(row), round_beats / step_count
+            if len(by_step) == len(played) and max(by_step, default=n_steps) < n_steps:
+                row = [by_step.get(step, REST) for step in range(n_steps)]
+                yield begin_beat, " ".join(row), round_beats / n_steps
                 return
     for beat, name in played:
         yield beat, name, round_beats

@@ -21,7 +21,7 @@ from ergon.scores.edits.names import free_name
 from ergon.scores.edits.positions import endless_end, position_text
 from ergon.scores.edits.strikes import melody_entry
 from ergon.scores.edits.texts import Texts
-from ergon.scores.pattern.search import count_before
+from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading import automatable
@@ -122,12 +122,12 @@ def with_scene_tempo(
     score_texts: Texts, piece: Piece, scene: Scene, from_beat: float, over: str | None = None
 ) -> Texts:
     """Set the tempo to that of a scene, by a ramp `over` a length if given. Raises EditError."""
-    bpm_now, bpm = piece.tempo_map.bpm(from_beat), scene.piece.tempo_map.bpm(0.0)
-    if abs(bpm_now - bpm) < SAME:
+    old_bpm, bpm = piece.tempo_map.bpm(from_beat), scene.piece.tempo_map.bpm(0.0)
+    if abs(old_bpm - bpm) < SAME:
         return score_texts
     if over is None:
         return times.change_tempo(score_texts, piece, from_beat, f"{bpm:.12g}")
-    return times.change_tempo(score_texts, piece, from_beat, f"{bpm_now:.12g} -> {bpm:.12g}", over)
+    return times.change_tempo(score_texts, piece, from_beat, f"{old_bpm:.12g} -> {bpm:.12g}", over)
 
 
 def with_scene_values(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
@@ -212,12 +212,12 @@ def _with_definitions(score_texts: Texts, names_here: Names | None, scene: Scene
     return score_texts
 
 
-def _changed_parameters(piece_now: Piece, scene_piece: Piece) -> Iterator[tuple[str, str]]:
+def _changed_parameters(piece: Piece, scene_piece: Piece) -> Iterator[tuple[str, str]]:
     """The parameters that differ between two pieces, each with its value in the second."""
     pairs: list[tuple[Key | Instrument, Key | Instrument | None]] = [
-        *((key, piece_now.keys.get(key.name)) for key in scene_piece.keys.values()),
+        *((key, piece.keys.get(key.name)) for key in scene_piece.keys.values()),
         *(
-            (instrument, piece_now.instruments.get(instrument.name))
+            (instrument, piece.instruments.get(instrument.name))
             for instrument in scene_piece.instruments.values()
         ),
     ]
@@ -343,7 +343,7 @@ def _with_strikes(
         )
     elif strikes.pattern is not None:
         places = strikes.steps(scene.piece)
-        count = count_before(places, scene.beats - SAME)
+        count = n_before(places, scene.beats - SAME)
         notes = {name: _note_text(name, amount) for name, amount in strikes.notes.items()}
         occurrences = [*scene_patterns.strikes(strike_fields, places, count, scene.beats, notes)]
     else:

@@ -62,9 +62,9 @@ def move_pan(
     score_texts = structure.with_default_routes(score_texts, piece)
     members = {instrument_name, *piece.families.get(instrument_name, ())}
     part_route = next((route for route in piece.mix.routes if route.part in members), None)
-    pan_before = 0.0 if part_route is None else pan_of(part_route, piece.tempo_map, begin_beat)
+    old_pan = 0.0 if part_route is None else pan_of(part_route, piece.tempo_map, begin_beat)
     pan_points: list[edit.Tree] = [
-        {"at": position_text(piece, begin_beat), "pan": f"{pan_before:.12g}"},
+        {"at": position_text(piece, begin_beat), "pan": f"{old_pan:.12g}"},
         {"at": position_text(piece, end_beat), "pan": f"{pan:.12g}"},
     ]
     for path in _route_paths(score_texts, instrument_name):
@@ -77,21 +77,21 @@ def pan_of(route: Route, tempo: TempoMap, from_beat: float) -> float:
     if route.pan is not None:
         return 2.0 * route.pan[1] ** 2 - 1.0
     beat_instant = tempo.seconds(from_beat)
-    point_before: tuple[float, float] | None = None
+    previous: tuple[float, float] | None = None
     for t, pan_point in sorted(
         ((tempo.seconds(tempo.resolve(point.at)), point) for point in route.pan_path),
         key=lambda pair: pair[0],
     ):
         if t > beat_instant:
-            if point_before is None:
+            if previous is None:
                 return pan_point.pan
-            begin, previous_pan = point_before
+            begin, previous_pan = previous
             u = (beat_instant - begin) / (t - begin)
             u = u * u * (3.0 - 2.0 * u) if pan_point.is_smooth else u
             angles = [acos(-place) for place in (previous_pan, pan_point.pan)]
             return -cos(angles[0] + (angles[1] - angles[0]) * u)
-        point_before = t, pan_point.pan
-    return 0.0 if point_before is None else point_before[1]
+        previous = t, pan_point.pan
+    return 0.0 if previous is None else previous[1]
 
 
 def send_to_room(
@@ -142,7 +142,7 @@ def with_fade(
 def fade_level(fade: Fade, tempo: TempoMap, beat: float) -> float:
     """The level of a fade on a beat, as a ratio."""
     beat_instant = tempo.seconds(beat)
-    point_before: tuple[float, float] | None = None
+    previous: tuple[float, float] | None = None
     for t, point_gain, is_smooth in sorted(
         (
             (tempo.seconds(tempo.resolve(fade_point.at)), fade_point.gain, fade_point.is_smooth)
@@ -151,16 +151,16 @@ def fade_level(fade: Fade, tempo: TempoMap, beat: float) -> float:
         key=lambda fade_point: fade_point[0],
     ):
         if t > beat_instant:
-            if point_before is None:
+            if previous is None:
                 return point_gain
-            begin, previous_gain = point_before
+            begin, previous_gain = previous
             u = (beat_instant - begin) / (t - begin)
             u = u * u * (3.0 - 2.0 * u) if is_smooth else u
             if previous_gain > 0.0 and point_gain > 0.0:
                 return q.level_between(previous_gain, point_gain, u)
             return previous_gain + (point_gain - previous_gain) * u
-        point_before = t, point_gain
-    return 1.0 if point_before is None else point_before[1]
+        previous = t, point_gain
+    return 1.0 if previous is None else previous[1]
 
 
 def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:

@@ -59,12 +59,12 @@ class TunablePart:
         """Every number above 0 of the part's modules that may affect its modes."""
         for part_module in self._definition.modules:
             constants = part_module.fields.get("constants", {})
-            for name, quantity_number in number_fields(part_module):
-                if quantity_number > 0 and (name in _TUNABLE_FIELDS or name in constants):
-                    yield Value(part_module.name, name, quantity_number)
+            for name, value in number_fields(part_module):
+                if value > 0 and (name in _TUNABLE_FIELDS or name in constants):
+                    yield Value(part_module.name, name, value)
             if part_module.kind == "MODES":
-                for place, quantity_number in enumerate(part_module.fields["f"], 1):
-                    yield Value(part_module.name, "f", quantity_number, place)
+                for place, value in enumerate(part_module.fields["f"], 1):
+                    yield Value(part_module.name, "f", value, place)
 
     def target(self, value: Value) -> str:
         """The value's name in a line of a session and in a table of automation: `bell.m.K`.
@@ -131,15 +131,15 @@ class TunablePart:
 def _module_with_values(part_module: Module, numbers_by_field: Mapping[FieldKey, float]) -> Module:
     field_numbers: dict[str, float] = {}
     module_fields = dict(part_module.fields)
-    for (name, field_name, list_index), field_number in numbers_by_field.items():
+    for (name, field_name, list_index), value in numbers_by_field.items():
         if name != part_module.name:
             continue
         if list_index is None:
-            field_numbers[field_name] = field_number
+            field_numbers[field_name] = value
         else:
             numbers = module_fields[field_name]
             module_fields[field_name] = Each(
-                (*numbers[: list_index - 1], field_number, *numbers[list_index:])
+                (*numbers[: list_index - 1], value, *numbers[list_index:])
             )
     module_fields |= {name: x for name, x in field_numbers.items() if name in part_module.fields}
     constants = part_module.fields.get("constants", {})

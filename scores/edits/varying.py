@@ -135,10 +135,10 @@ def _values_of_range(target_path: str, range_text: str) -> Iterator[str]:
             for x in _range_steps(target_path, range_text, low_end, high_end, is_log)
         )
         return
-    value_count = int(range_match["count"])
-    if not 2 <= value_count <= VARIANTS_MAX:
+    n_values = int(range_match["count"])
+    if not 2 <= n_values <= VARIANTS_MAX:
         raise EditError(
-            f"{target_path}: a range has from 2 to {VARIANTS_MAX:,} points, not {value_count}"
+            f"{target_path}: a range has from 2 to {VARIANTS_MAX:,} points, not {n_values}"
         )
     if low_end == high_end:
         raise EditError(
@@ -146,12 +146,12 @@ def _values_of_range(target_path: str, range_text: str) -> Iterator[str]:
         )
     if is_log and not low_end * high_end > 0.0:
         raise EditError(f"{target_path}: a `log` range has both ends above 0, or both below")
-    for i in range(value_count):
-        t = i / (value_count - 1)
+    for i in range(n_values):
+        t = i / (n_values - 1)
         between = (
             low_end * (high_end / low_end) ** t if is_log else low_end + (high_end - low_end) * t
         )
-        x = (low_end, high_end)[i > 0] if i in (0, value_count - 1) else between
+        x = (low_end, high_end)[i > 0] if i in (0, n_values - 1) else between
         if target_path == SEED and x != int(x):
             raise EditError(f"seed={range_text}: a seed is a whole number; write seed=1..16")
         yield f"{x:.9g}{unit_text}"

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import BLOCK_NUMBERS, Motion, size_checked, unique_names
+from ergon.scores.gesture.motion import BLOCK_NUMBERS_MAX, Motion, size_checked, unique_names
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     MAX_SAMPLES,
@@ -101,7 +101,7 @@ def read(path: Path) -> Motion:
     n_there, left_over = divmod(n_numbers, n_channels) if n_channels else (n, 0)
 
     def blocks() -> Iterator[Floats]:
-        rows_max = max(1, BLOCK_NUMBERS // max(n_channels, 3 * len(joints)))
+        rows_max = max(1, BLOCK_NUMBERS_MAX // max(n_channels, 3 * len(joints)))
         with open_text(path) as file:
             file_words = _Words(file, path)
             _read_hierarchy(file_words)
@@ -206,10 +206,10 @@ def _read_motion_header(file_words: _Words) -> tuple[int, float]:
     if period is None:
         raise file_words.wrong("after `Frames:` comes `Frame Time:` and seconds")
     file_words.back(period)
-    (frame_seconds,) = file_words.numbers(1, "the time of a frame")
-    if not frame_seconds > 1e-6:
+    (frame_duration,) = file_words.numbers(1, "the time of a frame")
+    if not frame_duration > 1e-6:
         raise file_words.wrong("the time of a frame must be above a microsecond")
-    return int(frame_count_text), 1 / frame_seconds
+    return int(frame_count_text), 1 / frame_duration
 
 
 def _word_after_label(file_words: _Words, *label: str) -> str | None:

@@ -18,7 +18,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import BLOCK_NUMBERS, Motion, metres_of, size_checked, unique_names
+from ergon.scores.gesture.motion import (
+    BLOCK_NUMBERS_MAX,
+    Motion,
+    metres_of,
+    size_checked,
+    unique_names,
+)
 from ergon.scores.gesture.take_file import Floats, TakeError, open_take
 
 _SECTOR_BYTES = 512
@@ -116,13 +122,13 @@ def _layouts(
         number_format.real(header_bytes, 12),
     )
     point_counts, analog, frame_counts = [header.n_points], [header.n_analog], [n]
-    if (used_count := finite_number("POINT", "USED")) is not None:
-        point_counts.append(int(used_count) & _HEADER_FRAMES_MAX)
-    if (used_count := finite_number("ANALOG", "USED")) is not None:
+    if (n_points := finite_number("POINT", "USED")) is not None:
+        point_counts.append(int(n_points) & _HEADER_FRAMES_MAX)
+    if (n_points := finite_number("ANALOG", "USED")) is not None:
         rates = finite_number("ANALOG", "RATE"), finite_number("POINT", "RATE")
-        analog.append(int(used_count) * number_format.word(header_bytes, 18))
+        analog.append(int(n_points) * number_format.word(header_bytes, 18))
         if rates[0] and rates[1]:
-            analog.append(int(used_count) * min(round(rates[0] / rates[1]), _HEADER_FRAMES_MAX))
+            analog.append(int(n_points) * min(round(rates[0] / rates[1]), _HEADER_FRAMES_MAX))
     if total := finite_number("POINT", "FRAMES"):
         frame_counts.append(int(total))
     scales = [header.scale]
@@ -202,7 +208,10 @@ def read(path: Path) -> Motion:
     def blocks() -> Iterator[Floats]:
         with open_take(path) as open_file:
             open_file.seek(start_offset)
-            frames_left, frames_max = n, max(1, BLOCK_NUMBERS * frame_width // max(frame_bytes, 1))
+            frames_left, frames_max = (
+                n,
+                max(1, BLOCK_NUMBERS_MAX * frame_width // max(frame_bytes, 1)),
+            )
             while frames_left:
                 file_bytes = open_file.read(frame_bytes * min(frames_left, frames_max))
                 if len(file_bytes) != frame_bytes * min(frames_left, frames_max):
@@ -245,7 +254,7 @@ def _parameters(
         raise TakeError("this is not a C3D file that can be read: no parameters", path)
     number_format = _NumberFormat(file_bytes[3])
     group_names: dict[int, str] = {}
-    rows_found: list[tuple[int, str, _Value]] = []
+    rows: list[tuple[int, str, _Value]] = []
     parameters_start = 4
     while parameters_start + 2 < len(file_bytes):
         # A negative length of the name locks a parameter; a negative number makes it a group.
@@ -266,13 +275,11 @@ def _parameters(
         if group_number >= 0x80:
             group_names[0x100 - group_number] = parameter_name
         elif (value := _parameter_at(file_bytes, parameters_start + 2)) is not None:
-            rows_found.append((group_number, parameter_name, value))
+            rows.append((group_number, parameter_name, value))
         if not byte_offset:
             break
         parameters_start += byte_offset
-    return number_format, {
-        (group_names.get(group, ""), name): value for group, name, value in rows_found
-    }
+    return number_format, {(group_names.get(group, ""), name): value for group, name, value in rows}
 
 
 def _parameter_at(parameter_bytes: bytes, byte_offset: int) -> _Value | None:
@@ -281,11 +288,11 @@ def _parameter_at(parameter_bytes: bytes, byte_offset: int) -> _Value | None:
         return None
     value_kind, n_dimensions = struct.unpack_from("bB", parameter_bytes, byte_offset)
     dimensions = tuple(parameter_bytes[byte_offset + 2 : byte_offset + 2 + n_dimensions])
-    value_size = _BYTES_BY_TYPE.get(value_kind, 0) * math.prod(dimensions)
+    n_bytes = _BYTES_BY_TYPE.get(value_kind, 0) * math.prod(dimensions)
     byte_offset += 2 + n_dimensions
-    if value_kind not in _BYTES_BY_TYPE or byte_offset + value_size > len(parameter_bytes):
+    if value_kind not in _BYTES_BY_TYPE or byte_offset + n_bytes > len(parameter_bytes):
         return None
-    return value_kind, dimensions, parameter_bytes[byte_offset : byte_offset + value_size]
+    return value_kind, dimensions, parameter_bytes[byte_offset : byte_offset + n_bytes]
 
 
 def _parameter_text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:
@@ -332,9 +339,9 @@ def _frame_count(
 def _point_names(parameter_values: dict[tuple[str, str], _Value], n: int) -> tuple[str, ...]:
     """Names of points, (n,)."""
     point_names: list[str] = []
-    label_number = 1
+    label_index = 1
     while (
-        label := ("POINT", "LABELS" if label_number == 1 else f"LABELS{label_number}")
+        label := ("POINT", "LABELS" if label_index == 1 else f"LABELS{label_index}")
     ) in parameter_values:
         _, dimensions, _ = parameter_values[label]
         text, width = (
@@ -342,5 +349,5 @@ def _point_names(parameter_values: dict[tuple[str, str], _Value], n: int) -> tup
             max(1, dimensions[0] if dimensions else 1),
         )
         point_names += [text[i : i + width].strip(" \0") for i in range(0, len(text), width)]
-        label_number += 1
+        label_index += 1
     return unique_names([*point_names, *[""] * n][:n])

@@ -111,10 +111,10 @@ class MidiBytes:
     def track(self, span: tuple[int, int]) -> Iterator[MidiEvent]:
         """The events of a track in order, up to the event that ends it. Raises TakeError."""
         byte_offset, track_stop = span
-        tick, status, event_count = 0, 0, 0
+        tick, status, n_events = 0, 0, 0
         while byte_offset < track_stop:
-            event_count += 1
-            if not event_count % 4096:
+            n_events += 1
+            if not n_events % 4096:
                 poll()
             step, byte_offset = self._variable(byte_offset, track_stop)
             tick += step
@@ -134,36 +134,38 @@ class MidiBytes:
                 status, byte_offset = byte, byte_offset + 1
             elif not status:
                 raise self.damaged(byte_offset, "data without a status before it")
-            event_size = _DATA_BYTES_BY_STATUS[status >> 4]
-            event_content = self.data[byte_offset : byte_offset + event_size]
-            if byte_offset + event_size > track_stop or any(byte & 0x80 for byte in event_content):
+            n_data_bytes = _DATA_BYTES_BY_STATUS[status >> 4]
+            event_content = self.data[byte_offset : byte_offset + n_data_bytes]
+            if byte_offset + n_data_bytes > track_stop or any(
+                byte & 0x80 for byte in event_content
+            ):
                 raise self.damaged(byte_offset, "an event lacks its data")
-            byte_offset += event_size
+            byte_offset += n_data_bytes
             channel = (status & 0xF) + 1
             yield MidiEvent(tick, status & 0xF0, channel, event_content[0], event_content)
 
     def _message(self, tick: int, status: int, offset: int, stop: int) -> tuple[MidiEvent, int]:
         """A meta event or a message of the system, and the offset of its end."""
-        message_number = 0
+        number = 0
         if status == META:
             if offset >= stop:
                 raise self.damaged(offset, "a track ends where an event is expected")
-            message_number, offset = self.data[offset], offset + 1
+            number, offset = self.data[offset], offset + 1
         elif status not in (SYSEX, SYSEX_PART):
             raise self.damaged(offset - 1, f"a message 0x{status:02X}, which no file has")
-        message_size, offset = self._variable(offset, stop)
-        if offset + message_size > stop:
-            raise self.damaged(offset, f"an event of {message_size:,} bytes goes beyond its track")
-        content = self.data[offset : offset + message_size]
-        return MidiEvent(tick, status, 0, message_number, content), offset + message_size
+        length, offset = self._variable(offset, stop)
+        if offset + length > stop:
+            raise self.damaged(offset, f"an event of {length:,} bytes goes beyond its track")
+        content = self.data[offset : offset + length]
+        return MidiEvent(tick, status, 0, number, content), offset + length
 
     def _variable(self, offset: int, stop: int) -> tuple[int, int]:
         """A number of variable length, and the offset of its end."""
-        read_number = 0
+        value = 0
         for byte_offset in range(offset, min(offset + 4, stop)):
-            read_number = read_number << 7 | self.data[byte_offset] & 0x7F
+            value = value << 7 | self.data[byte_offset] & 0x7F
             if not self.data[byte_offset] & 0x80:
-                return read_number, byte_offset + 1
+                return value, byte_offset + 1
         raise self.damaged(offset, "a number has no end")
 
 

@@ -9,7 +9,12 @@ from pathlib import Path
 
 from ergon.scores.gesture.midi_bytes import CONTROLLER, PITCH_BEND, MidiEvent
 from ergon.scores.gesture.midi_file import FileState, read_bytes, state_of
-from ergon.scores.gesture.midi_source import MidiSource, pair_share, seven_bit_share, wheel_share
+from ergon.scores.gesture.midi_source import (
+    MidiSource,
+    pair_position,
+    seven_bit_position,
+    wheel_position,
+)
 from ergon.scores.gesture.take_file import TakeError
 
 MAX_VALUES = 100_000
@@ -30,29 +35,29 @@ def read_course(path: Path, channel: int | None, midi_source: MidiSource) -> Cou
 def _read(path: Path, channel: int | None, midi_source: MidiSource, _: FileState) -> Course:
     midi_bytes = read_bytes(path)
     header = midi_bytes.header()
-    track_events = [
+    events = [
         event
         for event in chain.from_iterable(map(midi_bytes.track, header.tracks))
         if event.kind == midi_source.kind
         and (not midi_source.numbers or event.number in midi_source.numbers)
     ]
-    moving_events = [event for event in track_events if channel in (None, event.channel)]
+    moving_events = [event for event in events if channel in (None, event.channel)]
     if not moving_events:
-        raise TakeError(_nothing_message(midi_source, track_events, channel), path, field="by")
+        raise TakeError(_nothing_message(midi_source, events, channel), path, field="by")
     moving_events.sort(key=lambda event: event.tick)
     # Of several values in a tick the last one counts.
-    by_tick = dict(_ticks_and_shares(moving_events, midi_source))
-    course, share_before = [], None
-    for tick, travel_share in by_tick.items():
-        if travel_share != share_before:
-            course.append((tick / header.ticks, travel_share))
-        share_before = travel_share
+    by_tick = dict(_ticks_and_positions(moving_events, midi_source))
+    course, last_position = [], None
+    for tick, position in by_tick.items():
+        if position != last_position:
+            course.append((tick / header.ticks, position))
+        last_position = position
     if len(course) > MAX_VALUES:
         raise TakeError(f"{midi_source} has more than {MAX_VALUES:,} values", path, field="by")
     return tuple(course)
 
 
-def _ticks_and_shares(
+def _ticks_and_positions(
     midi_events: Iterable[MidiEvent], midi_source: MidiSource
 ) -> Iterator[tuple[int, float]]:
     """The tick of each event, and the position of the source then.
@@ -60,20 +65,16 @@ def _ticks_and_shares(
     The upper bits of a pair put the lower ones at 0, until these come (MIDI 1.0, control change).
     """
     upper, lower = 0, 0
-    for midi_event in midi_events:
-        controller_value = midi_event.content[-1]
+    for event in midi_events:
+        value = event.content[-1]
         if midi_source.kind == PITCH_BEND:
-            travel_share = wheel_share(midi_event.content[0] | controller_value << 7)
+            position = wheel_position(event.content[0] | value << 7)
         elif midi_source.kind == CONTROLLER and len(midi_source.numbers) == 2:
-            upper, lower = (
-                (controller_value, 0)
-                if midi_event.number == midi_source.numbers[0]
-                else (upper, controller_value)
-            )
-            travel_share = pair_share(upper, lower)
+            upper, lower = (value, 0) if event.number == midi_source.numbers[0] else (upper, value)
+            position = pair_position(upper, lower)
         else:
-            travel_share = seven_bit_share(controller_value)
-        yield midi_event.tick, travel_share
+            position = seven_bit_position(value)
+        yield event.tick, position
 
 
 def _nothing_message(

@@ -76,12 +76,12 @@ def read_notes(path: Path, channel: str | None = None) -> MidiNotes:
 
 @lru_cache(8)
 def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
-    channel_asked = channel_number(path, channel_name)
+    channel = channel_number(path, channel_name)
     midi_bytes = read_bytes(path)
     header = midi_bytes.header()
     by_channel: dict[int, list[_ChannelEvent]] = {}
     with_notes: set[int] = set()
-    end_tick, note_count = 0, 0
+    end_tick, n_notes = 0, 0
     for track in header.tracks:
         for track_event in midi_bytes.track(track):
             end_tick = max(end_tick, track_event.tick)
@@ -90,9 +90,9 @@ def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
                 continue
             with_notes |= {track_event.channel} if note_event.kind == _ON_KIND else set()
             channel_events = by_channel.setdefault(track_event.channel, [])
-            if channel_asked is None or track_event.channel == channel_asked:
-                note_count += note_event.kind == _ON_KIND
-                if note_count > MAX_NOTES:
+            if channel is None or track_event.channel == channel:
+                n_notes += note_event.kind == _ON_KIND
+                if n_notes > MAX_NOTES:
                     raise TakeError(f"more than {MAX_NOTES:,} notes are played", path)
                 channel_events.append(note_event)
     played = [note for events in by_channel.values() for note in _notes_of_events(events, end_tick)]

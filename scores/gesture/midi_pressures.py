@@ -47,12 +47,12 @@ def read_pressures(path: Path, channel: str | None) -> tuple[KeyPressure, ...]:
 
 @lru_cache(8)
 def _read(path: Path, channel: str | None, _: FileState) -> tuple[KeyPressure, ...]:
-    channel_asked = channel_number(path, channel)
+    channel_wanted = channel_number(path, channel)
     midi_bytes = read_bytes(path)
     header = midi_bytes.header()
     by_channel: dict[int, list[MidiEvent]] = {}
     for midi_event in chain.from_iterable(map(midi_bytes.track, header.tracks)):
-        if midi_event.kind in (CHANNEL_PRESSURE, KEY_PRESSURE) and channel_asked in (
+        if midi_event.kind in (CHANNEL_PRESSURE, KEY_PRESSURE) and channel_wanted in (
             None,
             midi_event.channel,
         ):

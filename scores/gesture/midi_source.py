@@ -86,17 +86,17 @@ def _controllers(controllers_text: str, text_offset: int) -> tuple[int, ...]:
     return tuple(controller_numbers)
 
 
-def seven_bit_share(value: int) -> float:
+def seven_bit_position(value: int) -> float:
     """The position of a controller or a pressure, from 0 to 1."""
     return value / _SEVEN_BIT_MAX
 
 
-def pair_share(upper: int, lower: int) -> float:
+def pair_position(upper: int, lower: int) -> float:
     """The joint position of two controllers, from 0 to 1."""
     return (upper << 7 | lower) / _FOURTEEN_BIT_MAX
 
 
-def wheel_share(wheel_value: int) -> float:
+def wheel_position(wheel_value: int) -> float:
     """The position of the wheel: 0 and 1 at its ends (0 and 16383), one half in its middle."""
     if wheel_value <= _WHEEL_CENTRE:
         return 0.5 * wheel_value / _WHEEL_CENTRE

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from ergon.notation.clock.meter import MAX_BEATS, Meter
-from ergon.notation.clock.tempo import FASTEST, SLOWEST
+from ergon.notation.clock.tempo import BPM_MAX, BPM_MIN
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import midi_bytes as m
 from ergon.scores.gesture.file_meters import on_bar_lines
@@ -232,10 +232,10 @@ def _tempos(path: Path, state: FileState) -> tuple[tuple[float, float], ...]:
         () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, DEFAULT_QUARTER_MICROSECONDS),)
     )
     for quarter, micros in (*first_tempo, *file.tempos):
-        if not micros or not SLOWEST <= _MICROSECONDS_PER_MINUTE / micros <= FASTEST:
+        if not micros or not BPM_MIN <= _MICROSECONDS_PER_MINUTE / micros <= BPM_MAX:
             message = (
                 f"its tempo {quarter:g} quarters after the beginning is {micros} microseconds a "
-                f"quarter; a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm"
+                f"quarter; a tempo lies between {BPM_MIN:g} and {BPM_MAX:,.0f} bpm"
             )
             raise TakeError(message, path)
         result.append((quarter, _MICROSECONDS_PER_MINUTE / micros))

@@ -44,19 +44,19 @@ def read_wheels(path: Path, channel: str | None, cents: float) -> NoteCurves:
 
 @lru_cache(8)
 def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCurves:
-    channel_asked = channel_number(path, channel)
+    channel_wanted = channel_number(path, channel)
     file = read_bytes(path)
     header = file.header()
     file_events = [*chain.from_iterable(map(file.track, header.tracks))]
     file_events = [event for event in file_events if event.kind in _KIND_ORDER]
     file_events.sort(key=lambda event: (event.tick, _KIND_ORDER[event.kind]))
     wheels, curve_points = Wheels(cents), dict[int, dict[float, float]]()
-    curve_count = 0
+    n_curves = 0
     for wheel_event in file_events:
         for note_number, sounding_channel in wheels.moved(wheel_event):
-            if channel_asked in (None, sounding_channel):
-                curve_count += 1
-                if curve_count > MAX_POINTS:
+            if channel_wanted in (None, sounding_channel):
+                n_curves += 1
+                if n_curves > MAX_POINTS:
                     raise TakeError(f"the wheel moves notes more than {MAX_POINTS:,} times", path)
                 quarter = wheel_event.tick / header.ticks
                 curve_points.setdefault(note_number, {})[quarter] = wheels.cents(sounding_channel)

@@ -21,9 +21,9 @@ from ergon.scores.gesture.points import UNITS_PER_METRE
 from ergon.scores.gesture.take_file import MAX_CHANNELS, MAX_SAMPLES, Floats, TakeError
 
 AXES = ("x", "y", "z", "auto")
-BLOCK_NUMBERS = 1 << 18  # numbers that are read at once
-_HIDDEN_SECONDS_MAX = 0.2  # s that a spline runs across
-_STRAIGHT_VARIANCE_SHARE_MIN = 0.8  # smallest share of the variance along the line of `auto`
+BLOCK_NUMBERS_MAX = 1 << 18  # numbers that are read at once
+_HIDDEN_DURATION_MAX = 0.2  # s that a spline runs across
+_LINE_VARIANCE_RATIO_MIN = 0.8  # smallest share of the variance along the line of `auto`
 _NAMES_LISTED_MAX = 8
 _HIDDEN_WORDS = ("", "NULL")  # cells of a hidden point
 _UNIT_WORDS = {
@@ -45,7 +45,7 @@ class Motion:
     """
 
     points: tuple[str, ...]
-    n: int
+    n_frames: int
     rate: float | None
     metres: float | None
     blocks: Callable[[], Iterator[Floats]]
@@ -66,7 +66,7 @@ def size_checked(motion: Motion, path: Path) -> Motion:
         raise TakeError("the file holds no points that move", path)
     if len(motion.points) > MAX_CHANNELS:
         raise TakeError(f"the file has more than {MAX_CHANNELS:,} points", path)
-    if motion.n > MAX_SAMPLES:
+    if motion.n_frames > MAX_SAMPLES:
         raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
     return motion
 
@@ -89,30 +89,32 @@ def positions(
     """
     words = [cell.strip() for column in starts for cell in cells[column : column + 3]]
     try:
-        positions_read = [nan if word.upper() in _HIDDEN_WORDS else float(word) for word in words]
+        coordinates = [nan if word.upper() in _HIDDEN_WORDS else float(word) for word in words]
     except ValueError:
         raise TakeError("this line is not a row of numbers", path, line_number) from None
-    if any(abs(value) > _COORDINATE_MAX for value in positions_read):
+    if any(abs(value) > _COORDINATE_MAX for value in coordinates):
         raise TakeError("this line has a position that no camera sees", path, line_number)
-    return positions_read
+    return coordinates
 
 
-def position_blocks(frame_rows: Iterable[list[float]], n: int, path: Path) -> Iterator[Floats]:
+def position_blocks(
+    rows_of_frames: Iterable[list[float]], n_frames: int, path: Path
+) -> Iterator[Floats]:
     """Rows of positions as (frames, points, 3). Raises TakeError if the number of rows is not
-    `n`.
+    `n_frames`.
     """
-    row_block: list[list[float]] = []
+    rows: list[list[float]] = []
     n_rows = 0
-    for frame_row in frame_rows:
-        row_block.append(frame_row)
+    for row in rows_of_frames:
+        rows.append(row)
         n_rows += 1
-        if len(row_block) * len(frame_row) >= BLOCK_NUMBERS:
-            yield np.array(row_block).reshape(len(row_block), -1, 3)
-            row_block = []
-    if row_block:
-        yield np.array(row_block).reshape(len(row_block), -1, 3)
-    if n_rows != n:
-        raise TakeError(f"the file says {n:,} frames, and holds {n_rows:,}", path)
+        if len(rows) * len(row) >= BLOCK_NUMBERS_MAX:
+            yield np.array(rows).reshape(len(rows), -1, 3)
+            rows = []
+    if rows:
+        yield np.array(rows).reshape(len(rows), -1, 3)
+    if n_rows != n_frames:
+        raise TakeError(f"the file says {n_frames:,} frames, and holds {n_rows:,}", path)
 
 
 def chosen_point_and_axis(
@@ -180,26 +182,26 @@ def track(
     metres = metres_per_unit(motion.metres, metre_unit, path)
     if motion.rate is not None and rate is not None:
         raise TakeError("the file states its own rate; remove `rate`", path, field="rate")
-    hertz = motion.rate if rate is None else rate
-    if hertz is None:
+    rate_of_samples = motion.rate if rate is None else rate
+    if rate_of_samples is None:
         raise TakeError(
             "the file does not state its rate; write it, such as rate: 100Hz", path, field="rate"
         )
-    point_positions = np.concatenate(
+    path_in_space = np.concatenate(
         [np.empty((0, 3)), *(b[:, point_index].copy() for b in motion.blocks())]
     )
-    seen_frames = np.flatnonzero(np.isfinite(point_positions).all(axis=1))
+    seen_frames = np.flatnonzero(np.isfinite(path_in_space).all(axis=1))
     if seen_frames.size < 2:
         raise TakeError(f"'{motion.points[point_index][:60]}' is seen in no two frames", path)
-    damage = _hidden_note(seen_frames, hertz, motion.points[point_index], path)
-    point_positions = point_positions[seen_frames]
-    point_positions -= point_positions[0]
+    damage = _hidden_note(seen_frames, rate_of_samples, motion.points[point_index], path)
+    path_in_space = path_in_space[seen_frames]
+    path_in_space -= path_in_space[0]
     if axis_name == "auto":
-        x = point_positions @ _path_direction(point_positions, motion.points[point_index], path)
+        x = path_in_space @ _path_direction(path_in_space, motion.points[point_index], path)
     else:
-        x = point_positions[:, AXES.index(axis_name)]
+        x = path_in_space[:, AXES.index(axis_name)]
     notes = "; ".join(filter(None, (motion.note, damage)))
-    return seen_frames / hertz, x * metres, notes or None
+    return seen_frames / rate_of_samples, x * metres, notes or None
 
 
 def _hidden_note(
@@ -210,7 +212,7 @@ def _hidden_note(
     """
     gaps = np.diff(seen_frames)
     longest = int(gaps.argmax())
-    if (gaps[longest] - 1) / rate > _HIDDEN_SECONDS_MAX:
+    if (gaps[longest] - 1) / rate > _HIDDEN_DURATION_MAX:
         raise TakeError(
             f"'{point_name[:60]}' is not seen from {(seen_frames[longest] + 1) / rate:.3f} s to "
             f"{seen_frames[longest + 1] / rate:.3f} s; fill the gap in the program that captured "
@@ -229,17 +231,17 @@ def _path_direction(places: Floats, point_name: str, path: Path) -> Floats:
     """
     spread = places - places.mean(axis=0)
     # Relative to the largest value, so that no square overflows or underflows.
-    spread_size = float(np.abs(spread).max())
-    if not spread_size:
+    scale = float(np.abs(spread).max())
+    if not scale:
         raise TakeError(f"'{point_name[:60]}' does not move", path, field="channel")
-    spread = spread / spread_size
+    spread = spread / scale
     values, vectors = np.linalg.eigh(spread.T @ spread)
-    line_share = float(values[-1] / values.sum())
-    if line_share < _STRAIGHT_VARIANCE_SHARE_MIN:
+    variance_ratio = float(values[-1] / values.sum())
+    if variance_ratio < _LINE_VARIANCE_RATIO_MIN:
         raise TakeError(
             f"'{point_name[:60]}' does not move along a straight line: the nearest one holds "
-            f"{100 * line_share:.0f}% of its variance, and auto needs "
-            f"{100 * _STRAIGHT_VARIANCE_SHARE_MIN:.0f}%; choose x, y or z",
+            f"{100 * variance_ratio:.0f}% of its variance, and auto needs "
+            f"{100 * _LINE_VARIANCE_RATIO_MIN:.0f}%; choose x, y or z",
             path,
             field="channel",
         )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 from ergon.notation.clock.meter import MAX_BEATS, Meter, parse_meter
-from ergon.notation.clock.tempo import FASTEST, SLOWEST
+from ergon.notation.clock.tempo import BPM_MAX, BPM_MIN
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture.file_meters import on_bar_lines
@@ -105,7 +105,7 @@ def _score_of_root(score_root: Element) -> XmlScore:
     measure_columns = _measure_columns(score_root)
     skipped_counts: Counter[str] = Counter()
     meters: list[tuple[int, str]] = []  # index of the measure, text
-    measures_read = _read_measures(
+    measures = _read_measures(
         measure_columns, {name: XmlNotes(skipped_counts) for name in ids}, meters
     )
     played_order = played(turns([list(column.measures.values()) for column in measure_columns]))
@@ -114,7 +114,7 @@ def _score_of_root(score_root: Element) -> XmlScore:
     tempos: list[tuple[Fraction, float]] = []
     n_notes = 0
     for start_quarter, index in zip(starts, played_order, strict=True):
-        for name, part_events in measures_read[index].items():
+        for name, part_events in measures[index].items():
             voices[name] += ((start_quarter, event) for event in part_events)
             n_notes += sum(event.pitch is not None for event in part_events)
             tempos += ((start_quarter + e.at, e.tempo) for e in part_events if e.tempo is not None)
@@ -160,15 +160,15 @@ def _played_bars(
     measure_start = Fraction(0)
     starts: list[Fraction] = []
     placed_meters: list[tuple[Fraction, str]] = []
-    for turn_number, index in enumerate(played_order):
+    for turn, index in enumerate(played_order):
         measure_column, meter = measure_columns[index], _meter_of_measure(meters, index)
-        is_upbeat = turn_number == 0 and measure_column.is_upbeat
+        is_upbeat = turn == 0 and measure_column.is_upbeat
         if is_upbeat:
             measure_start = _bar_quarters(meter) - measure_column.length
-        is_whole = is_upbeat or turn_number + 1 == len(played_order)
+        is_whole = is_upbeat or turn + 1 == len(played_order)
         text = _meter_of_length(meter, Fraction(0) if is_whole else measure_column.length)
         if not placed_meters or placed_meters[-1][1] != text:
-            placed_meters.append((measure_start if turn_number else Fraction(0), text))
+            placed_meters.append((measure_start if turn else Fraction(0), text))
         starts.append(measure_start)
         measure_start += measure_column.length
         if measure_start.denominator > _COMMON_DENOMINATOR_MAX:
@@ -323,9 +323,9 @@ def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
     """
     tempos = read_score(path).tempos
     for quarter, tempo in tempos:
-        if not SLOWEST <= tempo <= FASTEST:
+        if not BPM_MIN <= tempo <= BPM_MAX:
             message = f"its tempo {quarter:g} quarters after the beginning is {tempo:g} quarters a "
-            message += f"minute; a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm"
+            message += f"minute; a tempo lies between {BPM_MIN:g} and {BPM_MAX:,.0f} bpm"
             raise TakeError(message, path)
     # Without a tempo of its own a score goes as a MIDI file does.
     return tempos if tempos and tempos[0][0] == 0.0 else ((0.0, 120.0), *tempos)

@@ -40,7 +40,7 @@ def turns(measure_columns: Sequence[Sequence[Element]]) -> list[Turns]:
     """What measures say, each of them as all parts have it."""
     turns_by_measure = [Turns() for _ in measure_columns]
     endings: frozenset[int] = frozenset()
-    for measure_number, (part_turns, measures) in enumerate(
+    for measure_index, (part_turns, measures) in enumerate(
         zip(turns_by_measure, measure_columns, strict=True)
     ):
         opened, closed = _read_marks(measures, part_turns)
@@ -51,7 +51,7 @@ def turns(measure_columns: Sequence[Sequence[Element]]) -> list[Turns]:
         if part_turns.passes == 1:  # a repeat without a number of times
             last_ending = max(part_turns.endings, default=1)
             part_turns.passes = max(
-                2, last_ending + _has_next_ending(measure_columns, measure_number)
+                2, last_ending + _has_next_ending(measure_columns, measure_index)
             )
     return turns_by_measure
 
@@ -115,20 +115,20 @@ def played(measures: Sequence[Turns]) -> list[int]:
 
 
 def _walk_measures(measures: Sequence[Turns]) -> Iterator[int]:
-    measure_index, section_start, turn_number = 0, 0, 1
+    measure_index, section_start, turn = 0, 0, 1
     has_jumped = False
     while measure_index < len(measures):
         part_turns = measures[measure_index]
         if part_turns.begins and measure_index != section_start:
-            section_start, turn_number = measure_index, 1
-        if part_turns.endings and not _is_in_turn(measures, measure_index, turn_number, has_jumped):
+            section_start, turn = measure_index, 1
+        if part_turns.endings and not _is_in_turn(measures, measure_index, turn, has_jumped):
             measure_index += 1
             if measure_index < len(measures) and not measures[measure_index].endings:
-                section_start, turn_number = measure_index, 1
+                section_start, turn = measure_index, 1
             continue
         yield measure_index
-        if part_turns.passes and not has_jumped and turn_number < part_turns.passes:
-            turn_number += 1
+        if part_turns.passes and not has_jumped and turn < part_turns.passes:
+            turn += 1
             measure_index = section_start
             continue
         if has_jumped and part_turns.is_fine:
@@ -140,7 +140,7 @@ def _walk_measures(measures: Sequence[Turns]) -> Iterator[int]:
             )
             if target_index is not None and target_index > measure_index:
                 measure_index = section_start = target_index
-                turn_number = 1
+                turn = 1
                 continue
         if part_turns.jumps_to and not has_jumped:
             jump_names = (
@@ -149,7 +149,7 @@ def _walk_measures(measures: Sequence[Turns]) -> Iterator[int]:
             measure_index = section_start = (
                 0 if part_turns.jumps_to == "capo" else next(jump_names, 0)
             )
-            has_jumped, turn_number = True, 1
+            has_jumped, turn = True, 1
             continue
         measure_index += 1
         is_over = (
@@ -158,7 +158,7 @@ def _walk_measures(measures: Sequence[Turns]) -> Iterator[int]:
             and not measures[measure_index].endings
         )
         if part_turns.passes or is_over:
-            section_start, turn_number = measure_index, 1
+            section_start, turn = measure_index, 1
 
 
 def _is_in_turn(measures: Sequence[Turns], turn_number: int, turn: int, has_jumped: bool) -> bool:

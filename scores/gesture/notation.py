@@ -79,28 +79,24 @@ class _Group:
         point_word = match.group()
         x, x_unit, plus, t, part, t_unit = match.groups()
         x_metres = metres(x, x_unit, offset)
-        beats, point_seconds = instant(t, part, t_unit, offset + match.start(4))
+        beats, seconds = instant(t, part, t_unit, offset + match.start(4))
         if plus:
             beats += self.beats
-            point_seconds += self.seconds
-        self._advance(
-            beats, point_seconds, offset + match.start(4), len(point_word) - match.start(4)
-        )
-        self.events.append(
-            _TimedEvent(beats, point_seconds, x_metres, curve, offset, len(point_word))
-        )
+            seconds += self.seconds
+        self._advance(beats, seconds, offset + match.start(4), len(point_word) - match.start(4))
+        self.events.append(_TimedEvent(beats, seconds, x_metres, curve, offset, len(point_word)))
 
     def row(self, match: re.Match[str], default: str, offset: int) -> None:
         """Add the point of a table row."""
         t, part, t_unit, x, x_unit, curve_name = match.groups()
         row_start = offset + match.start(1)
-        beats, point_seconds = instant(t, part, t_unit, row_start)
+        beats, seconds = instant(t, part, t_unit, row_start)
         x_metres = metres(x, x_unit, offset + match.start(4))
         curve = default if curve_name is None else curve_word(curve_name, offset + match.start(6))
-        self._advance(beats, point_seconds, row_start, match.end(3) - match.start(1))
+        self._advance(beats, seconds, row_start, match.end(3) - match.start(1))
         stop = match.end(5) if curve_name is None else match.end(6)
         self.events.append(
-            _TimedEvent(beats, point_seconds, x_metres, curve, row_start, stop - match.start(1))
+            _TimedEvent(beats, seconds, x_metres, curve, row_start, stop - match.start(1))
         )
 
     def bar_check(self, offset: int) -> None:
@@ -124,26 +120,23 @@ class _Group:
         self.beats += count * group.beats
         self.seconds += count * group.seconds
 
-    def _advance(
-        self, point_beats: float, point_seconds: float, point_offset: int, point_length: int
-    ) -> None:
+    def _advance(self, beats: float, seconds: float, offset: int, length: int) -> None:
         # Beats and seconds can be compared only with a tempo; a point that is earlier in both is an
         # error.
         early = (
-            point_beats < self.beats - ROUNDING_TOLERANCE
-            or point_seconds < self.seconds - ROUNDING_TOLERANCE
+            beats < self.beats - ROUNDING_TOLERANCE or seconds < self.seconds - ROUNDING_TOLERANCE
         )
         if (
             early
-            and point_beats <= self.beats + ROUNDING_TOLERANCE
-            and point_seconds <= self.seconds + ROUNDING_TOLERANCE
+            and beats <= self.beats + ROUNDING_TOLERANCE
+            and seconds <= self.seconds + ROUNDING_TOLERANCE
         ):
             raise TextError(
                 "this point is earlier than the point before it; times must rise",
-                offset=point_offset,
-                length=point_length,
+                offset=offset,
+                length=length,
             )
-        self.beats, self.seconds = point_beats, point_seconds
+        self.beats, self.seconds = beats, seconds
 
 
 def parse(text: str, first_curve: str = "smooth", events_max: int = MAX_EVENTS) -> Notation:

@@ -107,7 +107,7 @@ def _read_header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
                 first_row = numbered_line
                 break
     name_kind = next((kind for kind in _COLUMNS_BY_NAMES_FIELD if kind in header), "MARKER_NAMES")
-    column_count = _COLUMNS_BY_NAMES_FIELD[name_kind]
+    n_columns = _COLUMNS_BY_NAMES_FIELD[name_kind]
     marker_names = [name.strip() for name in header.get(name_kind, ())]
     while marker_names and not marker_names[-1]:
         marker_names.pop()
@@ -122,9 +122,9 @@ def _read_header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     has_titles = any(cell[:1].isalpha() for cell in cells)
     is_tabbed = not header[name_kind][-1].strip()
     leading = min(
-        max(len(cells) - column_count * len(marker_names) - is_tabbed, 0), _LEADING_COLUMNS_MAX
+        max(len(cells) - n_columns * len(marker_names) - is_tabbed, 0), _LEADING_COLUMNS_MAX
     )
-    return header, _RowLayout(path, marker_names, row_number + has_titles, leading, column_count)
+    return header, _RowLayout(path, marker_names, row_number + has_titles, leading, n_columns)
 
 
 def _frame_count(values: list[str], path: Path) -> int:

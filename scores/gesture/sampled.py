@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 
 def sampled_positions(
-    gesture_points: Sequence[Point], beat_seconds: float, rate: float
+    gesture_points: Sequence[Point], beat_duration: float, rate: float
 ) -> NDArray[np.float64]:
-    """Positions (n,) [m], `rate` a second, of points in beats of `beat_seconds` [s]; from 0 to the
+    """Positions (n,) [m], `rate` a second, of points in beats of `beat_duration` [s]; from 0 to the
     last.
 
     The engine plays the path with a key of its own, so that a `throw` here flies like a free
     mass. Raises TextError at the point that the engine refuses, or that no mass reaches.
     """
-    t = [point.at.beats * beat_seconds + point.at.seconds for point in gesture_points]
+    t = [point.at.beats * beat_duration + point.at.seconds for point in gesture_points]
     network = Network()
     hand_mass = network.mas("hand", M=1.0, X0=gesture_points[0].x)
     timeline = Timeline(network, rate)

@@ -63,7 +63,7 @@ def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Co
     TakeError, also if there are more than a take may have.
     """
     skipped_counts = Counter[str]() if passed_over is None else passed_over
-    columns_found: dict[_Key, Column] = {}
+    columns_by_key: dict[_Key, Column] = {}
     declared_columns: dict[bytes, list[str]] = {}
     n_values = 0
     for matrix_name, t, stream, matrix in _matrices(path, declared_columns, skipped_counts):
@@ -75,15 +75,15 @@ def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Co
         for row, values in enumerate(matrix.tolist()):
             for column, column_value in enumerate(values):
                 column_key = matrix_name, stream, row, column
-                if (known_column := columns_found.get(column_key)) is None:
-                    if len(columns_found) == MAX_CHANNELS:
+                if (known_column := columns_by_key.get(column_key)) is None:
+                    if len(columns_by_key) == MAX_CHANNELS:
                         raise TakeError(_TOO_MANY, path)
-                    known_column = columns_found[column_key] = Column(array("d"), array("d"))
+                    known_column = columns_by_key[column_key] = Column(array("d"), array("d"))
                 known_column.t.append(t)
                 known_column.x.append(column_value)
-    if not columns_found:
+    if not columns_by_key:
         raise TakeError("the file has no matrices of numbers", path)
-    return _columns_by_name(columns_found, declared_columns)
+    return _columns_by_name(columns_by_key, declared_columns)
 
 
 def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tuple[Floats, Floats]:
@@ -156,15 +156,15 @@ def _matrices(
             if frame_header in _TEXT_CHUNKS or len(frame_bytes) < _FRAME_HEADER.size:
                 _count_skipped(skipped, f"frame {_printable_name(frame_header)} without columns")
                 continue
-            t, stream, matrix_count = _FRAME_HEADER.unpack_from(frame_bytes)
+            t, stream, n_matrices = _FRAME_HEADER.unpack_from(frame_bytes)
             if not (
                 math.isfinite(t) and abs(t) <= _INSTANT_SECONDS_MAX
             ):  # it applies to the whole file
                 _count_skipped(skipped, f"frame {_printable_name(frame_header)} without an instant")
                 continue
-            if matrix_count < 0:
-                raise TakeError(f"the file has a frame with {matrix_count:,} matrices", path)
-            matrices = _frame_matrices(frame_bytes, matrix_count, path, skipped)
+            if n_matrices < 0:
+                raise TakeError(f"the file has a frame with {n_matrices:,} matrices", path)
+            matrices = _frame_matrices(frame_bytes, n_matrices, path, skipped)
             yield from ((name, t, stream, x) for name, x in matrices)
 
 
@@ -196,11 +196,11 @@ def _read_declarations(data: bytes, declared: dict[bytes, list[str]]) -> None:
 
 
 def _frame_matrices(
-    frame_bytes: bytes, matrix_count: int, path: Path, skipped: Counter[str]
+    frame_bytes: bytes, n_matrices: int, path: Path, skipped: Counter[str]
 ) -> Iterator[tuple[bytes, Floats]]:
     """Name and numbers of each matrix of a frame; matrices of other types go into `skipped`."""
     matrix_offset = _FRAME_HEADER.size
-    for _ in range(matrix_count):
+    for _ in range(n_matrices):
         if matrix_offset + _MATRIX_HEADER.size > len(frame_bytes):
             raise TakeError("the file has a frame that is too short for its matrices", path)
         matrix_name, matrix_type, n_rows, n_columns = _MATRIX_HEADER.unpack_from(

@@ -103,16 +103,16 @@ def _read_table(path: Path) -> Table:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
             time = next((i for i, column in enumerate(columns) if column.is_time), None)
             block: list[list[float]] = []
-            n_rows, instant_before = 0, -math.inf
+            n_rows, last_instant = 0, -math.inf
             for number, cells in table.rows:
                 block.append(values := _row_numbers(table.names, cells, path, number))
                 if not all(map(math.isfinite, values)):
                     _note_missing_line(columns, values, number)
                 if time is not None:
                     instant = number_in(cells[time], path, number)
-                    if not instant > instant_before:
-                        raise time_order_error(instant, instant_before, path, number)
-                    instant_before = instant
+                    if not instant > last_instant:
+                        raise time_order_error(instant, last_instant, path, number)
+                    last_instant = instant
                 if len(block) * len(columns) >= _BLOCK:
                     n_rows += _add_rows(columns, block)
             n_rows += _add_rows(columns, block)
@@ -219,10 +219,16 @@ def _points_summariser(opening: Callable[[Path], Motion]) -> Callable[[Path], Ta
             for column, values_of_column in zip(columns, values, strict=True):
                 column.add(values_of_column)
         if not motion.rate:
-            return Table(motion.n, columns, motion.note, motion.passed_over, has_hidden=True)
-        time = Column("t [s]", 0.0, (motion.n - 1) / motion.rate, 0.0, (motion.n - 1) / motion.rate)
+            return Table(motion.n_frames, columns, motion.note, motion.passed_over, has_hidden=True)
+        time = Column(
+            "t [s]",
+            0.0,
+            (motion.n_frames - 1) / motion.rate,
+            0.0,
+            (motion.n_frames - 1) / motion.rate,
+        )
         columns = (time, *columns)
-        return Table(motion.n, columns, motion.note, motion.passed_over, has_hidden=True)
+        return Table(motion.n_frames, columns, motion.note, motion.passed_over, has_hidden=True)
 
     return points
 

@@ -101,20 +101,18 @@ def _names_with_units(column_names: list[str]) -> list[str]:
 
 
 def _rows(
-    numbered: Iterator[tuple[int, str]], column_count: int, separator: str, path: Path
+    numbered: Iterator[tuple[int, str]], n_columns: int, separator: str, path: Path
 ) -> Iterator[tuple[int, list[str]]]:
     for line_number, line_text in numbered:
         line_cells = _split_cells(line_text, separator, path, line_number)
-        if len(line_cells) > column_count and not any(
-            cell.strip() for cell in line_cells[column_count:]
-        ):
-            del line_cells[column_count:]
+        if len(line_cells) > n_columns and not any(cell.strip() for cell in line_cells[n_columns:]):
+            del line_cells[n_columns:]
         if not any(cell.strip() for cell in line_cells):
             continue  # a row that is empty but for its separators
-        if len(line_cells) != column_count:
+        if len(line_cells) != n_columns:
             raise TakeError(
                 f"the number of values in this line is {len(line_cells)}, but "
-                f"the file has {column_count} columns",
+                f"the file has {n_columns} columns",
                 path,
                 line_number,
             )

@@ -47,12 +47,11 @@ class TakeError(TextError):
 
 
 def time_order_error(
-    row_instant: float, instant_before: float, path: Path, line_number: int
+    row_instant: float, last_instant: float, path: Path, line_number: int
 ) -> TakeError:
     """The mistake of a row [s] that is not later than the row before it [s]."""
     message = (
-        f"the time {row_instant:g} is not later than the time {instant_before:g} of the row "
-        "before; "
+        f"the time {row_instant:g} is not later than the time {last_instant:g} of the row before; "
     )
     return TakeError(f"{message}times must rise from row to row", path, line_number)
 

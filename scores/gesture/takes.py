@@ -133,12 +133,10 @@ def _read_table(
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
     if has_times:
-        point_seconds = np.frombuffer(ts) / _unit_divisor(
-            t_unit or "s", UNITS_PER_SECOND, "time", path
-        )
+        times = np.frombuffer(ts) / _unit_divisor(t_unit or "s", UNITS_PER_SECOND, "time", path)
     else:
-        point_seconds = np.arange(len(xs)) / (rate or 1.0)
-    return _checked_samples(point_seconds, np.frombuffer(xs) / divisor, path)
+        times = np.arange(len(xs)) / (rate or 1.0)
+    return _checked_samples(times, np.frombuffer(xs) / divisor, path)
 
 
 def _column_values(

@@ -21,8 +21,8 @@ NO_TIME = Time()
 NO_OTHER_VERBS: Mapping[str, str] = {}
 FACTOR_MAX = 1e4  # of a scale or stretch
 # A jittered point keeps a tenth of the way to its neighbour free, so that order survives a rubato.
-JITTER_SHARE_MAX = 0.45
-SAME_SECONDS = 1e-9  # [s]: tolerance for rounding of instants
+JITTER_RATIO_MAX = 0.45
+SAME_INSTANT_TOLERANCE = 1e-9  # [s]: tolerance for rounding of instants
 
 _TIME = re.compile(rf"({NUMBER})(?:/({NUMBER}))?({UNIT})")
 _POSITION = re.compile(rf"({NUMBER})({UNIT})")
@@ -156,22 +156,22 @@ def parse_chain(written_text: str) -> tuple[Transform, ...]:
 
 
 def apply(
-    gesture_points: Sequence[Point],
+    points: Sequence[Point],
     transforms: Sequence[Transform],
     chance: Chance,
     beat: float = 1.0,
 ) -> tuple[tuple[Point, ...], tuple[str, ...]]:
-    """Transform `gesture_points` left to right; also return a sentence for each loss of points.
+    """Transform `points` left to right; also return a sentence for each loss of points.
 
     `beat` is the duration [s] of a beat at the start of the occurrence.
     """
-    shaped = tuple(gesture_points)
-    point_notes: list[str] = []
+    transformed = tuple(points)
+    notes: list[str] = []
     for transform in transforms:
-        shaped, note = _VERBS[transform.word].act(shaped, transform, chance, beat)
+        transformed, note = _VERBS[transform.word].act(transformed, transform, chance, beat)
         if note is not None:
-            point_notes.append(note)
-    return shaped, tuple(point_notes)
+            notes.append(note)
+    return transformed, tuple(notes)
 
 
 def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTransform:
@@ -179,8 +179,8 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
 
     `beat` is the duration [s] of a beat at the start of the occurrence.
     """
-    scale, stretch, reverse, time_shift = 1.0, 1.0, False, Time()
-    left_out = [0.0, 0.0]  # in front and at the back
+    scale, stretch, reverse, shift = 1.0, 1.0, False, Time()
+    omitted_durations = [0.0, 0.0]  # in front and at the back
     for transform in transforms:
         if transform.word in ("jitter", "quantise"):
             raise TextError(
@@ -190,23 +190,19 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
             )
         amount, transform_time = transform.amount, transform.time
         scale *= {"scale": amount, "mirror": -1.0}.get(transform.word, 1.0)
-        longer = transform.lengthening
-        stretch *= longer
-        time_shift = Time(time_shift.beats * longer, time_shift.seconds * longer)
+        time_factor = transform.lengthening
+        stretch *= time_factor
+        shift = Time(shift.beats * time_factor, shift.seconds * time_factor)
         reverse ^= transform.word in ("reverse", "rev")
         if transform.word == "from":
-            seconds_into_take = (
-                (transform_time.beats - time_shift.beats) * beat
-                + transform_time.seconds
-                - time_shift.seconds
+            cut_duration = (
+                (transform_time.beats - shift.beats) * beat + transform_time.seconds - shift.seconds
             )
-            left_out[reverse] += max(0.0, seconds_into_take) / stretch
-            time_shift = Time(0.0, max(0.0, -seconds_into_take))
+            omitted_durations[reverse] += max(0.0, cut_duration) / stretch
+            shift = Time(0.0, max(0.0, -cut_duration))
             continue
-        time_shift = Time(
-            time_shift.beats + transform_time.beats, time_shift.seconds + transform_time.seconds
-        )
-    return TakeTransform(scale, stretch, reverse, time_shift, *left_out)
+        shift = Time(shift.beats + transform_time.beats, shift.seconds + transform_time.seconds)
+    return TakeTransform(scale, stretch, reverse, shift, *omitted_durations)
 
 
 def _scale(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
@@ -217,137 +213,125 @@ def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> 
     return _TransformResult(tuple(_moved_point(p, p.at, 0.0 - p.x) for p in points))
 
 
-def _stretch(
-    gesture_points: tuple[Point, ...], t: Transform, _: Chance, __: float
-) -> _TransformResult:
+def _stretch(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
     s = t.lengthening
     return _TransformResult(
-        tuple(_moved_point(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in gesture_points)
+        tuple(_moved_point(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in points)
     )
 
 
-def _shift(
-    gesture_points: tuple[Point, ...], t: Transform, _: Chance, __: float
-) -> _TransformResult:
+def _shift(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
     return _TransformResult(
         tuple(
             _moved_point(p, Time(p.at.beats + t.time.beats, p.at.seconds + t.time.seconds), p.x)
-            for p in gesture_points
+            for p in points
         )
     )
 
 
 def _start_from(
-    gesture_points: tuple[Point, ...], t: Transform, _: Chance, beat_seconds: float
+    points: tuple[Point, ...], t: Transform, _: Chance, beat_duration: float
 ) -> _TransformResult:
     """Leave out the points before an instant, which becomes the start; the last point stays.
 
     The first point that is left gets the curve of the gesture's first point.
     """
-    start_seconds = t.time.beats * beat_seconds + t.time.seconds
+    start = t.time.beats * beat_duration + t.time.seconds
     later_indices = (
         i
-        for i, p in enumerate(gesture_points)
-        if p.at.beats * beat_seconds + p.at.seconds >= start_seconds - SAME_SECONDS
+        for i, p in enumerate(points)
+        if p.at.beats * beat_duration + p.at.seconds >= start - SAME_INSTANT_TOLERANCE
     )
-    first_time = next(later_indices, None)
-    if first_time is None:
-        end = _moved_point(gesture_points[-1], NO_TIME, gesture_points[-1].x)
+    first_index = next(later_indices, None)
+    if first_index is None:
+        end = _moved_point(points[-1], NO_TIME, points[-1].x)
         return _TransformResult(
             (end,), "from: the start lies after the last point, so only the last position remains"
         )
-    new_times = [
-        Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds)
-        for p in gesture_points[first_time:]
+    times = [
+        Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first_index:]
     ]
     moved = [
         _moved_point(p, new_time, p.x)
-        for p, new_time in zip(gesture_points[first_time:], new_times, strict=True)
+        for p, new_time in zip(points[first_index:], times, strict=True)
     ]
-    return _TransformResult((replace(moved[0], curve=gesture_points[0].curve), *moved[1:]))
+    return _TransformResult((replace(moved[0], curve=points[0].curve), *moved[1:]))
 
 
-def _reverse(
-    gesture_points: tuple[Point, ...], _: Transform, __: Chance, ___: float
-) -> _TransformResult:
+def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformResult:
     """Play the points backward, between the first and the last point's instants.
 
     The curve that led into point i now leads into point i-1.
     """
-    first_time, last_time = gesture_points[0].at, gesture_points[-1].at
-    beats, point_seconds = (
+    first_time, last_time = points[0].at, points[-1].at
+    beats, seconds = (
         first_time.beats + last_time.beats,
         first_time.seconds + last_time.seconds,
     )
-    curves = [gesture_points[0].curve, *(p.curve for p in reversed(gesture_points[1:]))]
+    curves = [points[0].curve, *(p.curve for p in reversed(points[1:]))]
     return _TransformResult(
         tuple(
             Point(
-                Time(beats - p.at.beats, point_seconds - p.at.seconds),
+                Time(beats - p.at.beats, seconds - p.at.seconds),
                 p.x,
                 curve,
                 p.offset,
                 p.length,
             )
-            for p, curve in zip(reversed(gesture_points), curves, strict=True)
+            for p, curve in zip(reversed(points), curves, strict=True)
         )
     )
 
 
 def _jitter(
-    gesture_points: tuple[Point, ...], t: Transform, chance: Chance, beat_seconds: float
+    points: tuple[Point, ...], t: Transform, chance: Chance, beat_duration: float
 ) -> _TransformResult:
     """Move every point but the first by a draw in time, then one in position.
 
-    A point moves at most JITTER_SHARE_MAX of the way to a neighbour, so that a tenth of the way
+    A point moves at most JITTER_RATIO_MAX of the way to a neighbour, so that a tenth of the way
     stays between them. A hold keeps the moved position of the point before it.
     """
-    reach = t.time.beats * beat_seconds + t.time.seconds
-    clock = [p.at.beats * beat_seconds + p.at.seconds for p in gesture_points]
-    moved = list(gesture_points[:1])
-    for i in range(1, len(gesture_points)):
-        moved_point = gesture_points[i]
-        dt, dx = chance.uniform(-1.0, 1.0) * reach, chance.uniform(-1.0, 1.0) * t.x
-        earliest = -JITTER_SHARE_MAX * (clock[i] - clock[i - 1])
+    time_max = t.time.beats * beat_duration + t.time.seconds
+    instants = [p.at.beats * beat_duration + p.at.seconds for p in points]
+    moved = list(points[:1])
+    for i in range(1, len(points)):
+        point = points[i]
+        dt, dx = chance.uniform(-1.0, 1.0) * time_max, chance.uniform(-1.0, 1.0) * t.x
+        earliest = -JITTER_RATIO_MAX * (instants[i] - instants[i - 1])
         dt = max(dt, earliest)
-        if i + 1 < len(gesture_points):
-            dt = min(dt, JITTER_SHARE_MAX * (clock[i + 1] - clock[i]))
-        x = moved[-1].x if moved_point.curve == "hold" else moved_point.x + dx
-        moved.append(
-            _moved_point(moved_point, Time(moved_point.at.beats, moved_point.at.seconds + dt), x)
-        )
+        if i + 1 < len(points):
+            dt = min(dt, JITTER_RATIO_MAX * (instants[i + 1] - instants[i]))
+        x = moved[-1].x if point.curve == "hold" else point.x + dx
+        moved.append(_moved_point(point, Time(point.at.beats, point.at.seconds + dt), x))
     return _TransformResult(tuple(moved))
 
 
 def _quantise(
-    gesture_points: tuple[Point, ...], t: Transform, _: Chance, beat_seconds: float
+    points: tuple[Point, ...], t: Transform, _: Chance, beat_duration: float
 ) -> _TransformResult:
     """Move points to the nearest multiple of q beats, halves later; merge those that meet.
 
     The merged point has the position of the last; its curve is the last that is not a hold.
     """
-    grid_beats = t.amount
-    merged_points: list[Point] = []
-    for moved_point in gesture_points:
+    grid = t.amount
+    merged: list[Point] = []
+    for point in points:
         rounded = Time(
-            floor((moved_point.at.beats + moved_point.at.seconds / beat_seconds) / grid_beats + 0.5)
-            * grid_beats,
+            floor((point.at.beats + point.at.seconds / beat_duration) / grid + 0.5) * grid,
             0.0,
         )
-        curve = moved_point.curve
-        if merged_points and rounded.beats <= merged_points[-1].at.beats:
-            previous = merged_points.pop()
+        curve = point.curve
+        if merged and rounded.beats <= merged[-1].at.beats:
+            previous = merged.pop()
             rounded, curve = previous.at, previous.curve if curve == "hold" else curve
-        merged_points.append(
-            Point(rounded, moved_point.x, curve, moved_point.offset, moved_point.length)
-        )
-    n_lost = len(gesture_points) - len(merged_points)
+        merged.append(Point(rounded, point.x, curve, point.offset, point.length))
+    n_lost = len(points) - len(merged)
     if not n_lost:
-        return _TransformResult(tuple(merged_points))
+        return _TransformResult(tuple(merged))
     plural = "points fall" if n_lost > 1 else "point falls"
     return _TransformResult(
-        tuple(merged_points),
-        f"quantise {grid_beats:g}: {n_lost} {plural} on the time of the next point",
+        tuple(merged),
+        f"quantise {grid:g}: {n_lost} {plural} on the time of the next point",
     )
 
 
@@ -355,31 +339,29 @@ def _moved_point(p: Point, at: Time, x: float) -> Point:
     return Point(at, x, p.curve, p.offset, p.length)
 
 
-def _read_ratio(ratio_word: str, word_offset: int, example: str) -> float:
-    ratio_match = _RATIO.fullmatch(ratio_word)
+def _read_ratio(word: str, offset: int, example: str) -> float:
+    ratio_match = _RATIO.fullmatch(word)
     if ratio_match is None:
-        raise _misread_error(ratio_word, word_offset, "a number", example)
+        raise _misread_error(word, offset, "a number", example)
     divisor = 1.0 if ratio_match[3] is None else float(ratio_match[3])
-    read_value = float(ratio_match[2]) / divisor if divisor else FACTOR_MAX * 2
-    if not read_value <= FACTOR_MAX:
-        raise TextError(
-            f"'{ratio_word[:40]}' is too large", offset=word_offset, length=len(ratio_word)
-        )
-    return -read_value if ratio_match[1] == "-" else read_value
+    value = float(ratio_match[2]) / divisor if divisor else FACTOR_MAX * 2
+    if not value <= FACTOR_MAX:
+        raise TextError(f"'{word[:40]}' is too large", offset=offset, length=len(word))
+    return -value if ratio_match[1] == "-" else value
 
 
-def _read_positive_time(read_word: str, word_offset: int, example: str) -> float:
-    read_value = _read_ratio(read_word, word_offset, example)
-    if read_value <= 0.0:
-        raise TextError("this must be above 0", offset=word_offset, length=len(read_word))
-    return read_value
+def _read_positive_time(word: str, offset: int, example: str) -> float:
+    value = _read_ratio(word, offset, example)
+    if value <= 0.0:
+        raise TextError("this must be above 0", offset=offset, length=len(word))
+    return value
 
 
-def _read_span(read_word: str, word_offset: int, example: str) -> Time:
-    text_match = _TIME.fullmatch(read_word)
-    if text_match is None:
-        raise _misread_error(read_word, word_offset, "a time", example)
-    return Time(*instant(text_match[1], text_match[2], text_match[3], word_offset))
+def _read_span(word: str, offset: int, example: str) -> Time:
+    match = _TIME.fullmatch(word)
+    if match is None:
+        raise _misread_error(word, offset, "a time", example)
+    return Time(*instant(match[1], match[2], match[3], offset))
 
 
 def _signed_span(word: str, offset: int, example: str) -> Time:
@@ -388,11 +370,11 @@ def _signed_span(word: str, offset: int, example: str) -> Time:
     return Time(-time.beats, -time.seconds) if sign == "-" else time
 
 
-def _read_reach(read_word: str, word_offset: int, example: str) -> float:
-    text_match = _POSITION.fullmatch(read_word)
-    if text_match is None:
-        raise _misread_error(read_word, word_offset, "a distance", example)
-    return metres(text_match[1], text_match[2], word_offset)
+def _read_reach(word: str, offset: int, example: str) -> float:
+    match = _POSITION.fullmatch(word)
+    if match is None:
+        raise _misread_error(word, offset, "a distance", example)
+    return metres(match[1], match[2], offset)
 
 
 def _misread_error(read_word: str, word_offset: int, kind: str, example: str) -> TextError:

@@ -125,17 +125,17 @@ def swing(amount: Fraction, slices: int, changed_pattern: Cycles[V]) -> Cycles[V
 
 
 def ply(
-    repeat_count: int,
+    n_repeats: int,
     changed_pattern: Cycles[V],
     change: Callable[[V, int], V] = lambda played_value, _: played_value,
 ) -> Cycles[V]:
-    """Each event `repeat_count` times in its span; `change` returns the value of a repetition."""
+    """Each event `n_repeats` times in its span; `change` returns the value of a repetition."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         fragments_made: list[Fragment[V]] = []
         for fragment in changed_pattern.query(begin, end, chance):
             first_instant, last, fragment_start, fragment_stop, played_value = fragment
-            step_width = (last - first_instant) / repeat_count
+            step_width = (last - first_instant) / n_repeats
             repetition = (fragment_start - first_instant) // step_width
             low_instant = first_instant + repetition * step_width
             while low_instant < fragment_stop:
@@ -153,7 +153,7 @@ def ply(
                 low_instant, repetition = high_instant, repetition + 1
         return fragments_made
 
-    return node(query, (changed_pattern,), changed_pattern.cost * repeat_count)
+    return node(query, (changed_pattern,), changed_pattern.cost * n_repeats)
 
 
 # --- some cycles, some parts of them ------------------------------------------------------------
@@ -175,15 +175,15 @@ def when(test: Callable[[int], bool], change: Change[V], part: Cycles[V]) -> Cyc
     return select(lambda cycle: changed if test(cycle) else part, (part, changed))
 
 
-def chunk(share_count: int, change: Change[V], changed_pattern: Cycles[V]) -> Cycles[V]:
-    """A change of one of `share_count` shares of a cycle: of the first share in the first cycle,
+def chunk(n_chunks: int, change: Change[V], changed_pattern: Cycles[V]) -> Cycles[V]:
+    """A change of one of `n_chunks` shares of a cycle: of the first share in the first cycle,
     of the second in the second.
     """
     changed = change(changed_pattern)
 
     def is_share(begin: Fraction) -> bool:
         cycle = begin.numerator // begin.denominator
-        return (begin - cycle) * share_count // 1 == cycle % share_count
+        return (begin - cycle) * n_chunks // 1 == cycle % n_chunks
 
     return stack(
         [
@@ -256,14 +256,14 @@ def off(time: Fraction, change: Change[V], part: Cycles[V]) -> Cycles[V]:
 
 
 def echo(
-    echo_count: int, time: Fraction, fade: Callable[[V, int], V], changed_pattern: Cycles[V]
+    n_echoes: int, time: Fraction, fade: Callable[[V, int], V], changed_pattern: Cycles[V]
 ) -> Cycles[V]:
-    """The pattern `echo_count` times, each some time later; `fade` returns a value of a copy."""
+    """The pattern `n_echoes` times, each some time later; `fade` returns a value of a copy."""
 
     def copy(turn: int) -> Cycles[V]:
         return late(time * turn, mapped(lambda value: fade(value, turn), changed_pattern))
 
-    return stack([changed_pattern, *(copy(turn) for turn in range(1, echo_count))])
+    return stack([changed_pattern, *(copy(turn) for turn in range(1, n_echoes))])
 
 
 def euclid(

@@ -102,27 +102,23 @@ class Cycles(Generic[V]):
         return None
 
 
-def node(query: Query[V], inner_patterns: Sequence[Cycles[V]], cost: int) -> Cycles[V]:
+def node(query: Query[V], patterns: Sequence[Cycles[V]], cost: int) -> Cycles[V]:
     """A pattern that is made of others."""
-    depth = 1 + max((part.depth for part in inner_patterns), default=0)
-    leaves = dict.fromkeys(leaf for part in dict.fromkeys(inner_patterns) for leaf in part.leaves)
+    depth = 1 + max((part.depth for part in patterns), default=0)
+    leaves = dict.fromkeys(leaf for part in dict.fromkeys(patterns) for leaf in part.leaves)
     return Cycles(query, cost, depth, tuple(leaves))
 
 
-def by_cycle(
-    begin_instant: Fraction, end_instant: Fraction
-) -> Iterator[tuple[int, Fraction, Fraction]]:
+def by_cycle(begin: Fraction, end: Fraction) -> Iterator[tuple[int, Fraction, Fraction]]:
     """The cycles between two instants, each with the part of it that lies between them."""
-    cycle = begin_instant.numerator // begin_instant.denominator
-    if (
-        end_instant.denominator == 1 and end_instant.numerator == cycle + 1
-    ):  # arithmetic of fractions is slow
-        yield cycle, begin_instant, end_instant
+    cycle = begin.numerator // begin.denominator
+    if end.denominator == 1 and end.numerator == cycle + 1:  # arithmetic of fractions is slow
+        yield cycle, begin, end
         return
-    while begin_instant < end_instant:
-        cycle_end = min(end_instant, Fraction(cycle + 1))
-        yield cycle, begin_instant, cycle_end
-        begin_instant, cycle = cycle_end, cycle + 1
+    while begin < end:
+        cycle_end = min(end, Fraction(cycle + 1))
+        yield cycle, begin, cycle_end
+        begin, cycle = cycle_end, cycle + 1
 
 
 def into_cycle(instant: Fraction) -> Fraction:
@@ -131,25 +127,25 @@ def into_cycle(instant: Fraction) -> Fraction:
 
 
 def moved(
-    fragments: Iterable[Fragment[V]], time_factor: Fraction | int, time_shift: Fraction | int
+    fragments: Iterable[Fragment[V]], factor: Fraction | int, shift: Fraction | int
 ) -> list[Fragment[V]]:
     """Fragments with each instant t at t·factor + shift, for a factor above zero."""
-    fragments_made = []
+    result = []
     for begin, end, start, stop, value in fragments:
-        low, high = begin * time_factor + time_shift, end * time_factor + time_shift
+        low, high = begin * factor + shift, end * factor + shift
         # Few fragments are cut.
-        first = low if start is begin else start * time_factor + time_shift
-        last = high if stop is end else stop * time_factor + time_shift
-        fragments_made.append(Fragment(low, high, first, last, value))
-    return fragments_made
+        first = low if start is begin else start * factor + shift
+        last = high if stop is end else stop * factor + shift
+        result.append(Fragment(low, high, first, last, value))
+    return result
 
 
 def cut(fragment: Fragment[V], begin: Fraction, end: Fraction) -> Fragment[V] | None:
     """The part of a fragment between two instants."""
-    fragment_start, fragment_stop = max(fragment.start, begin), min(fragment.stop, end)
-    if fragment_start >= fragment_stop:
+    start, stop = max(fragment.start, begin), min(fragment.stop, end)
+    if start >= stop:
         return None
-    return fragment._replace(start=fragment_start, stop=fragment_stop)
+    return fragment._replace(start=start, stop=stop)
 
 
 # --- making -------------------------------------------------------------------------------------
@@ -160,7 +156,7 @@ def silence() -> Cycles[V]:
     return Cycles(lambda begin, end, chance: [])
 
 
-def pure(pure_value: V) -> Cycles[V]:
+def pure(value: V) -> Cycles[V]:
     """One event a cycle, which lasts the cycle."""
 
     def query(begin: Fraction, end: Fraction, _: Chance) -> list[Fragment[V]]:
@@ -168,10 +164,10 @@ def pure(pure_value: V) -> Cycles[V]:
         for cycle, fragment_start, fragment_stop in by_cycle(begin, end):
             low = fragment_start if fragment_start.denominator == 1 else Fraction(cycle)
             high = fragment_stop if fragment_stop.denominator == 1 else Fraction(cycle + 1)
-            fragments_made.append(Fragment(low, high, fragment_start, fragment_stop, pure_value))
+            fragments_made.append(Fragment(low, high, fragment_start, fragment_stop, value))
         return fragments_made
 
-    return Cycles(query, leaves=(pure_value,))
+    return Cycles(query, leaves=(value,))
 
 
 def sequence(weighted_steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
@@ -181,7 +177,7 @@ def sequence(weighted_steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
     """
     if len(weighted_steps) == 1:
         return weighted_steps[0][0]
-    cycle_patterns = [part for part, _ in weighted_steps]
+    patterns = [part for part, _ in weighted_steps]
     total = sum((weight for _, weight in weighted_steps), Fraction(0))
     widths = [weight / total for _, weight in weighted_steps]
     bounds = list(accumulate(widths, initial=Fraction(0)))
@@ -194,7 +190,7 @@ def sequence(weighted_steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
                 (first_instant - cycle, last_instant - cycle) if is_cut else (bounds[0], bounds[-1])
             )
             cycle_begins, cycle_ends = Fraction(cycle), Fraction(cycle + 1)
-            for step_index in range(bisect_right(bounds, low_bound) - 1, len(cycle_patterns)):
+            for step_index in range(bisect_right(bounds, low_bound) - 1, len(patterns)):
                 left_bound, step_width = bounds[step_index], widths[step_index]
                 part_start, part_stop = cycle_begins, cycle_ends
                 if is_cut:
@@ -204,14 +200,14 @@ def sequence(weighted_steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
                         part_start += (low_bound - left_bound) / step_width
                     if high_bound < bounds[step_index + 1]:
                         part_stop -= (bounds[step_index + 1] - high_bound) / step_width
-                inner = cycle_patterns[step_index].query(part_start, part_stop, chance)
+                inner = patterns[step_index].query(part_start, part_stop, chance)
                 if inner:
                     fragments_made += moved(
                         inner, step_width, left_bound + cycle * (1 - step_width)
                     )
         return fragments_made
 
-    return node(query, cycle_patterns, sum(part.cost for part in cycle_patterns))
+    return node(query, patterns, sum(part.cost for part in patterns))
 
 
 def fast_sequence(parts: Sequence[Cycles[V]]) -> Cycles[V]:
@@ -219,52 +215,46 @@ def fast_sequence(parts: Sequence[Cycles[V]]) -> Cycles[V]:
     return sequence([(part, Fraction(1)) for part in parts])
 
 
-def stack(cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
+def stack(patterns: Sequence[Cycles[V]]) -> Cycles[V]:
     """Patterns together."""
-    if len(cycle_patterns) == 1:
-        return cycle_patterns[0]
+    if len(patterns) == 1:
+        return patterns[0]
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return [fragment for part in cycle_patterns for fragment in part.query(begin, end, chance)]
+        return [fragment for part in patterns for fragment in part.query(begin, end, chance)]
 
-    return node(query, cycle_patterns, max(1, sum(part.cost for part in cycle_patterns)))
+    return node(query, patterns, max(1, sum(part.cost for part in patterns)))
 
 
-def choose(choice_number: int, cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
+def choose(operator_number: int, patterns: Sequence[Cycles[V]]) -> Cycles[V]:
     """One of the patterns in each cycle, by chance."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         fragments_made: list[Fragment[V]] = []
         for cycle, first, last in by_cycle(begin, end):
-            draw = int(chance(choice_number, Fraction(cycle)) * len(cycle_patterns))
-            fragments_made += cycle_patterns[min(draw, len(cycle_patterns) - 1)].query(
-                first, last, chance
-            )
+            draw = int(chance(operator_number, Fraction(cycle)) * len(patterns))
+            fragments_made += patterns[min(draw, len(patterns) - 1)].query(first, last, chance)
         return fragments_made
 
     # The sum, though one is played: what is written out in a text is bounded by the cost.
-    return node(query, cycle_patterns, sum(part.cost for part in cycle_patterns))
+    return node(query, patterns, sum(part.cost for part in patterns))
 
 
 # --- time ---------------------------------------------------------------------------------------
 
 
-def fast(time_factor: Fraction | int, changed_pattern: Cycles[V]) -> Cycles[V]:
-    """The pattern `time_factor` times as fast."""
-    if time_factor == 1:
-        return changed_pattern
-    inverse = 1 / Fraction(time_factor)
+def fast(factor: Fraction | int, pattern: Cycles[V]) -> Cycles[V]:
+    """The pattern `factor` times as fast."""
+    if factor == 1:
+        return pattern
+    inverse = 1 / Fraction(factor)
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return moved(
-            changed_pattern.query(begin * time_factor, end * time_factor, chance), inverse, 0
-        )
+        return moved(pattern.query(begin * factor, end * factor, chance), inverse, 0)
 
     # A slow pattern costs what it did: one cycle may hold all of its events.
-    cost = max(
-        changed_pattern.cost, -(-changed_pattern.cost * inverse.denominator // inverse.numerator)
-    )
-    return node(query, (changed_pattern,), cost)
+    cost = max(pattern.cost, -(-pattern.cost * inverse.denominator // inverse.numerator))
+    return node(query, (pattern,), cost)
 
 
 def slow(factor: Fraction | int, part: Cycles[V]) -> Cycles[V]:
@@ -272,17 +262,15 @@ def slow(factor: Fraction | int, part: Cycles[V]) -> Cycles[V]:
     return fast(1 / Fraction(factor), part)
 
 
-def late(delay_time: Fraction, changed_pattern: Cycles[V]) -> Cycles[V]:
+def late(delay: Fraction, pattern: Cycles[V]) -> Cycles[V]:
     """The pattern, begun some time later."""
-    if delay_time == 0:
-        return changed_pattern
+    if delay == 0:
+        return pattern
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return moved(
-            changed_pattern.query(begin - delay_time, end - delay_time, chance), 1, delay_time
-        )
+        return moved(pattern.query(begin - delay, end - delay, chance), 1, delay)
 
-    return node(query, (changed_pattern,), changed_pattern.cost)
+    return node(query, (pattern,), pattern.cost)
 
 
 def early(time: Fraction, part: Cycles[V]) -> Cycles[V]:
@@ -293,21 +281,21 @@ def early(time: Fraction, part: Cycles[V]) -> Cycles[V]:
 # --- values and choice ---------------------------------------------------------------------------
 
 
-def mapped(value_change: Callable[[V], W], changed_pattern: Cycles[V]) -> Cycles[W]:
+def mapped(change: Callable[[V], W], pattern: Cycles[V]) -> Cycles[W]:
     """The pattern with each value changed."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[W]]:
-        fragments = changed_pattern.query(begin, end, chance)
-        return [Fragment(*fragment[:4], value_change(fragment.what)) for fragment in fragments]
+        fragments = pattern.query(begin, end, chance)
+        return [Fragment(*fragment[:4], change(fragment.what)) for fragment in fragments]
 
-    leaves = dict.fromkeys(value_change(leaf) for leaf in changed_pattern.leaves)
-    return Cycles(query, changed_pattern.cost, 1 + changed_pattern.depth, tuple(leaves))
+    leaves = dict.fromkeys(change(leaf) for leaf in pattern.leaves)
+    return Cycles(query, pattern.cost, 1 + pattern.depth, tuple(leaves))
 
 
-def filtered(test: Callable[[Fraction, Chance], bool], changed_pattern: Cycles[V]) -> Cycles[V]:
+def filtered(test: Callable[[Fraction, Chance], bool], pattern: Cycles[V]) -> Cycles[V]:
     """The events whose beginning passes a test."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return [f for f in changed_pattern.query(begin, end, chance) if test(f.begin, chance)]
+        return [f for f in pattern.query(begin, end, chance) if test(f.begin, chance)]
 
-    return node(query, (changed_pattern,), changed_pattern.cost)
+    return node(query, (pattern,), pattern.cost)

@@ -29,11 +29,11 @@ class Draws:
         """One of `count` items."""
         return _drawn_index(self._chance("choose", site, turn), count)
 
-    def shuffle(self, site: int, turn: int, shuffled_count: int) -> list[int]:
-        """All of `shuffled_count` items in some order."""
+    def shuffle(self, site: int, turn: int, n_items: int) -> list[int]:
+        """All of `n_items` items in some order."""
         chance = self._chance("shuffle", site, turn)
-        shuffled_order = list(range(shuffled_count))
-        for last_index in range(shuffled_count - 1, 0, -1):  # Fisher and Yates
+        shuffled_order = list(range(n_items))
+        for last_index in range(n_items - 1, 0, -1):  # Fisher and Yates
             drawn_index = _drawn_index(chance, last_index + 1)
             shuffled_order[last_index], shuffled_order[drawn_index] = (
                 shuffled_order[drawn_index],
@@ -41,18 +41,18 @@ class Draws:
             )
         return shuffled_order
 
-    def walk_position(self, site: int, turn_index: int, item_count: int) -> int:
-        """The position of a random walk among `item_count` items: it starts at the first, and each
+    def walk_position(self, site: int, turn_index: int, n_items: int) -> int:
+        """The position of a random walk among `n_items` items: it starts at the first, and each
         turn moves it by -1, 0 or +1; a step beyond an end is reflected.
         """
-        if item_count == 1:
+        if n_items == 1:
             return 0
-        path = _drawn_walk(self.seed, self.who, site, item_count)
+        path = _drawn_walk(self.seed, self.who, site, n_items)
         with _WALK_LOCK:
             while len(path) <= turn_index:
                 step = _drawn_index(self._chance("walk", site, len(path)), 3) - 1
                 position = path[-1] + step
-                path.append(position if 0 <= position < item_count else path[-1] - step)
+                path.append(position if 0 <= position < n_items else path[-1] - step)
         return path[turn_index]
 
     def happens(self, probability: float, place: int, member: int = 0) -> bool:

@@ -108,7 +108,7 @@ def parse(pattern_text: str, called: ReadName | None = None) -> Group:
                 raise TextError(message, offset=token_match.start())
             stack.append(_OpenBracket(token_match.start(), ["in turn"], []))
             continue
-        repeat_count = (
+        n_repeats = (
             None if item_count is None else _repetition_count(item_count, token_match.start(3))
         )
         if typed_word != ")":
@@ -118,15 +118,15 @@ def parse(pattern_text: str, called: ReadName | None = None) -> Group:
                 continue
             word_offset = token_match.start(2)
             leaves = _leaves_of_word(typed_word, word_offset, called)
-            if (repeat_count or 1) * len(leaves) > MAX_PLACES:
+            if (n_repeats or 1) * len(leaves) > MAX_PLACES:
                 raise TextError(_TOO_MANY_MESSAGE, offset=word_offset, length=len(typed_word))
-            for _ in range(repeat_count or 1):  # several names of one word are repeated together
+            for _ in range(n_repeats or 1):  # several names of one word are repeated together
                 open_group.items.extend((leaf, None, word_offset) for leaf in leaves)
             continue
         if len(stack) == 1:
             raise TextError("')' has no '(' before it", offset=token_match.start(2))
         _check_not_empty(stack.pop())
-        stack[-1].items.append((open_group, repeat_count, open_group.offset))
+        stack[-1].items.append((open_group, n_repeats, open_group.offset))
     if len(stack) > 1:
         raise TextError("this group is not closed; write ( … )", offset=stack[-1].offset)
     _check_not_empty(stack[0], len(pattern_text))

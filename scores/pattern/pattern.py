@@ -190,18 +190,16 @@ def _names(order_item: Leaf | Group, draws: Draws, turn_index: int) -> Iterator[
     if isinstance(order_item, Leaf):
         yield order_item.name
         return
-    choice_count = len(order_item.items)
+    n_choices = len(order_item.items)
     if order_item.way in ("choose", "walk"):
         draw = draws.choose if order_item.way == "choose" else draws.walk_position
-        chosen = order_item.items[draw(order_item.site, turn_index, choice_count)]
+        chosen = order_item.items[draw(order_item.site, turn_index, n_choices)]
         yield from _names(chosen, draws, turn_index)
         yield from (None for _ in range(order_item.places - chosen.places))
         return
     is_drawn = order_item.way == "shuffle"
     for item_index in (
-        draws.shuffle(order_item.site, turn_index, choice_count)
-        if is_drawn
-        else range(choice_count)
+        draws.shuffle(order_item.site, turn_index, n_choices) if is_drawn else range(n_choices)
     ):
         yield from _names(order_item.items[item_index], draws, turn_index)
 

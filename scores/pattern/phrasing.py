@@ -32,7 +32,7 @@ _INSTANT_CYCLES = Fraction(1, 64)  # of a cycle: which strokes begin at an insta
 # --- length -------------------------------------------------------------------------------------
 
 
-def legato(length_factor: Fraction, changed_pattern: Pattern) -> Pattern:
+def legato(ratio: Fraction, pattern: Pattern) -> Pattern:
     """Each stroke sounds for a share of the time until the next stroke of its line.
 
     Of a note that is repeated at a rate each stroke does until the next one of the note.
@@ -40,28 +40,28 @@ def legato(length_factor: Fraction, changed_pattern: Pattern) -> Pattern:
 
     @lru_cache(_CYCLES_CACHED)
     def onsets(cycle: int, chance: Chance) -> Mapping[int, Sequence[Fraction]]:
-        return _onsets(changed_pattern, cycle, chance)
+        return _onsets(pattern, cycle, chance)
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
-        fragments_made = []
-        for fragment in changed_pattern.query(begin, end, chance):
-            first_begin, last_end, struck_line = fragment.begin, fragment.end, fragment.what.line
-            following = first_begin + NEXT_STROKE_CYCLES_MAX
-            for cycle in range(first_begin // 1, first_begin // 1 + NEXT_STROKE_CYCLES_MAX + 1):
-                instants = onsets(cycle, chance).get(struck_line, ())
-                number = bisect_right(instants, first_begin)
+        fragments = []
+        for fragment in pattern.query(begin, end, chance):
+            begin_of_stroke, end_of_stroke, line = fragment.begin, fragment.end, fragment.what.line
+            following = begin_of_stroke + NEXT_STROKE_CYCLES_MAX
+            for cycle in range(
+                begin_of_stroke // 1, begin_of_stroke // 1 + NEXT_STROKE_CYCLES_MAX + 1
+            ):
+                instants = onsets(cycle, chance).get(line, ())
+                number = bisect_right(instants, begin_of_stroke)
                 if number < len(instants):
                     following = min(following, instants[number])
                     break
-            stroke_length = length_factor * (following - first_begin) / (last_end - first_begin)
+            length = ratio * (following - begin_of_stroke) / (end_of_stroke - begin_of_stroke)
             if fragment.what.repeats is not None:
-                stroke_length = length_factor
-            fragments_made.append(
-                fragment._replace(what=replace(fragment.what, length=stroke_length))
-            )
-        return fragments_made
+                length = ratio
+            fragments.append(fragment._replace(what=replace(fragment.what, length=length)))
+        return fragments
 
-    return node(query, (changed_pattern,), changed_pattern.cost * _CYCLES_SEARCHED)
+    return node(query, (pattern,), pattern.cost * _CYCLES_SEARCHED)
 
 
 def _onsets(
@@ -78,19 +78,19 @@ def _onsets(
 
 
 def tremolo(
-    stroke_count: int, changed_pattern: Pattern, first_factor: float = 1.0, last_factor: float = 1.0
+    n_strokes: int, pattern: Pattern, first_factor: float = 1.0, last_factor: float = 1.0
 ) -> Pattern:
-    """Each stroke `stroke_count` times within its span, from one factor of its impulse to another.
+    """Each stroke `n_strokes` times within its span, from one factor of its impulse to another.
 
     Factors are geometric: even steps of strength.
     """
 
     def change(struck: Struck, turn: int) -> Struck:
-        share = turn / (stroke_count - 1) if stroke_count > 1 else 1.0
+        share = turn / (n_strokes - 1) if n_strokes > 1 else 1.0
         factor = struck.factor * swell(first_factor, last_factor, share)
         return replace(struck, factor=factor, part_of="before" if turn else struck.part_of)
 
-    return ply(stroke_count, changed_pattern, change)
+    return ply(n_strokes, pattern, change)
 
 
 def repeated(repeats: Repeats, part: Pattern) -> Pattern:
@@ -103,9 +103,7 @@ def swell(first: float, last: float, share: float) -> float:
     return first if first == last else first * _core.pow(last / first, share)
 
 
-def grace(
-    grace_time: Fraction, semitones: float, factor: float, changed_pattern: Pattern
-) -> Pattern:
+def grace(duration: Fraction, semitones: float, factor: float, pattern: Pattern) -> Pattern:
     """The pattern, with a short stroke before each stroke, which ends where that begins."""
 
     def short(struck_note: Struck) -> Struck:
@@ -120,21 +118,19 @@ def grace(
         )
 
     def query(query_begin: Fraction, query_end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
-        fragments_made = []
-        for fragment in changed_pattern.query(query_begin, query_end + grace_time, chance):
+        fragments = []
+        for fragment in pattern.query(query_begin, query_end + duration, chance):
             main = fragment.begin
             if main > query_begin and fragment.start == main and fragment.what.part_of is None:
-                start, stop = max(main - grace_time, query_begin), min(main, query_end)
-                fragments_made.append(
-                    Fragment(main - grace_time, main, start, stop, short(fragment.what))
-                )
-        return fragments_made
+                start, stop = max(main - duration, query_begin), min(main, query_end)
+                fragments.append(Fragment(main - duration, main, start, stop, short(fragment.what)))
+        return fragments
 
-    leaves = tuple(dict.fromkeys(map(short, changed_pattern.leaves)))
+    leaves = tuple(dict.fromkeys(map(short, pattern.leaves)))
     return stack(
         [
-            changed_pattern,
-            Cycles(query, 2 * changed_pattern.cost, 1 + changed_pattern.depth, leaves),
+            pattern,
+            Cycles(query, 2 * pattern.cost, 1 + pattern.depth, leaves),
         ]
     )
 
@@ -150,13 +146,13 @@ and end, and the begin and end of what is seen of it."""
 
 
 def _with_chords_spread(
-    spread: Spread, changed_pattern: Pattern, cost: int, leaves: Iterable[Struck]
+    spread: Spread, pattern: Pattern, cost: int, leaves: Iterable[Struck]
 ) -> Pattern:
     """The pattern with each chord spread; a single note is a chord too."""
 
     def query(query_begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
         chords: dict[tuple[Fraction, Fraction], list[Fragment[Struck]]] = {}
-        for fragment in changed_pattern.query(query_begin, end, chance):
+        for fragment in pattern.query(query_begin, end, chance):
             chords.setdefault((fragment.begin, fragment.end), []).append(fragment)
         fragments_made = []
         for (first_instant, last_instant), chord_parts in chords.items():
@@ -166,7 +162,7 @@ def _with_chords_spread(
                 max(f.stop for f in chord_parts),
             )
             if first_instant < query_begin:
-                chord_parts = changed_pattern.query(
+                chord_parts = pattern.query(
                     first_instant, min(last_instant, first_instant + _INSTANT_CYCLES), chance
                 )
             chord_notes = [
@@ -189,10 +185,10 @@ def _with_chords_spread(
                     )
         return fragments_made
 
-    return Cycles(query, cost, 1 + changed_pattern.depth, tuple(dict.fromkeys(leaves)))
+    return Cycles(query, cost, 1 + pattern.depth, tuple(dict.fromkeys(leaves)))
 
 
-def _note_count(part: Pattern) -> Iterator[Struck]:
+def _single_notes(part: Pattern) -> Iterator[Struck]:
     return chain.from_iterable(map(single_notes, part.leaves))
 
 
@@ -201,10 +197,10 @@ def _largest_chord(part: Pattern) -> int:
     return max((len(single_notes(leaf)) for leaf in part.leaves), default=1)
 
 
-def arp(note_order: str, step_length: Fraction | None, changed_pattern: Pattern) -> Pattern:
+def arp(order: str, step: Fraction | None, pattern: Pattern) -> Pattern:
     """The notes of each chord one after another, in an order, within its span.
 
-    They share it evenly, or last a `step_length` each and begin again until it ends.
+    They share it evenly, or last a `step` each and begin again until it ends.
     """
 
     def spread(
@@ -214,30 +210,26 @@ def arp(note_order: str, step_length: Fraction | None, changed_pattern: Pattern)
         chord_begin: Fraction,
         chord_end: Fraction,
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
-        ordered_notes = ORDERS[note_order](chord) if len(chord) > 1 else chord
+        ordered_notes = ORDERS[order](chord) if len(chord) > 1 else chord
         if not ordered_notes:
             return
-        note_width = (
-            (last_instant - first_instant) / len(ordered_notes)
-            if step_length is None
-            else step_length
-        )
-        turn = max(0, (chord_begin - first_instant) // note_width)
-        low_instant = first_instant + turn * note_width
+        width = (last_instant - first_instant) / len(ordered_notes) if step is None else step
+        turn = max(0, (chord_begin - first_instant) // width)
+        low_instant = first_instant + turn * width
         while low_instant < chord_end:
-            high = min(low_instant + note_width, last_instant)
+            high = min(low_instant + width, last_instant)
             yield low_instant, high, ordered_notes[turn % len(ordered_notes)]
-            turn, low_instant = turn + 1, low_instant + note_width
+            turn, low_instant = turn + 1, low_instant + width
 
     # So many turns of the chord that the order has each note.
-    times = ceil(len(ORDERS[note_order](range(_CHORD_NOTES_MAX))) / _CHORD_NOTES_MAX)
-    many = times * _largest_chord(changed_pattern) if step_length is None else ceil(1 / step_length)
+    times = ceil(len(ORDERS[order](range(_CHORD_NOTES_MAX))) / _CHORD_NOTES_MAX)
+    n_steps = times * _largest_chord(pattern) if step is None else ceil(1 / step)
     return _with_chords_spread(
-        spread, changed_pattern, changed_pattern.cost * (1 + many), _note_count(changed_pattern)
+        spread, pattern, pattern.cost * (1 + n_steps), _single_notes(pattern)
     )
 
 
-def rolled(span_share: Fraction, changed_pattern: Pattern) -> Pattern:
+def rolled(span_ratio: Fraction, pattern: Pattern) -> Pattern:
     """The notes of each chord one after another in the first share of its span, all until its end.
 
     A share below zero begins with the highest note.
@@ -246,40 +238,40 @@ def rolled(span_share: Fraction, changed_pattern: Pattern) -> Pattern:
     def spread(
         chord: Sequence[Struck], first_instant: Fraction, last_instant: Fraction, *_: Fraction
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
-        notes = chord if span_share > 0 else chord[::-1]
+        notes = chord if span_ratio > 0 else chord[::-1]
         for turn, note in enumerate(notes):
-            low = first_instant + turn * abs(span_share) * (last_instant - first_instant) / len(
+            low = first_instant + turn * abs(span_ratio) * (last_instant - first_instant) / len(
                 notes
             )
             yield low, last_instant, _joined(note, turn)
 
     return _with_chords_spread(
         spread,
-        changed_pattern,
-        changed_pattern.cost * (1 + _largest_chord(changed_pattern)),
-        _note_count(changed_pattern),
+        pattern,
+        pattern.cost * (1 + _largest_chord(pattern)),
+        _single_notes(pattern),
     )
 
 
-def strum(step_seconds: float, changed_pattern: Pattern) -> Pattern:
-    """The notes of each chord, `step_seconds` [s] apart; below zero from the highest note down."""
+def strum(step: float, pattern: Pattern) -> Pattern:
+    """The notes of each chord, `step` [s] apart; below zero from the highest note down."""
 
     def spread(
         chord: Sequence[Struck], first_instant: Fraction, last_instant: Fraction, *_: Fraction
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
-        for turn, note in enumerate(chord if step_seconds > 0 else chord[::-1]):
-            onset_delay = note.delay + turn * abs(step_seconds)
+        for turn, note in enumerate(chord if step > 0 else chord[::-1]):
+            onset_delay = note.delay + turn * abs(step)
             yield first_instant, last_instant, _joined(replace(note, delay=onset_delay), turn)
 
-    leaves = [*_note_count(changed_pattern)]
-    latest = max((leaf.delay for leaf in leaves), default=0.0) + abs(step_seconds) * (
-        len(leaves) - 1
-    )
-    delayed = [replace(leaf, delay=latest) for leaf in leaves]  # a bound of what chords will have
+    leaves = [*_single_notes(pattern)]
+    delay_max = max((leaf.delay for leaf in leaves), default=0.0) + abs(step) * (len(leaves) - 1)
+    delayed = [
+        replace(leaf, delay=delay_max) for leaf in leaves
+    ]  # a bound of what chords will have
     return _with_chords_spread(
         spread,
-        changed_pattern,
-        changed_pattern.cost * (1 + _largest_chord(changed_pattern)),
+        pattern,
+        pattern.cost * (1 + _largest_chord(pattern)),
         delayed,
     )
 

@@ -36,14 +36,14 @@ def parse_euclid(text: str) -> Euclid:
     if sign_match is None:
         message = f"'{trimmed_word[:40]}' is not a Euclidean rhythm such as 3 8 or 3 8 rotate 2"
         raise TextError(message, offset=text_start, length=max(1, len(trimmed_word)))
-    pulses, step_count, rotate = int(sign_match[1]), int(sign_match[2]), int(sign_match[3] or 0)
-    if not 1 <= step_count <= MAX_STEPS:
+    pulses, n_steps, rotate = int(sign_match[1]), int(sign_match[2]), int(sign_match[3] or 0)
+    if not 1 <= n_steps <= MAX_STEPS:
         message = f"a Euclidean rhythm has 1 to {MAX_STEPS} steps"
         raise TextError(message, offset=text_start + sign_match.start(2), length=len(sign_match[2]))
-    if not 1 <= pulses <= step_count:
-        message = f"a rhythm of {step_count} steps has 1 to {step_count} pulses"
+    if not 1 <= pulses <= n_steps:
+        message = f"a rhythm of {n_steps} steps has 1 to {n_steps} pulses"
         raise TextError(message, offset=text_start, length=len(sign_match[1]))
-    return Euclid(pulses, step_count, rotate % step_count)
+    return Euclid(pulses, n_steps, rotate % n_steps)
 
 
 def parse_swing(swing_text: str) -> float:
@@ -51,27 +51,27 @@ def parse_swing(swing_text: str) -> float:
 
     Raises TextError.
     """
-    swing_share = q.quantity(swing_text, q.CHANCE)
-    if not _LEVEL_MIN <= swing_share <= _LEVEL_MAX:
+    ratio = q.quantity(swing_text, q.CHANCE)
+    if not _LEVEL_MIN <= ratio <= _LEVEL_MAX:
         message = (
             f"'{swing_text.strip()}' is not a swing: the first of two steps takes "
             f"from {_LEVEL_MIN:g} to {_LEVEL_MAX:g}"
             " of both, 0.5 is even, 2/3 is a triplet"
         )
         raise TextError(message, length=max(1, len(swing_text)), code="E202")
-    return swing_share
+    return ratio
 
 
-def swung(step_index: int, share_into: float, swing_share: float) -> float:
-    """Where a point of a step is, if the first of every two steps takes the share `swing_share` of
+def swung(step_index: int, share_into: float, swing_ratio: float) -> float:
+    """Where a point of a step is, if the first of every two steps takes the share `swing_ratio` of
     both.
     """
-    if swing_share == EVEN_SWING:
+    if swing_ratio == EVEN_SWING:
         return step_index + share_into
     pair_start = step_index - step_index % 2
     if step_index % 2:
-        return pair_start + 2.0 * swing_share + share_into * (2.0 - 2.0 * swing_share)
-    return pair_start + share_into * 2.0 * swing_share
+        return pair_start + 2.0 * swing_ratio + share_into * (2.0 - 2.0 * swing_ratio)
+    return pair_start + share_into * 2.0 * swing_ratio
 
 
 @lru_cache(maxsize=64)
@@ -79,9 +79,9 @@ def _bjorklund_positions(rhythm: Euclid) -> tuple[int, ...]:
     """Bjorklund's algorithm: append the left-over groups to the others, one each, until at most one
     is left over.
     """
-    pulses, step_count = rhythm.pulses, rhythm.steps
+    pulses, n_steps = rhythm.pulses, rhythm.steps
     heads: list[list[bool]] = [[True] for _ in range(pulses)]
-    tails: list[list[bool]] = [[False] for _ in range(step_count - pulses)]
+    tails: list[list[bool]] = [[False] for _ in range(n_steps - pulses)]
     is_first = True
     while len(tails) > 1 or (tails and is_first):
         is_first = False
@@ -90,4 +90,4 @@ def _bjorklund_positions(rhythm: Euclid) -> tuple[int, ...]:
         heads, tails = [heads[i] + tails[i] for i in range(n_pairs)], unpaired
     beats = [beat for group in (*heads, *tails) for beat in group]
     indices = (index for index, beat in enumerate(beats) if beat)
-    return tuple(sorted((index - rhythm.rotate) % step_count for index in indices))
+    return tuple(sorted((index - rhythm.rotate) % n_steps for index in indices))

@@ -9,41 +9,39 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 
 
-def count_before(beats: Sequence[float], beat: float) -> int:
+def n_before(beats: Sequence[float], beat: float) -> int:
     """The number of `beats`, which rise, that lie before `beat`."""
     return first_index_from(beats.__getitem__, len(beats), beat)
 
 
-def first_index_from(
-    value_of_index: Callable[[int], float], item_count: int, least_value: float
-) -> int:
-    """The first index below `item_count` at which `value_of_index` is not below `least_value`.
+def first_index_from(value_at: Callable[[int], float], n_items: int, least_value: float) -> int:
+    """The first index below `n_items` at which `value_at` is not below `least_value`.
 
-    `value_of_index` must rise with the index; the search begins where linear interpolation puts
-    the value. Returns `item_count` if all values are below.
+    `value_at` must rise with the index; the search begins where linear interpolation puts
+    the value. Returns `n_items` if all values are below.
     """
-    if not item_count or (first_value := value_of_index(0)) >= least_value:
+    if not n_items or (first_value := value_at(0)) >= least_value:
         return 0
-    if (last_value := value_of_index(item_count - 1)) < least_value:
-        return item_count
-    low_index, high_index = 1, item_count - 1  # at(low - 1) < wanted <= at(high)
+    if (last_value := value_at(n_items - 1)) < least_value:
+        return n_items
+    low_index, high_index = 1, n_items - 1  # at(low - 1) < wanted <= at(high)
     span = last_value - first_value
     share = (least_value - first_value) / span if isfinite(span) else 0.0
-    guess, search_width = min(max(low_index, round(share * (item_count - 1))), high_index), 1
-    if value_of_index(guess) < least_value:
+    guess, search_width = min(max(low_index, round(share * (n_items - 1))), high_index), 1
+    if value_at(guess) < least_value:
         low_index = guess + 1
         while guess + search_width < high_index:
-            if value_of_index(guess + search_width) >= least_value:
+            if value_at(guess + search_width) >= least_value:
                 high_index = guess + search_width
                 break
             low_index, search_width = guess + search_width + 1, 2 * search_width
     else:
         high_index = guess
         while guess - search_width >= low_index:
-            if value_of_index(guess - search_width) < least_value:
+            if value_at(guess - search_width) < least_value:
                 low_index = guess - search_width + 1
                 break
             high_index, search_width = guess - search_width, 2 * search_width
     return low_index + bisect_left(
-        range(low_index, high_index), True, key=lambda number: value_of_index(number) >= least_value
+        range(low_index, high_index), True, key=lambda number: value_at(number) >= least_value
     )

@@ -89,9 +89,9 @@ def _without_modules(
 ) -> Instrument | None:
     """An instrument without some modules; None if an output would have nothing left to hear."""
     memory_key = f"thinner {instrument.name}"
-    module_before = None if memory is None else memory.held(memory_key, removed_names)
-    if module_before is not None and module_before[0] is instrument:
-        return module_before[1]  # type: ignore[no-any-return]
+    old_module = None if memory is None else memory.held(memory_key, removed_names)
+    if old_module is not None and old_module[0] is instrument:
+        return old_module[1]  # type: ignore[no-any-return]
 
     def is_there(target: Target) -> bool:
         return target.part != instrument.name or target.module not in removed_names

@@ -298,7 +298,7 @@ def _glide_values(
         raise TextError(message, length=range_length, code="E202")
     if parameter_name in ("f", "t60") and not min(low_amount.value, high_amount.value) > 0.0:
         raise TextError(f"{parameter_name} must stay above 0", length=range_length, code="E202")
-    shares_before = [share for quarter, share in course if quarter <= text_start][-1:]
+    last_positions = [share for quarter, share in course if quarter <= text_start][-1:]
     shares_after = [
         (quarter - text_start, share) for quarter, share in course if quarter > text_start
     ]
@@ -310,7 +310,7 @@ def _glide_values(
                 low_amount.is_factor,
             ),
         )
-        for quarters_later, share in (*((0.0, share) for share in shares_before), *shares_after)
+        for quarters_later, share in (*((0.0, share) for share in last_positions), *shares_after)
     )
 
 

@@ -76,32 +76,28 @@ def mix(section_values: Values | None, files: Files) -> Mix:
     routes = tuple(_without_sends(route, refused) for route in routes)
     route_channels = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
     highest = max(map(max, route_channels), default=0)
-    output_count = room.n_channels if room else 0
-    channel_count = section_values["channels"] or max(highest, output_count)
+    n_outputs = room.n_channels if room else 0
+    n_channels = section_values["channels"] or max(highest, n_outputs)
     for route in routes:
         if route.to == "nearest":
             if room is None:
                 message = f"{route.part}: `nearest` needs a layout in the mix"
                 section_values.context.error("E103", message, route.place)
-        elif max(route.to) > channel_count:
-            message = f"channel {max(route.to)} does not exist; the mix has {channel_count}"
+        elif max(route.to) > n_channels:
+            message = f"channel {max(route.to)} does not exist; the mix has {n_channels}"
             section_values.context.error("E202", message, route.place)
         if route.is_panned and (route.to == "nearest" or len(set(route.to)) != 2):
             message = f"{route.part}: `pan` lies between two channels, such as `to: [1, 2]`"
             section_values.context.error("E103", message, route.place)
     for room_entry in rooms:
         last_channel = max(room_entry.to, default=0)
-        if last_channel > channel_count:
-            message = f"channel {last_channel} does not exist; the mix has {channel_count}"
+        if last_channel > n_channels:
+            message = f"channel {last_channel} does not exist; the mix has {n_channels}"
             section_values.context.error("E202", message, room_entry.place)
-    if room is not None and section_values.written("channels") and output_count > channel_count:
-        message = (
-            f"the layout has {output_count} loudspeakers, but the mix has {channel_count} channels"
-        )
+    if room is not None and section_values.written("channels") and n_outputs > n_channels:
+        message = f"the layout has {n_outputs} loudspeakers, but the mix has {n_channels} channels"
         if room.outputs:
-            message = (
-                f"the layout has output {output_count}, but the mix has {channel_count} channels"
-            )
+            message = f"the layout has output {n_outputs}, but the mix has {n_channels} channels"
         section_values.error("E202", message, "channels")
     master = section_values["master"]
     master_of_mix = None
@@ -122,7 +118,7 @@ def mix(section_values: Values | None, files: Files) -> Mix:
                 f"{master_values.context.label('loudness')}: the level of the sum is said twice; "
             )
             master_values.error("E111", message + "remove `normalise` or `loudness`", "loudness")
-    return Mix(channel_count, room, routes, master_of_mix, section_values.place, rooms)
+    return Mix(n_channels, room, routes, master_of_mix, section_values.place, rooms)
 
 
 def _without_sends(route: Route, refused: set[str]) -> Route:

@@ -42,11 +42,11 @@ def rhythm_of_clock(strikes: Strikes) -> Rhythm:
         if value:
             raise TextError(f"strikes with `{field}` cannot be written as a rhythm")
     if pattern is None:
-        rhythm_text, step_count = _single_strike_text(strikes), 1
+        rhythm_text, n_steps = _single_strike_text(strikes), 1
     else:
-        rhythm_text, step_count = _pattern_text(pattern.order, strikes)
+        rhythm_text, n_steps = _pattern_text(pattern.order, strikes)
         if pattern.euclid is not None:
-            if step_count > 1:
+            if n_steps > 1:
                 raise TextError(
                     "notes on the pulses of `euclid` cannot be written as a rhythm; write one, "
                     f'such as {strikes.name} = "c4(3,8)"'
@@ -55,22 +55,22 @@ def rhythm_of_clock(strikes: Strikes) -> Rhythm:
                 raise TextError("`walk` goes on at each pulse of `euclid`, a rhythm at each cycle")
             euclid = pattern.euclid
             turn = f",{euclid.rotate}" if euclid.rotate else ""
-            rhythm_text, step_count = (
+            rhythm_text, n_steps = (
                 f"{rhythm_text}({euclid.pulses},{euclid.steps}{turn})",
                 euclid.steps,
             )
         if pattern.chance is not None:
             rhythm_text = (
-                f"[{rhythm_text}]?{1.0 - pattern.chance:.6g}" if step_count == 1 else rhythm_text
+                f"[{rhythm_text}]?{1.0 - pattern.chance:.6g}" if n_steps == 1 else rhythm_text
             )
-            if step_count > 1:
+            if n_steps > 1:
                 raise TextError("`chance` of a pattern cannot be written as a rhythm; use degrade")
         if pattern.swing != EVEN_SWING:
             raise TextError("`swing` of a pattern cannot be written as a rhythm; use do swing")
     return Rhythm(
         rhythm_text,
         "",
-        Length(bars=1.0) if step_length is None else step_length.times(step_count),
+        Length(bars=1.0) if step_length is None else step_length.times(n_steps),
         {},
     )
 

@@ -66,15 +66,15 @@ def parse_curve(curve_text: str, read_amount: ReadAmount) -> tuple[CurvePoint, .
         raise TextError(
             "a curve begins at 0: write its first value as VALUE@0", length=len(curve_text)
         )
-    points_read = []
+    points = []
     for curve_point in curve_points:
         if curve_point.curve == "throw":
             raise TextError(
                 "`throw` is for gestures only; write smooth or line", length=len(curve_text)
             )
-        points_read.append(
+        points.append(
             CurvePoint(
                 curve_point.at, amounts[round(curve_point.x)], cast("Approach", curve_point.curve)
             )
         )
-    return tuple(points_read)
+    return tuple(points)

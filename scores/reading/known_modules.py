@@ -70,27 +70,23 @@ def resolve_names(
         owning_part.refused_modules,
         module_names,
     )
-    part_before: _KnownPart | None = None
+    old_part: _KnownPart | None = None
     if is_known and memory is not None:
-        part_before = memory.held(f"modules {owning_part.name}", condition)
-    if (
-        part_before is not None
-        and part_before.resolved is not None
-        and part_before.is_same(parts_by_name)
-    ):
-        part_names.referenced_parts |= part_before.reached
-        return part_before.resolved
+        old_part = memory.held(f"modules {owning_part.name}", condition)
+    if old_part is not None and old_part.resolved is not None and old_part.is_same(parts_by_name):
+        part_names.referenced_parts |= old_part.reached
+        return old_part.resolved
     modules_written = owning_part.modules.values()
     module_kinds = [
         (m.name, m.kind) if m.kind in _SELF_CONTAINED_KINDS else m for m in modules_written
     ]
-    entries_before: Mapping[str, _KnownModule] = {}
-    if part_before is not None and part_before.kinds == module_kinds:
-        entries_before = _unchanged_entries(part_before, owning_part, parts_by_name)
+    old_entries: Mapping[str, _KnownModule] = {}
+    if old_part is not None and old_part.kinds == module_kinds:
+        old_entries = _unchanged_entries(old_part, owning_part, parts_by_name)
     reached, searched, rules = part_names.referenced_parts, part_names.searched_parts, make_rules()
-    entries_now: dict[str, _KnownModule] = {}
+    new_entries: dict[str, _KnownModule] = {}
     for module_name, written_module in owning_part.modules.items():
-        known_entry = entries_before.get(module_name)
+        known_entry = old_entries.get(module_name)
         if known_entry is None:
             part_names.referenced_parts, part_names.searched_parts = set(), set()
             n_reports = part_names.collector.n_reports
@@ -101,21 +97,21 @@ def resolve_names(
             )
             known_entry = _KnownModule(written_module, resolved, *reached_and_searched)
             is_known &= part_names.collector.n_reports == n_reports
-        entries_now[module_name] = known_entry
-    all_reached = frozenset[str]().union(*(entry.reached for entry in entries_now.values()))
+        new_entries[module_name] = known_entry
+    all_reached = frozenset[str]().union(*(entry.reached for entry in new_entries.values()))
     part_names.referenced_parts, part_names.searched_parts = reached | all_reached, searched
     resolved_modules = tuple(
-        [entry.resolved for entry in entries_now.values() if entry.resolved is not None]
+        [entry.resolved for entry in new_entries.values() if entry.resolved is not None]
     )
     if is_known and memory is not None:
-        searched_parts = frozenset[str]().union(*(entry.searched for entry in entries_now.values()))
+        searched_parts = frozenset[str]().union(*(entry.searched for entry in new_entries.values()))
         lasting_entries = {
             name: entry
-            for name, entry in entries_now.items()
+            for name, entry in new_entries.items()
             if entry.written.kind not in _DEPENDENT_KINDS
         }
         needed = {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)}
-        complete = resolved_modules if len(lasting_entries) == len(entries_now) else None
+        complete = resolved_modules if len(lasting_entries) == len(new_entries) else None
         memory.hold(
             f"modules {owning_part.name}",
             condition,
@@ -125,16 +121,14 @@ def resolve_names(
 
 
 def _unchanged_entries(
-    part_before: _KnownPart, owning_part: PartContents, parts_by_name: Mapping[str, Any]
+    old_part: _KnownPart, owning_part: PartContents, parts_by_name: Mapping[str, Any]
 ) -> Mapping[str, _KnownModule]:
     """The modules that are written as before and whose names were looked up in unchanged parts."""
     unchanged_parts = {
-        name
-        for name, part_used in part_before.parts.items()
-        if parts_by_name.get(name) is part_used
+        name for name, part_used in old_part.parts.items() if parts_by_name.get(name) is part_used
     }
     return {
         name: entry
-        for name, entry in part_before.modules.items()
+        for name, entry in old_part.modules.items()
         if entry.searched <= unchanged_parts and entry.written is owning_part.modules.get(name)
     }

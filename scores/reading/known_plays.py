@@ -32,23 +32,23 @@ class KnownPlays:
 
     def recall(self, subject: str, items: Sequence[Any], condition: Any = None) -> Known:
         """What was kept for these items."""
-        values_before = None
+        old_values = None
         if self._memory is not None:
-            values_before = self._memory.held(f"{subject} {self._file}", (self._times, condition))
-        if values_before is None:
+            old_values = self._memory.held(f"{subject} {self._file}", (self._times, condition))
+        if old_values is None:
             return Known(items, [None] * len(items), [*range(len(items))])
-        if values_before.items is items:
-            return values_before  # type: ignore[no-any-return]
-        changed_range = changed_part(values_before.items, items)
-        recalled_values = changed_range.put(values_before.values, [None] * len(changed_range.now))
+        if old_values.items is items:
+            return old_values  # type: ignore[no-any-return]
+        changed_range = changed_part(old_values.items, items)
+        recalled_values = changed_range.put(old_values.values, [None] * len(changed_range.now))
         first_changed, stop_changed = (
             changed_range.start,
             changed_range.start + len(changed_range.before),
         )
-        shift = len(items) - len(values_before.items)
-        unknown = [number for number in values_before.unknown if number < first_changed]
+        shift = len(items) - len(old_values.items)
+        unknown = [number for number in old_values.unknown if number < first_changed]
         unknown += range(first_changed, first_changed + len(changed_range.now))
-        unknown += [number + shift for number in values_before.unknown if number >= stop_changed]
+        unknown += [number + shift for number in old_values.unknown if number >= stop_changed]
         return Known(items, recalled_values, unknown)
 
     def keep(self, subject: str, known_values: Known, condition: Any = None) -> None:
@@ -65,9 +65,9 @@ class KnownPlays:
     ) -> tuple[tuple[Play, ...], dict[str, tuple[str, ...]]]:
         """The lines of all parts, and the gestures and takes that each part names."""
         memory_key = f"plays {self._file}"
-        plays_before = None if self._memory is None else self._memory.held_for(memory_key, parts)
-        if plays_before is not None:
-            return plays_before  # type: ignore[no-any-return]
+        old_plays = None if self._memory is None else self._memory.held_for(memory_key, parts)
+        if old_plays is not None:
+            return old_plays  # type: ignore[no-any-return]
         plays = tuple([play for part in parts.values() if part is not MISSING for play in part])
         names_by_play = self.recall("names", plays)
         for number in names_by_play.unknown:
@@ -87,10 +87,10 @@ class KnownPlays:
         """The beats of the occurrences of each line and their number; nothing is known if a gesture
         that some line plays has changed.
         """
-        gestures_before: Mapping[str, Gesture | None] = {}
+        old_gestures: Mapping[str, Gesture | None] = {}
         if self._memory is not None:
-            gestures_before = self._memory.held(f"gestures {self._file}", None) or {}
-        pairs = ((gesture, piece.gestures.get(name)) for name, gesture in gestures_before.items())
+            old_gestures = self._memory.held(f"gestures {self._file}", None) or {}
+        pairs = ((gesture, piece.gestures.get(name)) for name, gesture in old_gestures.items())
         if all(_is_same(*pair) for pair in pairs):
             return self.recall("starts", piece.parts, piece.seed)
         n_parts = len(piece.parts)
@@ -110,11 +110,11 @@ class KnownPlays:
     def beats(self, starts: Known) -> tuple[Sequence[float] | None, ...]:
         """The beats alone; those of the same lines are the same object."""
         memory_key = f"beats {self._file}"
-        beats_before = (
+        old_beats = (
             None if self._memory is None else self._memory.held_for(memory_key, starts.values)
         )
-        if beats_before is not None:
-            return beats_before  # type: ignore[no-any-return]
+        if old_beats is not None:
+            return old_beats  # type: ignore[no-any-return]
         beats = tuple([pair and pair[0] for pair in starts.values])
         if self._memory is not None:
             self._memory.hold(memory_key, (starts.values,), beats)

@@ -100,13 +100,13 @@ class PartsReader:
         struck_module = part_object.struck if isinstance(part_object, Key) else None
         modules_by_name = {module.name: module for module in part_object.modules}
         broken = frozenset(values["modules"] or {}).difference(modules_by_name)
-        axis_count, acts = 1, {}
+        n_axes, acts = 1, {}
         if isinstance(part_object, Instrument):
-            axis_count, acts = part_object.axes, {act.name: act for act in part_object.acts}
+            n_axes, acts = part_object.axes, {act.name: act for act in part_object.acts}
         if values.written("out") and "out" not in values.by_name:
             self._part_names.refused_parts.add(name)
         self._part_names.parts[name] = PartContents(
-            name, modules_by_name, struck_module, entry.prefix, broken, selves, axis_count, acts
+            name, modules_by_name, struck_module, entry.prefix, broken, selves, n_axes, acts
         )
         if acts:
             label = values.context.label("ready")
@@ -190,9 +190,9 @@ class PartsReader:
         """The values of an instrument, whose `member` may move all its notes, at one of them."""
         interval = member.by_name.get("transpose") if isinstance(member, Values) else None
         memory, memory_key = self._uses.files.memory, f"note {part_name}"
-        values_before = None if memory is None else memory.held_for(memory_key, instrument_values)
-        if values_before is not None and values_before[0] == interval:
-            pitched: Values = values_before[1]
+        old_values = None if memory is None else memory.held_for(memory_key, instrument_values)
+        if old_values is not None and old_values[0] == interval:
+            pitched: Values = old_values[1]
             return pitched
         n_reports = self._collector.n_reports
         pitched = overlay.shifted_note(instrument_values, note_name, interval)
@@ -217,14 +217,14 @@ class PartsReader:
             return memory.recall(key, partial(make, part_values))
         # Values that were merged (`like`, `from`) have the node of one of them.
         memory_key = f"made {section_name} {part_name} {part_values.node.document.file}"
-        part_before = memory.held(memory_key, amounts_by_name)
-        if part_before is not None and part_before[0] is part_values:
-            return part_before[1]  # type: ignore[no-any-return]
+        old_part = memory.held(memory_key, amounts_by_name)
+        if old_part is not None and old_part[0] is part_values:
+            return old_part[1]  # type: ignore[no-any-return]
         n_reports = self._collector.n_reports
-        part_made = make(part_values)
+        new_part = make(part_values)
         if self._collector.n_reports == n_reports:
-            memory.hold(memory_key, amounts_by_name, (part_values, part_made))
-        return part_made
+            memory.hold(memory_key, amounts_by_name, (part_values, new_part))
+        return new_part
 
     def _instrument(self, amounts_key: Hashable, values: Values) -> Instrument:
         """An instrument, of which only modules that have changed are read; `amounts_key` are the
@@ -234,20 +234,20 @@ class PartsReader:
         if memory is None:
             return make_instrument(values)
         memory_key = f"read {values.context.name} {values.node.document.file}"
-        modules_before: dict[Hashable, Any] = memory.held(memory_key, amounts_key) or {}
-        modules_now: dict[Hashable, Any] = {}
+        old_modules: dict[Hashable, Any] = memory.held(memory_key, amounts_key) or {}
+        new_modules: dict[Hashable, Any] = {}
 
         def recall(module_key: Hashable, make: Callable[[], _Item]) -> _Item:
             n_reports = self._collector.n_reports
             recalled_module: _Item = (
-                modules_before[module_key] if module_key in modules_before else make()
+                old_modules[module_key] if module_key in old_modules else make()
             )
             if self._collector.n_reports == n_reports:
-                modules_now[module_key] = recalled_module
+                new_modules[module_key] = recalled_module
             return recalled_module
 
         result = make_instrument(values, recall)
-        memory.hold(memory_key, amounts_key, modules_now)
+        memory.hold(memory_key, amounts_key, new_modules)
         return result
 
     def look_up(self) -> None:
@@ -308,36 +308,36 @@ class PartsReader:
     ) -> tuple[int, tuple[str, ...]]:
         """The number of masses of modules, and the takes that they name."""
         memory = self._uses.files.memory
-        contents_before = (
+        old_contents = (
             None if memory is None else memory.held_for(f"contents {part_name}", part_modules)
         )
-        if contents_before is None:
+        if old_contents is None:
             n_mats = sum(
                 member_count(m.kind, m.fields) * m.fields.get("axes", 1) for m in part_modules
             )
             sources = (module.fields.get("from") for module in part_modules)
-            contents_before = (
+            old_contents = (
                 n_mats,
                 tuple([source for source in sources if isinstance(source, Name)]),
             )
             if memory is not None:
-                memory.hold(f"contents {part_name}", (part_modules,), contents_before)
-        return contents_before
+                memory.hold(f"contents {part_name}", (part_modules,), old_contents)
+        return old_contents
 
     def _same(self, part: _Part) -> _Part:
         """The part of the reading before, if it has the same modules and is equal."""
         memory = self._uses.files.memory
         if memory is None:
             return part
-        part_before: _Part | None = memory.held_for(f"part {part.name}", part.modules)
+        old_part: _Part | None = memory.held_for(f"part {part.name}", part.modules)
         # Pitches are not compared: two instruments may be one matter at two of them.
         # Nor is how they are played.
-        is_equal = part_before == part and all(
-            getattr(part_before, name, None) == getattr(part, name, None)
+        is_equal = old_part == part and all(
+            getattr(old_part, name, None) == getattr(part, name, None)
             for name in ("pitch", "acts", "loudness")
         )
-        if part_before is not None and is_equal:
-            return part_before
+        if old_part is not None and is_equal:
+            return old_part
         memory.hold(f"part {part.name}", (part.modules,), part)
         return part
 

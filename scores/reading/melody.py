@@ -234,16 +234,12 @@ def _checked_rows(phrase_rows: Any, context: Context) -> Any:
     """Rows, unless one swells to no level, or to one of another kind."""
     if phrase_rows is MISSING:
         return MISSING
-    rows_read = [row for row in phrase_rows if isinstance(row, Row)]
-    for row_number, phrase_row in enumerate(rows_read):
+    rows = [row for row in phrase_rows if isinstance(row, Row)]
+    for row_index, phrase_row in enumerate(rows):
         if not phrase_row.swells or phrase_row.level is None:
             continue
         swell_end = next(
-            (
-                later_row.level
-                for later_row in rows_read[row_number + 1 :]
-                if later_row.level is not None
-            ),
+            (later_row.level for later_row in rows[row_index + 1 :] if later_row.level is not None),
             None,
         )
         if swell_end is None:

@@ -186,13 +186,13 @@ def sends(sends_value: Any, node: Node | None) -> tuple[tuple[Name, float], ...]
     )
 
 
-def rooms(rooms_read: Any) -> tuple[Room, ...]:
+def rooms(values_by_name: Any) -> tuple[Room, ...]:
     """The rooms that were read."""
-    return tuple(_make_room(rooms_read or {}))
+    return tuple(_make_room(values_by_name or {}))
 
 
-def _make_room(rooms_read: Mapping[str, object]) -> Iterator[Room]:
-    for room_name, room_values in rooms_read.items():
+def _make_room(values: Mapping[str, object]) -> Iterator[Room]:
+    for room_name, room_values in values.items():
         if not isinstance(room_values, Values) or room_values["t60"] is None:
             continue
         t60 = room_values["t60"]

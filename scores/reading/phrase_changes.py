@@ -113,13 +113,13 @@ def _start_from(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
             yield replace(phrase_row, at=later_length)
 
 
-def _length_after(length_before: Length, t: Transform) -> Length:
+def _length_after(length: Length, t: Transform) -> Length:
     """A length minus the time of `from`, in the same unit."""
-    other_unit = length_before.seconds if t.time.beats else length_before.beats
-    if length_before.bars or other_unit:
+    other_unit = length.seconds if t.time.beats else length.beats
+    if length.bars or other_unit:
         message = "'from' needs entries and a length in its own unit: all in beats or in seconds"
         raise TextError(message, offset=t.offset, length=t.length)
-    return Length(0.0, length_before.beats - t.time.beats, length_before.seconds - t.time.seconds)
+    return Length(0.0, length.beats - t.time.beats, length.seconds - t.time.seconds)
 
 
 def _jitter_times(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:

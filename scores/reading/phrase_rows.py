@@ -119,21 +119,19 @@ def with_levels(rows: Sequence[Row], strike_levels: Levels | None) -> tuple[Row,
     """Rows, each with a level: its own, or that of the row before; `strike_levels` are those of
     rows that say none.
     """
-    leveled_rows, level_before = [], None
-    for row_number, phrase_row in enumerate(rows):
-        level_before = (
+    leveled_rows, last_level = [], None
+    for row_index, phrase_row in enumerate(rows):
+        last_level = (
             phrase_row.level
-            or level_before
-            or (strike_levels or Levels((MEZZO_FORTE,))).step(row_number, len(rows))
+            or last_level
+            or (strike_levels or Levels((MEZZO_FORTE,))).step(row_index, len(rows))
         )
         is_pattern = strike_levels is not None and len(strike_levels.steps) > 1
         leveled_rows.append(
-            replace(phrase_row, level=level_before)
-            if phrase_row.level != level_before
-            else phrase_row
+            replace(phrase_row, level=last_level) if phrase_row.level != last_level else phrase_row
         )
         if is_pattern and phrase_row.level is None:
-            level_before = None  # the next row has the next level of the pattern
+            last_level = None  # the next row has the next level of the pattern
     return tuple(_with_swells(rows, leveled_rows))
 
 

@@ -177,7 +177,7 @@ class Strikes:
             return
         until_beat = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
         for turn, round_start in enumerate(self.rounds(tempo)):
-            for hit_number, melody_hit in enumerate(self.hits):
+            for hit_index, melody_hit in enumerate(self.hits):
                 hit_position = melody_hit.at
                 hit_beat = (
                     tempo.resolve(hit_position)
@@ -185,16 +185,16 @@ class Strikes:
                     else tempo.after(round_start, hit_position)
                 )
                 if hit_beat < until_beat:
-                    yield hit_beat, turn * len(self.hits) + hit_number, melody_hit
+                    yield hit_beat, turn * len(self.hits) + hit_index, melody_hit
 
     def cycles(self, tempo: TempoMap, before_beat: float = inf) -> int:
         """The number of cycles of a rhythm that begin before a beat. Raises TextError."""
         assert self.rhythm is not None
         stop = self.stop(tempo)
-        cycle_count = self.rhythm.count(
+        n_cycles = self.rhythm.count(
             tempo, tempo.resolve(self.at), before_beat if stop is None else min(stop, before_beat)
         )
-        return cycle_count if self.times is None else min(cycle_count, self.times)
+        return n_cycles if self.times is None else min(n_cycles, self.times)
 
     def _strokes(
         self, piece: Piece, rhythm: Rhythm, since: float, before: float

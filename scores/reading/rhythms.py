@@ -74,20 +74,20 @@ class Rhythm:
         """The number of cycles that begin before a beat."""
         if before == inf:
             return MAX_CYCLES
-        low_count, high_count = 0, 1
-        while high_count < MAX_CYCLES and self.begin(tempo, begin, high_count) < before - SAME:
-            low_count, high_count = high_count, 2 * high_count
-        high_count = min(high_count, MAX_CYCLES)
-        if self.begin(tempo, begin, low_count) >= before - SAME:
-            return low_count
-        while high_count - low_count > 1:
-            middle = (low_count + high_count) // 2
-            low_count, high_count = (
-                (middle, high_count)
+        low, high = 0, 1
+        while high < MAX_CYCLES and self.begin(tempo, begin, high) < before - SAME:
+            low, high = high, 2 * high
+        high = min(high, MAX_CYCLES)
+        if self.begin(tempo, begin, low) >= before - SAME:
+            return low
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (
+                (middle, high)
                 if self.begin(tempo, begin, middle) < before - SAME
-                else (low_count, middle)
+                else (low, middle)
             )
-        return high_count
+        return high
 
     def strokes(
         self,
@@ -164,13 +164,13 @@ def _levels_of_events(cycle_events: Sequence[_CycleEvent], levels: Levels) -> It
     mains = [number for number, (*_, struck) in enumerate(cycle_events) if struck.part_of is None]
     turns = {number: turn for turn, number in enumerate(mains)}
     by_word: dict[int, list[int]] = {}
-    for event_number in mains if len(mains) < len(cycle_events) else ():
-        by_word.setdefault(cycle_events[event_number][-1].offset, []).append(event_number)
-    for event_number, (*_, struck_word) in enumerate(cycle_events):
-        main = event_number
+    for event_index in mains if len(mains) < len(cycle_events) else ():
+        by_word.setdefault(cycle_events[event_index][-1].offset, []).append(event_index)
+    for event_index, (*_, struck_word) in enumerate(cycle_events):
+        main = event_index
         if struck_word.part_of is not None:
-            numbers_of_word = by_word.get(struck_word.offset) or mains or [event_number]
-            place = bisect(numbers_of_word, event_number) - (struck_word.part_of == "before")
+            numbers_of_word = by_word.get(struck_word.offset) or mains or [event_index]
+            place = bisect(numbers_of_word, event_index) - (struck_word.part_of == "before")
             main = numbers_of_word[min(max(0, place), len(numbers_of_word) - 1)]
         loud = level_of(struck_word) or levels.step(turns.get(main, 0), len(mains))
         yield loud.scaled(struck_word.factor) if struck_word.factor != 1.0 else loud
@@ -191,21 +191,21 @@ def _placed_strokes(
         yield stroke_beat, long, struck_word, stroke_level
         return
     rate, first_factor, last_factor = struck_word.repeats
-    begin_seconds, end = tempo.seconds(stroke_beat), tempo.seconds(stroke_beat + stroke_span)
-    repeat_count = max(1, ceil((end - begin_seconds) * rate - _SAME_STROKE))
-    if repeat_count > MAX_EVENTS:
+    start, end = tempo.seconds(stroke_beat), tempo.seconds(stroke_beat + stroke_span)
+    n_repeats = max(1, ceil((end - start) * rate - _SAME_STROKE))
+    if n_repeats > MAX_EVENTS:
         raise TextError(_TOO_MANY_MESSAGE)
-    for turn in range(repeat_count):
-        repeat_beat = tempo.beats(begin_seconds + turn / rate) if turn else stroke_beat
-        stop_seconds = (
-            tempo.beats(begin_seconds + (turn + 1) / rate)
-            if turn + 1 < repeat_count
+    for turn in range(n_repeats):
+        repeat_beat = tempo.beats(start + turn / rate) if turn else stroke_beat
+        stop = (
+            tempo.beats(start + (turn + 1) / rate)
+            if turn + 1 < n_repeats
             else stroke_beat + stroke_span
         )
         loud = stroke_level.scaled(
-            swell(first_factor, last_factor, turn / (repeat_count - 1) if repeat_count > 1 else 1.0)
+            swell(first_factor, last_factor, turn / (n_repeats - 1) if n_repeats > 1 else 1.0)
         )
-        sounding = float(struck_word.length) * (stop_seconds - repeat_beat)
+        sounding = float(struck_word.length) * (stop - repeat_beat)
         yield (
             repeat_beat,
             sounding,

@@ -43,10 +43,10 @@ def start_beats(
     )
     for strikes_index in strike_counts.unknown:
         n_reports = collector.n_reports
-        strike_count = _strike_count(piece.strikes[strikes_index], piece, strikes_left, collector)
+        n_strikes = _strike_count(piece.strikes[strikes_index], piece, strikes_left, collector)
         if collector.n_reports == n_reports:
-            strike_counts.values[strikes_index] = strike_count
-        strikes_left -= strike_count
+            strike_counts.values[strikes_index] = n_strikes
+        strikes_left -= n_strikes
     known_plays.keep("counts", strike_counts, piece.seed)
     return line_starts
 
@@ -220,12 +220,12 @@ def _strike_count(
             once = sum(target.count for hit in strikes.hits for target in hit.to)
             if strikes.passing is not None:
                 once = sum(t.count for t in strikes.to) * strikes.passing.visits_max
-            strike_count = float(once * len(strikes.rounds(tempo)))
+            n_strikes = float(once * len(strikes.rounds(tempo)))
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
-        return _count_within(strikes, strike_count, strikes_left, collector)
+        return _count_within(strikes, n_strikes, strikes_left, collector)
     if strikes.pattern is not None:
         try:
             n_rounds = float(len(strikes.steps(piece)))
@@ -236,14 +236,12 @@ def _strike_count(
     elif strikes.rate is not None:
         n_rounds = strikes.rate * lasting
     elif strikes.every is not None:
-        step_seconds = tempo.seconds(tempo.after(start_beat, strikes.every)) - tempo.seconds(
-            start_beat
-        )
-        if step_seconds <= 0.0:
+        step = tempo.seconds(tempo.after(start_beat, strikes.every)) - tempo.seconds(start_beat)
+        if step <= 0.0:
             message = f"strikes {quote(strikes.name)}: 'every' must be above 0"
             collector.error("E305", message, strikes.place)
             return 0.0
-        n_rounds = float(strikes.times) if strikes.times is not None else lasting / step_seconds
+        n_rounds = float(strikes.times) if strikes.times is not None else lasting / step
         if strikes.times is None and stop_beat == start_beat:
             message = (
                 f"strikes {quote(strikes.name)}: the number of strikes "
@@ -256,13 +254,13 @@ def _strike_count(
 
 
 def _count_within(
-    strikes: Strikes, strike_count: float, strikes_left: float, collector: Collector
+    strikes: Strikes, n_strikes: float, strikes_left: float, collector: Collector
 ) -> float:
-    """`strike_count`; 0 if an error was reported because it is above `strikes_left`."""
-    if strike_count <= strikes_left:
-        return strike_count
+    """`n_strikes`; 0 if an error was reported because it is above `strikes_left`."""
+    if n_strikes <= strikes_left:
+        return n_strikes
     message = f"strikes {quote(strikes.name)}: the piece has more than {MAX_STRIKES:,} strikes"
-    if strike_count <= MAX_STRIKES:
+    if n_strikes <= MAX_STRIKES:
         message += ", with those above"
     collector.error("E105", message, strikes.place)
     return 0.0

@@ -85,22 +85,22 @@ def _parse_point(point_text: str) -> Point:
 
 def parse_path(path_text: str) -> tuple[Point, ...]:
     """`1 0deg -> 0.3 1080deg` as points (radius, azimuth [degrees]). Raises TextError."""
-    points_read: list[Point] = []
+    points: list[Point] = []
     part_start = 0
     for point_text in path_text.split(_PATH_SEPARATOR):
         try:
-            points_read.append(_parse_point(point_text))
+            points.append(_parse_point(point_text))
         except TextError as error:
             error.offset += part_start
             raise
         part_start += len(point_text) + len(_PATH_SEPARATOR)
-    if not 2 <= len(points_read) <= MAX_POINTS:
+    if not 2 <= len(points) <= MAX_POINTS:
         message = f"a path has 2 to {MAX_POINTS:,} points, with {_PATH_SEPARATOR} between them"
         raise TextError(message, length=max(1, len(path_text)), code="E106")
-    if sum(abs(b - a) for (_, a), (_, b) in pairwise(points_read)) > 360.0 * MAX_TURNS:
+    if sum(abs(b - a) for (_, a), (_, b) in pairwise(points)) > 360.0 * MAX_TURNS:
         message = f"the path goes round more than {MAX_TURNS:.0f} times"
         raise TextError(message, length=len(path_text), code="E202")
-    return tuple(points_read)
+    return tuple(points)
 
 
 PATH_SHAPE = Text(

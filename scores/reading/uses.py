@@ -165,12 +165,12 @@ class Uses:
             self._tell_unplayed(
                 used_names.score, document.file, written_place, is_played=include is not None
             )
-        name_count = sum(
+        n_names = sum(
             len(table)
             for section_table in (score_names, used_names)
             for table in section_table.tables.values()
         )
-        if name_count > MAX_NAMES:
+        if n_names > MAX_NAMES:
             message = f"files bring more than {MAX_NAMES:,} names, many of them more than once"
             self.collector.error("E105", message, written_place)
             self.is_full = True
@@ -286,11 +286,9 @@ class Uses:
         """
         memory = self.files.memory
         memory_key = f"merged {section} {chain[0].context.name} {chain[0].node.document.file}"
-        merged_before: Values | None = (
-            None if memory is None else memory.held_for(memory_key, *chain)
-        )
-        if merged_before is not None:
-            return merged_before
+        old_values: Values | None = None if memory is None else memory.held_for(memory_key, *chain)
+        if old_values is not None:
+            return old_values
         n_reports = self.collector.n_reports
         merged_values = chain[-1]
         is_instrument = section == "instruments"

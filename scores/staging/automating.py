@@ -20,7 +20,7 @@ from ergon.scores.reading.automatable import transposed_modules
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.known_automation import KnownAutomation, Tracks
 from ergon.scores.staging.parameter_curves import (
-    GLIDE_SECONDS,
+    GLIDE_DURATION,
     GRID_FRAMES,
     Curve,
     Entry,
@@ -30,7 +30,7 @@ from ergon.scores.staging.parameter_curves import (
     add_swing,
 )
 from ergon.scores.staging.parameter_values import AutomatedModule, ModuleKey, Points
-from ergon.scores.staging.past_automation import needed_entries, point_slack_seconds
+from ergon.scores.staging.past_automation import needed_entries, point_margin
 
 MAX_POINTS = 200_000
 
@@ -58,12 +58,12 @@ def automation_points(
     `known_automation` is what the stage before knew.
     """
     tempo, known_automation = piece.tempo_map, known_automation or KnownAutomation()
-    automation_lines = known_automation.tracks(piece)
+    track_by_module = known_automation.tracks(piece)
     start_beat = tempo.beats(begins) if begins > -math.inf else -math.inf
     led_by_module: dict[ModuleKey, AutomatedModule] = {}
     points_by_module: dict[ModuleKey, Points] = {}
     unsettled: dict[ModuleKey, Tracks] = {}
-    for module_key, track in automation_lines.items():
+    for module_key, track in track_by_module.items():
         led = known_automation.led(piece, module_key)
         if led is None:
             continue  # a gesture is rehearsed without instruments
@@ -74,7 +74,7 @@ def automation_points(
         else:
             points_by_module[module_key] = settled_points
     if begins > -math.inf:
-        begins -= point_slack_seconds(
+        begins -= point_margin(
             piece, (o for track in unsettled.values() for o in track.entries.values()), begins
         )
         since = min(since, tempo.beats(begins))
@@ -82,7 +82,7 @@ def automation_points(
     moving = {
         module_key
         for module_key in led_by_module
-        if automation_lines[module_key].moves_from < start_beat
+        if track_by_module[module_key].moves_from < start_beat
     }
     chord_curves: dict[str, Curve] = {}
     for module_key in [
@@ -90,16 +90,16 @@ def automation_points(
         for module_key in unsettled
         if led_by_module[module_key].module.kind == "INSTRUMENT"
     ]:
-        entry_order, value_alone = (
+        entries, written_value = (
             unsettled.pop(module_key).entries["f"],
             led_by_module[module_key].numbers_written["f"],
         )
         chord_curves[module_key[0]] = _parameter_curve(
-            piece, entry_order, value_alone, extent, collector
+            piece, entries, written_value, extent, collector
         )
         for module in transposed_modules(piece.instruments[module_key[0]]):
             member = module_key[0], module.name
-            unsettled.setdefault(member, automation_lines.get(member) or Tracks({}, math.inf))
+            unsettled.setdefault(member, track_by_module.get(member) or Tracks({}, math.inf))
             if module_key in moving:
                 moving.add(member)
     for module_key, track in unsettled.items():
@@ -114,20 +114,20 @@ def automation_points(
             piece.instruments[module_key[0]]
         ):
             chord_curve = None
-        points_made = _module_points(led, curves, chord_curve)
-        if led.cost * len(points_made) > MAX_POINTS:
+        points = _module_points(led, curves, chord_curve)
+        if led.cost * len(points) > MAX_POINTS:
             message = f"automation: a {led.module.kind} changes more than {MAX_POINTS:,} times"
             collector.error("E105", message, _automation_place(piece, module_key[0]))
-        elif points_made:
-            points_by_module[module_key] = points_made
+        elif points:
+            points_by_module[module_key] = points
             if chord_curve is None and _is_settled(track, curves, start_beat, begins):
-                points_by_module[module_key] = points_made[-1:]
-                known_automation.settle(module_key, track, led, start_beat, points_made[-1:])
+                points_by_module[module_key] = points[-1:]
+                known_automation.settle(module_key, track, led, start_beat, points[-1:])
     return AutomatedPoints(points_by_module, frozenset(moving))
 
 
 def _is_settled(
-    tracks: Tracks, curves: Mapping[str, Curve], point_beat: float, instant_seconds: float
+    tracks: Tracks, curves: Mapping[str, Curve], point_beat: float, instant: float
 ) -> bool:
     """Whether nothing moves a module after a beat, which is at an instant [s]: the last entry of
     each parameter is over, or is a glide whose value stays.
@@ -141,7 +141,7 @@ def _is_settled(
             last_entry.begin > point_beat
             or not holds_value
             or not curve_times
-            or curve_times[-1] > instant_seconds
+            or curve_times[-1] > instant
         ):
             return False
     return point_beat > -math.inf
@@ -204,20 +204,20 @@ def _with_chord_means(path_points: Points, curved_instants: Container[float]) ->
     with_chords = list(path_points)
     for point_index in range(1, len(path_points) - 1):
         (
-            (instant_before, *low_values),
-            (instant_seconds, *values_here),
+            (last_instant, *low_values),
+            (instant, *values_here),
             (instant_after, *high_values),
         ) = path_points[point_index - 1 : point_index + 2]
         if (
-            instant_seconds in curved_instants
-            and abs((instant_seconds - instant_before) - (instant_after - instant_seconds)) < 1e-9
+            instant in curved_instants
+            and abs((instant - last_instant) - (instant_after - instant)) < 1e-9
         ):
             bends = (
                 a - 2.0 * x + b
                 for a, x, b in zip(low_values, values_here, high_values, strict=True)
             )
             with_chords[point_index] = (
-                instant_seconds,
+                instant,
                 *(x - bend / 12.0 for x, bend in zip(values_here, bends, strict=True)),
             )
     return with_chords
@@ -232,14 +232,14 @@ def value_on(piece: Piece, module_key: ModuleKey, parameter_name: str, value_bea
         for line in piece.automation
         if module_key in line.modules and line.parameter == parameter_name
     ]
-    beat_seconds = piece.tempo_map.seconds(value_beat)
-    extent = Extent(value_beat, value_beat, beat_seconds)
+    instant = piece.tempo_map.seconds(value_beat)
+    extent = Extent(value_beat, value_beat, instant)
     tracks = KnownAutomation().tracks(
         replace(piece, automation=tuple(automation_lines), strikes=())
     )
     order = tracks[module_key].entries[parameter_name] if automation_lines else []
     curve = _parameter_curve(piece, order, led.numbers_written[parameter_name], extent, Collector())
-    return curve.evaluate(beat_seconds)
+    return curve.evaluate(instant)
 
 
 def complete_until(piece: Piece, until_beat: float) -> float:
@@ -253,12 +253,12 @@ def takeover_points(
     points_before: Mapping[ModuleKey, Points],
     points_after: Mapping[ModuleKey, Points],
     piece: Piece,
-    start_seconds: float,
+    start: float,
     complete_to: float,
     moved: Container[ModuleKey] = (),
     memory: KnownAutomation | None = None,
 ) -> dict[ModuleKey, Points]:
-    """The points of a stage that takes over at `start_seconds` [s] from one with the points
+    """The points of a stage that takes over at `start` [s] from one with the points
     `points_before`.
 
     Points that do not change continue bit by bit; others are reached within `GLIDE`. The points
@@ -279,43 +279,41 @@ def takeover_points(
         led = memory.led(piece, module_key)
         if led is None:
             continue  # the module is gone
-        value_alone = (0.0, *led.numbers_alone)
+        unled_point = (0.0, *led.numbers_alone)
         old_points, new_points = (
-            points_before.get(module_key) or [value_alone],
-            points_after.get(module_key) or [value_alone],
+            points_before.get(module_key) or [unled_point],
+            points_after.get(module_key) or [unled_point],
         )
         if len(old_points[0]) != len(new_points[0]):
-            old_points = [value_alone]  # the module had another kind before
-        is_same = _is_same(old_points, new_points, start_seconds, complete_to)
+            old_points = [unled_point]  # the module had another kind before
+        is_same = _is_same(old_points, new_points, start, complete_to)
         if not is_same:
-            glide_stop = start_seconds + GLIDE_SECONDS
+            glide_stop = start + GLIDE_DURATION
             later_points = (point for point in new_points if point[0] > glide_stop)
             new_points = [
-                (start_seconds, *value_at(old_points, start_seconds)),
+                (start, *value_at(old_points, start)),
                 (glide_stop, *value_at(new_points, glide_stop)),
                 *later_points,
             ]
         if (is_same and module_key in moved) or any(
-            point[1:] != value_alone[1:] for point in new_points
+            point[1:] != unled_point[1:] for point in new_points
         ):
             points_by_module[module_key] = new_points
     return points_by_module
 
 
-def _is_same(
-    old_points: Points, new_points: Points, start_seconds: float, complete_to: float
-) -> bool:
+def _is_same(old_points: Points, new_points: Points, start: float, complete_to: float) -> bool:
     """Whether two sequences of points are equal from an instant on, as far as both go, and up to
     the instant `complete_to` [s].
     """
     old_from, new_from = (
-        max(0, bisect_right(points, start_seconds, key=lambda point: point[0]) - 1)
+        max(0, bisect_right(points, start, key=lambda point: point[0]) - 1)
         for points in (old_points, new_points)
     )
     old_points, new_points = old_points[old_from:], new_points[new_from:]
     if len(old_points) == 1 or len(new_points) == 1:  # one of them is constant
         return all(point[1:] == old_points[0][1:] for point in (*old_points, *new_points))
-    last_compared = max(start_seconds, complete_to)
+    last_compared = max(start, complete_to)
     return all(
         old_point == new_point
         for old_point, new_point in zip(old_points, new_points, strict=False)
@@ -323,62 +321,56 @@ def _is_same(
     )
 
 
-def value_at(path_points: Points, instant_seconds: float) -> tuple[float, ...]:
+def value_at(points: Points, instant: float) -> tuple[float, ...]:
     """The numbers at an instant [s], interpolated linearly."""
-    index_after = bisect_right(path_points, instant_seconds, key=lambda point: point[0])
-    if index_after in (0, len(path_points)):
-        return path_points[0 if index_after == 0 else -1][1:]
-    (begin, *low), (end, *high) = path_points[index_after - 1], path_points[index_after]
-    share = (instant_seconds - begin) / (end - begin)
-    return tuple(a + (b - a) * share for a, b in zip(low, high, strict=True))
+    after = bisect_right(points, instant, key=lambda point: point[0])
+    if after in (0, len(points)):
+        return points[0 if after == 0 else -1][1:]
+    (begin, *low), (end, *high) = points[after - 1], points[after]
+    fraction = (instant - begin) / (end - begin)
+    return tuple(a + (b - a) * fraction for a, b in zip(low, high, strict=True))
 
 
 def _parameter_curve(
     piece: Piece,
-    entry_order: Sequence[Entry],
-    value_alone: float,
+    entries: Sequence[Entry],
+    written_value: float,
     extent: Extent,
     collector: Collector,
 ) -> Curve:
     """The curve of one parameter: its automation entries one after another, its own value in
     between.
     """
-    tempo, until_seconds = piece.tempo_map, extent.until
-    first_entry, parameter_curve = needed_entries(piece, entry_order, value_alone, extent)
-    ended = math.inf if parameter_curve.t else -math.inf
-    for place_index in range(first_entry, len(entry_order)):
-        entry, extent_here = entry_order[place_index], extent
+    tempo, until = piece.tempo_map, extent.until
+    first_entry, curve = needed_entries(piece, entries, written_value, extent)
+    ended = math.inf if curve.t else -math.inf
+    for index in range(first_entry, len(entries)):
+        entry, extent_here = entries[index], extent
         automation_entry, begin_beat, stop_beat = entry
-        if begin_beat > until_seconds:
+        if begin_beat > until:
             break
-        if parameter_curve.t and begin_beat > ended + SAME:
-            parameter_curve.set(tempo.seconds(ended), value_alone, tempo.seconds(begin_beat))
-        if extent.begins > -math.inf and place_index + 1 < len(
-            entry_order
-        ):  # some spans need only their end
-            begins = min(extent.begins, tempo.seconds(entry_order[place_index + 1].begin))
-            extent_here = Extent(min(extent.since, stop_beat), until_seconds, begins)
+        if curve.t and begin_beat > ended + SAME:
+            curve.add_step(tempo.seconds(ended), written_value, tempo.seconds(begin_beat))
+        if extent.begins > -math.inf and index + 1 < len(entries):  # some spans need only their end
+            begins = min(extent.begins, tempo.seconds(entries[index + 1].begin))
+            extent_here = Extent(min(extent.since, stop_beat), until, begins)
         try:
             if automation_entry.swing is not None:
-                add_swing(piece, entry, parameter_curve, extent_here)
+                add_swing(piece, entry, curve, extent_here)
                 ended = stop_beat
             elif automation_entry.points:
-                add_glide(piece, entry, parameter_curve, extent_here.begins)
+                add_glide(piece, entry, curve, extent_here.begins)
                 ended = stop_beat
             else:
-                ended = min(stop_beat, add_pattern(piece, entry, parameter_curve, extent_here))
-                ended = (
-                    math.inf
-                    if automation_entry.struck and place_index + 1 == len(entry_order)
-                    else ended
-                )
+                ended = min(stop_beat, add_pattern(piece, entry, curve, extent_here))
+                ended = math.inf if automation_entry.struck and index + 1 == len(entries) else ended
         except TextError as error:
             collector.error(
                 "E305",
                 f"automation of {automation_entry.name}: {error.message}",
                 automation_entry.place,
             )
-            return parameter_curve
-    if parameter_curve.t and ended <= until_seconds and tempo.seconds(ended) < NEVER:
-        parameter_curve.set(tempo.seconds(ended), value_alone)
-    return parameter_curve
+            return curve
+    if curve.t and ended <= until and tempo.seconds(ended) < NEVER:
+        curve.add_step(tempo.seconds(ended), written_value)
+    return curve

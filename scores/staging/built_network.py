@@ -119,10 +119,8 @@ def coupling_spans(piece: Piece) -> Iterator[tuple[float, float | None]]:
         until_beat = (
             None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
         )
-        begin_seconds = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
+        begin = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
         is_over = (
-            until_beat is not None
-            and until_beat <= begin_seconds
-            and isinstance(tempo, OffsetTempoMap)
+            until_beat is not None and until_beat <= begin and isinstance(tempo, OffsetTempoMap)
         )
-        yield begin_seconds, COUPLING_ENDED_SECONDS if is_over else until_beat
+        yield begin, COUPLING_ENDED_SECONDS if is_over else until_beat

@@ -20,8 +20,8 @@ from ergon.scores.staging.parameter_values import AutomatedModule, ModuleKey, Po
 from ergon.scores.staging.planning import Watched, plan_again
 from ergon.scores.staging.stage import Stage
 
-_SAME_SECONDS = 1e-9  # rounding, not music
-_PathsByModule = Mapping[ModuleKey, Points]
+_ROUNDING_TOLERANCE = 1e-9  # rounding, not music
+_Paths = Mapping[ModuleKey, Points]
 
 
 @without_gc
@@ -75,7 +75,7 @@ def _gestures_in_flight(stage: Stage, cut_instant: float) -> list[int]:
     return [
         number
         for number, gesture in enumerate(stage.gestures)
-        if gesture.begins < cut_instant - _SAME_SECONDS and gesture.stop > cut_instant
+        if gesture.begins < cut_instant - _ROUNDING_TOLERANCE and gesture.stop > cut_instant
     ]
 
 
@@ -91,19 +91,15 @@ def _watched_parts(piece: Piece, plan: _core.Plan) -> Watched:
     return Watched(seen=all_parts, seen_every=piece.motion_every)
 
 
-def _paths_from(
-    stage: Stage, piece: Piece, instant_seconds: float, *, stops: bool
-) -> tuple[_PathsByModule, float]:
+def _paths_from(stage: Stage, piece: Piece, instant: float, *, stops: bool) -> tuple[_Paths, float]:
     """The points of automation from an instant [s] on, and the instant up to which they are
     complete [s].
     """
     collector = Collector()  # a piece that plays has no mistakes in its automation
     if stops:
         start_beat = piece.tempo_map.beats(0.0)
-        path_points = automation_points(piece, start_beat, start_beat, collector)
-        return _paths_continued(stage, stage.paths, path_points, piece, instant_seconds), float(
-            "inf"
-        )
+        automated = automation_points(piece, start_beat, start_beat, collector)
+        return _paths_continued(stage, stage.paths, automated, piece, instant), float("inf")
     struck_parts = {
         target.part for strikes in piece.strikes if strikes.moves_pitches for target in strikes.to
     }
@@ -111,8 +107,8 @@ def _paths_from(
         return stage.paths, stage.paths_until
     # The pitches of notes that are not struck any more.
     tempo = piece.tempo_map
-    cut_beat = tempo.beats(instant_seconds)
-    noted = replace(
+    cut_beat = tempo.beats(instant)
+    piece_of_notes = replace(
         piece,
         strikes=tuple(_strikes_before(piece, cut_beat)),
         automation=tuple(
@@ -122,9 +118,9 @@ def _paths_from(
         ),
     )
     last_instant = stage.paths_until + 2 * GRID_FRAMES / stage.rate
-    until = tempo.beats(last_instant) if last_instant < float("inf") else cut_beat
-    path_points = automation_points(noted, cut_beat, max(cut_beat, until), collector)
-    noted_paths = {
+    until_beat = tempo.beats(last_instant) if last_instant < float("inf") else cut_beat
+    automated = automation_points(piece_of_notes, cut_beat, max(cut_beat, until_beat), collector)
+    struck_paths = {
         module_key: old for module_key, old in stage.paths.items() if module_key[0] in struck_parts
     }
     other_paths = {
@@ -134,21 +130,19 @@ def _paths_from(
     }
     return {
         **other_paths,
-        **_paths_continued(stage, noted_paths, path_points, piece, instant_seconds),
+        **_paths_continued(stage, struck_paths, automated, piece, instant),
     }, stage.paths_until
 
 
 def _paths_continued(
     stage: Stage,
-    paths_before: _PathsByModule,
-    automated_now: AutomatedPoints,
+    old_paths: _Paths,
+    automated: AutomatedPoints,
     piece: Piece,
     cut_instant: float,
-) -> _PathsByModule:
+) -> _Paths:
     until = stage.paths_until
-    return takeover_points(
-        paths_before, automated_now.points, piece, cut_instant, until, automated_now.moved
-    )
+    return takeover_points(old_paths, automated.points, piece, cut_instant, until, automated.moved)
 
 
 def _strikes_before(piece: Piece, cut_beat: float) -> Iterator[Strikes]:
@@ -170,22 +164,22 @@ def _replace_paths(
     piece: Piece,
     assembly: Assembly,
     timeline: _core.Timeline,
-    paths_before: _PathsByModule,
-    paths_now: _PathsByModule,
+    old_paths: _Paths,
+    new_paths: _Paths,
 ) -> None:
     """Replace the points of automation on a timeline. Raises EngineError."""
     mats: list[tuple[int, int]] = []
-    coupling_links: list[tuple[int, int]] = []
-    for module_key in paths_before:
+    link_ranges: list[tuple[int, int]] = []
+    for module_key in old_paths:
         led = AutomatedModule.from_piece(piece, module_key)
         if led is None:
             continue
         if led.module.kind in ("CEL", "BANK"):
             mats.append((assembly.mats[module_key], led.cost))
         else:
-            moved = assembly.links_of(module_key)
-            coupling_links.append((moved.start, len(moved)))
-    timeline.release(mats, coupling_links)
-    for module_key, points in paths_now.items():
+            links = assembly.links_of(module_key)
+            link_ranges.append((links.start, len(links)))
+    timeline.release(mats, link_ranges)
+    for module_key, points in new_paths.items():
         if led := AutomatedModule.from_piece(piece, module_key):
             led.put(timeline, assembly, module_key, points)

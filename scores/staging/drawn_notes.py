@@ -47,13 +47,13 @@ class DrawnNotes:
     def __init__(
         self,
         timeline: _core.Timeline,
-        notes_before: Sequence[DrawnNote] = (),
+        old_notes: Sequence[DrawnNote] = (),
         since: float = -inf,
         rate: float = inf,
     ) -> None:
         """Take the notes of the stage before, and the instant [s] from which on this one plays."""
         self._timeline, self._since = timeline, since + 1.0 / rate
-        self._before = {note.key: note for note in notes_before if note.begin < since < note.end}
+        self._before = {note.key: note for note in old_notes if note.begin < since < note.end}
         self._counts: Counter[tuple[NoteKey, tuple[float, float]]] = Counter()
         self.notes: list[DrawnNote] = []
 
@@ -68,22 +68,22 @@ class DrawnNotes:
             within[0] <= note.begin < within[1],
             within[0] > self._since - _TAKEOVER_MARGIN,
         )
-        note_before = self._before.pop(note.key, None) if follows and not begins else None
+        old_note = self._before.pop(note.key, None) if follows and not begins else None
         if begins:
             self._push(mat, note.begin, note.impulse, source)
-        elif note_before is None:
+        elif old_note is None:
             return
         else:
-            self._push(mat, self._since, note.impulse - note_before.impulse, source)
+            self._push(mat, self._since, note.impulse - old_note.impulse, source)
         self._push(mat, note.end, -note.impulse, source)
         self.notes.append(note)
 
-    def end_others(self, mat_of: Callable[[Place], int | None], source_number: int) -> None:
+    def end_others(self, mat_of: Callable[[Place], int | None], source: int) -> None:
         """End the notes that do not go on."""
         for drawn_note in self._before.values():
             mat = mat_of(drawn_note.place)
             if mat is not None:
-                self._push(mat, self._since, -drawn_note.impulse, source_number)
+                self._push(mat, self._since, -drawn_note.impulse, source)
         self._before.clear()
 
     def _push(self, mat: int, instant: float, impulse: float, source: int) -> None:

@@ -15,31 +15,29 @@ from ergon.scores.staging.takes import Takes
 
 def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str, tuple[int, float]]:
     """The inputs by name: the number of each, and the length [s] of its file."""
-    sounds_by_name: dict[str, tuple[int, float]] = {}
+    input_by_name: dict[str, tuple[int, float]] = {}
     for take_name, take in piece.takes.items():
-        if (sound_input := take.input) is None:
+        if (input := take.input) is None:
             continue
-        if sound_input.highpass is not None and sound_input.highpass >= 0.5 * piece.rate:
+        if input.highpass is not None and input.highpass >= 0.5 * piece.rate:
             message = f"take {quote(take_name)}: its highpass is not below half of the rate"
             place = take.places.get("highpass", take.place)
             takes.collector.error("E308", message, place)
-        elif (sound_samples := takes.sound(take_name)) is not None:
-            settings = {"gain": sound_input.gain, "clamp": sound_input.clamp}
-            if sound_input.channel is None:
-                number, glide = input_number(take_name), sound_input.glide or 0.0
-                input_index = timeline.controlled_input(
-                    number, sound_samples, **settings, glide=glide
-                )
+        elif (samples := takes.sound(take_name)) is not None:
+            settings = {"gain": input.gain, "clamp": input.clamp}
+            if input.channel is None:
+                engine_id, glide = input_id(take_name), input.glide or 0.0
+                input_index = timeline.controlled_input(engine_id, samples, **settings, glide=glide)
             else:
-                highpass = sound_input.highpass
+                highpass = input.highpass
                 input_index = timeline.sound_in(
-                    sound_input.channel - 1, sound_samples, **settings, highpass=highpass
+                    input.channel - 1, samples, **settings, highpass=highpass
                 )
-            sounds_by_name[take_name] = input_index, len(sound_samples) / piece.rate
-    return sounds_by_name
+            input_by_name[take_name] = input_index, len(samples) / piece.rate
+    return input_by_name
 
 
-def input_number(input_name: str) -> int:
+def input_id(input_name: str) -> int:
     """The engine's number of an OSC input; it is derived from the name, so that it is the same in
     every version.
     """
@@ -51,24 +49,24 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
     tempo = piece.tempo_map
     keys = [(name, key.modules, key.reach) for name, key in piece.keys.items()]
     instruments = [(name, i.modules, 1.0) for name, i in piece.instruments.items()]
-    for part_name, modules, lever_ratio in (*keys, *instruments):
-        for part_module in modules:
-            if part_module.kind not in ("ENX", "ENF"):
+    for part_name, modules, ratio in (*keys, *instruments):
+        for module in modules:
+            if module.kind not in ("ENX", "ENF"):
                 continue
-            mat = assembly.mat(part_module.driven_mat)
-            is_position = part_module.kind == "ENX"
+            mat = assembly.mat(module.driven_mat)
+            is_position = module.kind == "ENX"
             # Behind a lever positions are multiplied by s, and forces divided by s.
-            scale = lever_ratio if is_position else 1.0 / lever_ratio
-            drive_source, begin_position = part_module.fields["from"], part_module.fields["at"]
-            constant = drive_source * scale if isinstance(drive_source, float) else None
-            sound_input = sounds.get(str(drive_source))
+            scale = ratio if is_position else 1.0 / ratio
+            source, begin = module.fields["from"], module.fields["at"]
+            constant = source * scale if isinstance(source, float) else None
+            input_index = sounds.get(str(source))
             take = None
-            if constant is None and sound_input is None:
-                known_take = piece.takes.get(str(drive_source))
+            if constant is None and input_index is None:
+                take_of_piece = piece.takes.get(str(source))
                 take = (
                     None
-                    if known_take is None or known_take.input
-                    else hands.takes.get(str(drive_source))
+                    if take_of_piece is None or take_of_piece.input
+                    else hands.takes.get(str(source))
                 )
                 if take is None:
                     continue  # reported already
@@ -77,10 +75,8 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
                 "position" if is_position else "force",
                 constant=constant,
                 take=take,
-                sound=sound_input,
-                start=0.0
-                if begin_position is None
-                else tempo.seconds(tempo.resolve(begin_position)),
-                scale=scale * part_module.fields["scale"],
-                acts_on_free_key=part_module.driven_mat.part == part_name,
+                sound=input_index,
+                start=0.0 if begin is None else tempo.seconds(tempo.resolve(begin)),
+                scale=scale * module.fields["scale"],
+                acts_on_free_key=module.driven_mat.part == part_name,
             )

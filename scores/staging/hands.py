@@ -18,7 +18,7 @@ from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.points import Curve
 from ergon.scores.gesture.transforms import Chance, MidpointChance, Transform, apply, apply_to_take
-from ergon.scores.pattern.search import count_before
+from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import (
@@ -238,40 +238,40 @@ class Hands:
             for start_beat in self._room(play, begins):
                 self._put_take(play, take, start_beat)
 
-    def _play_pattern(self, part_play: Play, pattern_steps: Steps) -> None:
+    def _play_pattern(self, line: Play, steps: Steps) -> None:
         """Put what a pattern plays in its places within the window on the timeline."""
-        course = pattern_steps.course
-        since, until_beat = self.window.since - SAME, self.window.until - SAME
-        if pattern_steps.last < since:
+        course = steps.course
+        since, until = self.window.since - SAME, self.window.until - SAME
+        if steps.last < since:
             return
-        first_place, stop_place = (
-            count_before(pattern_steps, since),
-            count_before(pattern_steps, until_beat),
+        first, stop = (
+            n_before(steps, since),
+            n_before(steps, until),
         )
         plays_by_key: dict[tuple[str, tuple[Transform, ...]], Play] = {}
         plays_due: list[tuple[Play, float, int]] = []
-        for place_index in range(first_place, stop_place):
+        for place_index in range(first, stop):
             if not place_index % 1024:
                 _core.poll(_PLACE_STEPS * 1024)
             if (played_name := course.played(place_index)) is not None:
-                part_key = played_name, course.do(place_index)
-                if part_key not in plays_by_key:
-                    plays_by_key[part_key] = replace(
-                        part_play, what=played_name, do=(*part_play.do, *part_key[1]), pattern=None
+                play_key = played_name, course.do(place_index)
+                if play_key not in plays_by_key:
+                    plays_by_key[play_key] = replace(
+                        line, what=played_name, do=(*line.do, *play_key[1]), pattern=None
                     )
-                plays_due.append((plays_by_key[part_key], pattern_steps[place_index], place_index))
-        for play_due in plays_by_key.values():
-            begins = [start for play_of_place, start, _ in plays_due if play_of_place is play_due]
-            gesture = self.piece.gestures.get(play_due.what)
-            if not self._room(play_due, begins, len(gesture.points) if gesture else 1) and begins:
+                plays_due.append((plays_by_key[play_key], steps[place_index], place_index))
+        for play in plays_by_key.values():
+            begins = [start for play_of_place, start, _ in plays_due if play_of_place is play]
+            gesture = self.piece.gestures.get(play.what)
+            if not self._room(play, begins, len(gesture.points) if gesture else 1) and begins:
                 return
-        for play_due, start_beat, place_index in plays_due:
-            if (gesture := self.piece.gestures.get(play_due.what)) is not None:
-                chain = (*gesture.do, *play_due.do)
+        for play, start_beat, place_index in plays_due:
+            if (gesture := self.piece.gestures.get(play.what)) is not None:
+                chain = (*gesture.do, *play.do)
                 chance = course.draws.transforms(place_index + course.pattern.skip)
-                self._put_gesture(play_due, gesture, chain, start_beat, chance)
-            elif (take := self.takes.get(play_due.what)) is not None:
-                self._put_take(play_due, take, start_beat)
+                self._put_gesture(play, gesture, chain, start_beat, chance)
+            elif (take := self.takes.get(play.what)) is not None:
+                self._put_take(play, take, start_beat)
 
     def _due(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
         """The starts within the window; those before it are counted, because chance draws by
@@ -279,26 +279,26 @@ class Hands:
         """
         if self.window is ALL:
             return starts
-        n_before_window = bisect_left(starts, self.window.since - SAME)
-        self._occurrences[play.player, play.what] += n_before_window
-        return starts[n_before_window : bisect_left(starts, self.window.until - SAME)]
+        n_before = bisect_left(starts, self.window.since - SAME)
+        self._occurrences[play.player, play.what] += n_before
+        return starts[n_before : bisect_left(starts, self.window.until - SAME)]
 
     def _room(self, play: Play, starts: Sequence[float], points: int = 1) -> Sequence[float]:
         """The starts, if the timeline has room for them; none if an error was reported."""
         _core.poll(len(starts) * (_OCCURRENCE_STEPS + _POINT_STEPS * points))
         self._played["occurrences"] += len(starts)
         self._played["points"] += len(starts) * points
-        for noun, timeline_limit in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
-            if self._played[noun] > timeline_limit:
+        for noun, n_max in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
+            if self._played[noun] > n_max:
                 if self._played["reports"]:
                     return ()
                 self._played["reports"] += 1
                 message = (
                     f"{quote(play.what)}: with these {len(starts):,} × {points:,} points the "
-                    f"piece plays more than {timeline_limit:,} {noun}"
+                    f"piece plays more than {n_max:,} {noun}"
                     if points > 1
                     else f"{quote(play.what)}: with these {len(starts):,} occurrences the piece "
-                    f"plays more than {timeline_limit:,} {noun}"
+                    f"plays more than {n_max:,} {noun}"
                 )
                 help = "play the gesture less often, or write a long movement as a take"
                 self.collector.error("E105", message, play.place, help=help)
@@ -340,10 +340,10 @@ class Hands:
         t = [gesture.instant(tempo, start_beat, time) for time in gesture_shape.times]
         if t[-1] <= self.window.after:
             return
-        key_index, struck_mat = self._keys[gesture_shape.key]
+        key, struck_mat = self._keys[gesture_shape.key]
         try:
             self.timeline.gesture(
-                key_index,
+                key,
                 t,
                 gesture_shape.x,
                 gesture_shape.curves,
@@ -351,11 +351,11 @@ class Hands:
                 **gesture_shape.options,
             )
         except _core.EngineError as error:
-            key_index = min(error.index or 0, len(gesture_shape.sources) - 1)
+            key = min(error.index or 0, len(gesture_shape.sources) - 1)
             self.collector.error(
                 "E308",
                 f"{quote(part_play.what)}: {error.sentence}",
-                self.sources[gesture_shape.sources[key_index]],
+                self.sources[gesture_shape.sources[key]],
                 help=f"{part_play.player} plays the gesture at {part_play.place}",
             )
             return
@@ -364,7 +364,7 @@ class Hands:
                 part_play.what,
                 part_play.player,
                 gesture_shape.key,
-                key_index,
+                key,
                 struck_mat,
                 t[0],
                 t[-1],
@@ -447,12 +447,9 @@ class Hands:
     def _put_take(self, part_play: Play, take: _core.Take, start_beat: float) -> None:
         tempo = self.piece.tempo_map
         take_shape = apply_to_take(part_play.do, 60.0 / tempo.bpm(start_beat))
-        begin_seconds = tempo.instant(start_beat, take_shape.shift)
-        stop_seconds = (
-            begin_seconds
-            + (take.duration - take_shape.front - take_shape.back) * take_shape.stretch
-        )
-        if stop_seconds <= self.window.after:
+        begin = tempo.instant(start_beat, take_shape.shift)
+        stop = begin + (take.duration - take_shape.front - take_shape.back) * take_shape.stretch
+        if stop <= self.window.after:
             return
         take_options = self._options(part_play, part_play.manner.over(DEFAULT_OPTIONS))
         key_index, struck_mat = self._keys[self._key_of(part_play)]
@@ -462,7 +459,7 @@ class Hands:
             self.timeline.take(
                 key_index,
                 take,
-                begin_seconds,
+                begin,
                 scale=take_shape.scale * self._reach(part_play),
                 stretch=take_shape.stretch,
                 reverse=take_shape.reverse,
@@ -481,8 +478,8 @@ class Hands:
                 self._key_of(part_play),
                 key_index,
                 struck_mat,
-                begin_seconds,
-                stop_seconds,
+                begin,
+                stop,
                 part_play.place,
                 layer=take_options["layer"],
                 tracked=take_options["touch"] == "tracked",

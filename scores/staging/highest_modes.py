@@ -107,18 +107,18 @@ def warn_over_limit(
             (line.place for line in automation_lines if line.parameter == "f"),
             highest_mode.module.place,
         )
-        limit_seconds = _instant_of_factor(path_points, (frequency_limit / highest_mode.hertz) ** 2)
+        limit_instant = _instant_of_factor(path_points, (frequency_limit / highest_mode.hertz) ** 2)
         tempo = piece.tempo_map
-        step_count = ceil(highest_mode.hertz * sqrt(factor_max) / frequency_limit)
+        n_steps = ceil(highest_mode.hertz * sqrt(factor_max) / frequency_limit)
         message = (
-            f"from {tempo.written(tempo.beats(limit_seconds))} ({limit_seconds:.2f} s) on the "
+            f"from {tempo.written(tempo.beats(limit_instant))} ({limit_instant:.2f} s) on the "
             f"highest mode of {quote(highest_mode.name)} is above {frequency_limit / 1e3:.3g} kHz, "
             "the limit at one step a frame; it reaches "
             f"{highest_mode.hertz * sqrt(factor_max) / 1e3:.3g} kHz"
         )
         help = (
-            f"a plan takes {step_count} steps a frame or another method there, unless the score "
-            f"has `method: ca`; a rate of {step_count * piece.rate:,.0f} Hz or fewer masses cost "
+            f"a plan takes {n_steps} steps a frame or another method there, unless the score "
+            f"has `method: ca`; a rate of {n_steps * piece.rate:,.0f} Hz or fewer masses cost "
             "less"
         )
         warnings.append(Diagnostic("W332", message, body_place, None, help))

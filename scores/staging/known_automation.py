@@ -119,9 +119,9 @@ class KnownAutomation:
             for module_key in line.modules:
                 new_lines.setdefault(module_key, []).append(line)
         for module_key in {*n_removed, *new_lines}:
-            lines_before = self._lines_of.get(module_key, [])
-            self._lines_of[module_key] = lines_before[
-                : len(lines_before) - n_removed[module_key]
+            old_lines = self._lines_of.get(module_key, [])
+            self._lines_of[module_key] = old_lines[
+                : len(old_lines) - n_removed[module_key]
             ] + new_lines.get(module_key, [])
 
     def _set_lines(self, touched: set[ModuleKey]) -> None:
@@ -136,7 +136,7 @@ class KnownAutomation:
 
     def _set_tracks(self, tempo: TempoMap, touched: set[ModuleKey]) -> None:
         """Set the entries of modules whose lines have changed."""
-        tracks_before, self._tracks = self._tracks, dict(self._tracks)
+        old_tracks, self._tracks = self._tracks, dict(self._tracks)
         for module_key in touched:
             module_lines = [*self._lines_of.get(module_key, ()), *self._noted.get(module_key, ())]
             if not module_lines:
@@ -146,9 +146,9 @@ class KnownAutomation:
             for line in module_lines:
                 parameters.setdefault(line.parameter, []).append(line)
             track = self._track(tempo, parameters)
-            track_before = tracks_before.get(module_key)
+            old_track = old_tracks.get(module_key)
             self._tracks[module_key] = (
-                track_before if track_before is not None and track_before == track else track
+                old_track if old_track is not None and old_track == track else track
             )
 
     def _track(self, tempo: TempoMap, parameters: Mapping[str, list[Automation]]) -> Tracks:

@@ -20,9 +20,9 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.tones import Tone
 from ergon.scores.staging.loudspeakers import Loudspeakers
 
-_NEVER_SECONDS = 1e9  # [s]
+_INSTANT_MAX = 1e9  # [s]
 _ROUTE_NS, _ROOM_NS = 10.0, 300.0
-_REFERENCE_PASCALS = 1.0  # pressure of a radiating route at the reference level [Pa]
+_REFERENCE_PRESSURE = 1.0  # pressure of a radiating route at the reference level [Pa]
 _Range = tuple[int, int, float]
 Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is smooth)
 
@@ -112,17 +112,17 @@ class Listening:
         if self.fade:
             mixer.fade(self.fade)
         # The routes of an instrument form a group, whose gain may change while it sounds.
-        groups_by_name = {name: group for group, name in enumerate(self.parts())}
+        group_by_part = {name: group for group, name in enumerate(self.parts())}
         for path in self.ways:
             is_chosen = is_wet is None or is_wet == (path.room is not None)
             if is_chosen and (parts is None or path.part in parts):
-                cut = highpass if path.highpass is None else path.highpass
+                cutoff = highpass if path.highpass is None else path.highpass
                 mixer.route(
                     path.tap,
                     path.channel if path.room is None else path.room,
                     path.gain(reference, unit),
-                    cut or None,
-                    groups_by_name[path.part],
+                    cutoff or None,
+                    group_by_part[path.part],
                     tones=[(tone.kind, tone.frequency, tone.level) for tone in path.tones],
                     delay=path.delay,
                     echo=path.echo,
@@ -148,7 +148,7 @@ class Listening:
         The state of a mixer has places for ways `with_silent` taps, too.
         """
         rooms = [(room.size, room.t60, room.to, room.gain) for room in self.rooms]
-        channel_keys = [
+        route_keys = [
             (
                 taps[path.tap],
                 path.channel,
@@ -165,7 +165,7 @@ class Listening:
             for path in self.ways
             if (taps[path.tap] or with_silent) and (parts is None or path.part in parts)
         ]
-        return sha256(repr((self.n_channels, rooms, self.fade, channel_keys)).encode()).hexdigest()
+        return sha256(repr((self.n_channels, rooms, self.fade, route_keys)).encode()).hexdigest()
 
     @property
     def cost(self) -> float:
@@ -203,7 +203,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
 
     Taps of `silent` instruments exist, but give silence.
     """
-    all_heard = audible_outputs(piece)
+    routed_outputs = audible_outputs(piece)
     master = piece.mix.master
     listening = Listening(
         max(1, piece.mix.channels),
@@ -212,22 +212,22 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
         silent=silent,
     )
     taps: dict[tuple[str, str], list[int]] = {}
-    n_outputs_heard = Counter(route for route, *_ in all_heard)
-    position: dict[Route, int] = {}
-    for route, instrument, routed_output in all_heard:
-        output_index = position[route] = position.get(route, -1) + 1
-        if routed_output.nearest is not None or route.to == "nearest":
-            _add_nearest_taps(listening, piece, assembly, instrument, routed_output, route)
+    n_outputs_by_route = Counter(route for route, *_ in routed_outputs)
+    index_by_route: dict[Route, int] = {}
+    for route, instrument, output in routed_outputs:
+        output_index = index_by_route[route] = index_by_route.get(route, -1) + 1
+        if output.nearest is not None or route.to == "nearest":
+            _add_nearest_taps(listening, piece, assembly, instrument, output, route)
         else:
-            output_key = instrument.name, routed_output.name
+            output_key = instrument.name, output.name
             if output_key not in taps:
-                taps[output_key] = _add_taps(listening, assembly, output_key, routed_output)
+                taps[output_key] = _add_taps(listening, assembly, output_key, output)
             # With as many outputs as channels, each output has one channel, in order; else each
             # goes to all channels.
-            is_one_each = n_outputs_heard[route] == len(route.to) and not route.is_panned
+            is_one_each = n_outputs_by_route[route] == len(route.to) and not route.is_panned
             channels = route.to[output_index : output_index + 1] if is_one_each else route.to
             for tap in taps[output_key]:
-                _tap_routes(listening, piece, tap, [c - 1 for c in channels], route, routed_output)
+                _tap_routes(listening, piece, tap, [c - 1 for c in channels], route, output)
     channels_used = [way.channel + 1 for way in listening.ways]
     channels_used += [channel for room in listening.rooms for channel in room.to]
     listening.n_channels = max(listening.n_channels, *channels_used, 1)
@@ -247,13 +247,13 @@ def _tap_routes(
     tap: int,
     channels: Iterable[int],
     route: Route,
-    routed_output: Output,
+    output: Output,
 ) -> None:
-    route_ratio = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
-    delay, quantity = 0, routed_output.kind_facts.reference_amount
+    ratio = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
+    delay, quantity = 0, output.kind_facts.reference_amount
     if route.radiation is not None:
-        quantity = _REFERENCE_PASCALS
-        route_ratio *= route.radiation.gain
+        quantity = _REFERENCE_PRESSURE
+        ratio *= route.radiation.gain
         delay = route.radiation.delay(piece.rate)
     fade = _fade_frames(piece, route.fade) or None
     path = TapRoute(
@@ -261,9 +261,9 @@ def _tap_routes(
             route.part,
             tap,
             0,
-            route_ratio,
+            ratio,
             quantity,
-            routed_output.kind_facts.is_energy,
+            output.kind_facts.is_energy,
             route.highpass,
         ),
         delay=delay,
@@ -271,22 +271,22 @@ def _tap_routes(
         tones=route.tones,
     )
     if route.echo is not None:
-        echo_frames, route_ratio = route.echo.frames(piece.rate), route.echo.feedback
+        echo_frames, ratio = route.echo.frames(piece.rate), route.echo.feedback
         path = replace(
             path,
             delay=delay + echo_frames,
-            echo=(echo_frames, route_ratio) if route_ratio and echo_frames else None,
+            echo=(echo_frames, ratio) if ratio and echo_frames else None,
         )
-    places = _pan_frames(piece, route.pan_path)
-    for route_number, (channel, channel_share) in enumerate(
+    pan_curve = _pan_frames(piece, route.pan_path)
+    for channel_index, (channel, share) in enumerate(
         zip(channels, route.pan or repeat(1.0), strict=False)
     ):
-        pan = (places, route_number == 1) if places else None
-        listening.ways.append(replace(path, channel=channel, share=channel_share, pan=pan))
+        pan = (pan_curve, channel_index == 1) if pan_curve else None
+        listening.ways.append(replace(path, channel=channel, share=share, pan=pan))
     rooms = [room.name for room in piece.mix.rooms]
-    for name, channel_share in route.sends:
+    for name, share in route.sends:
         room_index = rooms.index(name)
-        listening.ways.append(replace(path, room=room_index, share=channel_share))
+        listening.ways.append(replace(path, room=room_index, share=share))
 
 
 def fades(piece: Piece) -> list[Curve]:
@@ -315,67 +315,63 @@ def _frame(piece: Piece, written_position: Position) -> int:
     """The frame of the piece at a position."""
     tempo = piece.tempo_map
     instant = tempo.seconds(tempo.resolve(written_position))
-    return floor(max(-_NEVER_SECONDS, min(instant, _NEVER_SECONDS)) * piece.rate + 0.5)
+    return floor(max(-_INSTANT_MAX, min(instant, _INSTANT_MAX)) * piece.rate + 0.5)
 
 
 def _add_taps(
-    listening: Listening, assembly: Assembly, output_name: tuple[str, str], routed_output: Output
+    listening: Listening, assembly: Assembly, output_name: tuple[str, str], output: Output
 ) -> list[int]:
     """Add taps for an output: the sum of its targets, or √(m/2)·v of each mass, whose square is its
     energy.
     """
-    if not routed_output.kind_facts.is_energy:
-        return [_add_tap(listening, assembly, output_name, routed_output)]
-    elements = assembly.network.elements(list({target.part for target in routed_output.targets}))
+    if not output.kind_facts.is_energy:
+        return [_add_tap(listening, assembly, output_name, output)]
+    elements = assembly.network.elements(list({target.part for target in output.targets}))
     masses = dict(zip(elements.mats, elements.masses, strict=True))
     taps: list[int] = []
-    for mat in (mat for target in routed_output.targets for mat in assembly.members(target)):
+    for mat in (mat for target in output.targets for mat in assembly.members(target)):
         listening.outputs.append(".".join(filter(None, (*output_name, str(len(taps) + 1)))))
         weighted = (mat, 1, sqrt(masses.get(mat, 0.0) / 2.0))
         positions = [] if output_name[0] in listening.silent else [weighted]
-        named, order = listening.outputs[-1], routed_output.kind_facts.order
-        taps.append(assembly.network.listen(named, positions=positions, order=order))
+        tap_name, order = listening.outputs[-1], output.kind_facts.order
+        taps.append(assembly.network.listen(tap_name, positions=positions, order=order))
     return taps
 
 
 def _add_tap(
-    listening: Listening, assembly: Assembly, output_name: tuple[str, str], routed_output: Output
+    listening: Listening, assembly: Assembly, output_name: tuple[str, str], output: Output
 ) -> int:
     """Add a tap for an output: the sum of its targets."""
-    position_ranges: list[_Range] = []
-    force_ranges: list[_Range] = []
+    positions: list[_Range] = []
+    forces: list[_Range] = []
     ground: list[_Range] = []
-    length_ranges: list[_Range] = []
+    lengths: list[_Range] = []
     is_silent = output_name[0] in listening.silent
-    if routed_output.is_distance and not is_silent:
-        length_ranges.append((_add_gauge(assembly, output_name, routed_output.targets), 1, 1.0))
-    for output_target in (
-        routed_output.targets if not (is_silent or routed_output.is_distance) else ()
-    ):
-        if routed_output.is_movement:
-            position_ranges.append(_mat_range(assembly, output_target))
-        elif (output_target.part, output_target.module) in assembly.links:
-            module_key = output_target.part, output_target.module
+    if output.is_distance and not is_silent:
+        lengths.append((_add_gauge(assembly, output_name, output.targets), 1, 1.0))
+    for target in output.targets if not (is_silent or output.is_distance) else ():
+        if output.is_movement:
+            positions.append(_mat_range(assembly, target))
+        elif (target.part, target.module) in assembly.links:
+            module_key = target.part, target.module
             for links in assembly.walls.get(module_key, [assembly.links[module_key]]):
-                force_ranges.append(
-                    (links.start + int(output_target.first), output_target.count, 1.0)
-                )
+                forces.append((links.start + int(target.first), target.count, 1.0))
         elif (
-            output_target.part,
-            output_target.module,
+            target.part,
+            target.module,
         ) in assembly.points:  # a net: all its springs
-            springs = assembly.generator_links[output_target.part, output_target.module]
-            force_ranges.append((springs.start, len(springs), 1.0))
+            springs = assembly.generator_links[target.part, target.module]
+            forces.append((springs.start, len(springs), 1.0))
         else:
-            ground.append(_mat_range(assembly, output_target))
+            ground.append(_mat_range(assembly, target))
     listening.outputs.append(".".join(filter(None, output_name)))
     return assembly.network.listen(
         listening.outputs[-1],
-        positions=position_ranges,
-        forces=force_ranges,
+        positions=positions,
+        forces=forces,
         ground_forces=ground,
-        lengths=length_ranges,
-        order=routed_output.kind_facts.order,
+        lengths=lengths,
+        order=output.kind_facts.order,
     )
 
 
@@ -397,39 +393,31 @@ def _add_nearest_taps(
     piece: Piece,
     assembly: Assembly,
     instrument: Instrument,
-    routed_output: Output,
+    output: Output,
     route: Route,
 ) -> None:
     """Route each member to the loudspeaker nearest to it: one tap for each loudspeaker."""
-    room = routed_output.nearest or piece.mix.layout
+    room = output.nearest or piece.mix.layout
     assert room is not None
-    ears = Loudspeakers(room, instrument.placing)
+    loudspeakers = Loudspeakers(room, instrument.placing)
     ranges_by_speaker: dict[int, list[_Range]] = {}
-    for target in targets_of(instrument, routed_output):
+    for target in targets_of(instrument, output):
         for mat in assembly.members(target):
-            speaker_ranges = ranges_by_speaker.setdefault(
-                ears.nearest(assembly.network.position_of(mat)), []
+            ranges = ranges_by_speaker.setdefault(
+                loudspeakers.nearest(assembly.network.position_of(mat)), []
             )
-            if speaker_ranges and speaker_ranges[-1][0] + speaker_ranges[-1][1] == mat:
-                speaker_ranges[-1] = speaker_ranges[-1][0], speaker_ranges[-1][1] + 1, 1.0
+            if ranges and ranges[-1][0] + ranges[-1][1] == mat:
+                ranges[-1] = ranges[-1][0], ranges[-1][1] + 1, 1.0
             else:
-                speaker_ranges.append((mat, 1, 1.0))
+                ranges.append((mat, 1, 1.0))
     for speaker in sorted(ranges_by_speaker):
         channel_index = room.channels[speaker]
-        output_name = ".".join(
-            filter(None, (instrument.name, routed_output.name, str(channel_index + 1)))
-        )
-        speaker_ranges = (
-            ranges_by_speaker[speaker] if instrument.name not in listening.silent else []
-        )
-        listened = (
-            {"ground_forces": speaker_ranges}
-            if routed_output.nearest
-            else {"positions": speaker_ranges}
-        )
+        output_name = ".".join(filter(None, (instrument.name, output.name, str(channel_index + 1))))
+        ranges = ranges_by_speaker[speaker] if instrument.name not in listening.silent else []
+        tap_arguments = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(output_name)
-        tap = assembly.network.listen(output_name, **listened, order=routed_output.kind_facts.order)
-        _tap_routes(listening, piece, tap, (channel_index,), route, routed_output)
+        tap = assembly.network.listen(output_name, **tap_arguments, order=output.kind_facts.order)
+        _tap_routes(listening, piece, tap, (channel_index,), route, output)
 
 
 def targets_of(instrument: Instrument, routed_output: Output) -> Sequence[Target]:

@@ -199,13 +199,13 @@ def standin(
 
     network, hands = played_alone(piece, player, collector)
     # A part that is shifted to before the beginning has ended when the piece begins.
-    end_seconds = max([0.0, *(gesture.stop for gesture in hands.gestures)])
-    n_ticks = int(end_seconds * piece.rate) // tick_frames + 2
+    end = max([0.0, *(gesture.stop for gesture in hands.gestures)])
+    n_ticks = int(end * piece.rate) // tick_frames + 2
     if n_ticks > MAX_TICKS:
         longest = MAX_TICKS * tick_frames / piece.rate
         message = (
             f"{quote(player.name)}: the part that plays in place "
-            f"of a real hand lasts {end_seconds:,.0f} s; "
+            f"of a real hand lasts {end:,.0f} s; "
             f"with ticks of {piece.rate / tick_frames:g} Hz the maximum is {longest:,.0f} s"
         )
         help = "write a lower `tick` or a shorter part"
@@ -252,14 +252,12 @@ def leading_positions(
         _solo_piece(piece, piece.players[player_name]), piece.players[player_name], collector
     )
     hands.timeline.open()
-    settling_start, end_seconds = (
-        tick * tick_frames / piece.rate for tick in (settling_tick, ticks.stop)
-    )
+    settling_start, end = (tick * tick_frames / piece.rate for tick in (settling_tick, ticks.stop))
     for piece_of_span, window in spans:
         if player_name not in piece_of_span.players:
             continue
         piece_alone = _solo_piece(piece_of_span, piece_of_span.players[player_name])
-        until = min(window.until, piece_of_span.tempo_map.beats(end_seconds) + SAME)
+        until = min(window.until, piece_of_span.tempo_map.beats(end) + SAME)
         span_hands = hands.other(piece_alone, window._replace(until=until, after=settling_start))
         span_hands.play_parts(piece_alone)
     start = settling_tick * tick_frames
@@ -299,10 +297,10 @@ def _tick_positions(
     block_ticks = max(1, _BLOCK // tick_frames)
     tick_positions = np.zeros(n_ticks)
     for first_tick in range(0, n_ticks, block_ticks):
-        tick_count = min(block_ticks, n_ticks - first_tick)
-        path = np.zeros((tick_count * tick_frames, 1))
+        n_block_ticks = min(block_ticks, n_ticks - first_tick)
+        path = np.zeros((n_block_ticks * tick_frames, 1))
         simulation.process(path)
-        tick_positions[first_tick : first_tick + tick_count] = path[::tick_frames, 0]
+        tick_positions[first_tick : first_tick + n_block_ticks] = path[::tick_frames, 0]
     return tick_positions
 
 
@@ -335,14 +333,14 @@ def _sparse_tick_positions(
         if np.ptp(resting_path) > _REST_MOVEMENT_MAX:
             n_moving += begins - busy_until
         while first_tick < resumed_tick and np.ptp(resting_path) <= _REST_MOVEMENT_MAX:
-            tick_count = min(block_ticks, resumed_tick - first_tick)
-            n_moving += tick_count
+            n_block_ticks = min(block_ticks, resumed_tick - first_tick)
+            n_moving += n_block_ticks
             if n_moving > moving_max:
                 return None
-            computed_path = tick_positions[first_tick : first_tick + tick_count] = _tick_positions(
-                simulation, tick_frames, tick_count
+            computed_path = tick_positions[first_tick : first_tick + n_block_ticks] = (
+                _tick_positions(simulation, tick_frames, n_block_ticks)
             )
-            first_tick += tick_count
+            first_tick += n_block_ticks
             if np.abs(computed_path - resting_path[0]).max() <= _REST_MOVEMENT_MAX:
                 tick_positions[first_tick : resumed_tick + 2] = resting_path[0]
                 simulation, first_tick = anew, resumed_tick + 2
@@ -354,15 +352,15 @@ def _sparse_tick_positions(
 
 def _pauses(hands: Hands, tick_frames: int, n_ticks: int) -> Iterator[tuple[int, int]]:
     """Long pauses without gestures, as the tick after the last one and the tick of the next."""
-    rate, stop_seconds = hands.piece.rate, 0.0
+    rate, last_stop = hands.piece.rate, 0.0
     for gesture in sorted(hands.gestures, key=lambda gesture: gesture.start):
-        if gesture.start > stop_seconds + _PAUSE_SECONDS:
+        if gesture.start > last_stop + _PAUSE_SECONDS:
             # A throw may move a key beyond the end of its gesture.
             yield (
-                int(stop_seconds * rate) // tick_frames + 1,
+                int(last_stop * rate) // tick_frames + 1,
                 min(n_ticks, int(gesture.start * rate) // tick_frames),
             )
-        stop_seconds = max(stop_seconds, gesture.stop)
+        last_stop = max(last_stop, gesture.stop)
 
 
 def _solo_piece(piece: Piece, player: Player) -> Piece:

@@ -109,30 +109,28 @@ def _carried_over(
     changes = [change for pair in pairs if (change := changed_part(*pair))]
     if not changes:
         return look
-    n_before, n_now = len(look.columns[0]), len(table_columns[0])
+    n_old, n_new = len(look.columns[0]), len(table_columns[0])
     change_start = min(change.start for change in changes)
-    n_after = min(n_before - change.start - len(change.before) for change in changes)
+    n_after = min(n_old - change.start - len(change.before) for change in changes)
     first_changed, stop_changed = (
-        bisect_left(look.left, index) for index in (change_start, n_before - n_after)
+        bisect_left(look.left, index) for index in (change_start, n_old - n_after)
     )
-    if stop_changed - first_changed < n_before - n_after - change_start:
+    if stop_changed - first_changed < n_old - n_after - change_start:
         return None
-    new_numbers = range(change_start, n_now - n_after)
+    new_numbers = range(change_start, n_new - n_after)
     for number in new_numbers:
         played_name, _ = plays(_line(table_columns, number)) or (None, 0)
         if look.counted.get(played_name, -1) >= change_start:
             return None
-    line_shift = n_now - n_before
+    line_shift = n_new - n_old
     numbers_left = [
         *look.left[:first_changed],
         *new_numbers,
         *(number + line_shift for number in look.left[stop_changed:]),
     ]
     counted = {
-        played_before: number_counted
-        if number_counted < change_start
-        else number_counted + line_shift
-        for played_before, number_counted in look.counted.items()
+        old_line: number_counted if number_counted < change_start else number_counted + line_shift
+        for old_line, number_counted in look.counted.items()
     }
     # The changed lines are looked at again, on the same beat too.
     return _RememberedLook(

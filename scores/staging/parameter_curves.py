@@ -15,16 +15,16 @@ from ergon.notation.clock.shifted import NEVER, ShiftedTempoMap, StoppedTempoMap
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture.points import Approach
-from ergon.scores.pattern.search import count_before, first_index_from
+from ergon.scores.pattern.search import first_index_from, n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.automation import Automation, Shape, Swing
 from ergon.scores.reading.piece import Piece
 
 # Time in which a value set by a pattern is reached [s]: a jump would click.
-GLIDE_SECONDS = 0.02
+GLIDE_DURATION = 0.02
 GRID_FRAMES = _core.GRID  # frames between the instants of the engine's points
 # How many places of its pattern are searched backward for the value that holds at a beat.
-_SEGMENTS_BACK = 256
+_PLACES_BACK_MAX = 256
 _PLACE_STEPS = 2_000  # steps of work for a place of a pattern
 _POINTS_MAX = 200_000  # points of a swing
 _SEGMENTS_MAX = 1 << 24  # segments of a swing that are searched
@@ -53,24 +53,24 @@ class Curve:
     x: list[float] = field(default_factory=list)
     within: set[float] = field(default_factory=set)  # instants inside glides
 
-    def to(self, instant: float, value: float) -> None:
+    def add_point(self, instant: float, value: float) -> None:
         """Add a value, reached linearly from the last point."""
         self.t.append(max(instant, self.t[-1]) if self.t else instant)
         self.x.append(value)
 
-    def set(self, instant: float, value: float, stop: float = math.inf) -> None:
+    def add_step(self, instant: float, value: float, stop: float = math.inf) -> None:
         """Set a value from an instant on; it is reached within GLIDE, or by `stop`."""
-        self.to(instant, self.x[-1] if self.x else self.initial)
-        self.to(min(instant + GLIDE_SECONDS, stop), value)
+        self.add_point(instant, self.x[-1] if self.x else self.initial)
+        self.add_point(min(instant + GLIDE_DURATION, stop), value)
 
     def evaluate(self, instant: float) -> float:
         """The value at an instant."""
-        index_after = bisect_right(self.t, instant)
-        if index_after in (0, len(self.t)):
-            return self.x[0 if index_after == 0 else -1] if self.x else self.initial
-        begin, end = self.t[index_after - 1], self.t[index_after]
-        share = (instant - begin) / (end - begin)
-        return self.x[index_after - 1] + (self.x[index_after] - self.x[index_after - 1]) * share
+        after = bisect_right(self.t, instant)
+        if after in (0, len(self.t)):
+            return self.x[0 if after == 0 else -1] if self.x else self.initial
+        begin, end = self.t[after - 1], self.t[after]
+        fraction = (instant - begin) / (end - begin)
+        return self.x[after - 1] + (self.x[after] - self.x[after - 1]) * fraction
 
 
 class Entry(NamedTuple):
@@ -91,55 +91,51 @@ class Extent(NamedTuple):
     begins: float = -math.inf
 
 
-def add_pattern(
-    piece: Piece, automation_entry: Entry, parameter_curve: Curve, extent: Extent
-) -> float:
+def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> float:
     """Add the values of a pattern to a curve; returns the beat on which the pattern ends."""
-    tempo, automation_line = piece.tempo_map, automation_entry.automation
-    pattern_steps = automation_line.steps(tempo, piece.seed)
-    course = pattern_steps.course
-    first_place, stop_place = held_places(
-        pattern_steps, extent.since, min(automation_entry.stop, extent.until)
-    )
-    for place_index in range(first_place, stop_place):
-        if not place_index % 1024:
+    tempo, line = piece.tempo_map, entry.automation
+    steps = line.steps(tempo, piece.seed)
+    course = steps.course
+    first, stop = held_places(steps, extent.since, min(entry.stop, extent.until))
+    for place in range(first, stop):
+        if not place % 1024:
             _core.poll(_PLACE_STEPS * 1024)
-        value_name, instant_seconds = (
-            course.played(place_index),
-            tempo.seconds(pattern_steps[place_index]),
+        value_name, instant = (
+            course.played(place),
+            tempo.seconds(steps[place]),
         )
-        if instant_seconds >= NEVER:
+        if instant >= NEVER:
             break
-        if value_name is not None and automation_line.struck:
+        if value_name is not None and line.struck:
             # The pitch of a note is reached one step of the grid before its strike.
             early = GRID_FRAMES / piece.rate
-            parameter_curve.set(
-                instant_seconds - 2 * early,
-                automation_line.amounts[value_name].value,
-                instant_seconds - early,
+            curve.add_step(
+                instant - 2 * early,
+                line.amounts[value_name].value,
+                instant - early,
             )
         elif value_name is not None:
-            following = tempo.seconds(pattern_steps.beat(place_index + 1))
-            parameter_curve.set(
-                instant_seconds,
-                automation_line.amounts[value_name].applied_to(parameter_curve.initial),
-                max(following, instant_seconds),
+            following = tempo.seconds(steps.beat(place + 1))
+            curve.add_step(
+                instant,
+                line.amounts[value_name].applied_to(curve.initial),
+                max(following, instant),
             )
-    return pattern_steps.beat(len(pattern_steps))
+    return steps.beat(len(steps))
 
 
-def held_places(pattern_steps: Steps, since: float, stop_beat: float) -> tuple[int, int]:
+def held_places(steps: Steps, since: float, stop_beat: float) -> tuple[int, int]:
     """The places before beat `stop_beat` from the value on that holds at `since` and the one that
     it comes from: the first, and the one behind the last.
     """
-    stop_place = count_before(pattern_steps, stop_beat - SAME)
-    first_place, n_values_missing = min(stop_place, count_before(pattern_steps, since - SAME)), 2
-    for _ in range(_SEGMENTS_BACK):
-        if first_place == 0 or n_values_missing == 0:
+    stop = n_before(steps, stop_beat - SAME)
+    first, n_values_missing = min(stop, n_before(steps, since - SAME)), 2
+    for _ in range(_PLACES_BACK_MAX):
+        if first == 0 or n_values_missing == 0:
             break
-        first_place -= 1
-        n_values_missing -= pattern_steps.course.played(first_place) is not None
-    return first_place, stop_place
+        first -= 1
+        n_values_missing -= steps.course.played(first) is not None
+    return first, stop
 
 
 class GlidePath(NamedTuple):
@@ -151,7 +147,7 @@ class GlidePath(NamedTuple):
 
     instants: list[float]
     values: list[float]
-    ways: list[Approach]
+    approaches: list[Approach]
     last: float
 
     @property
@@ -160,106 +156,95 @@ class GlidePath(NamedTuple):
         return self.last == self.instants[-1]
 
 
-def glide_path(piece: Piece, automation_entry: Entry, start_value: float) -> GlidePath:
+def glide_path(piece: Piece, entry: Entry, initial_value: float) -> GlidePath:
     """The path of an entry, for a glide without the value from which it starts. Raises TextError.
 
-    `start_value` is that of the parameter as written.
+    `initial_value` is that of the parameter as written.
     """
-    tempo, automation_line = piece.tempo_map, automation_entry.automation
-    to_path, _ = _SCALES.get(automation_line.parameter, (_identity, _identity))
-    path_values = [
-        to_path(point.amount.applied_to(start_value)) for point in automation_line.points
-    ]
-    approaches: list[Approach] = [point.way for point in automation_line.points]
-    if automation_line.over is not None:
-        start_instant = tempo.seconds(automation_entry.begin)
-        point_instants = [
+    tempo, line = piece.tempo_map, entry.automation
+    to_path, _ = _SCALES.get(line.parameter, (_identity, _identity))
+    values = [to_path(point.amount.applied_to(initial_value)) for point in line.points]
+    approaches: list[Approach] = [point.way for point in line.points]
+    if line.over is not None:
+        start_instant = tempo.seconds(entry.begin)
+        instants = [
             start_instant,
-            tempo.seconds(tempo.after(automation_entry.begin, automation_line.over)),
+            tempo.seconds(tempo.after(entry.begin, line.over)),
         ]
         approaches.insert(0, "line")
     else:
-        point_instants = [
-            tempo.instant(automation_entry.begin, point.at) for point in automation_line.points
-        ]
-    if any(
-        instant_after <= instant_before
-        for instant_before, instant_after in pairwise(point_instants)
-    ):
+        instants = [tempo.instant(entry.begin, point.at) for point in line.points]
+    if any(instant_after <= instant_before for instant_before, instant_after in pairwise(instants)):
         raise TextError("the points of the curve do not rise in time at this tempo")
     return GlidePath(
-        point_instants,
-        path_values,
+        instants,
+        values,
         approaches,
-        min(point_instants[-1], tempo.seconds(automation_entry.stop)),
+        min(instants[-1], tempo.seconds(entry.stop)),
     )
 
 
-def add_glide(
-    piece: Piece, automation_entry: Entry, parameter_curve: Curve, begins: float = -math.inf
-) -> None:
+def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.inf) -> None:
     """Add a glide or a written curve up to the end of its entry; afterwards the value stays.
 
     Points before the last one at or before the instant `begins` [s] may be left out.
     """
-    tempo, automation_line = piece.tempo_map, automation_entry.automation
-    start_instant = tempo.seconds(automation_entry.begin)
+    tempo, line = piece.tempo_map, entry.automation
+    start_instant = tempo.seconds(entry.begin)
     if isinstance(tempo, StoppedTempoMap):
         if start_instant < NEVER:  # the value on the present beat
             tempo_map = ShiftedTempoMap(tempo, 0.0)
             moving = Curve(
-                parameter_curve.initial,
-                [tempo_map.seconds(automation_entry.begin)],
-                [parameter_curve.evaluate(start_instant)],
+                curve.initial,
+                [tempo_map.seconds(entry.begin)],
+                [curve.evaluate(start_instant)],
             )
-            add_glide(replace(piece, tempo_map=tempo_map), automation_entry, moving)
-            parameter_curve.to(start_instant, moving.evaluate(tempo_map.seconds(tempo.stop_beat)))
+            add_glide(replace(piece, tempo_map=tempo_map), entry, moving)
+            curve.add_point(start_instant, moving.evaluate(tempo_map.seconds(tempo.stop_beat)))
         return
-    to_path, from_scale = _SCALES.get(automation_line.parameter, (_identity, _identity))
-    point_instants, parameter_values, approaches, stop_instant = glide_path(
-        piece, automation_entry, parameter_curve.initial
-    )
-    value_before = parameter_curve.evaluate(start_instant)
+    to_path, from_scale = _SCALES.get(line.parameter, (_identity, _identity))
+    instants, values, approaches, stop_instant = glide_path(piece, entry, curve.initial)
+    old_value = curve.evaluate(start_instant)
     is_over = (
-        stop_instant <= begins and stop_instant > start_instant + GLIDE_SECONDS
+        stop_instant <= begins and stop_instant > start_instant + GLIDE_DURATION
     )  # only its end is heard
-    if automation_line.over is not None:
-        parameter_values.insert(0, to_path(value_before))
+    if line.over is not None:
+        values.insert(0, to_path(old_value))
         if not is_over:  # the swing starts from the grid value before it
             step = GRID_FRAMES / piece.rate
-            parameter_curve.to(math.floor(start_instant / step) * step, value_before)
-    elif parameter_values[0] != to_path(value_before) and not is_over:
-        parameter_curve.set(
+            curve.add_point(math.floor(start_instant / step) * step, old_value)
+    elif values[0] != to_path(old_value) and not is_over:
+        curve.add_step(
             start_instant,
-            from_scale(parameter_values[0]),
-            point_instants[1] if len(point_instants) > 1 else math.inf,
+            from_scale(values[0]),
+            instants[1] if len(instants) > 1 else math.inf,
         )
-    path = list(zip(point_instants, parameter_values, approaches, strict=True))
+    path = list(zip(instants, values, approaches, strict=True))
     if len(path) > 1 and not is_over:
-        times, spacing = _glide_instants(piece, parameter_curve, start_instant, stop_instant)
+        times, spacing = _glide_instants(piece, curve, start_instant, stop_instant)
         times = times[max(0, bisect_right(times, begins) - 1) :]
         # Points near a corner are not corrected for curvature.
         corner_reach = spacing * (1.0 + SAME)
-        parameter_curve.within.update(
-            t for t in times if all(abs(t - corner) > corner_reach for corner in point_instants)
+        curve.within.update(
+            t for t in times if all(abs(t - corner) > corner_reach for corner in instants)
         )
         for t, value in zip(times, _core.path_values(path, times), strict=True):
-            parameter_curve.to(t, from_scale(value))
+            curve.add_point(t, from_scale(value))
     (end,) = _core.path_values(path, [stop_instant])
-    parameter_curve.to(stop_instant, from_scale(end))
+    curve.add_point(stop_instant, from_scale(end))
 
 
 def _glide_instants(
     piece: Piece, curve: Curve, start_instant: float, stop_instant: float
 ) -> tuple[list[float], float]:
     """The instants on the grid within a glide that have points, and the time between them [s]."""
-    grid_seconds = GRID_FRAMES / piece.rate
+    grid_step = GRID_FRAMES / piece.rate
     first_instant = max(curve.t[-1], start_instant) if curve.t else start_instant
-    places = range(
-        math.floor(first_instant / grid_seconds) + 1, math.ceil(stop_instant / grid_seconds)
+    grid_indices = range(
+        math.floor(first_instant / grid_step) + 1, math.ceil(stop_instant / grid_step)
     )
-    stride = max(1, -(-len(places) // GLIDE_POINTS_MAX))
-    return [place * grid_seconds for place in places[::stride]], stride * grid_seconds
+    stride = max(1, -(-len(grid_indices) // GLIDE_POINTS_MAX))
+    return [place * grid_step for place in grid_indices[::stride]], stride * grid_step
 
 
 def _identity(value: float) -> float:
@@ -277,68 +262,57 @@ _SCALES: Mapping[str, tuple[Callable[[float], float], Callable[[float], float]]]
 }
 
 
-def swing_beats(tempo: TempoMap, automation_entry: Entry, swing: Swing) -> Callable[[int], float]:
+def swing_beats(tempo: TempoMap, entry: Entry, swing: Swing) -> Callable[[int], float]:
     """The beat of each point of a swing, by number: `tempo.after` the beginning, with what does not
     depend on the number computed once.
     """
-    begin_beat, period = automation_entry.begin, swing.period
+    begin_beat, period = entry.begin, swing.period
     if period.seconds:
         return lambda number: tempo.after(begin_beat, period.times(number / SWING_SEGMENTS))
     period_beats = period.beats
     if not period.bars:
         return lambda number: begin_beat + period_beats * (number / SWING_SEGMENTS)
     (bar, beat), n_bars, start_beat = tempo.bar_beat(begin_beat), period.bars, tempo.bars.start
-    beats_into_bar = beat - 1.0
+    beats_in_bar = beat - 1.0
 
     def beat_of(point_number: int) -> float:
-        period_share = point_number / SWING_SEGMENTS
+        n_periods = point_number / SWING_SEGMENTS
         # Nothing is added in number 0, as `after` adds no bars then.
-        base = (
-            start_beat(bar + n_bars * period_share) + beats_into_bar if point_number else begin_beat
-        )
-        return base + period_beats * period_share
+        base = start_beat(bar + n_bars * n_periods) + beats_in_bar if point_number else begin_beat
+        return base + period_beats * n_periods
 
     return beat_of
 
 
-def swing_points_before(beat_of: Callable[[int], float], beat: float) -> int:
+def n_swing_points_before(beat_of: Callable[[int], float], beat: float) -> int:
     """The number of points of a swing before a beat; bisection, for the tempo may have changed."""
     return first_index_from(beat_of, _SEGMENTS_MAX, beat)
 
 
-def add_swing(
-    piece: Piece, automation_entry: Entry, parameter_curve: Curve, extent: Extent
-) -> None:
+def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
     """Add a swing to a curve, from one period before the extent to its first point behind it."""
-    swing = automation_entry.automation.swing
+    swing = entry.automation.swing
     assert swing is not None
-    tempo, curve_value = piece.tempo_map, parameter_curve.initial
-    low_value, high_value = swing.low.applied_to(curve_value), swing.high.applied_to(curve_value)
-    beat_of = swing_beats(tempo, automation_entry, swing)
-    first_point = 0
-    if extent.since > automation_entry.begin:
-        first_point = max(0, swing_points_before(beat_of, extent.since) - SWING_SEGMENTS)
+    tempo, curve_value = piece.tempo_map, curve.initial
+    low, high = swing.low.applied_to(curve_value), swing.high.applied_to(curve_value)
+    beat_of = swing_beats(tempo, entry, swing)
+    first = 0
+    if extent.since > entry.begin:
+        first = max(0, n_swing_points_before(beat_of, extent.since) - SWING_SEGMENTS)
     phase_offset = round(swing.phase * SWING_SEGMENTS)
     edges = {"square": (0, SWING_SEGMENTS // 2), "ramp": (0,)}.get(swing.shape, ())
-    for point_number in range(first_point, first_point + _POINTS_MAX):
+    for number in range(first, first + _POINTS_MAX):
         point_beat, segment_index = (
-            beat_of(point_number),
-            (point_number + phase_offset) % SWING_SEGMENTS,
+            beat_of(number),
+            (number + phase_offset) % SWING_SEGMENTS,
         )
-        if (
-            point_beat > automation_entry.stop
-            or (instant_seconds := tempo.seconds(point_beat)) >= NEVER
-        ):
+        if point_beat > entry.stop or (instant := tempo.seconds(point_beat)) >= NEVER:
             break
-        swing_value = low_value + (high_value - low_value) * _swing_share(
-            swing.shape, segment_index
-        )
-        if point_number == 0 or segment_index in edges:
-            parameter_curve.set(
-                instant_seconds, swing_value, tempo.seconds(beat_of(point_number + 1))
-            )
-        elif swing.shape != "square" or not parameter_curve.t:
-            parameter_curve.to(instant_seconds, swing_value)
+        swing_value = low + (high - low) * _swing_share(swing.shape, segment_index)
+        if number == 0 or segment_index in edges:
+            curve.add_step(instant, swing_value, tempo.seconds(beat_of(number + 1)))
+        elif swing.shape != "square" or not curve.t:
+            curve.add_point(instant, swing_value)
         if point_beat > extent.until:
             break
 

@@ -16,8 +16,8 @@ from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.parameter_curves import (
+    GLIDE_DURATION,
     GLIDE_POINTS_MAX,
-    GLIDE_SECONDS,
     GRID_FRAMES,
     SWING_SEGMENTS,
     Curve,
@@ -25,8 +25,8 @@ from ergon.scores.staging.parameter_curves import (
     Extent,
     glide_path,
     held_places,
+    n_swing_points_before,
     swing_beats,
-    swing_points_before,
 )
 
 
@@ -37,58 +37,56 @@ class NeededEntries(NamedTuple):
     curve: Curve
 
 
-def point_slack_seconds(piece: Piece, orders: Iterable[Sequence[Entry]], begins: float) -> float:
+def point_margin(
+    piece: Piece, entries_by_parameter: Iterable[Sequence[Entry]], begins: float
+) -> float:
     """How long before the instant `begins` [s] points of modules are needed [s].
 
     Within a glide a point is corrected by its neighbours, so that of the last point at or before
     the instant must be there too.
     """
-    grid_seconds = GRID_FRAMES / piece.rate
+    grid_step = GRID_FRAMES / piece.rate
     longest = 0.0
-    for entry_order in orders:
-        entry_index = _begun_count(piece.tempo_map, entry_order, begins) - 1
-        if entry_index >= 0 and entry_order[entry_index].automation.points:
+    for entries in entries_by_parameter:
+        index = _n_begun(piece.tempo_map, entries, begins) - 1
+        if index >= 0 and entries[index].automation.points:
             try:
-                path = glide_path(piece, entry_order[entry_index], 1.0)
+                path = glide_path(piece, entries[index], 1.0)
             except TextError:
                 continue  # the expansion reports the mistake
             if path.last >= begins:
-                span = path.last - min(
-                    begins, piece.tempo_map.seconds(entry_order[entry_index].begin)
-                )
-                longest = max(longest, span / GLIDE_POINTS_MAX + 2.0 * grid_seconds)
-    return 2.0 * longest + grid_seconds
+                span = path.last - min(begins, piece.tempo_map.seconds(entries[index].begin))
+                longest = max(longest, span / GLIDE_POINTS_MAX + 2.0 * grid_step)
+    return 2.0 * longest + grid_step
 
 
 def needed_entries(
-    piece: Piece, entry_order: Sequence[Entry], initial_value: float, extent: Extent
+    piece: Piece, entries: Sequence[Entry], initial_value: float, extent: Extent
 ) -> NeededEntries:
     """The entries of one parameter, in order, that its curve needs within an extent."""
     tempo, begins = piece.tempo_map, extent.begins
     if begins == -math.inf:
         return NeededEntries(0, Curve(initial_value))
-    entry_index = _begun_count(tempo, entry_order, begins) - 1
-    while entry_index >= 0:
-        needed_entry = entry_order[entry_index]
-        following = entry_order[entry_index + 1] if entry_index + 1 < len(entry_order) else None
+    index = _n_begun(tempo, entries, begins) - 1
+    while index >= 0:
+        entry = entries[index]
+        following = entries[index + 1] if index + 1 < len(entries) else None
         try:
-            release = _release_instant(piece, needed_entry, following, extent.until)
+            release = _release_instant(piece, entry, following, extent.until)
             if release <= begins:  # the parameter has its own value again
-                return NeededEntries(
-                    entry_index + 1, Curve(initial_value, [release], [initial_value])
-                )
-            if _stands_alone(piece, needed_entry, initial_value, extent.since, begins):
+                return NeededEntries(index + 1, Curve(initial_value, [release], [initial_value]))
+            if _stands_alone(piece, entry, initial_value, extent.since, begins):
                 break
         except TextError:
             pass  # the expansion reports the mistake
-        begins = tempo.seconds(needed_entry.begin)
-        entry_index -= 1
-    return NeededEntries(max(0, entry_index), Curve(initial_value))
+        begins = tempo.seconds(entry.begin)
+        index -= 1
+    return NeededEntries(max(0, index), Curve(initial_value))
 
 
-def _begun_count(tempo: TempoMap, order: Sequence[Entry], instant: float) -> int:
+def _n_begun(tempo: TempoMap, entries: Sequence[Entry], instant: float) -> int:
     """How many entries have begun at an instant [s]."""
-    return bisect_right(order, instant, key=lambda entry: tempo.seconds(entry.begin))
+    return bisect_right(entries, instant, key=lambda entry: tempo.seconds(entry.begin))
 
 
 def _release_instant(
@@ -109,34 +107,34 @@ def _release_instant(
             return math.inf  # the pitch of the last note stays
     if end_beat > until_beat or (following is not None and following.begin <= end_beat + SAME):
         return math.inf
-    release = tempo.seconds(end_beat) + GLIDE_SECONDS
+    release = tempo.seconds(end_beat) + GLIDE_DURATION
     return (
         math.inf if following is not None and tempo.seconds(following.begin) < release else release
     )
 
 
 def _stands_alone(
-    piece: Piece, automation_entry: Entry, start_value: float, since: float, begins: float
+    piece: Piece, entry: Entry, initial_value: float, since: float, begins: float
 ) -> bool:
     """Whether the points of an entry, from the last one at or before an instant [s] on, depend on
     no entry before it.
 
     What entries before it have left lasts until GLIDE after its beginning at most.
     """
-    tempo, automation_line = piece.tempo_map, automation_entry.automation
-    glide_end = tempo.seconds(automation_entry.begin) + GLIDE_SECONDS
-    if automation_line.points:
-        path = glide_path(piece, automation_entry, start_value)
+    tempo, line = piece.tempo_map, entry.automation
+    glide_end = tempo.seconds(entry.begin) + GLIDE_DURATION
+    if line.points:
+        path = glide_path(piece, entry, initial_value)
         is_over = glide_end < path.last <= begins
-        return is_over and (path.is_complete or automation_line.over is None)
-    if automation_line.swing is not None:
-        beat_of = swing_beats(tempo, automation_entry, automation_line.swing)
-        point_number = swing_points_before(beat_of, tempo.beats(glide_end)) + 1
-        if automation_line.swing.shape == "square":  # a square has points only at its changes
-            point_number += SWING_SEGMENTS // 2
-        beat = beat_of(point_number)
-        return beat <= automation_entry.stop and tempo.seconds(beat) <= begins
-    return _has_values_of_its_own(piece, automation_entry, since, begins)
+        return is_over and (path.is_complete or line.over is None)
+    if line.swing is not None:
+        beat_of = swing_beats(tempo, entry, line.swing)
+        n_points = n_swing_points_before(beat_of, tempo.beats(glide_end)) + 1
+        if line.swing.shape == "square":  # a square has points only at its changes
+            n_points += SWING_SEGMENTS // 2
+        beat = beat_of(n_points)
+        return beat <= entry.stop and tempo.seconds(beat) <= begins
+    return _has_values_of_its_own(piece, entry, since, begins)
 
 
 def _has_values_of_its_own(
@@ -144,7 +142,7 @@ def _has_values_of_its_own(
 ) -> bool:
     """Whether a pattern has set a value before an instant [s], so that no earlier one holds."""
     tempo, automation_line = piece.tempo_map, automation_entry.automation
-    glide_end = tempo.seconds(automation_entry.begin) + GLIDE_SECONDS
+    glide_end = tempo.seconds(automation_entry.begin) + GLIDE_DURATION
     pattern_steps = automation_line.steps(tempo, piece.seed)
     grid_step = GRID_FRAMES / piece.rate
     for place_index in range(*held_places(pattern_steps, since, automation_entry.stop)):
@@ -158,7 +156,7 @@ def _has_values_of_its_own(
                 return True
         else:
             following = tempo.seconds(pattern_steps.beat(place_index + 1))
-            is_first_over = place_instant + GLIDE_SECONDS <= min(begins, following)
+            is_first_over = place_instant + GLIDE_DURATION <= min(begins, following)
             if is_first_over or (place_instant > glide_end and following <= begins):
                 return True
     return False

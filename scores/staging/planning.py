@@ -157,7 +157,7 @@ def make_plan(
     accuracy: Accuracy,
     pins: Sequence[_core.IslandChoice] | None = None,
     store: Store | None = None,
-    plan_before: _core.Plan | None = None,
+    old_plan: _core.Plan | None = None,
     *,
     is_foreseen: bool = True,
     correction: float = 1.0,
@@ -172,7 +172,7 @@ def make_plan(
     by that, because sound that was computed so is recalled.
 
     With `cpu` alone, the plan is the most exact that fits. Parts that are the same in the plan
-    `plan_before` are computed as there. `is_foreseen` is False if hands or a session play too. Real
+    `old_plan` are computed as there. `is_foreseen` is False if hands or a session play too. Real
     work is `correction` times that in the table of costs: notes use it, and so does the
     comparison with `cpu` if an accuracy is given too; the choice of methods uses the table
     alone. Parts that are `watched` are computed even if nobody hears them.
@@ -181,16 +181,16 @@ def make_plan(
     if pins is not None:
         pinned = _core.Plan(network, timeline, **_budget(accuracy), **watched, pins=pins)
         return PlanWithNotes(pinned, accuracy)
-    planner = _Planner(network, timeline, store, plan_before, watched)
+    planner = _Planner(network, timeline, store, old_plan, watched)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     if is_draft:
-        may_recall = recalls_sound and store is not None and plan_before is None and not is_free
+        may_recall = recalls_sound and store is not None and old_plan is None and not is_free
         return _draft_plan(planner, accuracy, may_recall=may_recall)
-    plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _WORK_SHARE)
-    plan_notes = _plan_notes(plan_made, accuracy, is_foreseen=is_foreseen)
+    plan = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _WORK_SHARE)
+    plan_notes = _plan_notes(plan, accuracy, is_foreseen=is_foreseen)
     cost_factor = 1.0 if is_free else correction
-    if accuracy.cpu is None or (not is_free and cost_factor * cost(plan_made) <= accuracy.cpu):
-        return PlanWithNotes(plan_made, accuracy, plan_notes, planner.finish())
+    if accuracy.cpu is None or (not is_free and cost_factor * cost(plan) <= accuracy.cpu):
+        return PlanWithNotes(plan, accuracy, plan_notes, planner.finish())
     looser = {error: Accuracy(error=error) for error in _LOOSER_ERRORS_DB}
     looser_plans = {
         error: planner.plan(looser_accuracy, _LOOSER_WORK_SHARE)
@@ -203,7 +203,7 @@ def make_plan(
     ]
     if is_free and fits:
         return PlanWithNotes(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.finish())
-    all_made = ((plan_made, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
+    all_made = ((plan, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
     cheapest, its_accuracy = min(all_made, key=lambda plan_and_accuracy: cost(plan_and_accuracy[0]))
     hint = (
         f"error: {fits[0]:g}dB fits"
@@ -211,10 +211,10 @@ def make_plan(
         else f"the cheapest plan takes {_percent_text(cost_factor * cost(cheapest))}"
     )
     allowed = _percent_text(accuracy.cpu)
-    cost_text = _percent_text(cost_factor * cost(plan_made))
+    cost_text = _percent_text(cost_factor * cost(plan))
     excess = f"the plan takes {cost_text} of a core, above the {allowed} allowed; {hint}"
     notes_with_cost = (*plan_notes, ("W402", excess))
-    chosen = (cheapest, its_accuracy) if is_free else (plan_made, accuracy)
+    chosen = (cheapest, its_accuracy) if is_free else (plan, accuracy)
     return PlanWithNotes(*chosen, notes_with_cost, planner.finish())
 
 
@@ -247,13 +247,13 @@ def plan_again(
     network: _core.Network,
     timeline: _core.Timeline,
     accuracy: Accuracy,
-    plan_before: _core.Plan,
+    old_plan: _core.Plan,
     watched: Watched,
 ) -> _core.Plan:
-    """The plan of an open timeline that takes over from the plan `plan_before` of the same network,
+    """The plan of an open timeline that takes over from the plan `old_plan` of the same network,
     made for the same accuracy. Raises EngineError.
     """
-    return _core.Plan(network, timeline, **_budget(accuracy), **watched, like=plan_before)
+    return _core.Plan(network, timeline, **_budget(accuracy), **watched, like=old_plan)
 
 
 def needs_trial(row: _core.PlanRow) -> bool:
@@ -303,12 +303,12 @@ def _cut_short_sentence(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
         if row.cut_short and not row.diverges and not _is_met(row, accuracy):
             names_by_error.setdefault((row.error_db, row.error_s), []).extend(row.parts)
     sentences = []
-    for (db, error_seconds), error_parts in names_by_error.items():
+    for (db, trial_duration), error_parts in names_by_error.items():
         known_error = "the error of the chosen method is unknown"
-        if db is not None and error_seconds is not None:
+        if db is not None and trial_duration is not None:
             known_error = (
-                f"the error of the chosen method is {db:.0f} dB over the first {error_seconds:.2g} "
-                "s"
+                f"the error of the chosen method is {db:.0f} dB over the first "
+                f"{trial_duration:.2g} s"
             )
         if error is not None and db is None:
             known_error += f" and may be above the {error:g} dB that you asked for"
@@ -352,15 +352,17 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
     islands: dict[tuple[float, float, float | None], list[str]] = {}
     unknown: list[str] = []
     for plan_row in plan.rows():
-        db, trial_seconds = plan_row.error_db, plan_row.error_s
+        db, trial_duration = plan_row.error_db, plan_row.error_s
         if plan_row.cut_short or plan_row.diverges:
             continue
-        if db is None or trial_seconds is None:
+        if db is None or trial_duration is None:
             if plan_row.what in _TRIAL_METHODS and is_foreseen:
                 unknown.extend(plan_row.parts)
             continue
         if db > error or plan_row.spectral_db is not None:
-            islands.setdefault((db, trial_seconds, plan_row.spectral_db), []).extend(plan_row.parts)
+            islands.setdefault((db, trial_duration, plan_row.spectral_db), []).extend(
+                plan_row.parts
+            )
     sentences = [
         f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first "
         f"{seconds:.2g} s"
@@ -387,12 +389,12 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
     allowed_error = _core.AudibleError(*allowed)
     islands: dict[str, list[str]] = {}
     for plan_row in plan.rows():
-        audible, trial_seconds, spectral = plan_row.audible, plan_row.error_s, plan_row.spectral_db
-        if trial_seconds is None or plan_row.cut_short:
+        audible, trial_duration, spectral = plan_row.audible, plan_row.error_s, plan_row.spectral_db
+        if trial_duration is None or plan_row.cut_short:
             continue
         if audible is not None and not _is_allowed(audible, allowed):
             error_sentence = (
-                f"over the first {trial_seconds:.2g} s {error_text(audible)}; allowed are "
+                f"over the first {trial_duration:.2g} s {error_text(audible)}; allowed are "
                 f"{allowed_error.cents:.2g} cents, {100 * allowed_error.t60:.2g}%, "
                 f"{allowed_error.third_octave_db:.2g} dB, {1e3 * allowed_error.first_stroke_s:.2g} "
                 f"ms at the first stroke, {1e3 * allowed_error.later_stroke_s:.2g} ms at others "
@@ -401,7 +403,7 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
         elif spectral is not None and spectral > _core.SPECTRUM_NOISE:
             noise = _core.SPECTRUM_NOISE
             error_sentence = (
-                f"after the first {trial_seconds:.2g} s the motion is chaotic, and third octaves "
+                f"after the first {trial_duration:.2g} s the motion is chaotic, and third octaves "
                 f"of a more exact run differ by {spectral:.1f} dB on average, above the "
                 f"{noise:.2g} dB by which rounding alone changes such a motion"
             )

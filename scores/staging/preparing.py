@@ -51,8 +51,8 @@ from ergon.scores.staging.travel import check_travel
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
-LONGEST_TAIL_SECONDS = 60.0  # [s] of a score whose tail is `auto`
-MAX_SECONDS = 24 * 3600.0  # a day; a longer piece is a mistake
+TAIL_DURATION_MAX = 60.0  # [s] of a score whose tail is `auto`
+DURATION_MAX = 24 * 3600.0  # a day; a longer piece is a mistake
 
 
 class EarlierStage(Protocol):
@@ -101,34 +101,34 @@ def prepare(
     real_hands: Real | None = None,
     silent: Container[str] = (),
     spans: Sequence[Span] | None = None,
-    stage_before: EarlierStage | None = None,
+    old_stage: EarlierStage | None = None,
     start: int = 0,
 ) -> PreparedPiece:
     """Build the network and the timeline of a piece. Raises StageError with every mistake found.
 
     `real_hands`: players whose hands are real, with their position at every tick if it is known;
     `silent`: instruments that are not listened to; `spans`: what parts of this piece and of earlier
-    ones play, by default all of this one; `stage_before`: a stage whose takes, and whose network if
+    ones play, by default all of this one; `old_stage`: a stage whose takes, and whose network if
     it is the same, are reused; `start`: the frame at which this stage takes over from
-    `stage_before`.
+    `old_stage`.
     """
     collector = Collector()
     real_hands = stand_in_players(piece) | dict(real_hands or {})
     check_players(piece, real_hands, collector)
-    memory = StageMemory() if stage_before is None else stage_before.memory
+    memory = StageMemory() if old_stage is None else old_stage.memory
     known_automation = memory.automation
     try:
         computed = with_held_keys(piece, real_hands)
-        built = (stage_before and stage_before.built.for_piece(computed, silent)) or build_network(
+        built = (old_stage and old_stage.built.for_piece(computed, silent)) or build_network(
             computed, silent
         )
         assembly, couplings = built.assembly, built.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
         if piece.accuracy.is_unguarded:
             timeline.leave_unguarded()
-        for (part, module), port in assembly.delayed_ports.items():
+        for (part, module), port in assembly.ports.items():
             timeline.delay_forces(port, assembly.mats[part, module], piece.keys[part].delay)
-        takes = Takes(piece, collector, stage_before.takes if stage_before else {})
+        takes = Takes(piece, collector, old_stage.takes if old_stage else {})
         hands = Hands(piece, timeline, takes, collector)
         # A session has no end up to which a stand-in could play.
         rests = spans is not None
@@ -136,43 +136,41 @@ def prepare(
         played = [Span(piece, ALL)] if spans is None else spans
         sounds = sounds_in(piece, timeline, takes)
         drive(piece, assembly, hands, {name: index for name, (index, _) in sounds.items()})
-        begin_seconds = -math.inf if stage_before is None else start / piece.rate
-        drawn = DrawnNotes(
-            timeline, stage_before.drawn if stage_before else (), begin_seconds, piece.rate
-        )
+        begin = -math.inf if old_stage is None else start / piece.rate
+        drawn = DrawnNotes(timeline, old_stage.drawn if old_stage else (), begin, piece.rate)
         plays_until = _put_events(
             piece, assembly, hands, couplings, real_hands, played, memory, drawn
         )
-        end_seconds = max(plays_until, _hands_end_seconds(piece, live))
-        end_seconds = max([end_seconds, *(seconds for _, seconds in sounds.values())])
+        end = max(plays_until, _hands_end(piece, live))
+        end = max([end, *(seconds for _, seconds in sounds.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         check_delays(computed, collector)
         check_mix(piece, collector)
-        n_frames = _frame_count(piece, end_seconds, collector) if spans is None else 0
+        n_frames = _n_frames(piece, end, collector) if spans is None else 0
         (paths, moved), paths_until = _automation_of_spans(
-            piece, spans, n_frames, collector, begin_seconds, known_automation
+            piece, spans, n_frames, collector, begin, known_automation
         )
-        if stage_before is not None:
-            takeover_arguments = (
-                stage_before.paths,
+        if old_stage is not None:
+            takeover = (
+                old_stage.paths,
                 paths,
                 piece,
-                begin_seconds,
-                stage_before.paths_until,
+                begin,
+                old_stage.paths_until,
             )
-            paths = takeover_points(*takeover_arguments, moved, known_automation)
-        for module_key, path_points in paths.items():
+            paths = takeover_points(*takeover, moved, known_automation)
+        for module_key, points in paths.items():
             if led := known_automation.led(piece, module_key):
                 try:
-                    led.put(timeline, assembly, module_key, path_points)
+                    led.put(timeline, assembly, module_key, points)
                 except _core.EngineError as error:
                     refuse(piece, collector, error)
     except _core.EngineError as error:
         raise stage_error(piece, collector, error) from error
     if collector.has_errors():
         raise StageError(collector.finish())
-    fades_from = int(end_seconds * piece.rate + 0.5) if piece.render.tail == "auto" else None
+    fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
     path_arguments = paths, paths_until
     piece_arguments = built, timeline, n_frames, hands, collector, live
     return PreparedPiece(*piece_arguments, *path_arguments, fades_from, memory, drawn.notes)
@@ -204,7 +202,7 @@ def _automation_of_spans(
     return points, complete_until(piece, until)
 
 
-def _hands_end_seconds(piece: Piece, live: Sequence[LiveHand]) -> float:
+def _hands_end(piece: Piece, live: Sequence[LiveHand]) -> float:
     """When the parts of real hands have ended [s]."""
     return max((hand.tick_frames * hand.ticks / piece.rate for hand in live), default=0.0)
 
@@ -231,11 +229,11 @@ def _put_events(
     players = [
         player for player in piece.players.values() if player.hand == "live" and player.standin
     ]
-    players_with_part = {*real_hands}
+    names_with_part = {*real_hands}
     if players:
-        players_with_part |= {play.player for play in piece.parts}
+        names_with_part |= {play.player for play in piece.parts}
     for player in players:
-        if player.name not in players_with_part:
+        if player.name not in names_with_part:
             hands.standin(player)
     event_ends = [gesture.stop for gesture in hands.gestures]
     for played, window in piece_spans:
@@ -247,12 +245,10 @@ def _put_events(
             striking = Striking(played, timeline, strikes, mats, source, within, assembly, drawn)
             event_ends.append(striking.play(hands.collector))
     drawn.end_others(assembly.mats.get, hands.sources.add(partial(_same_place, piece.place)))
-    for coupling_link, (begin_seconds, until_seconds) in zip(
-        couplings, coupling_spans(piece), strict=True
-    ):
-        if until_seconds == COUPLING_ENDED_SECONDS:
-            begin_seconds, until_seconds = NEVER, None
-        timeline.couple(coupling_link, begin_seconds, until_seconds)
+    for link, (begin, until) in zip(couplings, coupling_spans(piece), strict=True):
+        if until == COUPLING_ENDED_SECONDS:
+            begin, until = NEVER, None
+        timeline.couple(link, begin, until)
     return max(event_ends, default=0.0)
 
 
@@ -266,15 +262,15 @@ def _window_instants(piece: Piece, window: Window) -> tuple[float, float]:
     return max(0.0, start_instant), stop_instant
 
 
-def _frame_count(piece: Piece, end_seconds: float, collector: Collector) -> int:
+def _n_frames(piece: Piece, end: float, collector: Collector) -> int:
     """⌈(end + tail)·rate⌉ frames; rounding errors do not add a frame."""
     tail = piece.render.tail
-    total_seconds = end_seconds + (LONGEST_TAIL_SECONDS if tail == "auto" else tail)
-    if total_seconds > MAX_SECONDS:
-        message = f"the piece lasts {total_seconds / 3600:.0f} hours; the maximum is 24 hours"
+    duration = end + (TAIL_DURATION_MAX if tail == "auto" else tail)
+    if duration > DURATION_MAX:
+        message = f"the piece lasts {duration / 3600:.0f} hours; the maximum is 24 hours"
         collector.error("E308", message, piece.place)
         return 0
-    frames = total_seconds * piece.rate
+    frames = duration * piece.rate
     nearest = int(frames + 0.5)
     return nearest if abs(frames - nearest) < 1e-6 else int(frames) + 1
 

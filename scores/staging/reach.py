@@ -61,26 +61,26 @@ class FreezeObstacle:
         return f"{self.part} cannot be frozen without {self.other}: {path_text}"
 
 
-def ties(
+def freeze_obstacles(
     piece: Piece, frozen_parts: Collection[str], players: Iterable[str]
 ) -> list[FreezeObstacle]:
     """Reasons why instruments cannot be frozen; empty if they can. `players` have live hands."""
-    web = _LinkGraph(piece)
+    graph = _LinkGraph(piece)
     hands = {}
     for player in players:
         key = piece.keys[piece.players[player].key]
-        hands[web.assembly.mats[key.name, key.struck]] = (player, key.name)
+        hands[graph.assembly.mats[key.name, key.struck]] = (player, key.name)
     other_players = {
         mat: part
         for part in dict.fromkeys(instrument.name for _, instrument, _ in audible_outputs(piece))
         if part not in frozen_parts
-        for mat in web.audible_points(piece, part)
+        for mat in graph.audible_points(piece, part)
     }
-    ties_found = (
-        web.tie(part, web.audible_points(piece, part), hands, other_players)
+    obstacles = (
+        graph.first_obstacle(part, graph.audible_points(piece, part), hands, other_players)
         for part in frozen_parts
     )
-    return [tie for tie in ties_found if tie is not None]
+    return [tie for tie in obstacles if tie is not None]
 
 
 class _LinkGraph:
@@ -92,44 +92,44 @@ class _LinkGraph:
     def __init__(self, piece: Piece) -> None:
         self.assembly = Assembly(seed=piece.seed)
         add_parts(piece, self.assembly)
-        self._wholes: set[tuple[str, str]] = set()
+        self._rigid_modules: set[tuple[str, str]] = set()
         self._links: dict[int, list[tuple[int, Link]]] = {}
-        self._ends: dict[tuple[str, str], set[int]] = {}
+        self._link_mats: dict[tuple[str, str], set[int]] = {}
         piece_modules = [*piece.modules()]
         for part_name, part_module in piece_modules:
             if part_module.kind in ("STRING", "PLATE") or "axes" in part_module.fields:
-                self._wholes.add((part_name, part_module.name))
-        self._held = {
+                self._rigid_modules.add((part_name, part_module.name))
+        self._fixed_mats = {
             mat
             for part, module in piece_modules
-            if module.kind == "SOL" or (module.kind == "ENX" and self._is_alone(module))
-            for mat in self._held_by(part, module)
+            if module.kind == "SOL" or (module.kind == "ENX" and self._is_separate(module))
+            for mat in self._fixed_by(part, module)
         }
         for part_name, part_module in piece_modules:
             if part_module.kind in LINK_KINDS:
-                graph_link = Link(
+                link = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
-                pairs = dict.fromkeys(
-                    self._pair(link_module) for link_module in single_links(part_module)
-                )
-                self._ends[part_name, part_module.name] = {end for pair in pairs for end in pair}
+                pairs = dict.fromkeys(self._pair(single) for single in single_links(part_module))
+                self._link_mats[part_name, part_module.name] = {
+                    end for pair in pairs for end in pair
+                }
                 for pair in pairs:
-                    self._link(graph_link, *pair)
+                    self._link(link, *pair)
             elif part_module.kind == "PROXY":
                 link_module = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
-                module_mats = self.assembly.mats[part_name, part_module.name]
+                mat_of_module = self.assembly.mats[part_name, part_module.name]
                 for target in proxies.targets(part_module.fields):
                     for mat in self._points(target):
-                        self._link(link_module, module_mats, mat)
+                        self._link(link_module, mat_of_module, mat)
             elif part_module.kind == "SURFACE":
                 link_module = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
-                module_mats = self.assembly.mats[part_name, part_module.name]
-                self._link(link_module, module_mats, self._points(part_module.fields["of"])[0])
+                mat_of_module = self.assembly.mats[part_name, part_module.name]
+                self._link(link_module, mat_of_module, self._points(part_module.fields["of"])[0])
         for coupling in piece.duet:
             a, b = (self._points(target)[0] for target in (coupling.a, coupling.b))
             name = f"the coupling of {coupling.a.part} and {coupling.b.part}"
@@ -143,19 +143,19 @@ class _LinkGraph:
         self._links.setdefault(a, []).append((b, link))
         self._links.setdefault(b, []).append((a, link))
 
-    def _is_alone(self, module: Module) -> bool:
+    def _is_separate(self, module: Module) -> bool:
         """Whether the imposed point is a point of its own here, not part of a whole module."""
         target = module.driven_mat
-        return (target.part, target.module) not in self._wholes
+        return (target.part, target.module) not in self._rigid_modules
 
-    def _held_by(self, part_name: str, part_module: Module) -> range:
+    def _fixed_by(self, part_name: str, part_module: Module) -> range:
         if part_module.kind == "ENX":
             return self._points(part_module.driven_mat)
         first_mat = self.assembly.mats[part_name, part_module.name]
         return range(first_mat, first_mat + 1)
 
     def _points(self, target: Target) -> range:
-        if (target.part, target.module) in self._wholes:
+        if (target.part, target.module) in self._rigid_modules:
             first_mat = self.assembly.mats[target.part, target.module]
             return range(first_mat, first_mat + 1)
         return self.assembly.members(target)
@@ -167,42 +167,44 @@ class _LinkGraph:
             if instrument.name != part_name:
                 continue
             for output_target in targets_of(instrument, part_output):
-                if (output_target.part, output_target.module) in self._ends:
-                    audible_mats.update(self._ends[output_target.part, output_target.module])
+                if (output_target.part, output_target.module) in self._link_mats:
+                    audible_mats.update(self._link_mats[output_target.part, output_target.module])
                 else:
                     audible_mats.update(self._points(output_target))
-        return audible_mats - self._held
+        return audible_mats - self._fixed_mats
 
-    def tie(
+    def first_obstacle(
         self,
         part_name: str,
         start_mats: set[int],
         hands: Mapping[int, tuple[str, str]],
-        other_players: Mapping[int, str],
+        part_by_mat: Mapping[int, str],
     ) -> FreezeObstacle | None:
         """The shortest path to a live hand, or else to an instrument that is not frozen."""
-        link_from: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start_mats))
-        queue = deque(link_from)
+        previous_by_mat: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start_mats))
+        queue = deque(previous_by_mat)
         path = None
         while queue:
             mat = queue.popleft()
             if mat in hands:
-                return FreezeObstacle(part_name, _path_to(mat, link_from), *hands[mat])
-            if mat in other_players and path is None:
-                path = FreezeObstacle(part_name, _path_to(mat, link_from), other=other_players[mat])
-            if mat in self._held:
+                return FreezeObstacle(part_name, _path_to(mat, previous_by_mat), *hands[mat])
+            if mat in part_by_mat and path is None:
+                path = FreezeObstacle(
+                    part_name, _path_to(mat, previous_by_mat), other=part_by_mat[mat]
+                )
+            if mat in self._fixed_mats:
                 continue
             for other_mat, link in self._links.get(mat, ()):
-                if other_mat not in link_from:
-                    link_from[other_mat] = mat, link
+                if other_mat not in previous_by_mat:
+                    previous_by_mat[other_mat] = mat, link
                     queue.append(other_mat)
         return path
 
 
-def _path_to(mat: int, link_from: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:
+def _path_to(mat: int, previous_by_mat: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:
     """The links on the path from the start of the search to a point."""
-    path_links: list[Link] = []
-    while (step := link_from[mat]) is not None:
+    links: list[Link] = []
+    while (step := previous_by_mat[mat]) is not None:
         mat, link = step
-        path_links.append(link)
-    return tuple(reversed(path_links))
+        links.append(link)
+    return tuple(reversed(links))

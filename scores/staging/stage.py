@@ -327,8 +327,8 @@ def stage(
     if seed is not None:
         piece = replace(piece, seed=seed)
     going = going or StageTakeover()
-    stage_before = going.like
-    prepared = prepare(piece, real_hands, silent, going.spans, stage_before, going.start)
+    old_stage = going.like
+    prepared = prepare(piece, real_hands, silent, going.spans, old_stage, going.start)
     native.speed_up(prepared.network, prepared.n_frames)
     if going.spans is not None:
         prepared.timeline.open()
@@ -344,7 +344,7 @@ def stage(
                 piece.accuracy,
                 pins,
                 store,
-                stage_before.plan if stage_before is not None else None,
+                old_stage.plan if old_stage is not None else None,
                 is_foreseen=going.spans is None and not real_hands,
                 correction=correction,
                 is_draft=is_draft,

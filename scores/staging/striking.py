@@ -77,9 +77,9 @@ class Striking:
             if strikes.pattern is not None:
                 return self._by_pattern(strikes.steps(piece))
             if strikes.rate is not None and strikes.levels is not None and stop_beat is not None:
-                end_seconds = tempo.seconds(stop_beat)
+                end = tempo.seconds(stop_beat)
                 if self._gain == 0.0:
-                    return end_seconds
+                    return end
                 first_level, impulse_reach = (
                     strikes.levels.steps[0],
                     next(iter(strikes.reaches.values()), None),
@@ -87,7 +87,7 @@ class Striking:
                 self.timeline.rain(
                     self.mats,
                     start=tempo.seconds(begin_beat),
-                    stop=end_seconds,
+                    stop=end,
                     rate=strikes.rate,
                     impulse=(
                         self._gain * first_level.impulse(impulse_reach, _first),
@@ -99,7 +99,7 @@ class Striking:
                     source=self.source,
                     within=self.within,
                 )
-                return end_seconds
+                return end
             return self._each()
         except _core.EngineError as error:
             collector.error("E308", str(error), strikes.place)
@@ -165,63 +165,61 @@ class Striking:
 
     def _melody(self) -> float:
         """The strikes of a melody, one by one."""
-        tempo, end_seconds = self.piece.tempo_map, 0.0
+        tempo, end = self.piece.tempo_map, 0.0
         since, before_beat = (_beat_of_instant(tempo, instant) for instant in self.within)
         if self.strikes.rhythm is not None:  # notes that began before may end here
             begin = tempo.resolve(self.strikes.at)
             since -= self.strikes.rhythm.begin(tempo, begin, int(LONGEST_CYCLES)) - begin
-        for hit_beat, hit_number, melody_hit in self.strikes.falls(self.piece, since, before_beat):
-            hit_seconds = tempo.seconds(hit_beat)
+        for hit_beat, hit_index, melody_hit in self.strikes.falls(self.piece, since, before_beat):
+            start = tempo.seconds(hit_beat)
             if melody_hit.jitter != Length():
-                chance = _core.Chance(self.piece.seed, "jitter", self.strikes.name, 0, hit_number)
-                reach = tempo.seconds(tempo.after(hit_beat, melody_hit.jitter)) - hit_seconds
-                hit_seconds = max(0.0, hit_seconds + chance.uniform(-reach, reach))
-            end_seconds = max(end_seconds, hit_seconds)
+                chance = _core.Chance(self.piece.seed, "jitter", self.strikes.name, 0, hit_index)
+                reach = tempo.seconds(tempo.after(hit_beat, melody_hit.jitter)) - start
+                start = max(0.0, start + chance.uniform(-reach, reach))
+            end = max(end, start)
             mats = [mat for target in melody_hit.to for mat in self._members(target)]
             lasting = melody_hit.lasting
-            stop_seconds = (
-                None if lasting is None else tempo.seconds(tempo.after(hit_beat, lasting))
-            )
-            if stop_seconds is not None and any(map(self._is_drawn, mats)):
-                end_seconds = max(end_seconds, stop_seconds)
+            stop = None if lasting is None else tempo.seconds(tempo.after(hit_beat, lasting))
+            if stop is not None and any(map(self._is_drawn, mats)):
+                end = max(end, stop)
             for member, mat in enumerate(mats):
                 self._impel(
                     mat,
-                    (hit_seconds, stop_seconds),
+                    (start, stop),
                     melody_hit.level,
                     melody_hit.reach,
                     member,
-                    hit_number,
+                    hit_index,
                 )
-        return end_seconds
+        return end
 
     def _passed(self, passing: Passing) -> float:
         """Strike the members that a sweep or a path passes, in every round."""
-        strikes, tempo, end_seconds = self.strikes, self.piece.tempo_map, 0.0
+        strikes, tempo, end = self.strikes, self.piece.tempo_map, 0.0
         draws = Draws(self.piece.seed, strikes.who)
         assert self.assembly is not None
         assert strikes.length is not None
         parts = list(dict.fromkeys(target.part for target in strikes.to))
-        visited = member_visits(passing, self.assembly.network, parts, self.mats)
+        visits = member_visits(passing, self.assembly.network, parts, self.mats)
         rounds = strikes.rounds(tempo)
         for turn, round_start in enumerate(rounds):
             lasting = tempo.after(round_start, strikes.length) - round_start
-            end_seconds = max(end_seconds, tempo.seconds(round_start + lasting))
-            _core.poll(_STRIKE_STEPS * len(visited))
-            for strike_number, (share, struck_member) in enumerate(visited, turn * len(visited)):
-                pass_seconds = tempo.seconds(round_start + share * lasting)
-                if not self._is_inside(pass_seconds):
+            end = max(end, tempo.seconds(round_start + lasting))
+            _core.poll(_STRIKE_STEPS * len(visits))
+            for strike_number, (fraction, struck_member) in enumerate(visits, turn * len(visits)):
+                instant = tempo.seconds(round_start + fraction * lasting)
+                if not self._is_inside(instant):
                     continue
                 if draws.happens(passing.chance, strike_number, struck_member):
-                    strike_count = len(visited) * len(rounds)
+                    n_strikes = len(visits) * len(rounds)
                     self._strike(
                         self.mats[struck_member],
-                        (pass_seconds, None),
+                        (instant, None),
                         struck_member,
                         strike_number,
-                        strike_count,
+                        n_strikes,
                     )
-        return end_seconds
+        return end
 
     def _members(self, target: Target) -> Sequence[int]:
         """The MATs of a target; none if it is not in the network."""
@@ -350,10 +348,10 @@ class Striking:
                 ]
                 for target in act.targets if mats or act.is_drawn else ():
                     for mat in self._members(target):
-                        holds_before = holds.get(mat, _HeldMats((), act.reach, is_drawn=False))
-                        is_drawn = holds_before.is_drawn or act.is_drawn
+                        old_holds = holds.get(mat, _HeldMats((), act.reach, is_drawn=False))
+                        is_drawn = old_holds.is_drawn or act.is_drawn
                         holds[mat] = _HeldMats(
-                            (*holds_before.mats, *mats), act.reach, is_drawn=is_drawn
+                            (*old_holds.mats, *mats), act.reach, is_drawn=is_drawn
                         )
         return holds
 

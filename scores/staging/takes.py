@@ -81,10 +81,10 @@ class Takes:
             if samples.damage is not None:
                 message = f"take {quote(take.name)}: {take.path.name}: {samples.damage}"
                 self.collector.error("W314", message, take.places.get("file", take.place))
-            take_made = _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
+            take_of_engine = _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
             if samples.damage is None:  # damage is reported once
-                self.files[identity] = take_made
-            return take_made
+                self.files[identity] = take_of_engine
+            return take_of_engine
         except TakeError as error:
             self._refuse(take, error.field, error.message, error.suggestion)
         except _core.EngineError as error:

@@ -204,11 +204,11 @@ def _rehearsed_range(
     return low_position[0], high_position[0], farthest[1] / rate
 
 
-def _throw_bounds(gesture: StagedGesture, instant_seconds: float) -> str:
+def _throw_bounds(gesture: StagedGesture, instant: float) -> str:
     """The two points of the throw during which an instant falls: `0.125 s and 0.375 s`."""
     for i in gesture.throws:
         begin, end = (gesture.t[j] - gesture.start for j in (i - 1, i))
-        if begin <= instant_seconds <= end + 1e-3:
+        if begin <= instant <= end + 1e-3:
             return f"{begin:.3f} s and {end:.3f} s"
     return "its points"
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # CEL: K, Z, M. Link: K, or a factor if it has no K. STRING or PLATE: K and Z of its links, up to a
 # constant factor.
 _Values = tuple[float, ...]
-_FADE_OUT_SECONDS = 0.02  # [s] in which a removed link fades out
+_FADE_OUT_DURATION = 0.02  # [s] in which a removed link fades out
 _POINT_KINDS = ("MAS", "CEL", "SOL")
 BODY_KINDS = ("STRING", "PLATE")
 TWO_PI = 6.283185307179586
@@ -32,7 +32,7 @@ _TUNING_FIELDS = ("f", "t60", "M", "X0", "V0")
 class Glide:
     """A linear change of a module's parameters from `before` to `after` between two instants [s].
 
-    `value_alone` is the K that a link has in the network, if it is not the one in `after`.
+    `network_value` is the K that a link has in the network, if it is not the one in `after`.
     """
 
     part: str
@@ -41,7 +41,7 @@ class Glide:
     after: _Values
     start: float
     stop: float
-    value_alone: float | None = None
+    network_value: float | None = None
 
     @property
     def written(self) -> tuple[str, str]:
@@ -51,17 +51,14 @@ class Glide:
     @property
     def factors(self) -> tuple[float, float]:
         """The factors of a link's force at the beginning and the end."""
-        value_alone = self.after[0] if self.value_alone is None else self.value_alone
-        return self.before[0] / value_alone, self.after[0] / value_alone
+        network_value = self.after[0] if self.network_value is None else self.network_value
+        return self.before[0] / network_value, self.after[0] / network_value
 
     def evaluate(self, instant: float) -> _Values:
         """The values at an instant."""
-        glide_share = min(1.0, max(0.0, (instant - self.start) / (self.stop - self.start)))
+        fraction = min(1.0, max(0.0, (instant - self.start) / (self.stop - self.start)))
         pairs = zip(self.before, self.after, strict=True)
-        return tuple(
-            value_before + (value_after - value_before) * glide_share
-            for value_before, value_after in pairs
-        )
+        return tuple(start + (end - start) * fraction for start, end in pairs)
 
     @property
     def body_factors(self) -> tuple[float, float]:
@@ -89,58 +86,54 @@ class Glide:
 
 
 def glides(
-    piece_before: Piece,
-    piece_after: Piece,
+    old_piece: Piece,
+    new_piece: Piece,
     running: Iterable[Glide],
-    start_seconds: float,
-    glide_seconds: float,
+    start_s: float,
+    duration: float,
 ) -> tuple[Glide, ...]:
-    """Glides from `start_seconds` [s] on, when a piece takes over from another: values that differ
-    glide for `glide_seconds`, `running` glides to the same values go on to their end. A new link
+    """Glides from `start_s` [s] on, when a piece takes over from another: values that differ
+    glide for `duration`, `running` glides to the same values go on to their end. A new link
     fades in from no force if it joins parts that were there before.
     """
-    under_way = {(g.part, g.module): g for g in running if g.stop > start_seconds}
-    values_before, values_after = (
+    under_way = {(g.part, g.module): g for g in running if g.stop > start_s}
+    old_values, new_values = (
         dict(_gliding_values(*pair, under_way))
-        for pair in ((piece_before, piece_after), (piece_after, piece_before))
+        for pair in ((old_piece, new_piece), (new_piece, old_piece))
     )
-    body_forms = (
-        dict(_body_forms(piece_before, piece_after)),
-        dict(_body_forms(piece_after, piece_before)),
+    forms_by_piece = (
+        dict(_body_forms(old_piece, new_piece)),
+        dict(_body_forms(new_piece, old_piece)),
     )
     glides_by_module = {}
-    for module_key, module_values in values_after.items():
+    for module_key, values in new_values.items():
         running_glide = under_way.get(module_key)
-        if module_key not in values_before or len(values_before[module_key]) != len(module_values):
+        if module_key not in old_values or len(old_values[module_key]) != len(values):
             continue
-        if len(module_values) == 2 and body_forms[0].get(module_key) != body_forms[1].get(
+        if len(values) == 2 and forms_by_piece[0].get(module_key) != forms_by_piece[1].get(
             module_key
         ):
             continue  # another body takes its place
-        if running_glide is not None and running_glide.after == module_values:
+        if running_glide is not None and running_glide.after == values:
             glides_by_module[module_key] = running_glide
-        elif values_before[module_key] != module_values:
-            values_now = (
-                values_before[module_key]
-                if running_glide is None
-                else running_glide.evaluate(start_seconds)
+        elif old_values[module_key] != values:
+            current = (
+                old_values[module_key] if running_glide is None else running_glide.evaluate(start_s)
             )
             glides_by_module[module_key] = Glide(
-                *module_key, values_now, module_values, start_seconds, start_seconds + glide_seconds
+                *module_key, current, values, start_s, start_s + duration
             )
-    links_before = _changed_links(piece_before, piece_after)
-    for module_key, new_link in _changed_links(piece_after, piece_before).items():
+    old_links = _changed_links(old_piece, new_piece)
+    for module_key, new_link in _changed_links(new_piece, old_piece).items():
         running_glide = under_way.get(module_key)
-        if module_key not in links_before and _joins_earlier_part(new_link, piece_before):
-            module_values = _module_values(new_link) or (1.0,)
-            values_now = (0.0,) if running_glide is None else running_glide.evaluate(start_seconds)
-            glide = Glide(
-                *module_key, values_now, module_values, start_seconds, start_seconds + glide_seconds
-            )
+        if module_key not in old_links and _joins_earlier_part(new_link, old_piece):
+            values = _module_values(new_link) or (1.0,)
+            current = (0.0,) if running_glide is None else running_glide.evaluate(start_s)
+            glide = Glide(*module_key, current, values, start_s, start_s + duration)
             if glide.written not in glides_by_module:  # a link over a range glides as one
                 glides_by_module[module_key] = (
                     running_glide
-                    if running_glide is not None and running_glide.after == module_values
+                    if running_glide is not None and running_glide.after == values
                     else glide
                 )
     return tuple(glides_by_module.values())
@@ -155,40 +148,38 @@ class LeavingLink:
 
 
 def leaving_links(
-    piece_before: Piece,
-    piece_after: Piece,
+    old_piece: Piece,
+    new_piece: Piece,
     running: Iterable[Glide],
     earlier_links: Iterable[LeavingLink],
-    start_seconds: float,
+    start_s: float,
 ) -> tuple[LeavingLink, ...]:
-    """Links that fade out from `start_seconds` [s] on if both their ends stay, and `earlier_links`
+    """Links that fade out from `start_s` [s] on if both their ends stay, and `earlier_links`
     ones that still do.
     """
-    staying = _changed_links(piece_after, piece_before)
-    under_way = {(g.part, g.module): g for g in running if g.stop > start_seconds}
-    leaving = [link for link in earlier_links if link.glide.stop > start_seconds]
-    gone_links = {
+    staying = _changed_links(new_piece, old_piece)
+    under_way = {(g.part, g.module): g for g in running if g.stop > start_s}
+    leaving = [link for link in earlier_links if link.glide.stop > start_s]
+    removed = {
         module_key: link
-        for module_key, link in _changed_links(piece_before, piece_after).items()
+        for module_key, link in _changed_links(old_piece, new_piece).items()
         if module_key not in staying
     }
-    for module_key, gone_module in gone_links.items():
-        values_alone = _module_values(gone_module) or (1.0,)
-        values_now = (
-            under_way[module_key].evaluate(start_seconds)
-            if module_key in under_way
-            else values_alone
+    for module_key, gone_module in removed.items():
+        full_values = _module_values(gone_module) or (1.0,)
+        current = (
+            under_way[module_key].evaluate(start_s) if module_key in under_way else full_values
         )
         leaving.append(
             LeavingLink(
                 gone_module,
                 Glide(
                     *module_key,
-                    values_now,
+                    current,
                     (0.0,),
-                    start_seconds,
-                    start_seconds + _FADE_OUT_SECONDS,
-                    values_alone[0],
+                    start_s,
+                    start_s + _FADE_OUT_DURATION,
+                    full_values[0],
                 ),
             )
         )
@@ -196,7 +187,7 @@ def leaving_links(
         link
         for link in leaving
         if (link.glide.part, link.glide.module) not in staying
-        and all(_end_stays(end, piece_before, piece_after) for end in link.module.ends)
+        and all(_end_stays(end, old_piece, new_piece) for end in link.module.ends)
     )
 
 
@@ -212,29 +203,27 @@ def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
 
 def _changed_modules(piece: Piece, other_piece: Piece) -> Iterator[tuple[Key | Instrument, Module]]:
     """The modules of a piece, with their parts, that are not the same objects in another piece."""
-    for piece_part in _parts(piece):
-        part_before = other_piece.keys.get(piece_part.name) or other_piece.instruments.get(
-            piece_part.name
-        )
-        if part_before is piece_part:
+    for part in _parts(piece):
+        other_part = other_piece.keys.get(part.name) or other_piece.instruments.get(part.name)
+        if other_part is part:
             continue
         unchanged_ids: set[int] = set()
-        if part_before is not None and _owner_setting(part_before) == _owner_setting(piece_part):
-            unchanged_ids = {id(module) for module in part_before.modules}
-        for module in piece_part.modules:
+        if other_part is not None and _owner_setting(other_part) == _owner_setting(part):
+            unchanged_ids = {id(module) for module in other_part.modules}
+        for module in part.modules:
             if id(module) not in unchanged_ids:
-                yield piece_part, module
+                yield part, module
 
 
 def _parts(piece: Piece) -> tuple[Key | Instrument, ...]:
     return *piece.keys.values(), *piece.instruments.values()
 
 
-def _owner_setting(module_owner: Key | Instrument) -> tuple[float | None, float | None]:
+def _owner_setting(part: Key | Instrument) -> tuple[float | None, float | None]:
     """What the values of a part's modules depend on besides the modules."""
-    if isinstance(module_owner, Instrument):
-        return None, module_owner.ca_rate
-    return module_owner.reach, None
+    if isinstance(part, Instrument):
+        return None, part.ca_rate
+    return part.reach, None
 
 
 def _changed_links(piece: Piece, other_piece: Piece) -> dict[tuple[str, str], Module]:
@@ -251,12 +240,12 @@ def _changed_links(piece: Piece, other_piece: Piece) -> dict[tuple[str, str], Mo
     }
 
 
-def _end_stays(end: Target, piece_before: Piece, piece_after: Piece) -> bool:
+def _end_stays(end: Target, old_piece: Piece, new_piece: Piece) -> bool:
     """Whether the module at an end exists in both pieces, with the same number of members."""
-    end_before, end_after = _module_at(end, piece_before), _module_at(end, piece_after)
-    if end_before is None or end_after is None or end_before.kind != end_after.kind:
+    old_module, new_module = _module_at(end, old_piece), _module_at(end, new_piece)
+    if old_module is None or new_module is None or old_module.kind != new_module.kind:
         return False
-    return end_before.kind in _POINT_KINDS or end_before.fields == end_after.fields
+    return old_module.kind in _POINT_KINDS or old_module.fields == new_module.fields
 
 
 def _module_at(end: Target, piece: Piece) -> Module | None:
@@ -265,10 +254,10 @@ def _module_at(end: Target, piece: Piece) -> Module | None:
     return next((module for module in modules if module.name == end.module), None)
 
 
-def _joins_earlier_part(module: Module, piece_before: Piece) -> bool:
+def _joins_earlier_part(module: Module, old_piece: Piece) -> bool:
     """Whether a link has an end in a part that the earlier piece has too."""
     end_parts = {end.part for end in module.ends}
-    return any(end in piece_before.keys or end in piece_before.instruments for end in end_parts)
+    return any(end in old_piece.keys or end in old_piece.instruments for end in end_parts)
 
 
 def _gliding_values(
@@ -307,14 +296,14 @@ def _body_forms(
             yield (module_part.name, part_module.name), {**form_fields, "kind": part_module.kind}
 
 
-def cel_constants(module_fields: Mapping[str, Any]) -> tuple[float, float, float]:
+def cel_constants(fields: Mapping[str, Any]) -> tuple[float, float, float]:
     """K [N/m], Z [N·s/m] and M [kg] of a CEL's fields."""
-    body_mass = float(module_fields["M"])
-    if module_fields.get("f") is None:
-        return float(module_fields.get("K") or 0.0), float(module_fields.get("Z") or 0.0), body_mass
-    omega, t60 = TWO_PI * float(module_fields["f"]), module_fields.get("t60")
+    m = float(fields["M"])
+    if fields.get("f") is None:
+        return float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0), m
+    omega, t60 = TWO_PI * float(fields["f"]), fields.get("t60")
     sigma = LN_1000 / float(t60) if t60 else 0.0
-    return body_mass * (omega * omega + sigma * sigma), 2.0 * body_mass * sigma, body_mass
+    return m * (omega * omega + sigma * sigma), 2.0 * m * sigma, m
 
 
 def _module_values(part_module: Module) -> _Values | None:
@@ -328,10 +317,10 @@ def _module_values(part_module: Module) -> _Values | None:
     return None
 
 
-def _body_values(module_fields: Mapping[str, Any]) -> _Values | None:
+def _body_values(fields: Mapping[str, Any]) -> _Values | None:
     """K and Z of the links of a STRING or PLATE, up to a factor that depends on its form."""
-    t60, body_mass = module_fields.get("t60"), float(module_fields["M"])
+    t60, m = fields.get("t60"), float(fields["M"])
     if t60 is not None and not isinstance(t60, float):
         return None  # its dampers depend on all its modes
-    omega, sigma = TWO_PI * float(module_fields["f"]), LN_1000 / t60 if t60 else 0.0
-    return body_mass * (omega * omega + sigma * sigma), body_mass * sigma
+    omega, sigma = TWO_PI * float(fields["f"]), LN_1000 / t60 if t60 else 0.0
+    return m * (omega * omega + sigma * sigma), m * sigma

@@ -15,7 +15,7 @@ from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 from ergon.workshop.bells.bell import bell_from_table
 from ergon.workshop.bells.chain import chain
-from ergon.workshop.bells.contact import LENGTH, spectrum
+from ergon.workshop.bells.contact import DEFAULT_CONTACT_DURATION, spectrum
 from ergon.workshop.bells.instrument import FormError, text
 from ergon.workshop.bells.resonances import TableError, read
 from ergon.workshop.bells.stroke import read as sound_of
@@ -86,7 +86,7 @@ def test_bell_analysis_recovers_modes_of_rendered_bell(form: str, to: str) -> No
     assert len(result.f) == len(f)
     assert 1200 * np.abs(np.log2(result.f / f)).max() < (1e-3 if form == "modes" else 0.1)
     assert result.t60 == pytest.approx(t60, rel=1e-3 if form == "modes" else 0.12)
-    listened = np.abs(result.levels[:, 0] * result.listened)
+    listened = np.abs(result.levels[:, 0] * result.listening_levels)
     assert listened == pytest.approx(level / level.max(), rel=0.02)
     assert result.strokes[0].explained > 0.9999
 
@@ -127,9 +127,14 @@ def test_bell_hammer_level_equals_recording_level(peak: float) -> None:
     )
     assert run(["render", "s.yaml", "-o", "s.wav", "-q"]) == 0
     again = ergon.bell("s.wav", ergon.BellOptions(modes=len(F)))
-    listened = np.abs(again.levels[:, 0] * again.listened) * again.reference
+    listened = np.abs(again.levels[:, 0] * again.listening_levels) * again.reference
     # The hammer is hard, and yet leaves a little less of high modes than a blow without length.
-    wanted = np.abs(LEVELS) * peak / np.sum(np.abs(LEVELS)) * spectrum(np.array(F), LENGTH)
+    wanted = (
+        np.abs(LEVELS)
+        * peak
+        / np.sum(np.abs(LEVELS))
+        * spectrum(np.array(F), DEFAULT_CONTACT_DURATION)
+    )
     assert listened == pytest.approx(wanted, rel=0.1)
 
 

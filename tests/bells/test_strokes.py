@@ -89,7 +89,7 @@ def test_strokes_of_two_places_levels_and_contact():
     true, item = (np.array(column) for column in zip(*pairs, strict=True))
     low = struck.f[true] * 0.7e-3 < 1.0  # higher ones are lost in the soft stroke's notch
     for column in (0, 1):
-        listened = np.abs(result.levels[item, column]) * result.listened[item]
+        listened = np.abs(result.levels[item, column]) * result.listening_levels[item]
         ratio = np.log(listened / levels[column][true])[low]
         assert np.median(np.abs(ratio - np.median(ratio))) < 0.05
     assert result.strokes[1].impulse == pytest.approx(0.3, rel=0.15)
@@ -146,9 +146,9 @@ def test_stroke_onset_delay_of_soft_attack():
 
 def test_contact_stiffness_gives_contact_length():
     """A mass on Hertz's spring, stepped."""
-    k, x, v, h, t = contact.stiffness(1e-3), 0.0, contact.SPEED, 1e-7, 0.0
+    k, x, v, h, t = contact.stiffness(1e-3), 0.0, contact.HAMMER_SPEED, 1e-7, 0.0
     while x >= 0.0:
-        v -= h * k * max(x, 0.0) ** 1.5 / contact.HAMMER
+        v -= h * k * max(x, 0.0) ** 1.5 / contact.HAMMER_MASS
         x += h * v
         t += h
     assert t == pytest.approx(1e-3, rel=1e-3)

@@ -27,7 +27,7 @@ from ergon.repl.wire.protocol import (
     decode_state,
     encode,
     parse_request,
-    request_id,
+    read_request_id,
 )
 from tests.fuzz.harness import Target
 from tests.fuzz.texts import damaged, soup
@@ -78,7 +78,7 @@ def _read_wire(line: bytes, _: Path) -> None:
             read(fields.get("is"))
         except ProtocolError:
             continue
-    encode(id=request_id(fields))
+    encode(id=read_request_id(fields))
     _, arguments = parse_request(fields)
     encode(**{"id": 1, "is": arguments})
 

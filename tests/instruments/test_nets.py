@@ -29,7 +29,7 @@ def near(places: np.ndarray, within: float) -> set[tuple[int, int]]:
 
 def joined(net: nets.Net) -> set[tuple[int, int]]:
     """The pairs that springs join, each once, at rest where they begin."""
-    places, result = np.array(net.places), springs(net)
+    places, result = np.array(net.positions), springs(net)
     pairs = {(min(a, b), max(a, b)) for a, b, _ in result}
     assert len(pairs) == len(result)
     for a, b, rest in result:
@@ -43,7 +43,7 @@ def test_block_joins_points_within_span(sides, span):
     stop = tuple(0.01 * (n - 1) for n in sides)
     fields = STIFF | {"sides": sides, "from": (0.0,) * axes, "to": stop, "span": span, "axes": axes}
     net = nets.block(fields)
-    places = np.array(net.places)
+    places = np.array(net.positions)
     assert len(places) == math.prod(sides) == count("BLOCK", fields)
     assert places.min(axis=0) == pytest.approx([0.0] * axes)
     assert places.max(axis=0) == pytest.approx(stop)
@@ -55,10 +55,10 @@ def test_block_joins_points_within_span(sides, span):
     }
     assert joined(net) == wanted
     for held, n_held in [("bottom", math.prod(sides[:-1])), ("top", math.prod(sides[:-1]))]:
-        ends = np.array(nets.block(fields | {"held": held}).held)
+        ends = np.array(nets.block(fields | {"held": held}).is_held)
         assert ends.sum() == n_held
         assert len(set(places[ends][:, -1])) == 1
-    rim = nets.block(fields | {"held": "rim"}).held
+    rim = nets.block(fields | {"held": "rim"}).is_held
     inner = math.prod(max(0, n - 2) for n in sides)
     assert len(places) - sum(rim) == inner
 
@@ -68,7 +68,7 @@ def test_ball_points_within_sphere(points, axes):
     fields = STIFF | {"points": points, "at": (0.02,) * axes, "across": 0.06, "span": 1}
     fields["axes"] = axes
     net = nets.ball(fields)
-    places = np.array(net.places)
+    places = np.array(net.positions)
     assert len(places) == count("BALL", fields)
     spacing = 0.06 / (points - 1)
     radius = np.linalg.norm(places - 0.02, axis=1).max()
@@ -83,12 +83,12 @@ def test_ball_points_within_sphere(points, axes):
 def test_disc_of_equal_triangles(rings, axes):
     fields = STIFF | {"rings": rings, "at": (0.1,) * axes, "across": 0.08, "axes": axes}
     net = nets.disc(fields)
-    places = np.array(net.places)
+    places = np.array(net.positions)
     assert len(places) == count("DISC", fields) == 1 + 6 * sum(range(rings + 1))
     assert np.linalg.norm(places - 0.1, axis=1).max() == pytest.approx(0.04)
     assert joined(net) == near(places, 0.04 / rings)
-    assert sum(nets.disc(fields | {"held": "rim"}).held) == 6 * rings
-    middle = nets.disc(fields | {"held": "middle"}).held
+    assert sum(nets.disc(fields | {"held": "rim"}).is_held) == 6 * rings
+    middle = nets.disc(fields | {"held": "middle"}).is_held
     assert places[middle.index(True)] == pytest.approx([0.1] * axes)
     assert sum(middle) == 1
 
@@ -96,9 +96,9 @@ def test_disc_of_equal_triangles(rings, axes):
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-2, 3, 0.1), (0, 1, 0)])
 def test_disc_orientation_by_normal(normal):
     fields = STIFF | {"rings": 3, "at": (0.0,) * 3, "across": 0.08, "axes": 3}
-    places = np.array(nets.disc(fields | {"normal": normal}).places)
+    places = np.array(nets.disc(fields | {"normal": normal}).positions)
     assert places @ np.array(normal, float) == pytest.approx(0.0, abs=1e-15)
-    flat = np.array(nets.disc(fields).places)
+    flat = np.array(nets.disc(fields).positions)
     assert np.linalg.norm(places, axis=1) == pytest.approx(np.linalg.norm(flat, axis=1))
 
 
@@ -242,12 +242,12 @@ def test_mesh_file_points_and_springs(tmp_path):
     (module,) = piece.instruments["a"].modules
     assert module.fields["file"].edges == ((0, 1), (1, 2), (0, 2), (1, 3), (0, 3), (2, 3))
     net = nets.mesh(module.fields)
-    assert net.places[0] == pytest.approx((0.01, 0.01, 0.01))
+    assert net.positions[0] == pytest.approx((0.01, 0.01, 0.01))
     assert all(rest == pytest.approx(0.01 * math.sqrt(8)) for _, _, rest in springs(net))
     assert stage(piece).built.network.n_lia == 6
     upright = nets.mesh(module.fields | {"up": "y", "held": "bottom"})
-    assert upright.places[1] == pytest.approx((-0.01, 0.01, -0.01))
-    assert upright.held == [False, True, False, True]
+    assert upright.positions[1] == pytest.approx((-0.01, 0.01, -0.01))
+    assert upright.is_held == [False, True, False, True]
 
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

@@ -11,7 +11,7 @@ from ergon.api.simulate import never_closed_warnings, simulate
 from ergon.scores.edits import matter
 from ergon.scores.staging.built_network import build_network
 from ergon.scores.staging.implausible import warn_implausible
-from ergon.scores.staging.reach import ties
+from ergon.scores.staging.reach import freeze_obstacles
 from ergon.scores.staging.stage import stage
 from ergon.scores.staging.version_glides import glides, leaving_links, with_leaving
 
@@ -300,6 +300,8 @@ def test_freeze_refused_for_hand_through_spread_contact():
         out: {low: {SOX: row.1}, high: {SOX: row.4}}
     mix: {route: [{from: bars.%s, to: 1}]}
     """
-    reached = [ties(check(text % name).piece, ["bars"], ["ada"]) for name in ("high", "low")]
+    reached = [
+        freeze_obstacles(check(text % name).piece, ["bars"], ["ada"]) for name in ("high", "low")
+    ]
     assert "can feel it through bars.c" in str(reached[0][0])
     assert reached[1] == []

@@ -69,9 +69,9 @@ def test_derivative_outputs_same_delay_at_all_rates(times: int):
 def test_rewound_run_repeats_same_frames():
     run = runs.start(canonical.contact(0.5), Setting("ca", 2))
     first = run.frames(700)
-    assert run.spent > 0.0
+    assert run.cpu_time > 0.0
     run.rewind()
-    assert run.spent == 0.0
+    assert run.cpu_time == 0.0
     assert np.array_equal(run.frames(700), first)
 
 
@@ -173,7 +173,7 @@ def test_refine_ignores_lucky_last_doubling():
     row = {Setting("ca", s): x + e * noise for s, e in errors.items()}
     result = refine(row, lambda setting: None)
     assert result is not None
-    assert result.changes[-1] < -110.0
+    assert result.changes_db[-1] < -110.0
     assert result.floor_db > -55.0
 
 
@@ -270,7 +270,7 @@ def test_chart_front_of_undominated_points():
         point(4, 3.0, -60.0),
         point(8, 4.0, -70.0),
     ]
-    front = [p.on_front for p in chart._marked(points, "waveform", -50.0)]
+    front = [p.on_front for p in chart._with_front(points, "waveform", -50.0)]
     assert front == [True, False, True, False]  # below the floor -60 and -70 are alike
 
 
@@ -280,9 +280,9 @@ def test_chart_front_ignores_timing_noise():
 
     # Half a hundredth of the time is no advantage; 20 dB at about the cost are.
     points = [point("ca", 1.0, -20.0), point("ca2p", 0.995, -20.0), point("bm4", 1.05, -40.0)]
-    front = [p.on_front for p in chart._marked(points, "waveform", None)]
+    front = [p.on_front for p in chart._with_front(points, "waveform", None)]
     assert front == [False, False, True]
-    front = [p.on_front for p in chart._marked(points[:2], "waveform", None)]
+    front = [p.on_front for p in chart._with_front(points[:2], "waveform", None)]
     assert front == [True, False]
 
 
@@ -290,12 +290,12 @@ def test_chart_methods_with_equal_samples_merged():
     first, two = np.zeros((4, 1)), np.ones((4, 1))
     same = {Setting("ca", 1): first, Setting("ca2p", 1): first, Setting("bm4", 1): two,
             Setting("ca", 2): two, Setting(None): first}  # fmt: skip
-    assert chart._alike(same) == (("ca", "ca2p"),)
+    assert chart._identical_methods(same) == (("ca", "ca2p"),)
     points = [
         chart.Point(Setting("ca", 1), cost=2.0, waveform_db=-20.0),
         chart.Point(Setting("ca2p", 1), cost=1.0, waveform_db=-20.0),
     ]
-    marked = chart._marked(points, "waveform", None, (("ca", "ca2p"),))
+    marked = chart._with_front(points, "waveform", None, (("ca", "ca2p"),))
     assert [p.on_front for p in marked] == [True, False]
 
 
@@ -357,5 +357,5 @@ def test_chart_energy_below_rounding_is_a_bound():
         chart.Point(Setting("ca", 1), cost=1.0, energy_db=-50.0, energy_of="all"),
         chart.Point(Setting(None), cost=1.0, energy_db=-math.inf, energy_of="links"),
     ]
-    marked = chart._marked(points, "energy", ROUNDING_DB)
+    marked = chart._with_front(points, "energy", ROUNDING_DB)
     assert [p.is_bounded for p in marked] == [False, True]

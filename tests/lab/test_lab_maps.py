@@ -63,7 +63,7 @@ def test_stability_map_borders_of_linear_scenes(name: str, method: str):
             # What is refused is run all the same: predicted and measured borders are one. Only the
             # stability polynomial of bm4 touches its border and comes back.
             assert spot.stable == spot.theory or (method == "bm4" and spot.stable), spot
-    if math.isfinite(canonical.limit(method)):
+    if math.isfinite(canonical.eigenvalue_limit(method)):
         assert {spot.theory for spot in spots} == {True, False}
 
 
@@ -122,7 +122,7 @@ def test_map_loads_equal_certificate_eigenvalues():
 def test_map_catalogue_covers_all_methods_and_maps():
     assert tuple(BUILT_IN) == MAPS
     for method in METHODS:
-        assert canonical.limit(method) >= 4.0
+        assert canonical.eigenvalue_limit(method) >= 4.0
         assert set(map_catalogue.built_in(method)) == set(MAPS)
     assert ORDERS["ca"] == 2
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ergon.workshop.lab import energy, metrics, partials
-from ergon.workshop.lab.canonical import cell_exactly
+from ergon.workshop.lab.canonical import exact_cell_motion
 
 RATE = 44100.0
 T = np.arange(int(2.0 * RATE)) / RATE
@@ -147,7 +147,7 @@ def test_partials_compare_of_silence():
 def test_partials_strongest_of_separate_partials():
     x = ring(437.0, 0.8) + ring(880.0, 0.5, 0.5) + ring(895.0, 0.5, 0.1) + ring(1204.0, 1.0, 0.01)
     assert partials.strongest(x, RATE) == pytest.approx([437.0, 880.0, 1204.0], abs=0.01)
-    assert partials.strongest(x, RATE, count=1) == pytest.approx([437.0], abs=1e-4)
+    assert partials.strongest(x, RATE, n_max=1) == pytest.approx([437.0], abs=1e-4)
 
 
 # --- energy -------------------------------------------------------------------------------------
@@ -172,8 +172,8 @@ def test_energy_production_db_of_scheme():
 def test_energy_drift_of_one_db_per_second():
     t = [0.1 * i for i in range(20)]
     result = energy.drift(t, [Books(stored=10.0 ** (s / 10.0) - 0.2, lost=0.2) for s in t])
-    assert result.per_second == pytest.approx(1.0, abs=1e-9)
-    assert result.worst == pytest.approx(1.9, abs=1e-9)
+    assert result.db_per_second == pytest.approx(1.0, abs=1e-9)
+    assert result.worst_db == pytest.approx(1.9, abs=1e-9)
     assert energy.drift([0.0], [Books()]) == energy.Drift(0.0, 0.0)
 
 
@@ -184,8 +184,8 @@ def test_energy_drift_of_one_db_per_second():
 def test_cell_exactly_against_its_equation(kappa: float, zeta: float):
     """ẍ + ζẋ + κx = 0 in units of the step, by differences of a finely sampled solution."""
     fine = 1000
-    x = cell_exactly(kappa / fine**2, zeta / fine, 3000)[:, 0]
-    again = cell_exactly(kappa, zeta, 3)[:, 0]
+    x = exact_cell_motion(kappa / fine**2, zeta / fine, 3000)[:, 0]
+    again = exact_cell_motion(kappa, zeta, 3)[:, 0]
     assert x[::fine] == pytest.approx(again, rel=1e-8)
     curvature = (x[2:] - 2.0 * x[1:-1] + x[:-2]) * fine**2
     slope = 0.5 * (x[2:] - x[:-2]) * fine

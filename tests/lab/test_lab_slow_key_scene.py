@@ -53,7 +53,9 @@ def test_slow_key_load_formula_at_stability_border(name: str):
     low, high = 1e3, 1e7
     while high / low > 1.0 + 1e-6:
         middle = (low * high) ** 0.5
-        low, high = (middle, high) if slow_key_scene.load(key, middle) < 1.0 else (low, middle)
+        low, high = (
+            (middle, high) if slow_key_scene.eigenvalue_load(key, middle) < 1.0 else (low, middle)
+        )
     for every in (2, 4):
         assert SlowKeyPoint(SlowKeyScene(key, low * 0.998, every)).refusal() == ""
     bare = replace(key, K=(1e-3, 1e-3, 1e-3, 1e-3), Z=(0.0, 0.0, 0.0, 0.0))
@@ -74,15 +76,20 @@ def test_hidden_factor_changes_no_bit():
 
     for every in (10, 44):
         plain = SlowKeyScene(SOFT, 5e3, every)
-        assert frames(replace(plain, hidden=64.0)).tobytes() == frames(plain).tobytes()
+        assert frames(replace(plain, hidden_factor=64.0)).tobytes() == frames(plain).tobytes()
 
 
 @pytest.mark.slow
 def test_slow_key_map_accuracy_limits_in_table():
     first = replace(map_catalogue.built_in(SLOW)["soft"], xs=(1.0,), ys=(10.0, 12.0))
-    assert [first.right_db(y) for y in (2.0, 10.0, 12.0, 60.0)] == [-75.0, -75.0, -70.0, -70.0]
+    assert [first.error_limit_db(y) for y in (2.0, 10.0, 12.0, 60.0)] == [
+        -75.0,
+        -75.0,
+        -70.0,
+        -70.0,
+    ]
     spots = maps.survey(first, lambda done: None)
-    strict = replace(first, right=((float("inf"), -88.0),))
+    strict = replace(first, error_limits=((float("inf"), -88.0),))
     assert [spot.accurate for spot in spots] == [True, True]
     assert [s.accurate for s in maps.survey(strict, lambda done: None)] == [True, False]
     text = map_table.csv({"soft": (first, spots)}, SLOW)

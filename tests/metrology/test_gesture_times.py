@@ -41,8 +41,8 @@ def test_gesture_late_replies_ordered_by_device_clock():
     assert key.rms < 4.6e-6  # the sensor leaves 4.2
     for name in ("mass", "stiffness", "damping", "dry"):
         index = INDEX[name]
-        assert abs(key.row[index] - row[index]) < 5 * key.deviation(index), name
-    assert abs(key.row[INDEX["delay"]] * RATE - 1.0) < 0.01  # the clock's delay: a tick
+        assert abs(key.parameters[index] - row[index]) < 5 * key.deviation(index), name
+    assert abs(key.parameters[INDEX["delay"]] * RATE - 1.0) < 0.01  # the clock's delay: a tick
     step = sensor_step([rows])
     assert step is not None
     assert abs(step / (30e-3 / 4096) - 1) < 1e-6
@@ -80,4 +80,4 @@ def test_gesture_lost_forces_reconstructed():
     assert key.rms < 4.6e-6  # the sensor leaves 4.2
     for name in ("mass", "stiffness", "damping", "dry"):
         index = INDEX[name]
-        assert abs(key.row[index] - row[index]) < 5 * key.deviation(index), name
+        assert abs(key.parameters[index] - row[index]) < 5 * key.deviation(index), name

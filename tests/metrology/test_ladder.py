@@ -66,7 +66,7 @@ def climbed(seed: int, monkeypatch: pytest.MonkeyPatch, rain: bool = False) -> f
     monkeypatch.setattr(ladder, "_core", Watched)
     result = climb(Axis(device))
     assert result.axis.sign == sign, seed
-    assert abs(result.rough[0] / total_mass(row) - 1) < 0.5, seed
+    assert abs(result.rough_parameters[0] / total_mass(row) - 1) < 0.5, seed
     if rain:
         takes.record(result, "rain", 3.0, lambda kind, part: None)
         takes.record(result, "strikes", 3.0, lambda kind, part: None)
@@ -104,10 +104,10 @@ def test_ladder_takes_measure_emulated_key():
     result = measure([take.gesture for take in fitted], apart.gesture).fit
     assert result.rms < 1.1 * np.hypot(0.5, 1 / np.sqrt(12)) * QUANTUM
     for index in (0, 1, 2, 3, 4, INDEX["delay"], 10, 11, 12):
-        assert abs(result.row[index] - KEY[index]) < 4.5 * result.deviation(index), index
+        assert abs(result.parameters[index] - KEY[index]) < 4.5 * result.deviation(index), index
     force = apart.gesture.force
     truth = path(KEY, force, 176, 0.0)
-    replay = path(result.row, force, None, 0.0)
+    replay = path(result.parameters, force, None, 0.0)
     assert np.sqrt(np.mean((replay - truth) ** 2)) < 0.05 * QUANTUM
 
 
@@ -123,7 +123,7 @@ def test_ladder_of_fader_without_spring_needs_guide():
     assert np.abs(force / FORCE_STEP - np.round(force / FORCE_STEP)).max() < 1e-4
     fit = measure([take.gesture for take in fitted], apart.gesture).fit
     for index in (0, 2, 4):
-        assert abs(fit.row[index] / fader[index] - 1) < 0.02, (index, fit.row)
+        assert abs(fit.parameters[index] / fader[index] - 1) < 0.02, (index, fit.parameters)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from random_keys import Key, Outcome, outcome, random_key
 
 from ergon.workshop.metrology.judging import Stage
 from ergon.workshop.metrology.output_error import Fit
-from ergon.workshop.metrology.parameters import INDEX, N_KEY, joined_modes
+from ergon.workshop.metrology.parameters import INDEX, N_KEY, merge_nearest_modes
 
 WITHIN = 1.3  # times the sensor's noise: a replay that is right
 # Dry friction, Stribeck and one mode: Stribeck's friction is refused before the mode is known.
@@ -74,7 +74,7 @@ def test_metrology_keeps_mode_hidden_in_replay(seed: int):
 def test_stage_is_hidden_by_fit_and_replay(rms: float, replay: float, is_worth: bool, hidden: bool):
     def stage(rms: float, replay: float, is_worth: bool) -> Stage:
         fit = Fit(np.zeros(10), (), (0.0,), np.zeros((0, 0)), rms, 20_000)
-        return Stage("mode", fit, replay, False, is_worth=is_worth)
+        return Stage("mode", fit, replay, False, is_significant=is_worth)
 
     assert stage(rms, replay, is_worth).is_hidden(stage(1.0, 1.0, True)) == hidden
 
@@ -119,10 +119,10 @@ def test_metrology_bounds_speed_of_static_friction():
 def test_modes_of_one_pitch_are_joined():
     key = np.arange(N_KEY, dtype=float)
     modes = [0.004, 83.6, 0.02], [0.05, 229.0, 0.02], [0.028, 83.0, 0.016]
-    joined = joined_modes(np.concatenate([key, *modes]))
+    joined = merge_nearest_modes(np.concatenate([key, *modes]))
     assert joined is not None
     np.testing.assert_array_equal(joined[:N_KEY], key)
     first = [0.032, 83.0 + 0.6 / 8, 0.016 + 0.004 / 8]
     np.testing.assert_allclose(joined[N_KEY:], [*first, *modes[1]])
-    assert joined_modes(joined) is None
-    assert joined_modes(key) is None
+    assert merge_nearest_modes(joined) is None
+    assert merge_nearest_modes(key) is None

@@ -18,7 +18,7 @@ def measured(row: Floats, seed: int) -> tuple[Measured, float]:
     apart = gesture(row, other, seed + 1000, begin)
     result = measure([gesture(row, force, seed)], apart)
     truth = path(row, other, 176, begin)
-    replay = path(result.fit.row, other, None, apart.start)
+    replay = path(result.fit.parameters, other, None, apart.start)
     return result, float(np.sqrt(np.mean((replay - truth) ** 2)))
 
 
@@ -29,7 +29,7 @@ def accepted_stages(found: Measured) -> list[str]:
 def deviations(outcome: Measured, row: Floats) -> dict[int, float]:
     """Errors of the parameters, in their standard deviations."""
     fit = outcome.fit
-    return {i: (fit.row[i] - row[i]) / fit.deviation(i) for i in fit.columns}
+    return {i: (fit.parameters[i] - row[i]) / fit.deviation(i) for i in fit.fitted_indices}
 
 
 def errors_of(seeds: range) -> Floats:
@@ -88,7 +88,7 @@ def test_measure_friction_stage_by_kind(changed: dict[str, float], part: str, bo
     assert accepted_stages(result)[-1] == "mode"
     assert replay < bound
     for name, value in changed.items():
-        assert abs(result.fit.row[INDEX[name]] / value - 1) < 0.05
+        assert abs(result.fit.parameters[INDEX[name]] / value - 1) < 0.05
 
 
 def test_measure_removes_mistaken_friction_stage():
@@ -103,7 +103,7 @@ def test_measure_removes_mistaken_friction_stage():
     removed = [stage.name for stage in result.stages if stage.is_accepted and stage.is_removal]
     assert added[:4] == ["M K Z", "dry", "presliding", "delay"]
     assert removed[-1] == "presliding"
-    assert not result.fit.row[INDEX["presliding"] :].any()
+    assert not result.fit.parameters[INDEX["presliding"] :].any()
     errors = deviations(result, row)
     assert max(map(abs, errors.values())) < 4, errors
 
@@ -121,8 +121,8 @@ def test_measure_key_without_spring():
     force = force - force.mean()
     result = measure([gesture(fader, force, 5)])
     errors = deviations(result, fader)
-    assert abs(result.fit.row[INDEX["stiffness"]]) < 0.05
-    assert len(result.fit.row) == N_KEY
+    assert abs(result.fit.parameters[INDEX["stiffness"]]) < 0.05
+    assert len(result.fit.parameters) == N_KEY
     assert abs(errors[INDEX["mass"]]) < 4
 
 

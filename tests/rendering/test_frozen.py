@@ -21,7 +21,7 @@ from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging import stage as staging
-from ergon.scores.staging.reach import ties
+from ergon.scores.staging.reach import freeze_obstacles
 from tests.cli.test_cli_emulate import GESTURE, emulator
 
 Capture = pytest.CaptureFixture[str]
@@ -212,12 +212,12 @@ def test_preflight_gain_includes_frozen_parts(folder: Path, capsys: Capture):
 
 
 def test_ties_of_parts_without_live_links_empty():
-    assert ties(piece(), ["gong"], ["remi"]) == []
-    assert ties(piece(), ["gong", "sky"], ["remi"]) == []
+    assert freeze_obstacles(piece(), ["gong"], ["remi"]) == []
+    assert freeze_obstacles(piece(), ["gong", "sky"], ["remi"]) == []
     # A fixed point ends an island.
     wall = "      m: {CEL: {M: 2g, f: 220Hz, t60: 2.5s}}"
     walled = piece(wall, f"{wall}\n      w: {{REF: {{between: [m, gong.wall], K: 9N/m}}}}")
-    assert ties(walled, ["gong"], ["remi"]) == []
+    assert freeze_obstacles(walled, ["gong"], ["remi"]) == []
 
 
 @pytest.mark.parametrize(
@@ -242,7 +242,7 @@ def test_ties_of_parts_without_live_links_empty():
 )
 def test_freeze_of_part_linked_to_hand_is_refused(part: str, old: str, new: str, links: list[str]):
     result = piece(old, new)
-    (tie,) = ties(result, [part], ["remi"])
+    (tie,) = freeze_obstacles(result, [part], ["remi"])
     assert (tie.player, tie.key) == ("remi", "k")
     assert [link.name for link in tie.links] == links
     text = (SCORE.replace(old, new, 1) if old else SCORE).splitlines()
@@ -255,19 +255,19 @@ def test_freeze_of_one_linked_part_is_refused():
     tied = piece(
         "    out: {left", "      x: {REF: {between: [c, sky.cells.7], K: 5N/m}}\n    out: {left"
     )
-    (tie,) = ties(tied, ["gong"], ["remi"])
+    (tie,) = freeze_obstacles(tied, ["gong"], ["remi"])
     assert re.fullmatch(
         r"gong cannot be frozen without sky: gong\.x \(s\.yaml:\d+:\d+\) connects them", str(tie)
     )
-    assert ties(tied, ["sky", "gong"], ["remi"]) == []
+    assert freeze_obstacles(tied, ["sky", "gong"], ["remi"]) == []
 
 
 def test_freeze_of_output_on_live_module_is_refused():
     """The bell is live, so what also hears it cannot be frozen."""
     listened = piece("right: {SOX: c}", "right: {SOX: bell.m}")
-    (tie,) = ties(listened, ["gong"], ["remi"])
+    (tie,) = freeze_obstacles(listened, ["gong"], ["remi"])
     assert [link.name for link in tie.links] == ["bell.b"]
-    (tie,) = ties(listened, ["gong"], [])
+    (tie,) = freeze_obstacles(listened, ["gong"], [])
     assert str(tie) == "gong cannot be frozen without bell: both listen to one module"
 
 

@@ -26,7 +26,7 @@ from ergon.live.trouble import troubles
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.osc import SessionOsc
-from ergon.scores.staging.drives import input_number
+from ergon.scores.staging.drives import input_id
 from ergon.scores.staging.stage import stage
 from tests.live.test_live_osc import Listener, listener, piece, played  # noqa: F401  # a fixture
 from tests.repl.test_repl_live import session_on
@@ -307,7 +307,7 @@ def test_osc_inputs_of_play_command_act_at_ticks(folder: Path, listener: Listene
     mixed = []
     for frame, (name, value) in zip(acted, text.items(), strict=True):
         mixed.append(player_session.process(frame - player_session.frame))
-        player_session.set_input(input_number(name), value)
+        player_session.set_input(input_id(name), value)
     mixed.append(player_session.process(staged.n_frames - player_session.frame))
     sound, _ = soundfile.read(folder / "heard.wav", dtype="float32", always_2d=True)
     check_heard(sound, np.concatenate(mixed).astype(np.float32), result)

@@ -13,7 +13,7 @@ from ergon.scores.pattern.values import SCALES, parse_values
 from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.automating import GLIDE_SECONDS, automation_points
+from ergon.scores.staging.automating import GLIDE_DURATION, automation_points
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.preparing import Span, prepare
 from ergon.scores.staging.stage import stage
@@ -82,11 +82,11 @@ def test_values_and_factors_are_set_in_twenty_milliseconds():
     result = points(piece("{set: bell.n.K, to: 1kN/m x0.5 ~, at: 1|2, every: 1/2, times: 1}"), "n")
     assert [(t, k) for t, k, _, _ in result] == [
         (1.0, 900.0),
-        (1.0 + GLIDE_SECONDS, 1000.0),
+        (1.0 + GLIDE_DURATION, 1000.0),
         (1.5, 1000.0),
-        (1.5 + GLIDE_SECONDS, 450.0),
+        (1.5 + GLIDE_DURATION, 450.0),
         (2.5, 450.0),
-        (2.5 + GLIDE_SECONDS, 900.0),
+        (2.5 + GLIDE_DURATION, 900.0),
     ]
     assert {(z, m) for _, _, z, m in result} == {(0.2, 0.002)}
 
@@ -130,7 +130,7 @@ def test_lfo_with_phase_starts_within_period():
     for index in np.arange(0.1, 3.9, 0.1):
         expected = 1500 + 500 * math.cos(math.pi * index / 2)
         assert np.interp(index, t, k) == pytest.approx(expected, abs=1.5)
-    assert result[-1][:2] == (4.0 + GLIDE_SECONDS, 900.0)  # its own again
+    assert result[-1][:2] == (4.0 + GLIDE_DURATION, 900.0)  # its own again
 
 
 def test_automation_entries_in_succession_and_in_parallel():

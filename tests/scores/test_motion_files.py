@@ -261,7 +261,7 @@ def test_bvh_with_other_line_breaks_is_equal(tmp_path, text):
     names = ["hips", "arm", "hand", "hand end"]
     assert [point.lower() for point in motion.points] == names
     assert np.array_equal(np.concatenate([*motion.blocks()]), expected)
-    assert (motion.n, motion.note) == (5, None)
+    assert (motion.n_frames, motion.note) == (5, None)
 
 
 def test_bvh_frames_beyond_stated_number(tmp_path):

@@ -133,7 +133,7 @@ def _evening(count: int) -> Piece:
 def _counted(monkeypatch, source: Piece, beat: float) -> dict[str, int]:
     """How many points of curves and numbers of modules are made for a line on a beat."""
     counts = {"points": 0, "numbers": 0}
-    to, numbers = parameter_curves.Curve.to, AutomatedModule.numbers
+    to, numbers = parameter_curves.Curve.add_point, AutomatedModule.numbers
 
     def counted_to(self, instant, value):
         counts["points"] += 1
@@ -144,7 +144,7 @@ def _counted(monkeypatch, source: Piece, beat: float) -> dict[str, int]:
         return numbers(self, said)
 
     with monkeypatch.context() as patched:
-        patched.setattr(parameter_curves.Curve, "to", counted_to)
+        patched.setattr(parameter_curves.Curve, "add_point", counted_to)
         patched.setattr(AutomatedModule, "numbers", counted_numbers)
         begins = source.tempo_map.seconds(beat) - AHEAD
         automation_points(source, beat, beat + 16, Collector(), begins)

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ergon.scores.pattern.search import count_before, first_index_from
+from ergon.scores.pattern.search import first_index_from, n_before
 
 BEAT = st.one_of(st.floats(-1e6, 1e6), st.sampled_from([inf, -inf, 0.0, 1.0]))
 
 
 @given(beats=st.lists(BEAT, max_size=40).map(sorted), wanted=BEAT)
 def test_n_before_equals_bisect_left(beats: list[float], wanted: float):
-    assert count_before(beats, wanted) == bisect_left(beats, wanted)
+    assert n_before(beats, wanted) == bisect_left(beats, wanted)
     for item in beats:
-        assert count_before(beats, item) == bisect_left(beats, item)
+        assert n_before(beats, item) == bisect_left(beats, item)
 
 
 @pytest.mark.parametrize("wanted", [0.0, 0.25, 1234.5, 1234.6, 249999.75, 249999.8, inf])

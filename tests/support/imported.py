@@ -8,7 +8,7 @@ from oracle import mims
 from planned_sound import ready
 
 from ergon import _core
-from ergon.scores.staging.drives import input_number
+from ergon.scores.staging.drives import input_id
 
 
 def rendered(
@@ -22,7 +22,7 @@ def rendered(
     position = 0
     for frame, name, value in inputs:
         simulation.process(sound[position:frame])
-        assert simulation.tell(input_number(name), value)
+        assert simulation.tell(input_id(name), value)
         position = frame
     simulation.process(sound[position:])
     names = re.findall(r"^      (\w+): {SO", text.split("    out:\n")[1], flags=re.MULTILINE)

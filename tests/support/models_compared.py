@@ -92,7 +92,7 @@ def pmpd_off(text: str, kind: Object, n_frames: int, inlets: Mapping[str, Floats
         # The first sample of the score is the object's initial state.
         return off(rendered(score, (n_frames + 1) / RATE)[1:], exact)
     built = network(*pmpd_messages(text, kind))
-    listened = [at for one in built.asked for at in one.masses]
+    listened = [at for one in built.requests for at in one.masses]
     exact = pmpd.bangs(text, n_frames)[:, listened]
     return off(rendered(pmpd_score(text, kind), n_frames / RATE), exact)
 

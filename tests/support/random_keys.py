@@ -90,7 +90,7 @@ def outcome(key: Key, seed: int, *, is_step_known: bool = True) -> Outcome:
     *fitted, held_out = _recorded(key, seed, takes.KINDS, step)
     (other,) = _recorded(key, seed + 1_000_000, ("held-out",), step)
     measured = measure(fitted, held_out)
-    replay = comparison.replay(measured.fit.row, other).rms / key.sensor_noise
+    replay = comparison.replay(measured.fit.parameters, other).rms / key.sensor_noise
     return Outcome(measured, replay, errors(measured.fit, key.row))
 
 
@@ -110,7 +110,7 @@ def _recorded(key: Key, seed: int, kinds: tuple[str, ...], force_step: float) ->
     ladder = climb(Axis(device, force_step=force_step), seed)
     gestures: list[Gesture] = []
     for kind in kinds:
-        seconds = takes.HELD_OUT if kind == "held-out" else 10.0
+        seconds = takes.HELD_OUT_DURATION if kind == "held-out" else 10.0
         each = takes.record(ladder, kind, seconds, lambda kind, part: None, seed)
         parts = [take.gesture for take in each]
         gestures += [max(parts, key=lambda part: part.force.size)] if kind == "held-out" else parts
@@ -119,15 +119,15 @@ def _recorded(key: Key, seed: int, kinds: tuple[str, ...], force_step: float) ->
 
 def errors(fit: Fit, row: Floats) -> dict[str, float]:
     """Errors of the figures that a fit shares with a key, in their standard deviations."""
-    pairs = {name: (index, index) for name, index in INDEX.items() if index in fit.columns}
+    pairs = {name: (index, index) for name, index in INDEX.items() if index in fit.fitted_indices}
     for mode in range(n_modes(row)):
         true_columns = mode_indices(mode)
-        for fitted in map(mode_indices, range(n_modes(fit.row))):
-            if abs(np.log(fit.row[fitted[1]] / row[true_columns[1]])) < _ALIKE:
+        for fitted in map(mode_indices, range(n_modes(fit.parameters))):
+            if abs(np.log(fit.parameters[fitted[1]] / row[true_columns[1]])) < _ALIKE:
                 names = (f"mode {mode + 1} {what}" for what in ("mass", "frequency", "ratio"))
                 pairs |= dict(zip(names, zip(fitted, true_columns, strict=True), strict=True))
     return {
-        name: float(fit.row[measured] - row[true]) / fit.deviation(measured)
+        name: float(fit.parameters[measured] - row[true]) / fit.deviation(measured)
         for name, (measured, true) in pairs.items()
         if fit.deviation(measured) > 0.0
     }

@@ -72,12 +72,12 @@ def starts(
     )
     # This is quick, because a session repeats without end: thousands of occurrences.
     if step_length.beats and not is_mixed:
-        occurrence_count = min(count, room)
-        if stop_beat < start_beat + step_length.beats * occurrence_count:
-            occurrence_count = max(0, ceil((stop_beat - start_beat) / step_length.beats))
+        n_starts = min(count, room)
+        if stop_beat < start_beat + step_length.beats * n_starts:
+            n_starts = max(0, ceil((stop_beat - start_beat) / step_length.beats))
         elif count > room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
-        return [start_beat + step_length.beats * index for index in range(occurrence_count)]
+        return [start_beat + step_length.beats * index for index in range(n_starts)]
     start_beats: list[float] = []
     next_beat = start_beat
     while len(start_beats) < count and next_beat < stop_beat:

@@ -74,13 +74,13 @@ def parse_length(text: str) -> Length:
     trimmed_text, text_start = stripped(text)
     length_match = _ONLY_LENGTH.fullmatch(trimmed_text)
     if length_match is None:
-        clock_seconds = clock_time(trimmed_text)
-        advice = "; write a clock time in seconds" if clock_seconds else ""
+        duration = clock_time(trimmed_text)
+        advice = "; write a clock time in seconds" if duration else ""
         raise TextError(
             f"'{trimmed_text[:40]}' is not a length such as 4bar, 1/2 or 250ms{advice}",
             offset=text_start,
             length=max(1, len(trimmed_text)),
-            suggestion=clock_seconds or _without_spaces(trimmed_text),
+            suggestion=duration or _without_spaces(trimmed_text),
         )
     return _length(length_match, 1, text_start)
 
@@ -92,16 +92,16 @@ def parse_position(position_text: str) -> Position:
     """
     trimmed_text, text_start = stripped(position_text)
     if match := _BAR_BEAT.fullmatch(trimmed_text):
-        bar_number = int(match[1])
+        bar = int(match[1])
         beat_in_bar = time_of(match[2], match[3], text_start + match.start(2))
-        if bar_number < 1 or beat_in_bar < 1.0:
+        if bar < 1 or beat_in_bar < 1.0:
             raise TextError(
                 "bars and beats count from 1; the beginning of the piece is 1|1",
                 offset=text_start,
                 length=len(match[1]) + 1 + len(match[2]),
             )
         return Position(
-            bar=bar_number,
+            bar=bar,
             beat=beat_in_bar,
             plus=_plus(match, 4, text_start),
             text=trimmed_text,
@@ -118,13 +118,12 @@ def parse_position(position_text: str) -> Position:
         return Position(plus=length, text=trimmed_text)
     if match := _MARK.fullmatch(trimmed_text):
         return Position(mark=match[1], plus=_plus(match, 2, text_start), text=trimmed_text)
-    if (clock_seconds := clock_time(trimmed_text)) is not None:
+    if (duration := clock_time(trimmed_text)) is not None:
         minutes, _, seconds_text = trimmed_text.rpartition(":")
-        message = f"'{trimmed_text}' is a clock time: write {clock_seconds}"
+        message = f"'{trimmed_text}' is a clock time: write {duration}"
         if minutes.isdigit():
             message = (
-                f"'{trimmed_text}' may be a clock time or a bar and a beat: write {clock_seconds} "
-                "for "
+                f"'{trimmed_text}' may be a clock time or a bar and a beat: write {duration} for "
             )
             message += (
                 f"{minutes} min {seconds_text} s, or {minutes}|{seconds_text} for beat "
@@ -134,7 +133,7 @@ def parse_position(position_text: str) -> Position:
             message,
             offset=text_start,
             length=len(trimmed_text),
-            suggestion=clock_seconds,
+            suggestion=duration,
         )
     raise TextError(
         f"'{trimmed_text[:40]}' is not a position such as 3|2.5, B+2, 12.5s or a number of beats",

@@ -18,9 +18,9 @@ from ergon.notation.text.numbers import MAX_TIME, NUMBER, stripped
 from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Time
 
-SLOWEST, FASTEST = 0.1, 10_000.0  # bpm
-MAX_CHAIN = 64  # marks placed by marks
-NEARLY_ONE = 0.01  # below it ln(1+u)/u and its inverse are summed, or they would lose digits
+BPM_MIN, BPM_MAX = 0.1, 10_000.0  # bpm
+MARK_CHAIN_MAX = 64  # marks placed by marks
+SERIES_LIMIT = 0.01  # below it ln(1+u)/u and its inverse are summed, or they would lose digits
 # How else a change is written: 72..40, 72-40, 72 to 40, 72 → 40.
 _OTHER_RAMP = re.compile(rf"({NUMBER})\s*+(?:\.\.|-|–|to|→|=>|>)\s*+({NUMBER})")
 _BPM = re.compile(rf"({NUMBER})(?:\s*+->\s*+({NUMBER}))?")
@@ -63,24 +63,22 @@ class TempoError(TextError):
 
 def parse_bpm(text: str) -> tuple[float, float | None]:
     """Read `60` or `60 -> 96`. Raises TextError."""
-    trimmed_text, text_start = stripped(text)
-    match = _BPM.fullmatch(trimmed_text)
+    trimmed, text_start = stripped(text)
+    match = _BPM.fullmatch(trimmed)
     if match is None:
-        noun = (
-            "a tempo, which is a number of beats a minute," if trimmed_text.isalpha() else "a tempo"
-        )
+        noun = "a tempo, which is a number of beats a minute," if trimmed.isalpha() else "a tempo"
         raise TextError(
-            f"'{trimmed_text[:40]}' is not {noun} such as 60 or 60 -> 96",
+            f"'{trimmed[:40]}' is not {noun} such as 60 or 60 -> 96",
             offset=text_start,
-            length=max(1, len(trimmed_text)),
+            length=max(1, len(trimmed)),
             suggestion=f"{ramp[1]} -> {ramp[2]}"
-            if (ramp := _OTHER_RAMP.fullmatch(trimmed_text))
+            if (ramp := _OTHER_RAMP.fullmatch(trimmed))
             else None,
         )
     for group in (1, 2):
-        if match[group] is not None and not SLOWEST <= float(match[group]) <= FASTEST:
+        if match[group] is not None and not BPM_MIN <= float(match[group]) <= BPM_MAX:
             raise TextError(
-                f"a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm",
+                f"a tempo lies between {BPM_MIN:g} and {BPM_MAX:,.0f} bpm",
                 offset=text_start + match.start(group),
                 length=len(match[group]),
             )
@@ -93,25 +91,25 @@ class _Segment:
 
     start: float
     seconds: float
-    b0: float
-    b1: float
+    bpm_start: float
+    bpm_end: float
     span: float
 
-    def seconds_in(self, beats: float) -> float:
+    def duration_of(self, beats: float) -> float:
         """Duration of the first `beats` beats."""
-        if self.b1 == self.b0:
-            return 60.0 * beats / self.b0
-        u = (self.b1 - self.b0) * beats / (self.span * self.b0)
-        return 60.0 * beats / self.b0 * _log_ratio(u)
+        if self.bpm_end == self.bpm_start:
+            return 60.0 * beats / self.bpm_start
+        u = (self.bpm_end - self.bpm_start) * beats / (self.span * self.bpm_start)
+        return 60.0 * beats / self.bpm_start * _log_ratio(u)
 
-    def beats_in(self, seconds: float) -> float:
+    def beats_after(self, seconds: float) -> float:
         """How many beats pass in the first `seconds` seconds."""
-        w = seconds * (self.b1 - self.b0) / (60.0 * self.span)
-        return seconds * self.b0 / 60.0 * _exp_ratio(w)
+        w = seconds * (self.bpm_end - self.bpm_start) / (60.0 * self.span)
+        return seconds * self.bpm_start / 60.0 * _exp_ratio(w)
 
-    def bpm_in(self, beats: float) -> float:
+    def bpm_after(self, beats: float) -> float:
         """Tempo after `beats` beats."""
-        return self.b0 + (self.b1 - self.b0) * beats / self.span
+        return self.bpm_start + (self.bpm_end - self.bpm_start) * beats / self.span
 
 
 class TempoMap:
@@ -126,15 +124,17 @@ class TempoMap:
         """Place the entries, which must be in order of time. Raises TempoError or TextError."""
         self.bars = Bars()
         self._marks = dict(marks or {})
-        self._stretches = [_Segment(0.0, 0.0, 60.0, 60.0, MAX_TIME)]
+        self._segments = [_Segment(0.0, 0.0, 60.0, 60.0, MAX_TIME)]
         self._starts = [0.0]
         self._instants = [0.0]
         self._ramp_end = 0.0
-        self._latest_bpm = -1.0  # beat of the last entry that says a tempo
+        self._last_tempo_beat = -1.0  # beat of the last entry that says a tempo
         self._ramp_in_bars = False  # whether that end would move with the meter
         self._ramp_entry = 0
-        self._quarters: float | None = None  # quarters a minute, while a file says the tempo
-        self.placed: list[tuple[float, Entry]] = []  # all changes, each with its beat
+        self._quarters_per_minute: float | None = (
+            None  # quarters a minute, while a file says the tempo
+        )
+        self.entries_by_beat: list[tuple[float, Entry]] = []  # all changes, each with its beat
         latest = 0.0
         self._meter_quarter, self._meter_beat = 0.0, 0.0  # the beginning of the file's last meter
         tempos, meters = [*reversed(file.tempos)], [*reversed(file.meters)]
@@ -151,7 +151,7 @@ class TempoMap:
             self._place(i, tempo_entry, latest)
             if tempo_entry.bpm is not None:
                 tempos.clear()
-                self._quarters = None
+                self._quarters_per_minute = None
             if tempo_entry.meter is not None:
                 meters.clear()
                 self._count_quarters(latest)
@@ -161,40 +161,37 @@ class TempoMap:
         self,
         tempos: list[tuple[float, float]],
         meters: list[tuple[float, Meter]],
-        until_position: Position | None,
+        until: Position | None,
     ) -> None:
         """Place what a file says up to a position; the last items of the lists come first."""
         while tempos or meters:
             poll()
             quarter = min(changes[-1][0] for changes in (tempos, meters) if changes)
-            piece_beat = self.bars.after_quarters(self._meter_beat, quarter - self._meter_quarter)
-            if (
-                until_position is not None
-                and piece_beat > self._resolve(until_position, (), any_beat=True) + SAME
-            ):
+            beat = self.bars.after_quarters(self._meter_beat, quarter - self._meter_quarter)
+            if until is not None and beat > self._resolve(until, (), any_beat=True) + SAME:
                 return
             if meters and meters[-1][0] == quarter:
                 _, meter = meters.pop()
-                if self._ramp_in_bars and piece_beat < self._ramp_end - SAME:
+                if self._ramp_in_bars and beat < self._ramp_end - SAME:
                     message = "the meter changes during this ramp, whose length is in bars; "
                     raise TempoError(
                         f"{message}write the length in beats", self._ramp_entry, "over"
                     )
-                self.bars.change(piece_beat, meter)
-                self._meter_quarter, self._meter_beat = quarter, piece_beat
-                self.placed.append((piece_beat, Entry(Position(), meter=meter)))
+                self.bars.change(beat, meter)
+                self._meter_quarter, self._meter_beat = quarter, beat
+                self.entries_by_beat.append((beat, Entry(Position(), meter=meter)))
             if tempos and tempos[-1][0] == quarter:
-                _, self._quarters = tempos.pop()
-            self._count_quarters(piece_beat)
+                _, self._quarters_per_minute = tempos.pop()
+            self._count_quarters(beat)
 
-    def _count_quarters(self, piece_beat: float) -> None:
+    def _count_quarters(self, beat: float) -> None:
         """Let a tempo that a file says in quarters go on in beats of the meter here."""
-        if self._quarters is None:
+        if self._quarters_per_minute is None:
             return
-        bpm = self._quarters * self.bars.unit(piece_beat) / 4.0
-        if bpm != self.bpm(piece_beat):
-            self._append(piece_beat, bpm, bpm, MAX_TIME)
-            self.placed.append((piece_beat, Entry(Position(), bpm)))
+        bpm = self._quarters_per_minute * self.bars.unit(beat) / 4.0
+        if bpm != self.bpm(beat):
+            self._append(beat, bpm, bpm, MAX_TIME)
+            self.entries_by_beat.append((beat, Entry(Position(), bpm)))
 
     def is_same(self, other_map: "TempoMap") -> bool:
         """Whether another map has every beat and bar at the same instant."""
@@ -203,7 +200,7 @@ class TempoMap:
         return type(self) is type(other_map) and self._state() == other_map._state()
 
     def _state(self) -> tuple[object, ...]:
-        return self._stretches, self.bars.changes(), self._marks
+        return self._segments, self.bars.changes(), self._marks
 
     def resolve(self, position: Position) -> float:
         """Beats from the start. Raises TextError (offsets in the position's text)."""
@@ -228,21 +225,21 @@ class TempoMap:
     def seconds(self, beats: float) -> float:
         """Seconds from the start to a beat of the piece."""
         if beats < 0.0:
-            return 60.0 * beats / self._stretches[0].b0
-        stretch = self._stretches[bisect_right(self._starts, beats) - 1]
-        return stretch.seconds + stretch.seconds_in(beats - stretch.start)
+            return 60.0 * beats / self._segments[0].bpm_start
+        segment = self._segments[bisect_right(self._starts, beats) - 1]
+        return segment.seconds + segment.duration_of(beats - segment.start)
 
     def beats(self, seconds: float) -> float:
         """The beat of the piece at an instant."""
         if seconds < 0.0:
-            return seconds * self._stretches[0].b0 / 60.0
-        stretch = self._stretches[bisect_right(self._instants, seconds) - 1]
-        return stretch.start + stretch.beats_in(seconds - stretch.seconds)
+            return seconds * self._segments[0].bpm_start / 60.0
+        segment = self._segments[bisect_right(self._instants, seconds) - 1]
+        return segment.start + segment.beats_after(seconds - segment.seconds)
 
     def bpm(self, beats: float) -> float:
         """The tempo at a beat of the piece."""
-        stretch = self._stretches[max(0, bisect_right(self._starts, beats) - 1)]
-        return stretch.bpm_in(beats - stretch.start)
+        segment = self._segments[max(0, bisect_right(self._starts, beats) - 1)]
+        return segment.bpm_after(beats - segment.start)
 
     def instant(self, start_beats: float, time: Time) -> float:
         """Seconds from the piece's start of a time counted from beat `start_beats`.
@@ -263,10 +260,10 @@ class TempoMap:
         return f"{bar + 1}|1" if rounded >= per_bar + 1 else f"{bar}|{rounded:g}"
 
     def _place(self, i: int, entry: Entry, start: float) -> None:
-        self.placed.append((start, entry))
-        inside = start < self._ramp_end - SAME
+        self.entries_by_beat.append((start, entry))
+        is_in_ramp = start < self._ramp_end - SAME
         if entry.meter is not None:
-            if inside and self._ramp_in_bars:
+            if is_in_ramp and self._ramp_in_bars:
                 raise TempoError(
                     "the meter changes during a ramp whose length "
                     "is in bars; write the length in beats",
@@ -283,7 +280,7 @@ class TempoMap:
                     "the ramp has no tempi; write both, such as bpm: 60 -> 96", i, "over"
                 )
             return
-        if inside:
+        if is_in_ramp:
             raise TempoError("this entry begins before the ramp above it ends", i, "at")
         if (entry.bpm_end is None) != (entry.over is None):
             raise TempoError(
@@ -293,9 +290,9 @@ class TempoMap:
                 i,
                 "over" if entry.bpm_end is None else "bpm",
             )
-        if start <= self._latest_bpm + SAME:
+        if start <= self._last_tempo_beat + SAME:
             raise TempoError("an entry above sets the tempo at this position already", i, "at")
-        self._latest_bpm = start
+        self._last_tempo_beat = start
         self._append(start, entry.bpm, entry.bpm, MAX_TIME)
         if entry.bpm_end is not None and entry.over is not None:
             ramp_span = self._span(start, entry.bpm, entry.bpm_end, entry.over)
@@ -306,47 +303,47 @@ class TempoMap:
             self._append(start, entry.bpm, entry.bpm_end, ramp_span)
             self._append(start + ramp_span, entry.bpm_end, entry.bpm_end, MAX_TIME)
 
-    def _span(self, start: float, b0: float, b1: float, ramp_length: Length) -> float:
-        beats = self.after(start, Length(ramp_length.bars, ramp_length.beats)) - start
+    def _span(self, start: float, b0: float, b1: float, length: Length) -> float:
+        beats = self.after(start, Length(length.bars, length.beats)) - start
         # `over: 8s`: the mean tempo of a ramp is the logarithmic mean of its ends
-        return beats + ramp_length.seconds * b0 / (60.0 * _log_ratio((b1 - b0) / b0))
+        return beats + length.seconds * b0 / (60.0 * _log_ratio((b1 - b0) / b0))
 
     def _append(self, start: float, b0: float, b1: float, span: float) -> None:
-        stretch = _Segment(start, self.seconds(start), b0, b1, span)
+        segment = _Segment(start, self.seconds(start), b0, b1, span)
         if start <= self._starts[-1] + SAME:  # nothing has passed since the last one began
-            stretch = _Segment(self._starts[-1], self._instants[-1], b0, b1, span)
-            del self._stretches[-1], self._starts[-1], self._instants[-1]
-        self._stretches.append(stretch)
-        self._starts.append(stretch.start)
-        self._instants.append(stretch.seconds)
+            segment = _Segment(self._starts[-1], self._instants[-1], b0, b1, span)
+            del self._segments[-1], self._starts[-1], self._instants[-1]
+        self._segments.append(segment)
+        self._starts.append(segment.start)
+        self._instants.append(segment.seconds)
 
     def _resolve(
-        self, read_position: Position, chain: tuple[str, ...], *, any_beat: bool = False
+        self, position: Position, chain: tuple[str, ...], *, any_beat: bool = False
     ) -> float:
         # With `any_beat` a bar may have more beats than its meter, for a later one may hold there.
         # A name such as `verse-2` reads like a mark minus two beats; a mark of that name wins.
-        mark_name = read_position.text if read_position.text in self._marks else read_position.mark
+        mark_name = position.text if position.text in self._marks else position.mark
         if mark_name is None:
             base_beat = 0.0
-            if read_position.bar is not None:
-                start, per_bar = self.bars.bar(read_position.bar)
-                base_beat = start + (read_position.beat - 1.0)
-                if read_position.beat >= per_bar + 1 and not any_beat:
+            if position.bar is not None:
+                start, per_bar = self.bars.bar(position.bar)
+                base_beat = start + (position.beat - 1.0)
+                if position.beat >= per_bar + 1 and not any_beat:
                     raise TextError(
-                        f"beat {read_position.beat:g} does not exist; bar "
-                        f"{read_position.bar} has {per_bar} beats",
-                        length=max(1, len(read_position.text)),
+                        f"beat {position.beat:g} does not exist; bar "
+                        f"{position.bar} has {per_bar} beats",
+                        length=max(1, len(position.text)),
                     )
-            return self.after(base_beat, read_position.plus)
+            return self.after(base_beat, position.plus)
         if mark_name not in self._marks:
             raise TextError(
                 f"unknown mark '{mark_name[:40]}'",
                 length=len(mark_name),
                 suggestion=nearest(mark_name, self._marks),
             )
-        if len(chain) == MAX_CHAIN:
+        if len(chain) == MARK_CHAIN_MAX:
             raise TextError(
-                f"a chain of more than {MAX_CHAIN} marks refer to one another",
+                f"a chain of more than {MARK_CHAIN_MAX} marks refer to one another",
                 length=len(mark_name),
             )
         if mark_name in chain:
@@ -355,16 +352,12 @@ class TempoMap:
                 f"marks refer to one another in a circle: {circle}", length=len(mark_name)
             )
         base_beat = self._resolve(self._marks[mark_name], (*chain, mark_name), any_beat=any_beat)
-        return (
-            base_beat
-            if mark_name == read_position.text
-            else self.after(base_beat, read_position.plus)
-        )
+        return base_beat if mark_name == position.text else self.after(base_beat, position.plus)
 
 
 def _log_ratio(u: float) -> float:
     """ln(1+u)/u."""
-    if abs(u) > NEARLY_ONE:
+    if abs(u) > SERIES_LIMIT:
         return ln(1.0 + u) / u
     y = u / (2.0 + u)  # ln(1+u) = 2·artanh(y), and u = 2y/(1-y)
     y2 = y * y
@@ -373,6 +366,6 @@ def _log_ratio(u: float) -> float:
 
 def _exp_ratio(w: float) -> float:
     """(exp(w)-1)/w."""
-    if abs(w) > NEARLY_ONE:
+    if abs(w) > SERIES_LIMIT:
         return (exp(w) - 1.0) / w
     return 1.0 + w / 2 * (1 + w / 3 * (1 + w / 4 * (1 + w / 5 * (1 + w / 6 * (1 + w / 7)))))

@@ -60,10 +60,10 @@ class ListOf(Shape):
             context.error("E106", message, node.place)
             return MISSING
         if isinstance(node, document.Sequence) and node.lines:
-            items_read = self._by_lines(node, name, context)
+            items = self._by_lines(node, name, context)
         else:
-            items_read = [self.item.read(item, name, context) for item in item_nodes]
-        values = tuple([value for value in items_read if value is not MISSING])
+            items = [self.item.read(item, name, context) for item in item_nodes]
+        values = tuple([value for value in items if value is not MISSING])
         return values if len(values) >= self.least else MISSING  # a broken pair is no pair
 
     def _by_lines(
@@ -74,20 +74,18 @@ class ListOf(Shape):
         """
         let_node = list_node.document.let
         line_key = id(self.item), field_name, context.owner, let_node
-        values_read = [
-            None if line is None else line.values.get(line_key) for line in list_node.lines
-        ]
-        for item_number in [number for number, value in enumerate(values_read) if value is None]:
-            report_count, item_node, item_line = (
+        values = [None if line is None else line.values.get(line_key) for line in list_node.lines]
+        for index in [number for number, value in enumerate(values) if value is None]:
+            n_reports, item_node, item_line = (
                 context.collector.n_reports,
-                list_node.items[item_number],
-                list_node.lines[item_number],
+                list_node.items[index],
+                list_node.lines[index],
             )
             item_node.document.let, item_node.document.lets = let_node, list_node.document.lets
-            values_read[item_number] = self.item.read(item_node, field_name, context)
-            if item_line is not None and context.collector.n_reports == report_count:
-                item_line.values[line_key] = values_read[item_number]
-        return values_read
+            values[index] = self.item.read(item_node, field_name, context)
+            if item_line is not None and context.collector.n_reports == n_reports:
+                item_line.values[line_key] = values[index]
+        return values
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -200,10 +198,10 @@ class _Entries:
 
     def known(self, word: str) -> Any:
         """The value of an entry; None if its text has changed."""
-        if (entry_before := self._before.get(word)) is None or entry_before[0] != self._text(word):
+        if (old_entry := self._before.get(word)) is None or old_entry[0] != self._text(word):
             return None
-        self._now[word] = entry_before
-        return entry_before[1]
+        self._now[word] = old_entry
+        return old_entry[1]
 
     def keep(self, word: str, value: Any) -> None:
         """Keep the value of an entry, whose reading made no report."""
@@ -256,9 +254,9 @@ class NamesOf(Shape):
             if (
                 is_written
                 and known_line is None
-                and (entry_before := remembered_entries.known(entry_word)) is not None
+                and (known_entry := remembered_entries.known(entry_word)) is not None
             ):
-                values_by_name[entry_word] = entry_before
+                values_by_name[entry_word] = known_entry
                 continue
             if not NAME.fullmatch(entry_word) or len(entry_word) > MAX_NAME:
                 message = f"{quote(entry_word)} is not a name for a {self.noun}: "
@@ -268,9 +266,9 @@ class NamesOf(Shape):
             inner_context = context.inside(self.noun, entry_word, key_node.place)
             if known_line is not None:
                 child_node.document.let, child_node.document.lets = let_node, node.document.lets
-            report_count = context.collector.n_reports
+            n_reports = context.collector.n_reports
             entry_value = values_by_name[entry_word] = self.item.read(child_node, "", inner_context)
-            if context.collector.n_reports > report_count:
+            if context.collector.n_reports > n_reports:
                 continue
             if known_line is not None:
                 known_line.values[line_key] = entry_value

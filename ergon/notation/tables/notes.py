@@ -79,9 +79,9 @@ def nearest_note(frequency: float) -> tuple[str, float]:
     """The note of equal temperament (A4 = 440 Hz) next to a frequency [Hz], and how far above it
     the frequency lies [cents]."""
     semitones = 69 + 12 * math.log2(frequency / 440)
-    note_number = round(semitones)
-    octave, step = divmod(note_number, 12)
-    return f"{_NOTE_NAMES[step]}{octave - 1}", 100 * (semitones - note_number)
+    key = round(semitones)
+    octave, step = divmod(key, 12)
+    return f"{_NOTE_NAMES[step]}{octave - 1}", 100 * (semitones - key)
 
 
 def word_of(note_text: str) -> str | None:
@@ -134,11 +134,11 @@ def chord(root_note: str, scale: str) -> list[str]:
     """The words of the notes of a scale or a chord, by its name, above a note. Raises TextError
     where they have no name.
     """
-    scale_steps, root_number = SCALES[scale], number(root_note)
-    if tuning.current().has_keys and root_number is not None:
+    scale_steps, root = SCALES[scale], number(root_note)
+    if tuning.current().has_keys and root is not None:
         is_flat = root_note[1:2] in ("b", "♭")
-        return [name(root_number + step, flat=is_flat) for step in scale_steps]
-    if root_number is None:
+        return [name(root + step, flat=is_flat) for step in scale_steps]
+    if root is None:
         base = q.frequency(root_note)
         return [tuning.hertz_word(base * _core.pow(2.0, step / 12.0)) for step in scale_steps]
     return tuning.current().above(root_note, scale_steps)
@@ -206,9 +206,9 @@ def check_note(note_text: str) -> None:
 def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
     (first_word, words_offset), later_words = words[0], words[1:]
     low_name, range_dots, high_name = first_word.partition("..")
-    count_asked = None
-    root_number = _read_number(low_name, words_offset)
-    high_number = _read_number(high_name, words_offset + len(low_name) + 2) if range_dots else None
+    count = None
+    low = _read_number(low_name, words_offset)
+    high = _read_number(high_name, words_offset + len(low_name) + 2) if range_dots else None
     scale, scale_offset = "chromatic", words_offset
     if later_words and later_words[0][0] != "count":
         (scale, scale_offset), later_words = later_words[0], later_words[1:]
@@ -222,35 +222,35 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
             raise TextError(
                 message, offset=count_offset, length=max(1, len(count_word)), code="E202"
             )
-        count_asked, later_words = int(count_word), later_words[2:]
+        count, later_words = int(count_word), later_words[2:]
     if later_words:
         word, word_offset = later_words[0]
         message = f"unknown word {quote(word)}; notes are written like {_EXAMPLE}"
         raise TextError(message, offset=word_offset, length=len(word), code="E204")
-    if high_number is not None and high_number < root_number:
+    if high is not None and high < low:
         message = f"the range {quote(first_word)} runs downwards; write the lower note first"
         suggestion = f"{high_name}..{low_name}"
         raise TextError(
             message, offset=words_offset, length=len(first_word), suggestion=suggestion, code="E202"
         )
-    highest_number = HIGHEST if high_number is None else high_number
-    octaves = range((HIGHEST - root_number) // 12 + 1)
+    top = HIGHEST if high is None else high
+    octaves = range((HIGHEST - low) // 12 + 1)
     if not tuning.current().has_keys:
-        spelled_names = _spelled_range(
-            low_name, name(highest_number) if high_number is None else high_name, scale
-        )[:count_asked]
+        spelled_names = _spelled_range(low_name, name(top) if high is None else high_name, scale)[
+            :count
+        ]
     else:
-        note_numbers = [root_number + 12 * octave + step for octave in octaves for step in steps]
+        note_numbers = [low + 12 * octave + step for octave in octaves for step in steps]
         is_flat = low_name[1:2] in ("b", "♭")
         spelled_names = [
             low_name,
-            *(name(note, flat=is_flat) for note in note_numbers[1:] if note <= highest_number),
-        ][:count_asked]
-    if count_asked is not None and len(spelled_names) < count_asked:
+            *(name(note, flat=is_flat) for note in note_numbers[1:] if note <= top),
+        ][:count]
+    if count is not None and len(spelled_names) < count:
         message = (
             f"from {low_name} to {high_name or name(HIGHEST)} there are {len(spelled_names)} notes"
         )
-        message += f", not {count_asked}"
+        message += f", not {count}"
         raise TextError(message, offset=words_offset, length=len(first_word), code="E202")
     return _checked_notes(spelled_names)
 
@@ -284,12 +284,11 @@ def _checked_notes(note_words: list[str]) -> tuple[str, ...]:
         raise TextError(message, code="E202")
     notes_by_pitch: dict[float | None, str] = {}
     for note_word in note_words:
-        if (note_before := notes_by_pitch.setdefault(pitch(note_word), note_word)) is not note_word:
+        if (same_note := notes_by_pitch.setdefault(pitch(note_word), note_word)) is not note_word:
             message = f"{quote(note_word)} is written twice"
-            if note_before != note_word:
+            if same_note != note_word:
                 message = (
-                    f"{quote(note_word)} is the same note as {quote(note_before)}; remove one of "
-                    "them"
+                    f"{quote(note_word)} is the same note as {quote(same_note)}; remove one of them"
                 )
             raise TextError(message, code="E202")
     return tuple(note_words)

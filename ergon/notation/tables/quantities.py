@@ -347,19 +347,17 @@ def frequency(pitch_text: str, dimension: Dimension = FREQUENCY) -> float:
     pitch_name = tuning.spelled(pitch_word)
     if written_tuning is None and _FRACTION.fullmatch(pitch_word):
         pitch_name = pitch_word  # hertz, as ever
-    pitch_hertz = (written_tuning or tuning.PLAIN).hertz(pitch_name)
-    if pitch_hertz is not None and not pitch_name.endswith("Hz"):
-        return bounded(pitch_hertz, pitch_word, dimension)
-    if pitch_hertz is None and pitch_word[:1].isalpha():
+    hertz = (written_tuning or tuning.PLAIN).hertz(pitch_name)
+    if hertz is not None and not pitch_name.endswith("Hz"):
+        return bounded(hertz, pitch_word, dimension)
+    if hertz is None and pitch_word[:1].isalpha():
         message = (
             f"{quote(pitch_word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
         )
         raise note_slip(pitch_word) or TextError(message, length=len(pitch_word), code="E201")
-    if pitch_hertz is None:
+    if hertz is None:
         _check_pitch(pitch_word)
-    return quantity(
-        pitch_word.replace("_", ".") if pitch_hertz is not None else pitch_text, dimension
-    )
+    return quantity(pitch_word.replace("_", ".") if hertz is not None else pitch_text, dimension)
 
 
 def note_slip(note_word: str) -> TextError | None:

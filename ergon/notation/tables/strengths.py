@@ -229,26 +229,28 @@ def levels(levels_text: str) -> Levels:
         message = f"a pattern has at most {MAX_STEPS:,} levels"
         raise TextError(message, offset=words_with_offsets[MAX_STEPS][1], code="E105")
     arrow_offsets = [offset for word, offset in words_with_offsets if word == "->"]
-    levels_read = []
+    levels_of_words = []
     for level_word, word_offset in words_with_offsets:
         if level_word == "->":
             continue
         try:
-            levels_read.append(level(level_word))
+            levels_of_words.append(level(level_word))
         except TextError as error:
             error.offset += word_offset
             raise
     if not arrow_offsets:
-        return Levels(tuple(levels_read))
+        return Levels(tuple(levels_of_words))
     is_pair = (
-        len(words_with_offsets) == 3 and len(levels_read) == 2 and words_with_offsets[1][0] == "->"
+        len(words_with_offsets) == 3
+        and len(levels_of_words) == 2
+        and words_with_offsets[1][0] == "->"
     )
-    is_alike = is_pair and levels_read[0].is_strength == levels_read[1].is_strength
-    is_plain = all(step.low == step.high and step.factor == 1.0 for step in levels_read)
+    is_alike = is_pair and levels_of_words[0].is_strength == levels_of_words[1].is_strength
+    is_plain = all(step.low == step.high and step.factor == 1.0 for step in levels_of_words)
     if not (is_alike and is_plain):
         message = "a line goes from one level to another of its kind, such as p -> f"
         raise TextError(message, offset=arrow_offsets[0], length=2, code="E204")
-    return Levels(tuple(levels_read), is_line=True)
+    return Levels(tuple(levels_of_words), is_line=True)
 
 
 # A quantity may have a space before its unit: `2 mNs`.

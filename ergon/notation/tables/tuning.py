@@ -23,11 +23,18 @@ _MIDDLE_C = 60  # the MIDI note of C4
 
 # Of each letter its distance from the A of its octave, in fifths and octaves: C is three fifths
 # below and an octave above.
-_CHAIN = {"C": (-3, 1), "D": (-1, 0), "E": (1, -1), "F": (-4, 2), "G": (-2, 1), "A": (0, 0)}
-_CHAIN |= {"B": (2, -1)}
-_SHARP = 7, -4  # seven fifths up, four octaves down
+_FIFTHS_AND_OCTAVES = {
+    "C": (-3, 1),
+    "D": (-1, 0),
+    "E": (1, -1),
+    "F": (-4, 2),
+    "G": (-2, 1),
+    "A": (0, 0),
+}
+_FIFTHS_AND_OCTAVES |= {"B": (2, -1)}
+_SHARP_FIFTHS_AND_OCTAVES = 7, -4  # seven fifths up, four octaves down
 # Semitones of scales and chords as fifths, by which they are spelled: a minor third is C–Eb.
-_FIFTHS = (0, -5, 2, -3, 4, -1, 6, 1, -4, 3, -2, 5)
+_FIFTHS_BY_SEMITONE = (0, -5, 2, -3, 4, -1, 6, 1, -4, 3, -2, 5)
 _DIMINISHED = {6: -6}  # the fifth of a chord that also has a minor third
 _AUGMENTED = {8: 8}
 _LETTERS = "FCGDAEB"  # in the order of fifths
@@ -109,11 +116,11 @@ class Tuning:
                 raise TextError(f"{quote(word)} is not a ratio above 0", length=len(word))
             return self._root() * float(Fraction(numerator, denominator))
         if match := _DEGREE.fullmatch(word):
-            degree, step_count = int(match[1]), int(match[2])
-            if not 1 <= step_count <= MAX_EDO:
+            degree, n_steps = int(match[1]), int(match[2])
+            if not 1 <= n_steps <= MAX_EDO:
                 message = f"{quote(word)}: an octave has from 1 to {MAX_EDO:,} equal steps"
                 raise TextError(message, length=len(word), code="E202")
-            return _raised(self._root(), degree, step_count)
+            return _frequency_of_step(self._root(), degree, n_steps)
         if _HERTZ.fullmatch(word):
             number = _number(word.removesuffix("Hz").removesuffix("k"))
             return number * 1000.0 if word.endswith("kHz") else number
@@ -123,26 +130,27 @@ class Tuning:
         return (self.hertz(self.root) if not _RATIO.fullmatch(self.root) else None) or 0.0
 
     def _note(self, word: str, letter: str, signs: int, octave: int, cents: float) -> float:
-        fifths, octaves = _CHAIN[letter]
-        fifths, octaves = fifths + signs * _SHARP[0], octaves + signs * _SHARP[1] + octave - 4
+        fifths, octaves = _FIFTHS_AND_OCTAVES[letter]
+        fifths, octaves = (
+            fifths + signs * _SHARP_FIFTHS_AND_OCTAVES[0],
+            octaves + signs * _SHARP_FIFTHS_AND_OCTAVES[1] + octave - 4,
+        )
         if self.scale is not None:
-            key_number = 69 + 7 * fifths + 12 * octaves
-            hertz = self.keys.hertz(key_number, self.scale)
+            key = 69 + 7 * fifths + 12 * octaves
+            hertz = self.keys.hertz(key, self.scale)
             if hertz is None:
-                message = f"{quote(word)}: the key {key_number} has no pitch in the keyboard map"
+                message = f"{quote(word)}: the key {key} has no pitch in the keyboard map"
                 raise TextError(message, length=len(word), code="E201")
             return hertz * _core.pow(2.0, cents / 1200.0) if cents else hertz
         fifth = round(self.edo * math.log2(1.5))
-        octaves, steps_above_octave = divmod(fifth * fifths + self.edo * octaves, self.edo)
+        octaves, step = divmod(fifth * fifths + self.edo * octaves, self.edo)
         if self.edo == 12:  # the cents are part of the exponent: every A is exact
-            semitones_up = steps_above_octave + cents / 100
+            semitones = step + cents / 100
             return math.ldexp(
-                self.a4 * (_core.pow(2.0, semitones_up / 12) if semitones_up else 1.0), octaves
+                self.a4 * (_core.pow(2.0, semitones / 12) if semitones else 1.0), octaves
             )
-        octave_share = steps_above_octave / self.edo + cents / 1200.0
-        return math.ldexp(
-            self.a4 * (_core.pow(2.0, octave_share) if octave_share else 1.0), octaves
-        )
+        octaves_up = step / self.edo + cents / 1200.0
+        return math.ldexp(self.a4 * (_core.pow(2.0, octaves_up) if octaves_up else 1.0), octaves)
 
     def pitch(self, word: str) -> float | None:
         """How high a pitch is in semitones, 69 at 440 Hz, to 0.001 cents; None if the word is no
@@ -151,17 +159,17 @@ class Tuning:
         hertz = self.hertz(word)
         return None if hertz is None else semitones(hertz)
 
-    def key_word(self, key_number: int) -> str:
+    def key_word(self, key: int) -> str:
         """The word of the pitch of a MIDI note: 60 is C4, others are as many steps from it."""
         if self.has_keys:
-            octave, step = divmod(key_number, 12)
-            return f"{_NAMES[step]}{octave - 1}"
+            octave, step = divmod(key, 12)
+            return f"{_KEY_NAMES[step]}{octave - 1}"
         c4 = self.hertz("C4") or 0.0
-        return hertz_word(_raised(c4, key_number - _MIDDLE_C, self.edo))
+        return hertz_word(_frequency_of_step(c4, key - _MIDDLE_C, self.edo))
 
     def above(self, word: str, steps: tuple[int, ...]) -> list[str]:
         """The words of the semitones of a scale or chord above a note, spelled by fifths."""
-        fifths_by_step: dict[int, int] = dict(enumerate(_FIFTHS))
+        fifths_by_step: dict[int, int] = dict(enumerate(_FIFTHS_BY_SEMITONE))
         if 3 in steps and 7 not in steps:
             fifths_by_step |= _DIMINISHED
         if 4 in steps and 7 not in steps:
@@ -174,30 +182,30 @@ class Tuning:
         return [f"{step - base}of{self.edo}" for step in range(first_step, last_step + 1)]
 
     def _step(self, word: str) -> int:
-        note_match = _NOTE.fullmatch(word)
-        if note_match is None or note_match[4]:
+        match = _NOTE.fullmatch(word)
+        if match is None or match[4]:
             message = f"{quote(word)} is no step of {self.edo} equal ones; write a note such as C4"
             raise TextError(message, length=len(word), code="E201")
-        fifths, octaves = _CHAIN[note_match[1]]
-        accidental_steps = _SIGNS[note_match[2]]
+        fifths, octaves = _FIFTHS_AND_OCTAVES[match[1]]
+        accidentals = _SIGNS[match[2]]
         fifth = round(self.edo * math.log2(1.5))
-        octave = int(note_match[3]) - 4 + octaves + accidental_steps * _SHARP[1]
-        return fifth * (fifths + accidental_steps * _SHARP[0]) + self.edo * octave
+        octave = int(match[3]) - 4 + octaves + accidentals * _SHARP_FIFTHS_AND_OCTAVES[1]
+        return fifth * (fifths + accidentals * _SHARP_FIFTHS_AND_OCTAVES[0]) + self.edo * octave
 
 
-_NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
+_KEY_NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 
 
-def _moved_by_fifths(note_word: str, fifths: int, semitone_step: int) -> str:
-    """A note moved by fifths, `semitone_step` semitones in all."""
-    note_match = _NOTE.fullmatch(note_word)
-    assert note_match is not None
-    letter, signs, octave = note_match[1], _SIGNS[note_match[2]], int(note_match[3])
-    letter_place = _LETTERS.index(letter) + 7 * signs + fifths
-    signs, letter_index = divmod(letter_place, 7)
+def _moved_by_fifths(note_word: str, fifths: int, semitones_up: int) -> str:
+    """A note moved by fifths, `semitones_up` semitones in all."""
+    match = _NOTE.fullmatch(note_word)
+    assert match is not None
+    letter, signs, octave = match[1], _SIGNS[match[2]], int(match[3])
+    position_in_fifths = _LETTERS.index(letter) + 7 * signs + fifths
+    signs, letter_index = divmod(position_in_fifths, 7)
     new_letter = _LETTERS[letter_index]
-    semitones_above_c = _semitone(letter, _SIGNS[note_match[2]], octave) + semitone_step
-    octave = (semitones_above_c - _semitone(new_letter, signs, 0)) // 12
+    semitone = _semitone(letter, _SIGNS[match[2]], octave) + semitones_up
+    octave = (semitone - _semitone(new_letter, signs, 0)) // 12
     if not -2 <= signs <= 2:
         message = (
             f"{quote(note_word)} has no scale that is spelled with two signs; begin it elsewhere"
@@ -207,7 +215,7 @@ def _moved_by_fifths(note_word: str, fifths: int, semitone_step: int) -> str:
 
 
 def _semitone(letter: str, signs: int, octave: int) -> int:
-    fifths, octaves = _CHAIN[letter]
+    fifths, octaves = _FIFTHS_AND_OCTAVES[letter]
     return 7 * fifths + 12 * octaves + signs + 12 * octave
 
 
@@ -215,11 +223,9 @@ def _number(text: str) -> float:
     return float(text.replace("_", "."))
 
 
-def _raised(hertz: float, step: int, count: int) -> float:
-    octaves, steps_above_octave = divmod(step, count)
-    return math.ldexp(
-        hertz * (_core.pow(2.0, steps_above_octave / count) if steps_above_octave else 1.0), octaves
-    )
+def _frequency_of_step(hertz: float, step: int, n_steps: int) -> float:
+    octaves, steps_up = divmod(step, n_steps)
+    return math.ldexp(hertz * (_core.pow(2.0, steps_up / n_steps) if steps_up else 1.0), octaves)
 
 
 def semitones(hertz: float) -> float:
@@ -232,10 +238,10 @@ def hertz_word(hertz: float) -> str:
     return f"{hertz:.17g}".replace(".", "_") + "Hz"
 
 
-def nearby(parts: Mapping[float, str], height: float) -> str | None:
+def part_at_height(parts: Mapping[float, str], height: float) -> str | None:
     """What has a pitch [semitones], within the 0.001 cents to which pitches are rounded."""
-    near_heights = (height, round(height + 1e-5, 5), round(height - 1e-5, 5))
-    return next((parts[pitch] for pitch in near_heights if pitch in parts), None)
+    candidates = (height, round(height + 1e-5, 5), round(height - 1e-5, 5))
+    return next((parts[pitch] for pitch in candidates if pitch in parts), None)
 
 
 def tuning_of_path(

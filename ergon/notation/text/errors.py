@@ -235,8 +235,8 @@ def _window(shown_line: str, error_place: Place) -> tuple[str, int, int]:
 
 def _width(text: str) -> int:
     """Columns on a terminal."""
-    wide_count = sum(unicodedata.east_asian_width(c) in "WF" for c in text)
-    return len(text) + wide_count - sum(unicodedata.combining(c) > 0 for c in text)
+    n_wide = sum(unicodedata.east_asian_width(c) in "WF" for c in text)
+    return len(text) + n_wide - sum(unicodedata.combining(c) > 0 for c in text)
 
 
 def github(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:

@@ -112,23 +112,23 @@ def _spaced(source_text: str) -> str:
     """Set the spaces between the tokens of flow maps and lists that share a line."""
     pieces: list[str] = []
     copied_end = depth = 0
-    token_before: yaml.Token | None = None
+    previous: yaml.Token | None = None
     for yaml_token in yaml.scan(source_text, Loader=_LOADER):
         if isinstance(yaml_token, yaml.KeyToken):  # no character of its own in the flow
             continue
-        if token_before is not None and depth:
-            gap = slice(token_before.end_mark.index, yaml_token.start_mark.index)
+        if previous is not None and depth:
+            gap = slice(previous.end_mark.index, yaml_token.start_mark.index)
             if not source_text[gap].strip(" "):
-                pieces += (source_text[copied_end : gap.start], _gap(token_before, yaml_token))
+                pieces += (source_text[copied_end : gap.start], _gap(previous, yaml_token))
                 copied_end = gap.stop
         depth += isinstance(yaml_token, _OPENERS) - isinstance(yaml_token, _CLOSERS)
-        token_before = yaml_token
+        previous = yaml_token
     return "".join((*pieces, source_text[copied_end:]))
 
 
-def _gap(token_before: yaml.Token, token_after: yaml.Token) -> str:
-    if isinstance(token_before, _OPENERS) or isinstance(
-        token_after, (*_CLOSERS, yaml.FlowEntryToken, yaml.ValueToken)
+def _gap(previous: yaml.Token, following: yaml.Token) -> str:
+    if isinstance(previous, _OPENERS) or isinstance(
+        following, (*_CLOSERS, yaml.FlowEntryToken, yaml.ValueToken)
     ):
         return ""
     return " "
@@ -151,14 +151,14 @@ def _aligned(source_text: str) -> str:
     return "".join((*pieces, source_text[copied_end:]))
 
 
-def _columns(table_lines: list[str], column_count: int) -> list[str]:
+def _columns(table_lines: list[str], n_columns: int) -> list[str]:
     """Rows with their words under each other; comments and blank lines as they were."""
     rows_by_line: dict[int, tuple[str, list[str], str]] = {}
     for line_number, table_line in enumerate(table_lines):
         code, comment = _without_comment(table_line)
-        row_words = code.split(maxsplit=column_count - 1)
+        row_words = code.split(maxsplit=n_columns - 1)
         if row_words:
-            row_words[-1] = row_words[-1] if column_count == 3 else " ".join(row_words[-1].split())
+            row_words[-1] = row_words[-1] if n_columns == 3 else " ".join(row_words[-1].split())
             rows_by_line[line_number] = (
                 table_line[: len(table_line) - len(table_line.lstrip())],
                 row_words,
@@ -171,7 +171,7 @@ def _columns(table_lines: list[str], column_count: int) -> list[str]:
             (len(words[column]) for _, words, _ in rows_by_line.values() if len(words) > column),
             default=0,
         )
-        for column in range(column_count)
+        for column in range(n_columns)
     ]
     indent = min((row_indent for row_indent, _, _ in rows_by_line.values()), key=len)
     aligned_lines = list(table_lines)

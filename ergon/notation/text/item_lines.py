@@ -209,10 +209,10 @@ def _filled(composed: Document, runs: list[_Run]) -> bool:
     places = {
         id(node): (_full_index(node.start, runs), _full_index(node.end, runs)) for node in all_nodes
     }
-    n_found = 0
+    n_filled = 0
     for moved_node in all_nodes:
         if isinstance(moved_node, document.Mapping):
-            n_found += _fill_entries(moved_node, by_item)
+            n_filled += _fill_entries(moved_node, by_item)
         if not isinstance(moved_node, Sequence):
             continue
         fills = [
@@ -220,12 +220,12 @@ def _filled(composed: Document, runs: list[_Run]) -> bool:
             for item in moved_node.items
         ]
         if any(fills):
-            n_found += _fill(moved_node, fills)
+            n_filled += _fill(moved_node, fills)
     for moved_node in all_nodes:
         moved_node.start, moved_node.end = places[id(moved_node)]
     composed.size += sum(sum(map(_size, run.lines)) for run in runs)
     composed.size -= sum(1 + run.is_mapping for run in runs)
-    return n_found == len(runs)
+    return n_filled == len(runs)
 
 
 def _nodes(root: Node) -> Iterator[Node]:
@@ -241,8 +241,8 @@ def _nodes(root: Node) -> Iterator[Node]:
 
 def _full_index(index: int, runs: list[_Run]) -> int:
     """Index in the text of an index of the shortened text."""
-    runs_before = [run for run in runs if run.short_first <= index]
-    return runs_before[-1].full_index(index) if runs_before else index
+    earlier_runs = [run for run in runs if run.short_first <= index]
+    return earlier_runs[-1].full_index(index) if earlier_runs else index
 
 
 def _fill(sequence: Sequence, fills: Iterable[_Run | bool | None]) -> int:
@@ -250,21 +250,21 @@ def _fill(sequence: Sequence, fills: Iterable[_Run | bool | None]) -> int:
     number of runs.
     """
     item_nodes: list[Node] = []
-    lines_read: list[Line | None] = []
+    lines: list[Line | None] = []
     bases: list[int] = []
-    n_found = 0
+    n_filled = 0
     for item_node, run in zip(sequence.items, fills, strict=True):
         if isinstance(run, _Run):
-            lines_read += run.lines
+            lines += run.lines
             item_nodes += map(_node, run.lines)
             bases += run.bases()
-            n_found += 1
+            n_filled += 1
         else:
             item_nodes.append(item_node)
-            lines_read.append(None)
+            lines.append(None)
             bases.append(0)
-    sequence.items, sequence.lines, sequence.bases = item_nodes, lines_read, bases
-    return n_found
+    sequence.items, sequence.lines, sequence.bases = item_nodes, lines, bases
+    return n_filled
 
 
 def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _Run]) -> int:
@@ -280,9 +280,9 @@ def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _Run]) -> int
     ]
     if not fills:
         return 0
-    entries_before, n_names = mapping.entries, len(mapping.entries)
+    old_entries, n_names = mapping.entries, len(mapping.entries)
     mapping.entries = {}
-    for entry_name, filled_entry in entries_before.items():
+    for entry_name, filled_entry in old_entries.items():
         run = by_item.get(filled_entry[0].start)
         if run is None or run.name != entry_name:
             mapping.entries[entry_name] = filled_entry

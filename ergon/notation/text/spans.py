@@ -118,14 +118,14 @@ class Layout:
         match = _HEADER.match(self.text, span.start)
         return match.end() if match else span.start + 1
 
-    def child_start(self, parent_span: Span, child_number: int) -> int:
+    def child_start(self, parent_span: Span, child_index: int) -> int:
         """Where a child begins: its name, or its dash in a block sequence."""
         if parent_span.kind == "mapping":
-            return parent_span.keys[child_number].start
+            return parent_span.keys[child_index].start
         if parent_span.is_flow:
-            return parent_span.items[child_number].start
-        if child_number:
-            return self.next_token(parent_span.items[child_number - 1].end)
+            return parent_span.items[child_index].start
+        if child_index:
+            return self.next_token(parent_span.items[child_index - 1].end)
         anchor = _ANCHOR.match(self.text, parent_span.start)
         return self.next_token(anchor.end() if anchor else parent_span.start)
 

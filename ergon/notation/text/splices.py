@@ -120,14 +120,14 @@ class Changes:
         self, parent: Span, node: Span, name: str | int, path_rest: Path, text: str, is_item: bool
     ) -> list[Splice]:
         """Fill an empty value: with lines below its name, or in flow style in its place."""
-        child_number = parent.index(name)
-        assert child_number is not None
+        child_index = parent.index(name)
+        assert child_index is not None
         if parent.is_flow or node.start != node.end or not (path_rest or is_item):
             return self.replaced(
-                parent, child_number, _flow(path_rest, text, is_item, outermost=True)
+                parent, child_index, _flow(path_rest, text, is_item, outermost=True)
             )
         indent = (
-            self.layout.column(self.layout.child_start(parent, child_number))
+            self.layout.column(self.layout.child_start(parent, child_index))
             + self.layout.indent_step
         )
         # Without a name left to make, the value itself is the list.
@@ -161,14 +161,14 @@ class Changes:
     ) -> list[Splice]:
         """Insert a section in its place, with an empty line above if the others have one."""
         rank = order.index(name) if name in order else len(order)
-        sections_before = [
+        earlier_sections = [
             i for i, key in enumerate(root.keys) if key.value in order[:rank] or rank == len(order)
         ]
         lay = self.layout
-        if not sections_before:
+        if not earlier_sections:
             start = root.keys[0].start
             return [Splice(start, start, "".join(line + lay.newline for line in lines))]
-        section_end = root.items[sections_before[-1]].end
+        section_end = root.items[earlier_sections[-1]].end
         next_line = lay.next_line(section_end)
         is_spaced = lay.is_blank(next_line)
         if next_line == len(lay.text):
@@ -243,14 +243,14 @@ class Changes:
 
     # --- taking away -----------------------------------------------------------------------------
 
-    def cut_block(self, parent_span: Span, child_number: int) -> list[Splice]:
+    def cut_block(self, parent_span: Span, child_index: int) -> list[Splice]:
         """Remove an entry with its lines; of two empty lines that would meet, one is removed
         too.
         """
         lay = self.layout
         start_index, end_index = (
-            lay.child_start(parent_span, child_number),
-            parent_span.items[child_number].end,
+            lay.child_start(parent_span, child_index),
+            parent_span.items[child_index].end,
         )
         if not lay.begins_line(start_index):
             if len(parent_span.items) == 1:
@@ -268,37 +268,37 @@ class Changes:
         return [Splice(*lay.with_break(cut_start, cut_end), "")]
 
     def cut_flow(
-        self, parent_span: Span, child_number: int, removed_numbers: Collection[int]
+        self, parent_span: Span, child_index: int, removed_numbers: Collection[int]
     ) -> list[Splice]:
         """Remove an item with its comma, when the items `removed_numbers` are removed too. If it
         has lines of its own, these are removed.
         """
         lay = self.layout
         start_index, end_index = (
-            lay.child_start(parent_span, child_number),
-            parent_span.items[child_number].end,
+            lay.child_start(parent_span, child_index),
+            parent_span.items[child_index].end,
         )
         if parent_span.keys:
-            end_index = max(end_index, parent_span.keys[child_number].end)
+            end_index = max(end_index, parent_span.keys[child_index].end)
         comma = lay.next_token(end_index)
         cut_stop = comma + 1 if lay.text[comma : comma + 1] == "," else end_index
         is_last = all(
-            later_number in removed_numbers
-            for later_number in range(child_number + 1, len(parent_span.items))
+            later_index in removed_numbers
+            for later_index in range(child_index + 1, len(parent_span.items))
         )
-        cut_start = parent_span.items[child_number - 1].end if child_number else start_index
-        if parent_span.keys and child_number:
-            cut_start = max(cut_start, parent_span.keys[child_number - 1].end)
+        cut_start = parent_span.items[child_index - 1].end if child_index else start_index
+        if parent_span.keys and child_index:
+            cut_start = max(cut_start, parent_span.keys[child_index - 1].end)
         line_rest = lay.text[cut_stop : lay.line_end(cut_stop)].strip()
         if lay.begins_line(start_index) and (not line_rest or line_rest.startswith("#")):
             splices = [Splice(*lay.full_lines(start_index, cut_stop), "")]
             if (
-                is_last and child_number and cut_stop == end_index
+                is_last and child_index and cut_stop == end_index
             ):  # the list had no comma at its end
                 comma = lay.next_token(cut_start)
                 splices.append(Splice(comma, comma + 1, ""))
             return splices
-        if not is_last or not child_number:
+        if not is_last or not child_index:
             gap = lay.text[cut_stop : lay.next_token(cut_stop)]
             spaces = len(gap) - len(gap.lstrip(" ")) if cut_stop > end_index else 0
             return [Splice(start_index, cut_stop + spaces, "")]

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from ergon.scores.staging.preparing import PreparedPiece
     from ergon.workshop.models.programs.bank import Bank, ModePath
 
-_HITS = ("BUT", "LNL", "BRISTLE", "DRY")
-_POINTS = 200  # struck or touched points of a bank, at most
+_NONLINEAR_KINDS = ("BUT", "LNL", "BRISTLE", "DRY")
+_INPUTS_MAX = 200  # struck or touched points of a bank, at most
 _AMPLITUDE_SHARE_MIN = 1e-12  # share of the largest amplitude; less is rounding
-_LEVEL = 0.1  # share of full scale at the reference level
+_REFERENCE_LEVEL = 0.1  # share of full scale at the reference level
 
 
 def is_heard(piece: Piece, part: str) -> bool:
@@ -30,8 +30,9 @@ def is_heard(piece: Piece, part: str) -> bool:
     return instrument is not None and any(output.is_movement for output in instrument.outputs)
 
 
-def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_max: int) -> Bank:
-    """A part as resonators, `rows_max` at most: one for each mode from each input to each output.
+def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, n_modes_max: int) -> Bank:
+    """A part as resonators, `n_modes_max` at most: one for each mode from each input to each
+    output.
 
     Raises OptionError if there are more, or if no motion of the part is heard.
     """
@@ -51,33 +52,31 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_m
         raise OptionError(
             "parts", f"{part_modes.part} has no output of motion; add a {MOVEMENT_NAMES}"
         )
-    bank_inputs = _inputs(piece, prepared, part_modes)
+    inputs = _inputs(piece, prepared, part_modes)
     ca_rate = instrument.ca_rate if instrument else None
-    if len(bank_inputs) > _POINTS:
-        problem = (
-            f"{part_modes.part} is struck at {len(bank_inputs):,} points; a bank can have at most "
-        )
-        problem += f"{_POINTS}: name other PARTs"
+    if len(inputs) > _INPUTS_MAX:
+        problem = f"{part_modes.part} is struck at {len(inputs):,} points; a bank can have at most "
+        problem += f"{_INPUTS_MAX}: name other PARTs"
         raise OptionError("parts", problem)
-    mode_paths: list[ModePath] = []
-    for input_index, (_, shape_at_input, _) in enumerate(bank_inputs):
+    paths: list[ModePath] = []
+    for input_index, (_, shape, _) in enumerate(inputs):
         for output_index, (_, label) in enumerate(audible_outputs):
-            gains = (shape_at_input * part_modes.points[label])[oscillates] / swing(poles, ca_rate)
-            mode_paths += _path(input_index, output_index, part_modes, oscillates, gains)
-    if sum(len(mode_path.rows) for mode_path in mode_paths) > rows_max:
+            gains = (shape * part_modes.points[label])[oscillates] / impulse_divisor(poles, ca_rate)
+            paths += _mode_paths(input_index, output_index, part_modes, oscillates, gains)
+    if sum(len(path.modes) for path in paths) > n_modes_max:
         problem = (
-            f"a file holds at most {rows_max:,} resonators; use a lower --upto, or fewer outputs"
+            f"a file holds at most {n_modes_max:,} resonators; use a lower --upto, or fewer outputs"
         )
         raise OptionError("upto", f"{part_modes.part} has too many modes: {problem}")
     return Bank(
         part_modes.part,
         piece.rate,
         prepared.n_frames / piece.rate,
-        [name for name, _, _ in bank_inputs],
-        [strikes for _, _, strikes in bank_inputs],
+        [name for name, _, _ in inputs],
+        [strikes for _, _, strikes in inputs],
         [(label, output.kind_facts.order) for output, label in audible_outputs],
-        [output.kind_facts.reference_amount / _LEVEL for output, _ in audible_outputs],
-        mode_paths,
+        [output.kind_facts.reference_amount / _REFERENCE_LEVEL for output, _ in audible_outputs],
+        paths,
     )
 
 
@@ -88,90 +87,90 @@ def _inputs(
 
     Each is a name, the motion of each mode at the point, and the strikes on it (time, impulse).
     """
-    network, slot_by_mass = (
+    network, index_by_mass = (
         prepared.network,
-        {name: slot for slot, name in enumerate(part_modes.masses)},
+        {name: index for index, name in enumerate(part_modes.masses)},
     )
-    bank_inputs = []
+    inputs = []
     for mat in range(network.n_mat):
-        slot = slot_by_mass.get(network.name_of(mat))
+        slot = index_by_mass.get(network.name_of(mat))
         if slot is not None and (strikes := prepared.timeline.impulses_on(mat)):
             point_strikes = [(strike.at, strike.impulse) for strike in strikes]
-            bank_inputs.append((part_modes.masses[slot], part_modes.shapes[:, slot], point_strikes))
-    struck_names = {name for name, _, _ in bank_inputs}
+            inputs.append((part_modes.masses[slot], part_modes.shapes[:, slot], point_strikes))
+    struck_names = {name for name, _, _ in inputs}
     struck_names |= {
         target.text for strikes in piece.strikes for target in strikes.to
     }  # several points
-    shapes_by_point = {**part_modes.points, **touched(piece, prepared.built, part_modes)}
-    for point_label, shape_at_point in shapes_by_point.items():
+    shapes_by_point = {**part_modes.points, **shapes_at_contacts(piece, prepared.built, part_modes)}
+    for point_label, shape in shapes_by_point.items():
         is_output = point_label.split(" ")[0] == "out"
         if not is_output and point_label not in struck_names:
-            bank_inputs.append((point_label, shape_at_point, []))
-    if not bank_inputs:
-        bank_inputs = [
+            inputs.append((point_label, shape, []))
+    if not inputs:
+        inputs = [
             (label, shape_at_point, []) for label, shape_at_point in part_modes.points.items()
         ]
-    return bank_inputs
+    return inputs
 
 
-def _path(
-    struck_index: int,
+def _mode_paths(
+    input_index: int,
     output_index: int,
     part_modes: PartModes,
     oscillates: NDArray[np.bool_],
-    mode_gains: NDArray[np.complex128],
+    gains: NDArray[np.complex128],
 ) -> Sequence[ModePath]:
     import numpy as np
 
     from ergon.workshop.models.programs.bank import ModePath
 
-    gain_sizes = np.abs(mode_gains)
-    is_audible = gain_sizes > _AMPLITUDE_SHARE_MIN * gain_sizes.max(initial=0.0)
+    magnitudes = np.abs(gains)
+    is_audible = magnitudes > _AMPLITUDE_SHARE_MIN * magnitudes.max(initial=0.0)
     if not is_audible.any():
         return []
     poles = part_modes.poles[oscillates][is_audible]
     columns = (
         part_modes.frequencies[oscillates][is_audible],
         0.0 - poles.real,
-        gain_sizes[is_audible],
-        np.angle(mode_gains[is_audible]),
+        magnitudes[is_audible],
+        np.angle(gains[is_audible]),
     )
     rows = list(zip(*(column.tolist() for column in columns), strict=True))
-    return [ModePath(struck_index, output_index, rows)]
+    return [ModePath(input_index, output_index, rows)]
 
 
-def touched(
+def shapes_at_contacts(
     piece: Piece, built: BuiltNetwork, part_modes: PartModes
 ) -> Mapping[str, NDArray[np.complex128]]:
     """The motion of each mode at the ends of the part's own contacts and laws, such as its
     hammers'.
     """
-    name_of, slot_by_mass = (
+    name_of_mat, index_by_mass = (
         built.network.name_of,
         {name: slot for slot, name in enumerate(part_modes.masses)},
     )
     shapes_by_point = {}
     for owner, module in piece.modules():
-        if owner != part_modes.part or module.kind not in _HITS:
+        if owner != part_modes.part or module.kind not in _NONLINEAR_KINDS:
             continue
-        for link_end in module.ends:
-            mass_names = [name_of(mat) for mat in built.assembly.members(link_end)]
-            slots = [slot_by_mass[name] for name in mass_names if name in slot_by_mass]
-            if slots:
-                label = mass_names[0] if len(mass_names) == 1 else link_end.text
-                shapes_by_point[label] = part_modes.shapes[:, slots].sum(axis=1)
+        for end in module.ends:
+            names = [name_of_mat(mat) for mat in built.assembly.members(end)]
+            indices = [index_by_mass[name] for name in names if name in index_by_mass]
+            if indices:
+                label = names[0] if len(names) == 1 else end.text
+                shapes_by_point[label] = part_modes.shapes[:, indices].sum(axis=1)
     return shapes_by_point
 
 
-def left_out(part_modes: PartModes) -> list[str]:
+def omissions(part_modes: PartModes) -> list[str]:
     """What a bank of modes leaves out, in sentences."""
     import numpy as np
 
     oscillates = part_modes.poles.imag > 0.0
     warnings = []
-    if left_out_count := int(np.count_nonzero(~oscillates)):
-        noun = "mode that does" if left_out_count == 1 else "modes that do"
-        warnings.append(f"{left_out_count} {noun} not oscillate left out")
+    if n_omitted := int(np.count_nonzero(~oscillates)):
+        noun = "mode that does" if n_omitted == 1 else "modes that do"
+        warnings.append(f"{n_omitted} {noun} not oscillate left out")
     if part_modes.n_laws:
         warnings.append("laws of its links were linearised at rest")
     if part_modes.n_contacts:
@@ -181,7 +180,7 @@ def left_out(part_modes: PartModes) -> list[str]:
     return warnings
 
 
-def swing(poles: NDArray[np.complex128], ca_rate: float | None) -> NDArray[np.float64]:
+def impulse_divisor(poles: NDArray[np.complex128], ca_rate: float | None) -> NDArray[np.float64]:
     """The divisor that turns a product of two shapes into the response to 1 N·s [1/s]."""
     import numpy as np
 

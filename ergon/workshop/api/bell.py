@@ -47,35 +47,35 @@ def bell(
     from ergon.workshop.bells import resonances, stroke
 
     options, report = options or BellOptions(), report or Report()
-    mode_count = _MODES_MAX if options.modes is None else options.modes
-    if not 1 <= mode_count <= _MODES_MAX:
-        raise OptionError("modes", f"is {mode_count}; it must be from 1 to {_MODES_MAX}")
+    n_modes = _MODES_MAX if options.modes is None else options.modes
+    if not 1 <= n_modes <= _MODES_MAX:
+        raise OptionError("modes", f"is {n_modes}; it must be from 1 to {_MODES_MAX}")
     if isinstance(strokes, (str, Path)):
         strokes = [strokes]
     files_by_place = strokes if isinstance(strokes, Mapping) else {PLACE: strokes}
-    files_with_places = [
+    placed_files = [
         (place, Path(file)) for place, place_files in files_by_place.items() for file in place_files
     ]
-    if not files_with_places:
+    if not placed_files:
         raise OptionError("strokes", "no file is given; give a recording of a stroke")
     for place in files_by_place:
         if not NAME.fullmatch(place) or place in ("all", "last", "centre", "mic"):
             message = f"names a place {place!r}; a name has letters, digits, '-' and '_', begins "
             message += "with a letter, and is not all, last, centre or mic"
             raise OptionError("strokes", message)
-    table_files = [file for _, file in files_with_places if not is_sound(file)]
+    table_files = [file for _, file in placed_files if not is_sound(file)]
     if table_files:
-        if len(files_with_places) > 1:
+        if len(placed_files) > 1:
             message = (
                 f"{table_files[0]} is not WAV, FLAC or AIFF, so it is read as a table of "
                 "resonances; "
             )
             message += "use a table without other files"
             raise OptionError("strokes", message)
-        return bells.bell_from_table(resonances.read(table_files[0]), mode_count)
-    strokes_by_place = [
+        return bells.bell_from_table(resonances.read(table_files[0]), n_modes)
+    placed_strokes = [
         (place, stroke.stroke(str(file), *stroke.read(file, report)))
-        for place, file in files_with_places
+        for place, file in placed_files
     ]
     with report.waiting("looking for modes"):
-        return bells.bell_from_strokes(strokes_by_place, mode_count)
+        return bells.bell_from_strokes(placed_strokes, n_modes)

@@ -16,7 +16,7 @@ from ergon.api.parts import frequency_option, selected_parts
 from ergon.common.option import documented, option
 from ergon.common.report import Report
 
-from .banks import bank_of, is_heard, left_out, swing, touched
+from .banks import bank_of, impulse_divisor, is_heard, omissions, shapes_at_contacts
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
     from ergon.workshop.models.programs.bank import Bank
-    from ergon.workshop.models.programs.elements import Part, Stepped
+    from ergon.workshop.models.programs.elements import Part, SteppedNetwork
 
-HIGHEST = 20_000.0  # [Hz] nobody hears a mode above it
+FREQUENCY_MAX = 20_000.0  # [Hz] nobody hears a mode above it
 
 
 @documented
@@ -72,7 +72,7 @@ def mode_tables(
     from ergon.scores.staging.preparing import prepare
 
     options = options or ExportOptions()
-    upto = HIGHEST if options.upto is None else frequency_option("upto", options.upto)
+    upto = FREQUENCY_MAX if options.upto is None else frequency_option("upto", options.upto)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     part_names = selected_parts(piece, options.parts)
@@ -83,7 +83,8 @@ def mode_tables(
             modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in part_names
         ]
         modes_and_points = [
-            (modes, {**modes.points, **touched(piece, built, modes)}) for modes in all_modes
+            (modes, {**modes.points, **shapes_at_contacts(piece, built, modes)})
+            for modes in all_modes
         ]
     return tuple(
         _table(modes, points, ca_rates.get(modes.part))
@@ -121,15 +122,15 @@ def faust_programs(
             )
     bank_names = [name for name in options.parts if _is_bank(piece, name)]
     if not bank_names:
-        return _programs(score, loaded, options, program, n_max=NETWORK_MAX)
+        return _programs(score, loaded, options, program, points_max=NETWORK_MAX)
     other_parts = [name for name in options.parts if name not in bank_names]
     with scores.staging(lambda: loaded, report):
         exported = banks_of(
-            piece, loaded.inputs, bank_names, HIGHEST, bank_program, RESONATORS, report
+            piece, loaded.inputs, bank_names, FREQUENCY_MAX, bank_program, RESONATORS, report
         )
     if other_parts:
         part_options = replace(options, parts=other_parts)
-        exported += _programs(score, loaded, part_options, program, n_max=NETWORK_MAX)
+        exported += _programs(score, loaded, part_options, program, points_max=NETWORK_MAX)
     return tuple(
         sorted(exported, key=lambda exported_part: options.parts.index(exported_part.part))
     )
@@ -153,14 +154,14 @@ def banks_of(
     names: Sequence[str],
     upto: float,
     bank_text: Callable[[Bank], str],
-    modes_max: int,
+    n_modes_max: int,
     report: Report | None,
 ) -> tuple[ExportedPart, ...]:
-    """A file for each part that has modes up to `upto` [Hz], with `modes_max` resonators at most.
+    """A file for each part that has modes up to `upto` [Hz], with `n_modes_max` resonators at most.
 
     Raises ScoreError and OptionError.
     """
-    banks = part_banks(piece, inputs, names, upto, modes_max, report)
+    banks = part_banks(piece, inputs, names, upto, n_modes_max, report)
     return tuple(
         ExportedPart(bank.name, bank_text(bank), warnings, inputs) for bank, warnings in banks
     )
@@ -171,10 +172,10 @@ def part_banks(
     inputs: tuple[Path, ...],
     names: Sequence[str],
     upto: float,
-    modes_max: int,
+    n_modes_max: int,
     report: Report | None,
 ) -> list[tuple[Bank, tuple[str, ...]]]:
-    """Each part that has modes up to `upto` [Hz] as a bank of `modes_max` resonators at most, and
+    """Each part that has modes up to `upto` [Hz] as a bank of `n_modes_max` resonators at most, and
     what that leaves out, in sentences. Raises ScoreError and OptionError.
     """
     from ergon.scores.staging.preparing import prepare
@@ -186,8 +187,8 @@ def part_banks(
         for name in names:
             modes = modes_of(piece, prepared.built, name, {"to": upto}, inputs)
             if modes.masses:
-                bank = bank_of(piece, prepared, modes, modes_max)
-                banks.append((bank, tuple(left_out(modes))))
+                bank = bank_of(piece, prepared, modes, n_modes_max)
+                banks.append((bank, tuple(omissions(modes))))
     return banks
 
 
@@ -203,29 +204,29 @@ def mi_gen_models(
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
-    return _programs(score, loaded, options, model, n_max=NETWORK_MAX)
+    return _programs(score, loaded, options, model, points_max=NETWORK_MAX)
 
 
 def _programs(
     score: str | Path,
     loaded: Loaded,
     export_options: ExportOptions,
-    program: Callable[[Stepped, str], str],
+    program: Callable[[SteppedNetwork, str], str],
     *,
-    n_max: int,
+    points_max: int,
 ) -> tuple[ExportedPart, ...]:
-    from ergon.workshop.models.programs.network import stepped
+    from ergon.workshop.models.programs.network import stepped_network
 
     piece = scores.piece_of(loaded)
     title = Path(score).stem if str(score) != scores.STDIN else "score"
     names = selected_parts(piece, export_options.parts)
-    files_to_write = (
+    parts_by_file = (
         [(name, (name,)) for name in names] if export_options.parts else [(title, names)]
     )
     exported = []
-    for program_name, part_names in files_to_write:
-        parts, struck = _parts(piece, part_names), _struck(piece, part_names)
-        network = stepped(parts, struck, piece.rate, points_max=n_max)
+    for program_name, part_names in parts_by_file:
+        parts, struck = _parts(piece, part_names), _struck_points(piece, part_names)
+        network = stepped_network(parts, struck, piece.rate, points_max=points_max)
         warnings = tuple(f"{omission} is left out" for omission in network.left_out)
         exported.append(
             ExportedPart(program_name, program(network, program_name), warnings, loaded.inputs)
@@ -275,7 +276,7 @@ def _parts(piece: Piece, part_names: Sequence[str]) -> list[Part]:
     return program_parts
 
 
-def _struck(piece: Piece, part_names: Sequence[str]) -> list[Target]:
+def _struck_points(piece: Piece, part_names: Sequence[str]) -> list[Target]:
     """Points of these parts that are struck, or that links with other parts end on."""
     targets = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
@@ -287,36 +288,36 @@ def _struck(piece: Piece, part_names: Sequence[str]) -> list[Target]:
 
 def _table(
     part_modes: PartModes,
-    shape_by_label: Mapping[str, NDArray[np.complex128]],
+    shapes: Mapping[str, NDArray[np.complex128]],
     ca_rate: float | None,
 ) -> ExportedPart:
     import numpy as np
 
     oscillates = part_modes.poles.imag > 0.0
     poles = part_modes.poles[oscillates]
-    mode_columns: dict[str, NDArray[np.float64]] = {
+    columns: dict[str, NDArray[np.float64]] = {
         "frequency [Hz]": part_modes.frequencies[oscillates],
         "T60 [s]": part_modes.t60[oscillates],
         "decay [1/s]": 0.0 - poles.real,
     }
-    per_second = swing(poles, ca_rate)
-    points = {label: shape[oscillates] for label, shape in shape_by_label.items()}
-    for struck_label, output_label in _ways(points):
-        gains = points[struck_label] * points[output_label] / per_second
-        mode_columns[f"amplitude {struck_label} to {output_label} [m/Ns]"] = np.abs(gains)
-        mode_columns[f"phase {struck_label} to {output_label} [rad]"] = np.angle(gains)
+    divisor = impulse_divisor(poles, ca_rate)
+    points = {label: shape[oscillates] for label, shape in shapes.items()}
+    for struck_label, output_label in _point_pairs(points):
+        gains = points[struck_label] * points[output_label] / divisor
+        columns[f"amplitude {struck_label} to {output_label} [m/Ns]"] = np.abs(gains)
+        columns[f"phase {struck_label} to {output_label} [rad]"] = np.angle(gains)
     text = io.StringIO()
     text.write(f"# modes of {part_modes.part}, made by ergon\n")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("mode", *mode_columns))
-    rows = zip(*(column.tolist() for column in mode_columns.values()), strict=True)
+    writer.writerow(("mode", *columns))
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     writer.writerows((number, *map(repr, row)) for number, row in enumerate(rows, 1))
     return ExportedPart(
-        part_modes.part, text.getvalue(), tuple(left_out(part_modes)), part_modes.inputs
+        part_modes.part, text.getvalue(), tuple(omissions(part_modes)), part_modes.inputs
     )
 
 
-def _ways(named_points: Mapping[str, object]) -> list[tuple[str, str]]:
+def _point_pairs(named_points: Mapping[str, object]) -> list[tuple[str, str]]:
     """Pairs of a struck or touched point and a heard one; if one kind is missing, the other
     replaces it.
     """

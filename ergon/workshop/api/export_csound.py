@@ -9,7 +9,7 @@ from ergon.api.errors import OptionError
 from ergon.api.parts import frequency_option
 from ergon.common.report import Report
 
-from .export import HIGHEST, ExportedPart, ExportOptions, audible_parts, banks_of, part_banks
+from .export import FREQUENCY_MAX, ExportedPart, ExportOptions, audible_parts, banks_of, part_banks
 
 
 def csound_orchestras(
@@ -29,7 +29,7 @@ def csound_orchestras(
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    upto = HIGHEST if options.upto is None else frequency_option("upto", options.upto)
+    upto = FREQUENCY_MAX if options.upto is None else frequency_option("upto", options.upto)
     with scores.staging(lambda: loaded, report):
         part_names = audible_parts(piece, options.parts)
         if options.parts:
@@ -37,17 +37,15 @@ def csound_orchestras(
         banks = part_banks(piece, loaded.inputs, part_names, upto, BANK_MAX, report)
     if not banks:
         return ()
-    model_title = Path(score).stem if str(score) != scores.STDIN else "score"
-    bank = joined(model_title, [bank for bank, _ in banks])
-    resonator_count = sum(len(path.rows) for path in bank.ways)
-    if resonator_count > BANK_MAX:
-        reason = (
-            f"the piece takes {resonator_count:,} resonators, and a file has {BANK_MAX:,} at most"
-        )
+    title = Path(score).stem if str(score) != scores.STDIN else "score"
+    bank = joined(title, [bank for bank, _ in banks])
+    n_resonators = sum(len(path.modes) for path in bank.paths)
+    if n_resonators > BANK_MAX:
+        reason = f"the piece takes {n_resonators:,} resonators, and a file has {BANK_MAX:,} at most"
         raise OptionError("parts", f"{reason}; name the parts to write, or lower `upto`")
     warnings = tuple(
         f"{part_bank.name}: {warning}"
         for part_bank, bank_warnings in banks
         for warning in bank_warnings
     )
-    return (ExportedPart(model_title, orchestra(bank), warnings, loaded.inputs),)
+    return (ExportedPart(title, orchestra(bank), warnings, loaded.inputs),)

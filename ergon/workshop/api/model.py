@@ -24,7 +24,7 @@ from ergon.workshop.models.miphysics.score import RATES
 from ergon.workshop.models.miphysics.score import written as miphysics_written
 from ergon.workshop.models.page import OSC, RATE, Input
 from ergon.workshop.models.pmpd.interpreter import network
-from ergon.workshop.models.pmpd.reading import is_list, is_patch, patch_words
+from ergon.workshop.models.pmpd.reading import is_list, is_patch, patch_refusal
 from ergon.workshop.models.pmpd.reading import parse as pmpd_messages
 from ergon.workshop.models.pmpd.score import written as pmpd_written
 from ergon.workshop.models.pmpd.words import OBJECTS, Object
@@ -88,7 +88,7 @@ def import_model(
         model_error.file = str(path)
         raise model_error
     if options.dialect is None and is_patch(text):
-        refused = ModelError(patch_words(text))
+        refused = ModelError(patch_refusal(text))
         refused.file = str(path)
         raise refused
     inputs = {name: _input(name, file, beside) for name, file in options.inputs.items()}
@@ -159,7 +159,7 @@ def _pmpd(
         dialect = options.dialect
     kind, messages = pmpd_messages(text, dialect)
     pmpd_network = network(kind, messages)
-    input_names = {f"in{port.number}" for port in pmpd_network.ports if port.what.startswith("in")}
+    input_names = {f"in{port.number}" for port in pmpd_network.ports if port.word.startswith("in")}
     unfed = _unfed(inputs, sorted(input_names))
     return ImportedModel(pmpd_written(pmpd_network, inputs, name), kind, len(messages), unfed)
 

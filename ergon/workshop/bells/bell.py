@@ -14,12 +14,14 @@ from ergon.workshop.bells.modes import Modes, Uncertainty, find_modes, fit_ampli
 from ergon.workshop.bells.stroke import NotAStrokeError, Stroke
 
 RESIDUAL_ENERGY_MAX = 0.25  # of the energy that modes may leave (-6 dB)
-_SAME_MODE_DEVIATIONS = 5.0  # standard deviations within which two strokes have one mode
-_LEAST_APART = 0.02  # [Hz]
-_NEAR_WIDTHS = 0.04  # over a decay [Hz·s]: a quarter of the width of a partial
-_SAME_MODE = 0.01  # over a decay [Hz·s]: nearer modes of one stroke are one, found twice
-_FAINT = 1e-7  # of the energy of every stroke: what other modes left
-_PEAK = 0.5  # share of full scale for all modes of a table together
+_MATCH_DEVIATIONS = 5.0  # standard deviations within which two strokes have one mode
+_MATCH_DISTANCE_MIN = 0.02  # [Hz]
+_MATCH_WIDTH_RATIO = 0.04  # over a decay [Hz·s]: a quarter of the width of a partial
+_DUPLICATE_WIDTH_RATIO = (
+    0.01  # over a decay [Hz·s]: nearer modes of one stroke are one, found twice
+)
+_ENERGY_SHARE_MIN = 1e-7  # of the energy of every stroke: a weaker mode is a remainder of others
+_TABLE_PEAK = 0.5  # share of full scale for all modes of a table together
 _STROKE_OFFSETS = np.arange(-0.003, 0.003, 1e-5)  # [s] where the middle of a stroke may lie
 
 
@@ -40,18 +42,18 @@ class StrokeReport:
 class Bell:
     """A struck object: modes from low to high, each (n,), and their levels at places (n, places).
 
-    `listened` are levels at the place of listening. A stroke at a place moves a mode there by the
-    product of both levels; the largest product is 1. `reference` is the amplitude of that
+    `listening_levels` are levels at the place of listening. A stroke at a place moves a mode there
+    by the product of both levels; the largest product is 1. `reference` is the amplitude of that
     largest product in the recording of the hardest stroke (full scale is 1). `energy` is each
-    mode's share of the energy of the loudest stroke. Standard deviations are None if the modes
-    come from a table.
+    mode's share of the energy of the loudest stroke. Standard deviations are None if the modes come
+    from a table.
     """
 
     f: Array
     t60: Array
     places: tuple[str, ...]
     levels: Array
-    listened: Array
+    listening_levels: Array
     energy: Array
     deviation: Uncertainty | None
     strokes: tuple[StrokeReport, ...]
@@ -61,11 +63,11 @@ class Bell:
     @property
     def pitch(self) -> float:
         """The frequency [Hz] of the mode that is loudest at the beginning."""
-        return float(self.f[int(np.argmax(np.abs(self.levels[:, 0] * self.listened)))])
+        return float(self.f[int(np.argmax(np.abs(self.levels[:, 0] * self.listening_levels)))])
 
 
-def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], mode_count: int | None = None) -> Bell:
-    """The bell that made these strokes, each given with its place; its `mode_count` loudest modes.
+def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], n_modes: int | None = None) -> Bell:
+    """The bell that made these strokes, each given with its place; its `n_modes` loudest modes.
 
     Raises NotAStrokeError if modes leave more than a quarter of the energy of a stroke.
     """
@@ -84,15 +86,15 @@ def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], mode_count: int | N
             )
             raise NotAStrokeError(message + f"explain {explained}; 75 % is the least")
         modes_and_errors.append((modes, uncertainty(modes, residual, stroke.rate)))
-    mode_frequencies, decay_rates = _merged_modes(modes_and_errors)
-    fits = [_fit(stroke, mode_frequencies, decay_rates) for _, stroke in strokes]
+    f, d = _merged_modes(modes_and_errors)
+    fits = [_fit(stroke, f, d) for _, stroke in strokes]
     energy_shares = np.stack([fit.energy for fit in fits]).max(axis=0)
-    loudest_modes = np.argsort(energy_shares)[::-1][:mode_count]
-    audible_modes = np.sort(loudest_modes[energy_shares[loudest_modes] > _FAINT])
-    if audible_modes.size < mode_frequencies.size:
-        mode_frequencies, decay_rates = mode_frequencies[audible_modes], decay_rates[audible_modes]
-        fits = [_fit(stroke, mode_frequencies, decay_rates) for _, stroke in strokes]
-    return _bell([place for place, _ in strokes], [stroke for _, stroke in strokes], fits)
+    loudest = np.argsort(energy_shares)[::-1][:n_modes]
+    audible = np.sort(loudest[energy_shares[loudest] > _ENERGY_SHARE_MIN])
+    if audible.size < f.size:
+        f, d = f[audible], d[audible]
+        fits = [_fit(stroke, f, d) for _, stroke in strokes]
+    return _bell_of_fits([place for place, _ in strokes], [stroke for _, stroke in strokes], fits)
 
 
 @dataclass(frozen=True)
@@ -107,16 +109,14 @@ class _Fit:
     explained: float
 
 
-def _fit(stroke: Stroke, mode_frequencies: Array, decay_rates: Array) -> _Fit:
-    modes, residual = fit_amplitudes(stroke.sound, stroke.rate, mode_frequencies, decay_rates)
+def _fit(stroke: Stroke, f: Array, d: Array) -> _Fit:
+    modes, residual = fit_amplitudes(stroke.sound, stroke.rate, f, d)
     stroke_energy = float(np.sum(stroke.sound**2)) / stroke.rate
     energy = modes.energy(stroke.sound.size / stroke.rate) / stroke_energy
     explained = 1.0 - float(np.sum(residual**2)) / stroke.rate / stroke_energy
     deviation = uncertainty(modes, residual, stroke.rate)
-    modes_at_stroke = Modes(
-        mode_frequencies, decay_rates, modes.c * np.exp(-modes.poles * stroke.delay)
-    )
-    return _Fit(modes_at_stroke, deviation, energy, explained)
+    modes_at_push = Modes(f, d, modes.c * np.exp(-modes.poles * stroke.delay))
+    return _Fit(modes_at_push, deviation, energy, explained)
 
 
 def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
@@ -133,36 +133,38 @@ def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tupl
             for group in groups[-4:]
             if (
                 row[4] not in {row_in_group[4] for row_in_group in group}
-                or row[0] - group[0][0] < _SAME_MODE * row[1]
+                or row[0] - group[0][0] < _DUPLICATE_WIDTH_RATIO * row[1]
             )
             and abs(row[0] - group[0][0])
             <= max(
-                _SAME_MODE_DEVIATIONS * float(np.hypot(row[2], group[0][2])),
-                _LEAST_APART,
-                _NEAR_WIDTHS * row[1],
+                _MATCH_DEVIATIONS * float(np.hypot(row[2], group[0][2])),
+                _MATCH_DISTANCE_MIN,
+                _MATCH_WIDTH_RATIO * row[1],
             )
         ]
         if near_groups:
             min(near_groups, key=lambda group: abs(row[0] - group[0][0])).append(row)
         else:
             groups.append([row])
-    mode_frequencies: list[float] = []
-    decay_rates: list[float] = []
+    f_means: list[float] = []
+    d_means: list[float] = []
     for group in groups:
         table = np.array(group)
-        for means, column in ((mode_frequencies, 0), (decay_rates, 1)):
+        for means, column in ((f_means, 0), (d_means, 1)):
             weights = 1.0 / table[:, column + 2] ** 2
             means.append(float(np.sum(table[:, column] * weights) / np.sum(weights)))
-    order = np.argsort(mode_frequencies)
-    return np.array(mode_frequencies)[order], np.array(decay_rates)[order]
+    order = np.argsort(f_means)
+    return np.array(f_means)[order], np.array(d_means)[order]
 
 
-def _bell(stroke_places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]) -> Bell:
+def _bell_of_fits(
+    stroke_places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]
+) -> Bell:
     modes = fits[0].modes
     place_names = tuple(dict.fromkeys(stroke_places))
     products = np.zeros((modes.f.size, len(place_names)))
-    impulse_and_length: dict[int, tuple[float, float | None]] = {}
-    contact_lengths = []
+    push_by_stroke: dict[int, tuple[float, float | None]] = {}
+    hardest_lengths = []
     for column, place_name in enumerate(place_names):
         stroke_indices = [
             stroke_index for stroke_index, place in enumerate(stroke_places) if place == place_name
@@ -175,23 +177,23 @@ def _bell(stroke_places: Sequence[str], strokes: Sequence[Stroke], fits: Sequenc
         hardest_index = stroke_indices[int(np.argmax(level_fit.impulses))]
         products[:, column] = level_fit.levels * _signs(fits[hardest_index].modes)
         hardest_length = level_fit.lengths[int(np.argmax(level_fit.impulses))]
-        contact_lengths += [] if hardest_length is None else [hardest_length]
+        hardest_lengths += [] if hardest_length is None else [hardest_length]
         for stroke_index, impulse, contact_length in zip(
             stroke_indices, level_fit.impulses, level_fit.lengths, strict=True
         ):
-            impulse_and_length[stroke_index] = float(impulse), contact_length
-    contact_length = min(contact_lengths, default=contact.LENGTH)
+            push_by_stroke[stroke_index] = float(impulse), contact_length
+    contact_length = min(hardest_lengths, default=contact.DEFAULT_CONTACT_DURATION)
     reference = float(np.abs(products).max())
     products /= reference
-    listened, levels = _split(products)
+    listening_levels, levels = _split_levels(products)
     loudest = max(fits, key=lambda fit: float(np.sum(np.abs(fit.modes.c) ** 2)))
-    smallest_deviations = [
+    deviations = [
         np.min([getattr(fit.deviation, field_name) for fit in fits], axis=0) for field_name in "fd"
     ]
     level_deviation = np.min([fit.deviation.level for fit in fits], axis=0)
     reports = tuple(
         StrokeReport(
-            recorded.name, place, *impulse_and_length[stroke_index], fits[stroke_index].explained
+            recorded.name, place, *push_by_stroke[stroke_index], fits[stroke_index].explained
         )
         for stroke_index, (place, recorded) in enumerate(zip(stroke_places, strokes, strict=True))
     )
@@ -200,24 +202,24 @@ def _bell(stroke_places: Sequence[str], strokes: Sequence[Stroke], fits: Sequenc
         LN_1000 / modes.d,
         place_names,
         levels,
-        listened,
+        listening_levels,
         loudest.energy,
-        Uncertainty(smallest_deviations[0], smallest_deviations[1], level_deviation),
+        Uncertainty(deviations[0], deviations[1], level_deviation),
         reports,
         contact_length,
         reference,
     )
 
 
-def _split(products: Array) -> tuple[Array, Array]:
+def _split_levels(products: Array) -> tuple[Array, Array]:
     """Split products of levels (n, places) into levels at the place of listening and at the struck
     places.
     """
     loudest_column = int(np.argmax(np.sum(products**2, axis=0)))
-    levels_at_loudest = np.abs(products[:, loudest_column])
+    reference_levels = np.abs(products[:, loudest_column])
     level_floor = 1e-3 * np.abs(products).max(axis=1)
-    listened: Array = np.sqrt(np.maximum(np.maximum(levels_at_loudest, level_floor), 1e-12))
-    return listened, np.asarray(products / listened[:, None])
+    listening_levels: Array = np.sqrt(np.maximum(np.maximum(reference_levels, level_floor), 1e-12))
+    return listening_levels, np.asarray(products / listening_levels[:, None])
 
 
 def _signs(modes: Modes) -> Array:
@@ -226,38 +228,38 @@ def _signs(modes: Modes) -> Array:
     """
     weights = np.abs(modes.c) ** 0.5
     phases = np.angle(modes.c)
-    turned_phases = phases[None, :] + 2.0 * np.pi * _STROKE_OFFSETS[:, None] * modes.f[None, :]
-    phasor_sums = np.exp(2j * turned_phases) @ weights
-    best_row = int(np.argmax(np.abs(phasor_sums)))
+    push_phases = phases[None, :] + 2.0 * np.pi * _STROKE_OFFSETS[:, None] * modes.f[None, :]
+    phasor_sums = np.exp(2j * push_phases) @ weights
+    best = int(np.argmax(np.abs(phasor_sums)))
     signs = np.where(
-        np.cos(turned_phases[best_row] - 0.5 * np.angle(phasor_sums[best_row])) >= 0.0, 1.0, -1.0
+        np.cos(push_phases[best] - 0.5 * np.angle(phasor_sums[best])) >= 0.0, 1.0, -1.0
     )
     return np.asarray(signs * signs[int(np.argmax(np.abs(modes.c)))])
 
 
 def bell_from_table(
-    resonance_rows: Sequence[tuple[float, float, float]], count_max: int | None = None
+    resonances: Sequence[tuple[float, float, float]], n_max: int | None = None
 ) -> Bell:
     """The bell of a table of resonances, each f [Hz], t60 [s] and amplitude; the loudest
-    `count_max`.
+    `n_max`.
 
     A table has no full scale: the amplitudes of all modes together are set to half of it.
     """
-    loudest_rows = sorted(resonance_rows, key=lambda row: -(row[2] ** 2) * row[1])[
-        : count_max or len(resonance_rows)
+    loudest = sorted(resonances, key=lambda row: -(row[2] ** 2) * row[1])[
+        : n_max or len(resonances)
     ]
-    f, t60, amplitudes = (np.array(column) for column in zip(*sorted(loudest_rows), strict=True))
-    listened, place_levels = _split((amplitudes / np.abs(amplitudes).max())[:, None])
+    f, t60, amplitudes = (np.array(column) for column in zip(*sorted(loudest), strict=True))
+    listening_levels, levels = _split_levels((amplitudes / np.abs(amplitudes).max())[:, None])
     energy = amplitudes * amplitudes * t60
-    energy_total = sum(row[2] ** 2 * row[1] for row in resonance_rows)
-    reference = _PEAK / float(np.sum(np.abs(place_levels[:, 0] * listened)))
-    contact_and_reference = contact.LENGTH, reference
+    energy_total = sum(row[2] ** 2 * row[1] for row in resonances)
+    reference = _TABLE_PEAK / float(np.sum(np.abs(levels[:, 0] * listening_levels)))
+    contact_and_reference = contact.DEFAULT_CONTACT_DURATION, reference
     return Bell(
         f,
         t60,
         ("point",),
-        place_levels,
-        listened,
+        levels,
+        listening_levels,
         energy / energy_total,
         None,
         (),

@@ -11,7 +11,7 @@ from ergon.workshop.bells.bands import Array
 
 PARTIALS_MAX = 15  # partials
 _NEIGHBOUR_RATIO_MIN = 1.02  # ratio of neighbours: nearer ones need masses of tonnes
-_DECAY_ERROR_MAX = 0.1  # relative error of a decay at which dampers do not make it
+_DECAY_ERROR_MAX = 0.1  # relative error of a decay above which a chain is refused
 
 
 @dataclass(frozen=True)
@@ -26,45 +26,46 @@ class Chain:
     grounds: Array
 
 
-def chain(mode_frequencies: Array, t60: Array, shares: Array, chain_mass: float) -> Chain:
+def chain(f: Array, t60: Array, shares: Array, first_mass: float) -> Chain:
     """The chain whose first mass [kg] has modes f [Hz] with these `shares` of its movement.
 
     Lanczos' process from the weights (de Boor and Golub, 1978); dampers by non-negative least
     squares. Raises ValueError if there is no such chain.
     """
-    if mode_frequencies.size > PARTIALS_MAX:
+    if f.size > PARTIALS_MAX:
         raise ValueError(
-            f"a chain is offered for at most {PARTIALS_MAX} modes, and here are "
-            f"{mode_frequencies.size}"
+            f"a chain is offered for at most {PARTIALS_MAX} modes, and here are {f.size}"
         )
-    if np.any(mode_frequencies[1:] < _NEIGHBOUR_RATIO_MIN * mode_frequencies[:-1]):
+    if np.any(f[1:] < _NEIGHBOUR_RATIO_MIN * f[:-1]):
         raise ValueError("a chain cannot have modes that beat: two are nearer than 2 %")
     sigma = LN_1000 / t60
-    eigenvalues = (2.0 * np.pi * mode_frequencies) ** 2 + sigma**2
+    eigenvalues = (2.0 * np.pi * f) ** 2 + sigma**2
     diagonal, off_diagonal, basis = _lanczos(eigenvalues, np.sqrt(shares / shares.sum()))
-    mass_count = mode_frequencies.size
-    masses, springs = np.zeros(mass_count), np.zeros(mass_count)
-    masses[0] = chain_mass
-    stiffness_before = 0.0
-    for i in range(mass_count):
-        springs[i] = masses[i] * diagonal[i] - stiffness_before
-        stiffness_before = springs[i]
-        if i + 1 < mass_count:
+    n_masses = f.size
+    masses, springs = np.zeros(n_masses), np.zeros(n_masses)
+    masses[0] = first_mass
+    previous_stiffness = 0.0
+    for i in range(n_masses):
+        springs[i] = masses[i] * diagonal[i] - previous_stiffness
+        previous_stiffness = springs[i]
+        if i + 1 < n_masses:
             masses[i + 1] = (springs[i] / off_diagonal[i]) ** 2 / masses[i]
     # (masses, modes) for modes of mass 1. The signs alternate, because springs pull masses
     # together.
-    shapes = basis * ((-1.0) ** np.arange(mass_count) / np.sqrt(masses))[:, None]
+    shapes = basis * ((-1.0) ** np.arange(n_masses) / np.sqrt(masses))[:, None]
     elongations = np.vstack([shapes[1:] - shapes[:-1], -shapes[-1:]])
-    element_squares = np.vstack([elongations**2, shapes**2])
-    dampers = _not_negative((element_squares / (2.0 * sigma)).T, np.ones(mass_count))
-    rebuilt_sigma = element_squares.T @ dampers / 2.0
-    decay_error = float(np.max(np.abs(rebuilt_sigma / sigma - 1.0)))
+    squared_elongations = np.vstack([elongations**2, shapes**2])
+    dampers = _non_negative_least_squares(
+        (squared_elongations / (2.0 * sigma)).T, np.ones(n_masses)
+    )
+    achieved_sigma = squared_elongations.T @ dampers / 2.0
+    decay_error = float(np.max(np.abs(achieved_sigma / sigma - 1.0)))
     if not decay_error < _DECAY_ERROR_MAX:
         message = (
             f"no dampers of a chain give these decays: one would be {100 * decay_error:.0f} % off"
         )
         raise ValueError(message)
-    return Chain(masses, springs, dampers[:mass_count], dampers[mass_count:])
+    return Chain(masses, springs, dampers[:n_masses], dampers[n_masses:])
 
 
 def _lanczos(eigenvalues: Array, start_vector: Array) -> tuple[Array, Array, Array]:
@@ -83,32 +84,28 @@ def _lanczos(eigenvalues: Array, start_vector: Array) -> tuple[Array, Array, Arr
     return diagonal, off_diagonal, basis
 
 
-def _not_negative(matrix: Array, right_side: Array) -> Array:
+def _non_negative_least_squares(matrix: Array, rhs: Array) -> Array:
     """Non-negative least squares (Lawson and Hanson, 1974)."""
-    unknown_count = matrix.shape[1]
+    n_unknowns = matrix.shape[1]
     column_norms = np.linalg.norm(matrix, axis=0)
     matrix = matrix / column_norms
-    solution, is_active = np.zeros(unknown_count), np.zeros(unknown_count, bool)
-    for _ in range(10 * unknown_count):
-        gradient = matrix.T @ (right_side - matrix @ solution)
+    solution, is_active = np.zeros(n_unknowns), np.zeros(n_unknowns, bool)
+    for _ in range(10 * n_unknowns):
+        gradient = matrix.T @ (rhs - matrix @ solution)
         gradient[is_active] = -np.inf
         steepest = int(np.argmax(gradient))
         if gradient[steepest] <= 1e-12:
             break
         is_active[steepest] = True
         while True:
-            trial_solution = np.zeros(unknown_count)
-            trial_solution[is_active] = np.linalg.lstsq(
-                matrix[:, is_active], right_side, rcond=None
-            )[0]
-            is_blocked = is_active & (trial_solution <= 0.0)
+            trial = np.zeros(n_unknowns)
+            trial[is_active] = np.linalg.lstsq(matrix[:, is_active], rhs, rcond=None)[0]
+            is_blocked = is_active & (trial <= 0.0)
             if not is_blocked.any():
-                solution = trial_solution
+                solution = trial
                 break
-            share = np.min(
-                solution[is_blocked] / (solution[is_blocked] - trial_solution[is_blocked])
-            )
-            solution = solution + share * (trial_solution - solution)
+            step = np.min(solution[is_blocked] / (solution[is_blocked] - trial[is_blocked]))
+            solution = solution + step * (trial - solution)
             is_active &= solution > 1e-15
             solution[~is_active] = 0.0
     return np.asarray(solution / column_norms)

@@ -10,10 +10,10 @@ import numpy as np
 
 from ergon.workshop.bells.bands import Array
 
-HAMMER = 0.008  # mass [kg]
-SPEED = 1.0  # speed of the hammer [m/s]
-LENGTH = 1e-4  # contact time if strokes do not reveal it; barely audible [s]
-_TRIED_LENGTHS = np.geomspace(2e-5, 2e-2, 90)  # lengths [s]
+HAMMER_MASS = 0.008  # mass [kg]
+HAMMER_SPEED = 1.0  # speed of the hammer [m/s]
+DEFAULT_CONTACT_DURATION = 1e-4  # contact time if strokes do not reveal it; barely audible [s]
+_TRIED_DURATIONS = np.geomspace(2e-5, 2e-2, 90)  # lengths [s]
 _REACH_CYCLES = 1.2  # f·length up to which the spectrum of a push is that of half a sine
 # Standard deviations of ln(attenuation) for pulses other than half-sines: at the reach, and beyond
 # it, where their spectra have zeros of their own.
@@ -36,11 +36,13 @@ def spectrum(f: Array, length: float) -> Array:
     return np.abs(np.where(near_pole, np.pi / 4.0, value))
 
 
-def stiffness(push_length: float, hammer_mass: float = HAMMER, speed: float = SPEED) -> float:
-    """K [N/m^1.5] of a Hertz contact that stays closed for `push_length` [s] when a mass [kg] hits
-    it at a speed [m/s].
+def stiffness(
+    contact_duration: float, hammer_mass: float = HAMMER_MASS, speed: float = HAMMER_SPEED
+) -> float:
+    """K [N/m^1.5] of a Hertz contact that stays closed for `contact_duration` [s] when a mass [kg]
+    hits it at a speed [m/s].
     """
-    return 1.25 * hammer_mass * float((2.943 / (push_length * speed**0.2)) ** 2.5)
+    return 1.25 * hammer_mass * float((2.943 / (contact_duration * speed**0.2)) ** 2.5)
 
 
 @dataclass(frozen=True)
@@ -57,90 +59,98 @@ class Strokes:
     lengths: tuple[float | None, ...]
 
 
-def levels(mode_frequencies: Array, amplitudes: Array, errors: Array) -> Strokes:
+def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     """The common levels of strokes at one place, from `amplitudes` and relative errors (strokes,
     n).
     """
     n_strokes = len(amplitudes)
-    hardest = int(np.argmax(np.sum(amplitudes**2, axis=1)))
+    hardest_stroke = int(np.argmax(np.sum(amplitudes**2, axis=1)))
     if n_strokes == 1:
         return Strokes(amplitudes[0], np.ones(1), (None,))
     with np.errstate(divide="ignore"):
         logs = np.where(amplitudes > 0.0, np.log(np.maximum(amplitudes, 1e-300)), -700.0)
     variance = np.minimum(errors, 1e3) ** 2 + _LEVEL_ERROR_MIN**2
-    contact_shapes, shape_variances = _shapes(mode_frequencies)
+    log_spectra, spectrum_variances = _log_spectra(f)
     # For each other stroke: the cost (tried, tried) of each pair of lengths of the hardest stroke
     # and this one.
     costs = {
-        s: _costs(
-            logs[s] - logs[hardest],
-            variance[s] + variance[hardest],
-            contact_shapes,
-            shape_variances,
+        s: _length_costs(
+            logs[s] - logs[hardest_stroke],
+            variance[s] + variance[hardest_stroke],
+            log_spectra,
+            spectrum_variances,
         )
         for s in range(n_strokes)
-        if s != hardest
+        if s != hardest_stroke
     }
     total_costs = np.sum([cost.min(axis=1) for cost in costs.values()], axis=0)
-    likely = np.flatnonzero(total_costs <= total_costs.min() + _COST_RANGE)
-    is_told = _TRIED_LENGTHS[likely[-1]] <= _RANGE_RATIO_MIN * _TRIED_LENGTHS[likely[0]]
-    row = int(np.argmin(total_costs)) if is_told else int(likely[0])
-    chosen_rows = [row if s == hardest else int(np.argmin(costs[s][row])) for s in range(n_strokes)]
-    is_told &= all(
-        np.count_nonzero(mode_frequencies * _TRIED_LENGTHS[length_index] < _REACH_CYCLES)
-        >= _MODES_MIN
-        for length_index in chosen_rows
+    likely_indices = np.flatnonzero(total_costs <= total_costs.min() + _COST_RANGE)
+    is_determined = (
+        _TRIED_DURATIONS[likely_indices[-1]]
+        <= _RANGE_RATIO_MIN * _TRIED_DURATIONS[likely_indices[0]]
     )
-    weights = 1.0 / (variance + shape_variances[chosen_rows])
-    common = logs - contact_shapes[chosen_rows]
-    level_differences = common - common[hardest]
-    joint_weights = weights * weights[hardest] / (weights + weights[hardest])
-    impulses = np.sum(joint_weights * level_differences, axis=1) / np.sum(joint_weights, axis=1)
-    mean = np.sum(weights * (common - impulses[:, None]), axis=0) / np.sum(weights, axis=0)
+    hardest_index = int(np.argmin(total_costs)) if is_determined else int(likely_indices[0])
+    length_indices = [
+        hardest_index if s == hardest_stroke else int(np.argmin(costs[s][hardest_index]))
+        for s in range(n_strokes)
+    ]
+    is_determined &= all(
+        np.count_nonzero(f * _TRIED_DURATIONS[length_index] < _REACH_CYCLES) >= _MODES_MIN
+        for length_index in length_indices
+    )
+    weights = 1.0 / (variance + spectrum_variances[length_indices])
+    log_levels = logs - log_spectra[length_indices]
+    mode_log_impulses = log_levels - log_levels[hardest_stroke]
+    joint_weights = weights * weights[hardest_stroke] / (weights + weights[hardest_stroke])
+    impulses = np.sum(joint_weights * mode_log_impulses, axis=1) / np.sum(joint_weights, axis=1)
+    mean = np.sum(weights * (log_levels - impulses[:, None]), axis=0) / np.sum(weights, axis=0)
     lengths = tuple(
-        float(_TRIED_LENGTHS[length_index]) if is_told else None for length_index in chosen_rows
+        float(_TRIED_DURATIONS[length_index]) if is_determined else None
+        for length_index in length_indices
     )
     return Strokes(np.exp(mean), np.exp(impulses), lengths)
 
 
-def _shapes(mode_frequencies: Array) -> tuple[Array, Array]:
+def _log_spectra(f: Array) -> tuple[Array, Array]:
     """Logarithm of the attenuation of each mode by a push of each length, and its variance (tried,
     n).
     """
-    x = mode_frequencies * _TRIED_LENGTHS[:, None]
+    x = f * _TRIED_DURATIONS[:, None]
     is_near = x < _REACH_CYCLES
     beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
-    exact = np.stack([spectrum(mode_frequencies, length) for length in _TRIED_LENGTHS])
-    shapes = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
-    return shapes, np.where(
+    exact = np.stack([spectrum(f, length) for length in _TRIED_DURATIONS])
+    log_spectra = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
+    return log_spectra, np.where(
         is_near, _REACH_DEVIATION * (x / _REACH_CYCLES) ** 2, _BEYOND_DEVIATION
     ) ** 2
 
 
-def _costs(logs: Array, variance: Array, contact_shapes: Array, shape_variances: Array) -> Array:
+def _length_costs(
+    logs: Array, variance: Array, log_spectra: Array, spectrum_variances: Array
+) -> Array:
     """Twice the negative log-likelihood (tried, tried) of two lengths; infinite if the second is
     shorter, because softer strokes last longer. `logs` (n,) are of the second over the first.
     """
-    costs = np.full((len(contact_shapes), len(contact_shapes)), np.inf)
-    for first_shape in range(len(contact_shapes)):
-        residuals = logs - (contact_shapes[first_shape:] - contact_shapes[first_shape])
-        total_variance = variance + shape_variances[first_shape] + shape_variances[first_shape:]
+    costs = np.full((len(log_spectra), len(log_spectra)), np.inf)
+    for i in range(len(log_spectra)):
+        residuals = logs - (log_spectra[i:] - log_spectra[i])
+        total_variance = variance + spectrum_variances[i] + spectrum_variances[i:]
         total_variance[0] = variance  # equal lengths leave the same residual
         mean = np.median(residuals, axis=1)
         for _ in range(4):  # Huber's: a mode in a zero of the spectrum tells nothing
             weight = (
                 1.0
                 / np.sqrt(total_variance)
-                / np.maximum(np.sqrt(total_variance), _distances(residuals, mean) / 2.0)
+                / np.maximum(np.sqrt(total_variance), _absolute_deviations(residuals, mean) / 2.0)
             )
             mean = np.sum(weight * residuals, axis=1) / np.sum(weight, axis=1)
-        normalised_distance = _distances(residuals, mean) / np.sqrt(total_variance)
-        cost = np.where(
-            normalised_distance < 2.0, normalised_distance**2, 4.0 * normalised_distance - 4.0
-        ) + np.log(total_variance)
-        costs[first_shape, first_shape:] = np.sum(cost, axis=1)
+        deviation = _absolute_deviations(residuals, mean) / np.sqrt(total_variance)
+        cost = np.where(deviation < 2.0, deviation**2, 4.0 * deviation - 4.0) + np.log(
+            total_variance
+        )
+        costs[i, i:] = np.sum(cost, axis=1)
     return costs
 
 
-def _distances(residuals: Array, mean: Array) -> Array:
+def _absolute_deviations(residuals: Array, mean: Array) -> Array:
     return np.asarray(np.abs(residuals - mean[:, None]))

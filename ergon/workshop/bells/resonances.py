@@ -28,43 +28,41 @@ def read(path: Path) -> list[tuple[float, float, float]]:
     if (foreign_kind := foreign_file(path)) is not None:
         raise TableError(f"{path}: {foreign_kind}")
     try:
-        table_bytes = read_bounded(path, _BYTES_MAX)
-        if len(table_bytes) > _BYTES_MAX:
+        content = read_bounded(path, _BYTES_MAX)
+        if len(content) > _BYTES_MAX:
             raise TableError(f"{path}: it is larger than {_BYTES_MAX >> 20} MB")
-        table_lines = table_bytes.decode("utf-8").splitlines()
+        lines = content.decode("utf-8").splitlines()
     except UnicodeDecodeError:
         message = f"{path}: it is neither WAV, FLAC or AIFF nor a text; give a recorded stroke or "
         raise TableError(message + "a table of resonances") from None
-    resonance_rows = []
-    for line_number, line in enumerate(table_lines[:_LINES_MAX], 1):
-        line_words = line[:_LINES_MAX].replace(",", " ").split()
-        if not line_words or line_words[0][0] in ";#":
+    rows = []
+    for line_number, line in enumerate(lines[:_LINES_MAX], 1):
+        words = line[:_LINES_MAX].replace(",", " ").split()
+        if not words or words[0][0] in ";#":
             continue
-        resonance_rows.append(_row(f"{path}:{line_number}", line_words))
-    if not resonance_rows:
+        rows.append(_row(f"{path}:{line_number}", words))
+    if not rows:
         raise TableError(f"{path}: it has no resonances; write lines such as 1 220.5 0.8 0.35")
-    is_db = any(a < 0.0 for _, a, _ in resonance_rows)
-    resonances = [
-        (f, LN_1000 / (pi * b), 10.0 ** (a / 20.0) if is_db else a) for f, a, b in resonance_rows
-    ]
+    is_db = any(a < 0.0 for _, a, _ in rows)
+    resonances = [(f, LN_1000 / (pi * b), 10.0 ** (a / 20.0) if is_db else a) for f, a, b in rows]
     audible = [row for row in resonances if row[2] > 0.0]
     if not audible:
         raise TableError(f"{path}: all amplitudes are 0, so that nothing sounds")
     return audible
 
 
-def _row(location: str, row_words: list[str]) -> tuple[float, float, float]:
-    if not 3 <= len(row_words) <= 4:
+def _row(location: str, words: list[str]) -> tuple[float, float, float]:
+    if not 3 <= len(words) <= 4:
         message = f"{location}: a line is an index, a frequency [Hz], an amplitude and a bandwidth "
         raise TableError(
-            message + f"[Hz], such as 1 220.5 0.8 0.35; here it has {len(row_words)} words"
+            message + f"[Hz], such as 1 220.5 0.8 0.35; here it has {len(words)} words"
         )
     try:
-        frequency, amplitude, bandwidth = (float(word) for word in row_words[-3:])
+        frequency, amplitude, bandwidth = (float(word) for word in words[-3:])
     except ValueError:
-        raise TableError(f"{location}: {' '.join(row_words[-3:])} are not three numbers") from None
+        raise TableError(f"{location}: {' '.join(words[-3:])} are not three numbers") from None
     if not (isfinite(frequency) and isfinite(amplitude) and isfinite(bandwidth)):
-        raise TableError(f"{location}: {' '.join(row_words[-3:])} are not three finite numbers")
+        raise TableError(f"{location}: {' '.join(words[-3:])} are not three finite numbers")
     if not 0.0 < frequency < 1e6:
         raise TableError(
             f"{location}: a frequency of {frequency:g} Hz; it must be above 0 and below 1 MHz"

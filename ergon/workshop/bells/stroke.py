@@ -13,21 +13,21 @@ from ergon.exchange import sound as sound_files
 from ergon.exchange.wave_header import NotWaveError
 from ergon.workshop.bells.bands import Array
 
-ANALYSED_SECONDS_MAX = 30.0  # [s] of a stroke that are analysed
+ANALYSED_DURATION_MAX = 30.0  # [s] of a stroke that are analysed
 _SAMPLES_MAX = 1 << 27  # of a file, all channels: 1 GB
-_STROKE_SECONDS_MIN = 0.1  # [s]
-_ATTACK_SECONDS = 0.004  # [s] from its beginning to what is analysed: the stroke itself is over
-_LATEST = 0.03  # [s] of a soft stroke
+_DURATION_MIN = 0.1  # [s]
+_ATTACK_DURATION = 0.004  # [s] from its beginning to what is analysed: the stroke itself is over
+_SOFT_ATTACK_DURATION = 0.03  # [s] of a soft stroke
 _SILENT_PEAK = 1e-6  # peak of full scale
-_CLIPPED_RUN, _CLIPPED_RUNS = 3, 3  # samples at the peak in a row; how often
-_FLAT = 1e-4  # relative to the peak
+_CLIPPED_RUN_MIN, _CLIPPED_RUNS_MIN = 3, 3  # samples at the peak in a row; how often
+_CLIPPED_TOLERANCE = 1e-4  # relative to the peak
 _FRAME, _HOP = 1024, 256
 _BANDS = 24
 _SECOND_STROKE_RATIO = 4.0  # rise of power within two hops that is a second stroke
-_BEFORE = 12  # hops that it is compared with, after a gap of _GAP_HOPS
+_HOPS_BEFORE = 12  # hops that it is compared with, after a gap of _GAP_HOPS
 _GAP_HOPS = 2
 _STRUCK_BAND_SHARE = 0.5  # share of the sounding bands
-_SOUNDING = 100.0  # power over that of a band's quietest hop
+_SOUNDING_RATIO_MIN = 100.0  # power over that of a band's quietest hop
 
 
 class NotAStrokeError(ErgonError):
@@ -75,48 +75,47 @@ def _loudest_channel(path: Path, report: Report) -> tuple[Array, float]:
     return np.ascontiguousarray(samples[:, loudest]), float(info.format.rate)
 
 
-def stroke(file_name: str, stroke_sound: Array, rate: float) -> Stroke:
+def stroke(name: str, sound: Array, rate: float) -> Stroke:
     """The one stroke of a sound. Raises NotAStrokeError."""
-    peak = float(np.abs(stroke_sound).max(initial=0.0))
+    peak = float(np.abs(sound).max(initial=0.0))
     if peak < _SILENT_PEAK:
-        raise NotAStrokeError(f"{file_name}: it is silent; record a stroke")
-    stroke_sound = stroke_sound - stroke_sound.mean()
-    onset_frame = _onset(stroke_sound, rate)
-    audible = stroke_sound[onset_frame : onset_frame + round(ANALYSED_SECONDS_MAX * rate)]
-    if audible.size < _STROKE_SECONDS_MIN * rate:
-        message = f"{file_name}: only {1e3 * audible.size / rate:.0f} ms follow its stroke; record "
+        raise NotAStrokeError(f"{name}: it is silent; record a stroke")
+    sound = sound - sound.mean()
+    onset_frame = _onset(sound, rate)
+    audible = sound[onset_frame : onset_frame + round(ANALYSED_DURATION_MAX * rate)]
+    if audible.size < _DURATION_MIN * rate:
+        message = f"{name}: only {1e3 * audible.size / rate:.0f} ms follow its stroke; record "
         raise NotAStrokeError(message + "until it has died away, 100 ms at least")
-    _refuse_clipped(file_name, audible)
-    _refuse_steady(file_name, audible)
-    _refuse_second(file_name, audible, rate)
-    loudest = int(np.argmax(np.abs(audible[: round(_LATEST * rate)]))) + round(0.001 * rate)
-    skipped_frames = max(round(_ATTACK_SECONDS * rate), min(loudest, round(_LATEST * rate)))
+    _refuse_clipped(name, audible)
+    _refuse_steady(name, audible)
+    _refuse_second(name, audible, rate)
+    loudest = int(np.argmax(np.abs(audible[: round(_SOFT_ATTACK_DURATION * rate)]))) + round(
+        0.001 * rate
+    )
+    n_skipped = max(
+        round(_ATTACK_DURATION * rate), min(loudest, round(_SOFT_ATTACK_DURATION * rate))
+    )
     # The middle of a soft push is shortly before the loudest sample, not where the push begins.
     # Extrapolated to its beginning, quickly decaying modes would be hundreds of dB louder.
-    return Stroke(
-        file_name, audible[skipped_frames:], rate, min(skipped_frames / rate, _ATTACK_SECONDS)
-    )
+    return Stroke(name, audible[n_skipped:], rate, min(n_skipped / rate, _ATTACK_DURATION))
 
 
-def _onset(stroke_sound: Array, rate: float) -> int:
+def _onset(sound: Array, rate: float) -> int:
     """The first sample of the stroke, within 1 ms."""
-    window_frames = max(1, round(0.001 * rate))
-    power = np.convolve(stroke_sound * stroke_sound, np.full(window_frames, 1.0 / window_frames))[
-        : stroke_sound.size
-    ]
-    return max(0, int(np.argmax(power > 0.01 * power.max())) - window_frames // 2)
+    n_window = max(1, round(0.001 * rate))
+    power = np.convolve(sound * sound, np.full(n_window, 1.0 / n_window))[: sound.size]
+    return max(0, int(np.argmax(power > 0.01 * power.max())) - n_window // 2)
 
 
 def _refuse_clipped(file_name: str, sound: Array) -> None:
     for side in (sound, -sound):
-        is_peak = side > (1.0 - _FLAT) * side.max()
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], is_peak.astype(int), [0]])))
-        runs = edges[1::2] - edges[::2]
-        if int(np.sum(runs >= _CLIPPED_RUN)) >= _CLIPPED_RUNS:
-            clipped_count = int(np.sum(runs >= _CLIPPED_RUN))
+        is_peak = side > (1.0 - _CLIPPED_TOLERANCE) * side.max()
+        run_edges = np.flatnonzero(np.diff(np.concatenate([[0], is_peak.astype(int), [0]])))
+        runs = run_edges[1::2] - run_edges[::2]
+        if int(np.sum(runs >= _CLIPPED_RUN_MIN)) >= _CLIPPED_RUNS_MIN:
+            n_clipped = int(np.sum(runs >= _CLIPPED_RUN_MIN))
             message = (
-                f"{file_name}: it is clipped: {clipped_count} times it stays at its peak; "
-                "record softer"
+                f"{file_name}: it is clipped: {n_clipped} times it stays at its peak; record softer"
             )
             raise NotAStrokeError(message)
 
@@ -129,22 +128,22 @@ def _refuse_steady(file_name: str, sound: Array) -> None:
         raise NotAStrokeError(message + "a stroke is needed, recorded until it is quiet")
 
 
-def _refuse_second(file_name: str, stroke_sound: Array, rate: float) -> None:
+def _refuse_second(file_name: str, sound: Array, rate: float) -> None:
     """Refuse a second stroke: it raises most partials at once, whereas beats raise single partials,
     slowly.
     """
-    hop_count = (stroke_sound.size - _FRAME) // _HOP
-    if hop_count < 2 * (_BEFORE + _GAP_HOPS):
+    n_hops = (sound.size - _FRAME) // _HOP
+    if n_hops < 2 * (_HOPS_BEFORE + _GAP_HOPS):
         return
-    windows = np.lib.stride_tricks.sliding_window_view(stroke_sound, _FRAME)[::_HOP][:hop_count]
+    windows = np.lib.stride_tricks.sliding_window_view(sound, _FRAME)[::_HOP][:n_hops]
     spectra = np.abs(np.fft.rfft(windows * np.hanning(_FRAME), axis=1)) ** 2
-    edges = np.unique(np.geomspace(2, _FRAME // 2, _BANDS + 1).astype(int))
-    band_powers = np.add.reduceat(spectra, edges[:-1], axis=1)
+    band_edges = np.unique(np.geomspace(2, _FRAME // 2, _BANDS + 1).astype(int))
+    band_powers = np.add.reduceat(spectra, band_edges[:-1], axis=1)
     noise = np.percentile(band_powers, 5, axis=0)
-    first_hop = 2 * _GAP_HOPS + _BEFORE
-    for hop in range(first_hop, hop_count):
-        peaks_before = band_powers[hop - _GAP_HOPS - _BEFORE : hop - _GAP_HOPS].max(axis=0)
-        is_sounding = (band_powers[hop] > _SOUNDING * noise) & (
+    first_hop = 2 * _GAP_HOPS + _HOPS_BEFORE
+    for hop in range(first_hop, n_hops):
+        peaks_before = band_powers[hop - _GAP_HOPS - _HOPS_BEFORE : hop - _GAP_HOPS].max(axis=0)
+        is_sounding = (band_powers[hop] > _SOUNDING_RATIO_MIN * noise) & (
             band_powers[hop] > 1e-6 * band_powers.max()
         )
         is_struck = is_sounding & (band_powers[hop] > _SECOND_STROKE_RATIO * peaks_before)
@@ -153,8 +152,6 @@ def _refuse_second(file_name: str, stroke_sound: Array, rate: float) -> None:
             is_struck.sum() >= 3
             and (is_struck & is_loud).sum() > _STRUCK_BAND_SHARE * (is_loud).sum()
         ):
-            seconds = hop * _HOP / rate
-            message = (
-                f"{file_name}: something strikes again {seconds:.2f} s after the first stroke; "
-            )
+            time = hop * _HOP / rate
+            message = f"{file_name}: something strikes again {time:.2f} s after the first stroke; "
             raise NotAStrokeError(message + "cut the recording before it")

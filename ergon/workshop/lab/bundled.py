@@ -21,9 +21,9 @@ from ergon.workshop.lab.pictures import save, targets
 from ergon.workshop.lab.scene import Score
 
 SCORES = ("one-gesture", "tempo", "hand", "two-keys")
-_SECONDS, _UPTO = 2.0, 8
+_DURATION, _OVERSAMPLING_MAX = 2.0, 8
 _MAPPED = ("ca", "ca2p", "bm4", SLOW)
-_HEAD = """\
+_PAGE_HEADER = """\
 # Charts of what ships
 
 Made by `python -m ergon.workshop.lab.bundled` on {machine}; do not edit.
@@ -34,7 +34,7 @@ Errors are the same on every machine, costs are not.
 
 def main(folder: Path) -> None:
     """Write all pictures, their tables, and the page."""
-    page = [_HEAD.format(machine=machine())]
+    page = [_PAGE_HEADER.format(machine=machine())]
     for name in SCORES:
         page.append(_chart(folder, name))
     page.append("## Stability\n")
@@ -46,22 +46,20 @@ def _chart(folder: Path, score_name: str) -> str:
     path = Path(str(files("ergon"))) / "scores" / "library" / f"{score_name}.yaml"
     piece = load(path).piece
     assert piece is not None, f"{score_name} has mistakes"
-    chosen_settings = [*settings(METHODS, PRECISIONS, _UPTO), *planned()]
-    measured_chart = measure(Score(piece), chosen_settings, _SECONDS, "waveform", lambda done: None)
-    chart_title, machine_text = piece.title, machine()
+    all_settings = [*settings(METHODS, PRECISIONS, _OVERSAMPLING_MAX), *planned()]
+    chart = measure(Score(piece), all_settings, _DURATION, "waveform", lambda done: None)
+    title, machine_text = piece.title, machine()
     stem = folder / score_name
-    write_text(
-        targets(stem)[0], chart_table.csv(measured_chart, chart_title, machine_text), force=True
-    )
+    write_text(targets(stem)[0], chart_table.csv(chart, title, machine_text), force=True)
     save(
-        lambda: draw_chart.draw(measured_chart, chart_title, machine_text),
+        lambda: draw_chart.draw(chart, title, machine_text),
         stem,
         force=True,
         png=False,
     )
-    print(f"{score_name}\n{chart_table.lines(measured_chart)}", flush=True)
+    print(f"{score_name}\n{chart_table.lines(chart)}", flush=True)
     return (
-        f"## {chart_title}\n\n![Error over cost of {chart_title}]({score_name}.svg)\n\n"
+        f"## {title}\n\n![Error over cost of {title}]({score_name}.svg)\n\n"
         f"In numbers: [{score_name}.csv]({score_name}.csv).\n"
     )
 

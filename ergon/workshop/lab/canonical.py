@@ -15,7 +15,7 @@ from ergon.workshop.lab.scene import Bare
 
 RATE = 44_100.0
 _MASS = 1e-3  # [kg]
-_START = 1e-3  # [m]
+_START_POSITION = 1e-3  # [m]
 
 # Method → (limit, weight): linear networks are stable while λmax(M⁻¹(K + weight·Z)) < limit, in the
 # numbers of the discrete scheme. Methods whose limit is infinite are always stable.
@@ -27,34 +27,34 @@ _LIMITS: Mapping[str, tuple[float, float]] = {
     "modal": (inf, 0.0),
 }
 
-_PLAIN_METHOD = "ca"
+_DEFAULT_METHOD = "ca"
 
 # A method for meshes needs at least this many masses. A scene of one or two masses is copied: the
 # copies start alike, so the very weak springs that join them exert no force.
-_OVERSAMPLING_MIN = 4
-_WEAK = 1e-9  # share of the scene's stiffness
+_MESH_MASSES_MIN = 4
+_WEAK_SPRING_RATIO = 1e-9  # share of the scene's stiffness
 _MESH_METHODS = ("ca2p", "bm4", "ieq")
 
 
-def limit(method: str) -> float:
+def eigenvalue_limit(method: str) -> float:
     """Largest λ of a linear network that a method can step."""
     return _LIMITS[method][0]
 
 
-def damped(method: str) -> float:
+def damping_weight(method: str) -> float:
     """The weight of Z relative to K in λ."""
     return _LIMITS[method][1]
 
 
-def _copies(masses: int, method: str) -> int:
+def _n_copies(masses: int, method: str) -> int:
     """The number of copies of a linear scene of so few masses that a method needs."""
-    return _OVERSAMPLING_MIN // masses if method in _MESH_METHODS else 1
+    return _MESH_MASSES_MIN // masses if method in _MESH_METHODS else 1
 
 
 # --- one mass on a spring and a damper ----------------------------------------------------------
 
 
-def cell(kappa: float, zeta: float, method: str = _PLAIN_METHOD) -> Bare:
+def cell(kappa: float, zeta: float, method: str = _DEFAULT_METHOD) -> Bare:
     """A mass on a link to a fixed point, with κ = K·T²/M and ζ = Z·T/M at 44.1 kHz, released from 1
     mm.
     """
@@ -63,37 +63,34 @@ def cell(kappa: float, zeta: float, method: str = _PLAIN_METHOD) -> Bare:
     def build(network: _core.Network) -> None:
         network.part("cell")
         ground = network.sol("g")
-        masses = [network.mas(f"m{i}", M=_MASS, X0=_START) for i in range(_copies(1, method))]
+        masses = [
+            network.mas(f"m{i}", M=_MASS, X0=_START_POSITION) for i in range(_n_copies(1, method))
+        ]
         for i, mass in enumerate(masses):
             network.ref(f"r{i}", mass, ground, K=stiffness, Z=viscosity)
         for i, (mass_before, mass_after) in enumerate(pairwise(masses)):
-            network.ref(f"j{i}", mass_before, mass_after, K=_WEAK * stiffness)
+            network.ref(f"j{i}", mass_before, mass_after, K=_WEAK_SPRING_RATIO * stiffness)
         network.listen("m", positions=[(masses[0], 1, 1.0)])
 
     return Bare(build, RATE)
 
 
-def cell_exactly(kappa: float, zeta: float, n_frames: int) -> Floats:
+def exact_cell_motion(kappa: float, zeta: float, n_frames: int) -> Floats:
     """The same motion from the differential equation: for any damping, by its two exponentials."""
     root = np.sqrt(complex(zeta * zeta / 4.0 - kappa))
-    frame_numbers = np.arange(n_frames)
-    first_pole, second_pole = -zeta / 2.0 + root, -zeta / 2.0 - root
-    if abs(first_pole - second_pole) < 1e-6:  # critically damped: their limit
-        positions_over_start = (1.0 - first_pole * frame_numbers) * np.exp(
-            first_pole * frame_numbers
-        )
+    n = np.arange(n_frames)
+    s1, s2 = -zeta / 2.0 + root, -zeta / 2.0 - root
+    if abs(s1 - s2) < 1e-6:  # critically damped: their limit
+        relative_positions = (1.0 - s1 * n) * np.exp(s1 * n)
     else:
-        positions_over_start = (
-            first_pole * np.exp(second_pole * frame_numbers)
-            - second_pole * np.exp(first_pole * frame_numbers)
-        ) / (first_pole - second_pole)
-    positions: Floats = _START * np.real(positions_over_start)[:, None]
+        relative_positions = (s1 * np.exp(s2 * n) - s2 * np.exp(s1 * n)) / (s1 - s2)
+    positions: Floats = _START_POSITION * np.real(relative_positions)[:, None]
     return positions
 
 
 def cell_load(kappa: float, zeta: float, method: str) -> float:
     """λ over the limit (Jury for the CA scheme: K + 2Z < 4M): 1 is the border."""
-    return (kappa + damped(method) * zeta) / limit(method)
+    return (kappa + damping_weight(method) * zeta) / eigenvalue_limit(method)
 
 
 # --- two cells and what joins them --------------------------------------------------------------
@@ -116,7 +113,7 @@ class Cell:
 
 
 HAMMER, BAR = Cell(8e-3, 40.0, 2.0, X0=3e-3), Cell(20e-3, 220.0, 1.0)
-LEFT, RIGHT = Cell(2e-3, 220.0, 1.0, X0=_START), Cell(2e-3, 330.0, 1.0)
+LEFT, RIGHT = Cell(2e-3, 220.0, 1.0, X0=_START_POSITION), Cell(2e-3, 330.0, 1.0)
 
 
 def _stiffness(kappa: float, first_cell: Cell, second_cell: Cell) -> float:
@@ -130,21 +127,21 @@ def contact(kappa: float) -> Bare:
         "b", hammer_mat, bar_mat, K=_stiffness(kappa, HAMMER, BAR), side="above"))  # fmt: skip
 
 
-def coupled(kappa: float, method: str = _PLAIN_METHOD) -> Bare:
+def coupled(kappa: float, method: str = _DEFAULT_METHOD) -> Bare:
     """Two cells a fifth apart, joined by a spring."""
     stiffness = _stiffness(kappa, LEFT, RIGHT)
 
     def join(network: _core.Network, left_mat: int, right_mat: int) -> int:
         return network.ref("k", left_mat, right_mat, K=stiffness)
 
-    return _pair(LEFT, RIGHT, join, _copies(2, method), _WEAK * stiffness)
+    return _pair(LEFT, RIGHT, join, _n_copies(2, method), _WEAK_SPRING_RATIO * stiffness)
 
 
 def _pair(
     first_cell: Cell,
     second_cell: Cell,
     join: Callable[[_core.Network, int, int], int],
-    copies: int = 1,
+    n_copies: int = 1,
     copy_stiffness: float = 0.0,
 ) -> Bare:
     """Two cells and the link that joins them; `copy_stiffness` [N/m] joins the first cells of the
@@ -154,7 +151,7 @@ def _pair(
     def build(network: _core.Network) -> None:
         network.part("pair")
         mass_pairs = []
-        for _ in range(copies):
+        for _ in range(n_copies):
             first_mat, second_mat = (
                 network.cel(name, M=cell.M, f=cell.f, t60=cell.t60, X0=cell.X0)
                 for name, cell in (("a", first_cell), ("b", second_cell))
@@ -169,7 +166,7 @@ def _pair(
 
 
 _STOP_GAP = 1e-4  # [m] from where the spring holds the mass to the stop
-_SPANS = 10  # spans of a run, each with many turns of the mass
+_N_SPANS = 10  # spans of a run, each with many turns of the mass
 
 
 def rattle(f: float, ratio: float) -> Bare:
@@ -181,7 +178,7 @@ def rattle(f: float, ratio: float) -> Bare:
     def build(network: _core.Network) -> None:
         network.part("rattle")
         ground, stop_mat = network.sol("g"), network.sol("s", X0=-_STOP_GAP)
-        mass_mat = network.mas("m", M=_MASS, X0=_START)
+        mass_mat = network.mas("m", M=_MASS, X0=_START_POSITION)
         network.ref("r", ground, mass_mat, K=stiffness)
         network.but("c", stop_mat, mass_mat, K=ratio * stiffness)
         network.listen("m", positions=[(mass_mat, 1, 1.0)])
@@ -189,18 +186,20 @@ def rattle(f: float, ratio: float) -> Bare:
     return Bare(build, RATE)
 
 
-def risen(frames: Floats) -> float:
-    """How far the energy of `rattle` rose, over what it was: where the mass turns away from the
-    stop, all of it is in the spring, and goes as the square of the distance.
+def energy_rise(frames: Floats) -> float:
+    """The rise of the energy of `rattle` over its initial energy.
+
+    Where the mass turns away from the stop, all energy is in the spring. It is proportional to the
+    square of the distance there.
     """
-    spans = np.array_split(frames[:, 0], _SPANS)
+    spans = np.array_split(frames[:, 0], _N_SPANS)
     spring_energies = np.array([span.max() for span in spans]) ** 2
     return float(max(0.0, spring_energies.max() / spring_energies[0] - 1.0))
 
 
 def contact_load(kappa: float, rate_multiple: float, method: str) -> float:
     """λ over the limit while the contact is closed, at `rate_multiple` the rate."""
-    return _pair_load(HAMMER, BAR, kappa, rate_multiple, _PLAIN_METHOD)
+    return _pair_load(HAMMER, BAR, kappa, rate_multiple, _DEFAULT_METHOD)
 
 
 def coupled_load(kappa: float, rate_multiple: float, method: str) -> float:
@@ -213,47 +212,56 @@ def _pair_load(
 ) -> float:
     rate, stiffness = RATE * rate_multiple, _stiffness(kappa, first_cell, second_cell)
     first_load, second_load = (
-        cell.load(rate, damped(method_name)) + stiffness / (cell.M * rate**2)
+        cell.load(rate, damping_weight(method_name)) + stiffness / (cell.M * rate**2)
         for cell in (first_cell, second_cell)
     )
     coupling = stiffness / (sqrt(first_cell.M * second_cell.M) * rate**2)
     return (
         0.5 * (first_load + second_load)
         + sqrt(0.25 * (first_load - second_load) ** 2 + coupling * coupling)
-    ) / limit(method_name)
+    ) / eigenvalue_limit(method_name)
 
 
 # --- strings ------------------------------------------------------------------------------------
 
-_STRING, _PITCH = 8e-3, 110.0  # [kg], [Hz]
+_STRING_MASS, _STRING_FREQUENCY = 8e-3, 110.0  # [kg], [Hz]
 _STRING_MASSES, _HARDENING = 40, 1e11  # masses; q [N/m³] of k·d + q·d³
 
 
-def string(masses: int, rate: float) -> Bare:
+def string(n_masses: int, rate: float) -> Bare:
     """A string without losses, displaced near its end and released; sampled at `rate`."""
 
     def build(network: _core.Network) -> None:
         network.part("string")
-        first_mat = network.string("s", masses=masses, M=_STRING, f=_PITCH)
+        first_mat = network.string("s", masses=n_masses, M=_STRING_MASS, f=_STRING_FREQUENCY)
         # The position is a share of the length: the same shape for any number of masses.
-        for i in range(masses):
-            share = (i + 1) / (masses + 1)
-            network.start(first_mat + i, _START * min(share / 0.2, (1.0 - share) / 0.8), 0.0)
-        network.listen("s", positions=[(first_mat + (2 * masses) // 3, 1, 1.0)])
+        for i in range(n_masses):
+            position = (i + 1) / (n_masses + 1)
+            network.start(
+                first_mat + i, _START_POSITION * min(position / 0.2, (1.0 - position) / 0.8), 0.0
+            )
+        network.listen("s", positions=[(first_mat + (2 * n_masses) // 3, 1, 1.0)])
 
     return Bare(build, rate)
 
 
-def string_load(masses: float, rate: float, method: str) -> float:
+def string_load(n_masses: float, rate: float, method: str) -> float:
     """λ over the limit for the highest mode of a row of masses."""
-    stiffness, mass = _spring(masses), _STRING / masses
-    return 4.0 * stiffness / mass / rate**2 * cos(pi / (2.0 * (masses + 1.0))) ** 2 / limit(method)
+    stiffness, mass = _string_stiffness(n_masses), _STRING_MASS / n_masses
+    return (
+        4.0
+        * stiffness
+        / mass
+        / rate**2
+        * cos(pi / (2.0 * (n_masses + 1.0))) ** 2
+        / eigenvalue_limit(method)
+    )
 
 
-def _spring(masses: float) -> float:
+def _string_stiffness(n_masses: float) -> float:
     """K [N/m] of each spring of a string that sounds at its pitch."""
-    omega = 2.0 * pi * _PITCH
-    return _STRING / masses * (omega / (2.0 * sin(pi / (2.0 * (masses + 1.0))))) ** 2
+    omega = 2.0 * pi * _STRING_FREQUENCY
+    return _STRING_MASS / n_masses * (omega / (2.0 * sin(pi / (2.0 * (n_masses + 1.0))))) ** 2
 
 
 def struck(speed: float) -> Bare:
@@ -262,7 +270,12 @@ def struck(speed: float) -> Bare:
     def build(network: _core.Network) -> None:
         network.part("string")
         first_mat = network.string(
-            "s", masses=_STRING_MASSES, M=_STRING, f=_PITCH, t60=3.0, hardening=_HARDENING
+            "s",
+            masses=_STRING_MASSES,
+            M=_STRING_MASS,
+            f=_STRING_FREQUENCY,
+            t60=3.0,
+            hardening=_HARDENING,
         )
         network.start(first_mat + 7, 0.0, speed)
         network.listen("s", positions=[(first_mat + 26, 1, 1.0)])
@@ -270,17 +283,21 @@ def struck(speed: float) -> Bare:
     return Bare(build, RATE)
 
 
-def struck_load(speed: float, rate_multiple: float, method_name: str) -> float:
+def struck_load(speed: float, rate_multiple: float, method: str) -> float:
     """λ over the limit if all the energy of the stroke is in one spring: an upper bound.
 
     The elongation d then satisfies ½k·d² + ¼q·d⁴ = ½m·v², and the slope is k + 3q·d².
     """
-    stiffness, mass, hardening = _spring(_STRING_MASSES), _STRING / _STRING_MASSES, _HARDENING
+    stiffness, mass, hardening = (
+        _string_stiffness(_STRING_MASSES),
+        _STRING_MASS / _STRING_MASSES,
+        _HARDENING,
+    )
     elongation_squared = (
         sqrt(stiffness * stiffness + 2.0 * hardening * mass * speed * speed) - stiffness
     ) / hardening
     # Modes do not step laws: there CA does.
-    stepping_method = _PLAIN_METHOD if method_name == "modal" else method_name
+    method_of_steps = _DEFAULT_METHOD if method == "modal" else method
     return (1.0 + 3.0 * hardening * elongation_squared / stiffness) * string_load(
-        _STRING_MASSES, RATE * rate_multiple, stepping_method
+        _STRING_MASSES, RATE * rate_multiple, method_of_steps
     )

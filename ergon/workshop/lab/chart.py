@@ -22,18 +22,18 @@ from ergon.workshop.lab.reference import Reference, doubts, refine, steps
 from ergon.workshop.lab.runs import Run, Setting
 from ergon.workshop.lab.scene import Scene
 
-ROUNDS = 3  # timed, after one that warms up and makes the sound
-_LEDGER_READINGS = 20  # into the ledger, to see a drift
-_DOUBLINGS = 2  # of the reference, beyond all that is charted
-# A plan for this error becomes the reference where it is surer than any fixed method: what judges
-# the planner's choices is to be finer than they are.
+TIMING_ROUNDS = 3  # timed, after one that warms up and makes the sound
+_N_LEDGER_READINGS = 20  # into the ledger, to see a drift
+_REFERENCE_DOUBLINGS = 2  # of the reference, beyond all that is charted
+# A plan for this error becomes the reference where its own error is smaller than that of any fixed
+# method, because a reference must be finer than the planner's choices that it judges.
 _EXACT_PLAN = Setting(None, budget_db=-120.0)
 _YARDSTICK_MASSES = 100  # masses of a string, for a second: some 10 ms
 _TIMING_RATIO_MAX = 1.1  # between two timings of the same work
 _SAME_SOUND_RATIO = (
     1e-10  # of the largest sample: so little differ sounds of one motion, in their last bits
 )
-# What an energy error counts: all energy; what links made alone, where no ledger is kept.
+# What an energy error counts: all energy, or only what links made where there is no ledger.
 EnergyCount = Literal["", "all", "links"]
 Progress = Callable[[int], None]
 
@@ -102,36 +102,36 @@ class Chart:
 
 
 @dataclass(slots=True)
-class _Bench:
+class _Runner:
     """Runs in progress, and the number of frames computed."""
 
     scene: Scene
     n_frames: int
     progress: Progress
-    ready: dict[Setting, Run] = field(default_factory=dict)
-    failed: dict[Setting, Point] = field(default_factory=dict)
+    finished: dict[Setting, Run] = field(default_factory=dict)
+    failures: dict[Setting, Point] = field(default_factory=dict)
     sounds: dict[Setting, Floats] = field(default_factory=dict)
-    done: int = 0
+    n_frames_done: int = 0
 
-    def begin(self, setting: Setting) -> Run | None:
+    def start(self, setting: Setting) -> Run | None:
         try:
             return runs.start(self.scene, setting)
         except (_core.EngineError, StageError) as error:
-            self.failed[setting] = Point(setting, "refused", _sentence(error))
+            self.failures[setting] = Point(setting, "refused", _sentence(error))
             return None
 
     def play(self, setting: Setting, run: Run) -> Floats | None:
         try:
             frames = run.frames(self.n_frames)
         except _core.DivergedError as error:
-            self.failed[setting] = Point(setting, "diverged", _sentence(error))
+            self.failures[setting] = Point(setting, "diverged", _sentence(error))
             return None
-        self.done += self.n_frames * setting.oversampling
-        self.progress(self.done)
+        self.n_frames_done += self.n_frames * setting.oversampling
+        self.progress(self.n_frames_done)
         return frames
 
     def sound(self, setting: Setting) -> Floats | None:
-        run = self.begin(setting)
+        run = self.start(setting)
         frames = None if run is None else self.play(setting, run)
         return None if frames is None else self.scene.hear(frames)
 
@@ -151,12 +151,13 @@ def planned(budget_db: float | None = None) -> list[Setting]:
     return [by_ear] if budget_db is None else [by_ear, Setting(None, budget_db=budget_db)]
 
 
-def work(settings_wanted: Sequence[Setting], n_frames: int) -> int:
+def n_frames_to_compute(settings_to_run: Sequence[Setting], n_frames: int) -> int:
     """Frames to compute for a chart, for the display of progress."""
-    oversampling_max = max(setting.oversampling for setting in settings_wanted)
-    reference_steps = sum(oversampling_max << i for i in range(1, _DOUBLINGS + 1))
+    oversampling_max = max(setting.oversampling for setting in settings_to_run)
+    reference_oversampling = sum(oversampling_max << i for i in range(1, _REFERENCE_DOUBLINGS + 1))
     return n_frames * (
-        (ROUNDS + 1) * sum(setting.oversampling for setting in settings_wanted) + reference_steps
+        (TIMING_ROUNDS + 1) * sum(setting.oversampling for setting in settings_to_run)
+        + reference_oversampling
     )
 
 
@@ -181,8 +182,8 @@ class Players(Protocol):
 
 def measure(
     scene: Scene,
-    settings_wanted: Sequence[Setting],
-    seconds: float,
+    settings_to_run: Sequence[Setting],
+    duration: float,
     metric: Metric,
     progress: Progress,
     players: Players | None = None,
@@ -191,73 +192,75 @@ def measure(
 
     Raises SilentPieceError if there is no sound.
     """
-    bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
+    runner = _Runner(scene, max(2, round(duration * scene.rate)), progress)
     has_energy = metric == "energy"
     if players is None:
-        played = _play_settings(bench, settings_wanted, has_energy=has_energy)
+        played = _play_settings(runner, settings_to_run, has_energy=has_energy)
     else:
-        played = _play_with(players, bench, settings_wanted, has_energy=has_energy)
-    played_sounds = {
-        played_setting.point.setting: played_setting.sound
-        for played_setting in played
-        if played_setting.sound is not None
+        played = _play_with(players, runner, settings_to_run, has_energy=has_energy)
+    sound_by_setting = {
+        result.point.setting: result.sound for result in played if result.sound is not None
     }
-    sounds = dict(played_sounds)
-    has_plans = any(setting.method is None for setting in settings_wanted)
+    sounds = dict(sound_by_setting)
+    has_plans = any(setting.method is None for setting in settings_to_run)
     rival = _EXACT_PLAN if has_plans else None
-    reference = refine(sounds, bench.sound, doublings=_DOUBLINGS, rival=rival)
-    points = _with_ledger_of_ca([played.point for played in played], played_sounds)
+    reference = refine(sounds, runner.sound, doublings=_REFERENCE_DOUBLINGS, rival=rival)
+    points = _with_ledger_of_ca([played.point for played in played], sound_by_setting)
     floor = None
-    doubts_found: tuple[str, ...] = ()
+    doubts_of_methods: tuple[str, ...] = ()
     if reference is not None:
-        doubts_found = tuple(doubts(sounds, reference))
+        doubts_of_methods = tuple(doubts(sounds, reference))
         if onset(reference.sound) is None:
-            raise SilentPieceError(f"nothing sounds in the first {seconds:g} s")
+            raise SilentPieceError(f"nothing sounds in the first {duration:g} s")
         judge = Judge(reference, scene.rate)
         points = [
-            judge.point(point, played_sounds[point.setting])
-            if point.setting in played_sounds
+            judge.point(point, sound_by_setting[point.setting])
+            if point.setting in sound_by_setting
             else point
             for point in points
         ]
         floor = judge.floor(metric)
-    alike = _alike(sounds)
-    marked_points = _marked(points, metric, floor, alike)
-    return Chart(marked_points, reference, floor, metric, seconds, scene.rate, doubts_found, alike)
+    alike = _identical_methods(sounds)
+    final_points = _with_front(points, metric, floor, alike)
+    return Chart(
+        final_points, reference, floor, metric, duration, scene.rate, doubts_of_methods, alike
+    )
 
 
 def _play_settings(
-    bench: _Bench, settings_wanted: Sequence[Setting], *, has_energy: bool
+    runner: _Runner, settings_to_run: Sequence[Setting], *, has_energy: bool
 ) -> list[Played]:
     """All settings, in order. Their costs are those of interleaved rounds."""
-    for setting in settings_wanted:
-        run = bench.begin(setting)
-        frames = None if run is None else bench.play(setting, run)
+    for setting in settings_to_run:
+        run = runner.start(setting)
+        frames = None if run is None else runner.play(setting, run)
         if run is not None and frames is not None:
-            bench.ready[setting] = run
-            bench.sounds[setting] = bench.scene.hear(frames)
-    costs = _costs(bench)
+            runner.finished[setting] = run
+            runner.sounds[setting] = runner.scene.hear(frames)
+    costs = _costs(runner)
     # `refine` may add failures of settings that were not asked for; these are not failures of the
     # chart.
-    played_by_setting = {setting: Played(point, None) for setting, point in bench.failed.items()}
-    for setting, run in bench.ready.items():
+    played_by_setting = {setting: Played(point, None) for setting, point in runner.failures.items()}
+    for setting, run in runner.finished.items():
         point = Point(setting, "ok", run.chosen, costs[setting])
         if has_energy:
-            point = _with_energy(bench, point)
-        played_by_setting[setting] = Played(point, bench.sounds[setting])
-    return [played_by_setting[setting] for setting in settings_wanted]
+            point = _with_energy(runner, point)
+        played_by_setting[setting] = Played(point, runner.sounds[setting])
+    return [played_by_setting[setting] for setting in settings_to_run]
 
 
 def _play_with(
-    players: Players, bench: _Bench, settings_wanted: Sequence[Setting], *, has_energy: bool
+    players: Players, runner: _Runner, settings_to_run: Sequence[Setting], *, has_energy: bool
 ) -> list[Played]:
     """All settings, in order, played by `players`."""
     played_by_setting = {}
-    for played in players.played(settings_wanted, bench.n_frames, has_energy=has_energy):
+    for played in players.played(settings_to_run, runner.n_frames, has_energy=has_energy):
         played_by_setting[played.point.setting] = played
-        bench.done += (ROUNDS + 1) * bench.n_frames * played.point.setting.oversampling
-        bench.progress(bench.done)
-    return [played_by_setting[setting] for setting in settings_wanted]
+        runner.n_frames_done += (
+            (TIMING_ROUNDS + 1) * runner.n_frames * played.point.setting.oversampling
+        )
+        runner.progress(runner.n_frames_done)
+    return [played_by_setting[setting] for setting in settings_to_run]
 
 
 def played_beside(
@@ -267,31 +270,31 @@ def played_beside(
 
     The cost of the point is in seconds of this machine.
     """
-    bench = _Bench(scene, n_frames, lambda done: None)
-    run = bench.begin(setting)
-    frames = None if run is None else bench.play(setting, run)
+    runner = _Runner(scene, n_frames, lambda done: None)
+    run = runner.start(setting)
+    frames = None if run is None else runner.play(setting, run)
     if run is None or frames is None:
-        return Played(bench.failed[setting], None), nan
-    run_seconds, yardstick_seconds = [], []
-    for _ in range(ROUNDS):
-        yardstick_seconds.append(yardstick())
+        return Played(runner.failures[setting], None), nan
+    run_times, yardstick_times = [], []
+    for _ in range(TIMING_ROUNDS):
+        yardstick_times.append(yardstick())
         run.rewind()
-        bench.play(setting, run)
-        run_seconds.append(run.spent)
-    point = Point(setting, "ok", run.chosen, median(run_seconds) * scene.rate / n_frames)
+        runner.play(setting, run)
+        run_times.append(run.cpu_time)
+    point = Point(setting, "ok", run.chosen, median(run_times) * scene.rate / n_frames)
     if has_energy:
-        point = _with_energy(bench, point)
-    return Played(point, scene.hear(frames)), median(yardstick_seconds)
+        point = _with_energy(runner, point)
+    return Played(point, scene.hear(frames)), median(yardstick_times)
 
 
 def yardstick() -> float:
     """The time of a fixed piece of work on this processor [s]."""
     run = runs.start(canonical.string(_YARDSTICK_MASSES, canonical.RATE), Setting("ca"))
     run.frames(round(canonical.RATE))
-    return run.spent
+    return run.cpu_time
 
 
-def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
+def _identical_methods(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
     """Groups of methods whose sounds are the same, wherever both were computed."""
     by_method: dict[str, dict[Setting, Floats]] = {}
     for setting, sound in sounds.items():
@@ -313,41 +316,41 @@ def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
     return tuple(tuple(group) for group in groups if len(group) > 1)
 
 
-def _costs(bench: _Bench) -> dict[Setting, float]:
+def _costs(runner: _Runner) -> dict[Setting, float]:
     """Medians of interleaved rounds, so that other load on the machine slows all settings alike."""
-    times_by_setting: dict[Setting, list[float]] = {setting: [] for setting in bench.ready}
-    for _ in range(ROUNDS):
-        for setting, run in bench.ready.items():
+    times_by_setting: dict[Setting, list[float]] = {setting: [] for setting in runner.finished}
+    for _ in range(TIMING_ROUNDS):
+        for setting, run in runner.finished.items():
             run.rewind()
-            bench.play(setting, run)
-            times_by_setting[setting].append(run.spent)
-    duration = bench.n_frames / bench.scene.rate
+            runner.play(setting, run)
+            times_by_setting[setting].append(run.cpu_time)
+    duration = runner.n_frames / runner.scene.rate
     return {setting: median(times) / duration for setting, times in times_by_setting.items()}
 
 
-def _with_energy(bench: _Bench, point: Point) -> Point:
+def _with_energy(runner: _Runner, point: Point) -> Point:
     """The point with the energy errors from its ledger, or from the accounts of contacts and laws
     if the method keeps none.
     """
     if point.status != "ok":
         return point
-    reading_frames = np.linspace(0, bench.n_frames, _LEDGER_READINGS + 1).astype(int)
+    frame_edges = np.linspace(0, runner.n_frames, _N_LEDGER_READINGS + 1).astype(int)
     try:
-        run = runs.start(bench.scene, point.setting, ledger=True)
+        run = runs.start(runner.scene, point.setting, ledger=True)
         ledgers = []
-        for n_frames in np.diff(reading_frames):
+        for n_frames in np.diff(frame_edges):
             run.frames(int(n_frames))
             ledgers.append(run.energy())
     except _core.EngineError:
-        run = runs.start(bench.scene, point.setting)
-        run.frames(bench.n_frames)
+        run = runs.start(runner.scene, point.setting)
+        run.frames(runner.n_frames)
         return replace(point, energy_db=run.created_db(), energy_of="links")
-    instants = [float(edge) / bench.scene.rate for edge in reading_frames[1:]]
-    energy_drift = drift(instants, ledgers)
+    times = [float(edge) / runner.scene.rate for edge in frame_edges[1:]]
+    energy_drift = drift(times, ledgers)
     return replace(
         point,
         energy_db=production_db(ledgers[-1]),
-        drift_db_s=energy_drift.per_second,
+        drift_db_s=energy_drift.db_per_second,
         energy_of="all",
     )
 
@@ -368,14 +371,14 @@ def _with_ledger_of_ca(points: list[Point], sounds: Mapping[Setting, Floats]) ->
         if point.energy_of != "links" or twin is None or twin.energy_of != "all":
             return point
         sound, twin_sound = sounds.get(point.setting), sounds.get(twin.setting)
-        if sound is None or twin_sound is None or not _is_same(sound, twin_sound):
+        if sound is None or twin_sound is None or not _is_same_motion(sound, twin_sound):
             return point
         return replace(point, energy_db=twin.energy_db, drift_db_s=twin.drift_db_s, energy_of="all")
 
     return [with_ledger(point) for point in points]
 
 
-def _is_same(y: Floats, x: Floats) -> bool:
+def _is_same_motion(y: Floats, x: Floats) -> bool:
     """Whether two sounds differ in last bits alone."""
     return bool(np.abs(y - x).max(initial=0.0) <= _SAME_SOUND_RATIO * np.abs(x).max(initial=0.0))
 
@@ -388,8 +391,8 @@ class Judge:
         self.reference, self.rate = reference, rate
         x = reference.sound
         self._channel = int(np.argmax(np.sum(x**2, axis=0)))
-        self._first = onset(x) or 0
-        self._partials = strongest(x[self._first :, self._channel], rate)
+        self._onset = onset(x) or 0
+        self._partials = strongest(x[self._onset :, self._channel], rate)
 
     def point(self, point: Point, sound: Floats) -> Point:
         """The point with all its errors."""
@@ -416,25 +419,25 @@ class Judge:
             return self.reference.floor_db
         if metric == "energy":
             return ROUNDING_DB
-        error_before = self.point(Point(self.reference.setting), self.reference.before).error(
-            metric
-        )
-        return None if error_before is None else error_before * self.reference.share
+        error_before = self.point(
+            Point(self.reference.setting), self.reference.coarser_sound
+        ).error(metric)
+        return None if error_before is None else error_before * self.reference.error_ratio
 
     def _compared(self, y: Floats) -> list[Partial]:
-        span = slice(self._first, None), self._channel
+        span = slice(self._onset, None), self._channel
         x, y = self.reference.sound[span], y[span]
         compared = (compare(y, x, f, self.rate) for f in self._partials)
         return [partial for partial in compared if partial is not None]
 
 
-def _marked(
+def _with_front(
     points: list[Point],
     metric: Metric,
     floor: float | None,
     alike: Sequence[Sequence[str]] = (),
 ) -> list[Point]:
-    front = set(_front(points, metric, floor, alike))
+    front = set(_pareto_front(points, metric, floor, alike))
 
     def is_bounded(point: Point) -> bool:
         error = point.error(metric)
@@ -446,7 +449,7 @@ def _marked(
     ]
 
 
-def _front(
+def _pareto_front(
     points: list[Point], metric: Metric, floor: float | None, alike: Sequence[Sequence[str]] = ()
 ) -> Iterator[Setting]:
     """Settings that no other setting of about the same cost beats in error; all errors below the
@@ -456,11 +459,11 @@ def _front(
     counts, and of equal errors the first point. The first of methods that are alike stands for
     all.
     """
-    alike_others = {method for group in alike for method in group[1:]}
+    duplicates = {method for group in alike for method in group[1:]}
     candidates = [
         (point.cost, error if floor is None else max(error, floor), point_index, point.setting)
         for point_index, point in enumerate(points)
-        if point.setting.method not in (None, *alike_others)
+        if point.setting.method not in (None, *duplicates)
         and point.cost is not None
         and (error := point.error(metric)) is not None
     ]
@@ -508,5 +511,5 @@ def slope(chart: Chart, method: str) -> float | None:
     ]
     if len(rows) < 2:
         return None
-    doublings, errors = zip(*rows, strict=True)
-    return -float(np.polyfit(doublings, errors, 1)[0])
+    log_oversampling, log_errors = zip(*rows, strict=True)
+    return -float(np.polyfit(log_oversampling, log_errors, 1)[0])

@@ -23,17 +23,17 @@ def csv(chart: Chart, title: str, machine: str) -> str:
         *(f"doubt: {doubt}" for doubt in chart.doubts),
         *(f"the same samples: {', '.join(group)}" for group in chart.alike),
     ]
-    names = [*_HEAD, *_MEASURES, "reason"]
+    names = [*_COLUMNS, *_MEASURES, "reason"]
     return table.text(facts, names, ([row[name] for name in names] for row in rows))
 
 
-_HEAD = ("method", "oversampling", "precision", "budget_db", "status")
+_COLUMNS = ("method", "oversampling", "precision", "budget_db", "status")
 
 
 def fields(point: Point) -> dict[str, table.Value]:
     """Everything about a point."""
     setting = point.setting
-    heading_values = (
+    identification = (
         setting.method or "planner",
         setting.oversampling,
         setting.precision,
@@ -41,19 +41,19 @@ def fields(point: Point) -> dict[str, table.Value]:
         point.status,
     )
     measures = {name: getattr(point, name) for name in _MEASURES}
-    return {**dict(zip(_HEAD, heading_values, strict=True)), **measures, "reason": point.reason}
+    return {**dict(zip(_COLUMNS, identification, strict=True)), **measures, "reason": point.reason}
 
 
 def reference(chart: Chart) -> dict[str, table.Value]:
     """The reference, its order and its own error."""
-    reference_chart = chart.reference
-    if reference_chart is None:
+    ref = chart.reference
+    if ref is None:
         return {}
     return {
-        "setting": str(reference_chart.setting),
-        "changed_by_last_doubling_db": reference_chart.changes[-1],
-        "order_seen": reference_chart.order,
-        "own_error_db": reference_chart.floor_db,
+        "setting": str(ref.setting),
+        "changed_by_last_doubling_db": ref.changes_db[-1],
+        "order_seen": ref.order,
+        "own_error_db": ref.floor_db,
         "floor_of_metric": chart.floor,
     }
 
@@ -68,7 +68,7 @@ def lines(chart: Chart) -> str:
         if point.status != "ok":
             rows.append(f"  {point.setting!s:<14} {point.status}: {point.reason}\n")
         elif point.cost is not None:
-            error_text = _shown(chart, point, error)
+            error_text = _error_text(chart, point, error)
             rows.append(f"{mark} {point.setting!s:<14} {point.cost:9.3g} {error_text:>9}{reason}\n")
     if chart.reference is not None:
         order = chart.reference.order
@@ -91,7 +91,7 @@ def _notes(chart: Chart) -> list[str]:
             if chart.metric == "energy"
             else "<: below the error of the reference itself, so no more is known"
         )
-    if any(_counts_links(chart, point) for point in chart.points):
+    if any(_is_partial(chart, point) for point in chart.points):
         notes.append(
             "+: only what contacts and laws made is counted, not what they took too much; "
             "only ca keeps a ledger"
@@ -99,15 +99,15 @@ def _notes(chart: Chart) -> list[str]:
     return notes
 
 
-def _counts_links(chart: Chart, point: Point) -> bool:
+def _is_partial(chart: Chart, point: Point) -> bool:
     return chart.metric == "energy" and point.energy_of == "links"
 
 
-def _shown(chart: Chart, point: Point, error: float | None) -> str:
+def _error_text(chart: Chart, point: Point, error: float | None) -> str:
     """The error in the metric of the chart, no smaller than the reference's own."""
     if error is None:
         return "unknown"
-    plus = "+" if _counts_links(chart, point) else ""
+    plus = "+" if _is_partial(chart, point) else ""
     if point.is_bounded and chart.floor is not None:
         return f"<{chart.floor:.3g}{plus}"
     return f"{error:.3g}{plus}"

@@ -18,10 +18,12 @@ if TYPE_CHECKING:
 
 _IN_DB = ("waveform", "energy")
 _ERROR_MIN = 1e-6  # cents, or dB of spectra: smaller is nothing, and a logarithm needs an end
-_LEAST_DB = -320.0
-_TITLE = 60  # letters of a title that fit beside one another
-_ROW = 0.045  # of the height of the axes: a row of failures
-_BELOW_DB = 10.0  # below the lowest figure of energy: where points stand that made none
+_ERROR_DB_MIN = -320.0
+_TITLE_WIDTH = 60  # letters of a title that fit beside one another
+_ROW_HEIGHT = 0.045  # of the height of the axes: a row of failures
+_ZERO_ENERGY_OFFSET_DB = (
+    10.0  # below the lowest figure of energy: where points stand that made none
+)
 
 
 def draw(chart: Chart, title: str, machine: str) -> Figure:
@@ -31,7 +33,7 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
 
     figure = Figure(figsize=(7.5, 6.0), layout="constrained")
     ax = figure.subplots()
-    heading = fill(f"{title}: the first {chart.seconds:g} s", _TITLE)
+    heading = fill(f"{title}: the first {chart.seconds:g} s", _TITLE_WIDTH)
     ax.set_title(heading, loc="left", fontweight="bold", pad=14)
     ax.set_xscale("log")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -42,10 +44,8 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
     ax.set_ylabel(METRICS[chart.metric])
     if chart.metric not in _IN_DB:
         ax.set_yscale("log")
-    measured_points = [
-        p for p in chart.points if p.status == "ok" and p.error(chart.metric) is not None
-    ]
-    _front(ax, chart, measured_points)
+    measured = [p for p in chart.points if p.status == "ok" and p.error(chart.metric) is not None]
+    _draw_front(ax, chart, measured)
     label_by_method: dict[str, str] = {method: method for method in METHODS}
     for group in chart.alike:
         label_by_method.update(
@@ -53,15 +53,15 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
         )
     for method in METHODS:
         if label_by_method[method]:
-            points_of_method = [p for p in measured_points if p.setting.method == method]
-            _method(ax, chart, points_of_method, method, label_by_method[method])
-    for point in measured_points:
+            points_of_method = [p for p in measured if p.setting.method == method]
+            _draw_method(ax, chart, points_of_method, method, label_by_method[method])
+    for point in measured:
         if point.setting.method is None:
-            _planner(ax, chart, point)
+            _draw_planner(ax, chart, point)
     if chart.metric == "energy":
-        _energy_notes(ax, chart, measured_points)
-    _limits(ax, chart, measured_points)
-    _failures(ax, chart)
+        _draw_energy_notes(ax, chart, measured)
+    _set_limits(ax, chart, measured)
+    _draw_failures(ax, chart)
     if ax.get_legend_handles_labels()[0]:
         # Below the axes it lies on no data.
         spacing = 0.9 if chart.metric == "energy" else 0.5  # rings are large
@@ -69,7 +69,7 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
     return figure
 
 
-def _height(chart: Chart, point: Point) -> float:
+def _plotted_error(chart: Chart, point: Point) -> float:
     """The height of a point; points below the floor are drawn on it, and those that made no energy
     below all that did: at the floor they would press the others into a corner.
     """
@@ -78,9 +78,9 @@ def _height(chart: Chart, point: Point) -> float:
     if chart.metric == "energy" and point.is_bounded:
         known = (p.error("energy") for p in chart.points if not p.is_bounded)
         lowest = min((db for db in known if db is not None), default=0.0)
-        return _BELOW_DB * rounded_down(lowest / _BELOW_DB - 1.0)
-    least = _LEAST_DB if chart.metric in _IN_DB else _ERROR_MIN
-    return max(error, least if chart.floor is None else chart.floor, least)
+        return _ZERO_ENERGY_OFFSET_DB * rounded_down(lowest / _ZERO_ENERGY_OFFSET_DB - 1.0)
+    error_min = _ERROR_DB_MIN if chart.metric in _IN_DB else _ERROR_MIN
+    return max(error, error_min if chart.floor is None else chart.floor, error_min)
 
 
 def _cost(point: Point) -> float:
@@ -88,23 +88,23 @@ def _cost(point: Point) -> float:
     return point.cost
 
 
-def _method(ax: Axes, chart: Chart, points: list[Point], method: str, name: str) -> None:
+def _draw_method(ax: Axes, chart: Chart, points: list[Point], method: str, name: str) -> None:
     colour = COLOURS[METHODS.index(method)]
     for precision, marker, line in (("f64", "o", "-"), ("f32", "s", ":")):
         row = [p for p in points if p.setting.precision == precision]
         row.sort(key=lambda p: p.setting.oversampling)
         if row:
             label = name if precision == "f64" else f"{name}, single precision"
-            x, y = [_cost(p) for p in row], [_height(chart, p) for p in row]
+            x, y = [_cost(p) for p in row], [_plotted_error(chart, p) for p in row]
             ax.plot(x, y, line, color=colour, marker=marker, markersize=5, label=label, zorder=3)
         for point in row:
-            position = _cost(point), _height(chart, point)
-            _word(ax, f"×{point.setting.oversampling}", position, colour)
+            position = _cost(point), _plotted_error(chart, point)
+            _label_point(ax, f"×{point.setting.oversampling}", position, colour)
 
 
-def _planner(ax: Axes, chart: Chart, point: Point) -> None:
+def _draw_planner(ax: Axes, chart: Chart, point: Point) -> None:
     """A full star is the planner's choice by ear, an empty one its choice for an error."""
-    position, budget = (_cost(point), _height(chart, point)), point.setting.budget_db
+    position, budget = (_cost(point), _plotted_error(chart, point)), point.setting.budget_db
     fill_colour, label = "black", "the planner's choice"
     if budget is not None:
         fill_colour, label = "white", f"the planner's choice for {budget:g} dB"
@@ -120,60 +120,61 @@ def _planner(ax: Axes, chart: Chart, point: Point) -> None:
         label=label,
         zorder=4,
     )
-    _word(ax, point.reason, position, "black", below=True)
+    _label_point(ax, point.reason, position, "black", below=True)
 
 
-def _energy_notes(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
-    """Point down from what made no energy, ring what is counted in part, and say both below."""
-    positions_below = [(_cost(p), _height(chart, p)) for p in measured_points if p.is_bounded]
-    positions_in_part = [
-        (_cost(p), _height(chart, p)) for p in measured_points if p.energy_of == "links"
+def _draw_energy_notes(ax: Axes, chart: Chart, measured: list[Point]) -> None:
+    """Draw an arrow below points that made no energy, and a ring round those counted in part."""
+    below_rounding = [(_cost(p), _plotted_error(chart, p)) for p in measured if p.is_bounded]
+    counted_in_part = [
+        (_cost(p), _plotted_error(chart, p)) for p in measured if p.energy_of == "links"
     ]
-    if positions_below:
+    if below_rounding:
         x, y = zip(
-            *((cost, height - 0.3 * _BELOW_DB) for cost, height in positions_below), strict=True
+            *((cost, height - 0.3 * _ZERO_ENERGY_OFFSET_DB) for cost, height in below_rounding),
+            strict=True,
         )
         label = f"made none above rounding ({ROUNDING_DB:g} dB)"
         ax.plot(x, y, linestyle="", marker=r"$\downarrow$", markersize=10, color="#666666",
                 label=label, zorder=4)  # fmt: skip
-        scale_end = max(height for _, height in positions_below) + 0.5 * _BELOW_DB
-        ax.axhline(scale_end, color="#999999", linewidth=0.8, linestyle="--", zorder=0)
+        scale_min = max(height for _, height in below_rounding) + 0.5 * _ZERO_ENERGY_OFFSET_DB
+        ax.axhline(scale_min, color="#999999", linewidth=0.8, linestyle="--", zorder=0)
         # Below this line is no scale.
         ax.yaxis.set_major_formatter(
-            lambda db, _: f"{db:g}".replace("-", "−") if db > scale_end else ""
+            lambda db, _: f"{db:g}".replace("-", "−") if db > scale_min else ""
         )
-    if positions_in_part:
-        x, y = zip(*positions_in_part, strict=True)
+    if counted_in_part:
+        x, y = zip(*counted_in_part, strict=True)
         ax.plot(x, y, "o", color="#666666", markerfacecolor="none", markersize=17,
                 label="only what contacts and laws made is counted", zorder=2)  # fmt: skip
 
 
-def _front(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
+def _draw_front(ax: Axes, chart: Chart, measured: list[Point]) -> None:
     """No fixed setting is both cheaper and better than the points on this line; stars may be."""
-    costs_and_heights = sorted((_cost(p), _height(chart, p)) for p in measured_points if p.on_front)
-    if costs_and_heights:
-        x, y = zip(*costs_and_heights, strict=True)
+    front = sorted((_cost(p), _plotted_error(chart, p)) for p in measured if p.on_front)
+    if front:
+        x, y = zip(*front, strict=True)
         label = "best fixed setting for its cost"
         ax.step(x, y, where="post", color="#bbbbbb", linewidth=5, label=label,
                 solid_capstyle="round", zorder=1)  # fmt: skip
 
 
-def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
+def _set_limits(ax: Axes, chart: Chart, measured: list[Point]) -> None:
     floor = chart.floor
-    heights = [_height(chart, p) for p in measured_points] or [0.0]
+    heights = [_plotted_error(chart, p) for p in measured] or [0.0]
     if chart.metric not in _IN_DB:
         ax.set_ylim(top=2.5 * max(*heights, 1e-3))
     else:
         shown_floor = None if chart.metric == "energy" else floor
         heights_and_floor = (
-            heights if shown_floor is None else [*heights, max(shown_floor, _LEAST_DB)]
+            heights if shown_floor is None else [*heights, max(shown_floor, _ERROR_DB_MIN)]
         )
         lowest, highest = min(heights_and_floor), max(heights)
         margin = max(6.0, 0.08 * (highest - lowest))
-        row_count = len(_failed_methods(chart))
+        n_failed_rows = len(_failed_methods(chart))
         ax.set_ylim(
             lowest - margin,
-            highest + 2 * margin + row_count * _ROW * (highest - lowest + 3 * margin),
+            highest + 2 * margin + n_failed_rows * _ROW_HEIGHT * (highest - lowest + 3 * margin),
         )
     costs = [cost for p in chart.points if (cost := likely_cost(chart, p))] or [0.3]
     ax.set_xlim(min(costs) / 1.5, max(costs) * 2.0)
@@ -184,30 +185,30 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
         return
     if chart.metric == "energy":
         return  # arrows say what is below rounding
-    floor = max(floor, _LEAST_DB if chart.metric in _IN_DB else _ERROR_MIN)
+    floor = max(floor, _ERROR_DB_MIN if chart.metric in _IN_DB else _ERROR_MIN)
     bottom = ax.get_ylim()[0]
     if chart.metric not in _IN_DB:
         bottom = min(bottom, floor / 3.0)
         ax.set_ylim(bottom=bottom)
     ax.axhspan(bottom, floor, facecolor="#eeeeee", edgecolor="#cccccc", hatch="///", zorder=0)
-    sentence = f"the reference ({chart.reference.setting}) is itself no surer than this"
-    paper = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+    note = f"the reference ({chart.reference.setting}) is itself no surer than this"
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     # At the lower edge, where no point is: the floor is the lowest height of a point.
-    ax.annotate(sentence, (0.0, 0.0), xycoords="axes fraction", xytext=(6, 4),
-                textcoords="offset points", fontsize=8, va="bottom", bbox=paper)  # fmt: skip
+    ax.annotate(note, (0.0, 0.0), xycoords="axes fraction", xytext=(6, 4),
+                textcoords="offset points", fontsize=8, va="bottom", bbox=box)  # fmt: skip
 
 
-def _failures(ax: Axes, chart: Chart) -> None:
+def _draw_failures(ax: Axes, chart: Chart) -> None:
     """Draw failures at the upper edge, a row for each method, at the cost that each would have; the
     legend says what happened.
     """
     left_limit = ax.get_xlim()[0]
     for row, method in enumerate(_failed_methods(chart)):
         failed = [p for p in chart.points if p.status != "ok" and p.setting.method == method]
-        height = 1.0 - _ROW * row
+        height = 1.0 - _ROW_HEIGHT * row
         colour = COLOURS[METHODS.index(method)] if method else "black"
         costs = [likely_cost(chart, point) or left_limit for point in failed]
-        label = f"{method or 'the planner'}: {_what_failed(failed)}"
+        label = f"{method or 'the planner'}: {_failure_text(failed)}"
         ax.plot(costs, [height] * len(costs), "X", color=colour, markersize=8, label=label,
                 transform=ax.get_xaxis_transform(), clip_on=False, zorder=5)  # fmt: skip
 
@@ -218,7 +219,7 @@ def _failed_methods(chart: Chart) -> list[str | None]:
     return list(dict.fromkeys(failed))
 
 
-def _what_failed(failed: list[Point]) -> str:
+def _failure_text(failed: list[Point]) -> str:
     """`×1, ×2 refused, ×4 diverged`."""
     status_texts = []
     for status in dict.fromkeys(point.status for point in failed):
@@ -228,11 +229,11 @@ def _what_failed(failed: list[Point]) -> str:
     return ", ".join(status_texts)
 
 
-def _word(
+def _label_point(
     ax: Axes, word: str, position: tuple[float, float], colour: str, *, below: bool = False
 ) -> None:
     """A word beside a point: above it, or below it where other words are above."""
-    shift = (8, -12) if below else (5, 4)
-    paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8}
-    ax.annotate(word, position, xytext=shift, textcoords="offset points", fontsize=8, color=colour,
-                bbox=paper if below else None, zorder=6)  # fmt: skip
+    offset = (8, -12) if below else (5, 4)
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8}
+    ax.annotate(word, position, xytext=offset, textcoords="offset points", fontsize=8, color=colour,
+                bbox=box if below else None, zorder=6)  # fmt: skip

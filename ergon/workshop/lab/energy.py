@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 def production_db(ledger: _core.Energy) -> float:
     """10·log10 of the energy made or missing over the energy given; -inf if there is none."""
-    wrong_energy = abs(ledger.produced) + abs(ledger.residual)
-    available = abs(ledger.start) + abs(ledger.injected)
-    if wrong_energy == 0.0:
+    spurious = abs(ledger.produced) + abs(ledger.residual)
+    supplied = abs(ledger.start) + abs(ledger.injected)
+    if spurious == 0.0:
         return -inf
-    return 10.0 * log10(wrong_energy / available) if available > 0.0 else inf
+    return 10.0 * log10(spurious / supplied) if supplied > 0.0 else inf
 
 
-def share_db(share: float) -> float:
+def energy_ratio_db(ratio: float) -> float:
     """10·log10 of the energy made over the energy that was there; -inf if none was made."""
-    return 10.0 * log10(share) if share > 0.0 else -inf
+    return 10.0 * log10(ratio) if ratio > 0.0 else -inf
 
 
 # Energy that rounding alone makes in a few million steps [dB]: smaller errors are not compared.
@@ -35,8 +35,8 @@ ROUNDING_DB = -150.0
 class Drift:
     """Stored and lost energy over the energy given: its trend [dB/s], and its worst error [dB]."""
 
-    per_second: float
-    worst: float
+    db_per_second: float
+    worst_db: float
 
 
 def drift(t: Sequence[float], ledgers: Sequence[_core.Energy]) -> Drift:
@@ -47,8 +47,8 @@ def drift(t: Sequence[float], ledgers: Sequence[_core.Energy]) -> Drift:
             for ledger in ledgers
         ]
     )
-    levels_db = 10.0 * np.log10(np.maximum(ratios, 1e-300))
-    if len(levels_db) < 2:
-        return Drift(0.0, float(np.abs(levels_db).max(initial=0.0)))
-    slope = np.polyfit(np.asarray(t), levels_db, 1)[0]
-    return Drift(float(slope), float(np.abs(levels_db).max()))
+    levels = 10.0 * np.log10(np.maximum(ratios, 1e-300))
+    if len(levels) < 2:
+        return Drift(0.0, float(np.abs(levels).max(initial=0.0)))
+    slope = np.polyfit(np.asarray(t), levels, 1)[0]
+    return Drift(float(slope), float(np.abs(levels).max()))

@@ -18,9 +18,9 @@ from ergon.workshop.lab.chart import (
     Point,
     SilentPieceError,
     measure,
+    n_frames_to_compute,
     planned,
     settings,
-    work,
 )
 from ergon.workshop.lab.machine import machine
 from ergon.workshop.lab.names import METHODS, METRICS, PRECISIONS, Metric
@@ -72,17 +72,17 @@ class ErrorChart:
 
 
 def chart(
-    score: str | Path, chart_options: ChartOptions | None = None, *, report: Report | None = None
+    score: str | Path, options: ChartOptions | None = None, *, report: Report | None = None
 ) -> ErrorChart:
     """Compute the beginning of a score by every method, and compare each with the best.
 
     Raises ScoreError, and OptionError also where the piece is silent for so long.
     """
-    chart_options, report = chart_options or ChartOptions(), report or Report()
-    methods = tuple(chart_options.methods) or tuple(METHODS)
+    options, report = options or ChartOptions(), report or Report()
+    methods = tuple(options.methods) or tuple(METHODS)
     for option, chosen_names, allowed_names in (
         ("methods", methods, METHODS),
-        ("metric", (chart_options.metric,), METRICS),
+        ("metric", (options.metric,), METRICS),
     ):
         for method_name in chosen_names:
             if method_name not in allowed_names:
@@ -93,24 +93,24 @@ def chart(
                     else f"; there is {', '.join(allowed_names)}"
                 )
                 raise OptionError(option, f"there is no '{method_name}'{advice}")
-    loaded = scores.read(score, chart_options, report)
+    loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     all_settings = [
-        *settings(methods, PRECISIONS, chart_options.upto),
-        *planned(chart_options.error),
+        *settings(methods, PRECISIONS, options.upto),
+        *planned(options.error),
     ]
-    frame_count = work(all_settings, round(chart_options.seconds * piece.rate))
+    n_frames = n_frames_to_compute(all_settings, round(options.seconds * piece.rate))
     try:
-        with report.progress(f"charting {score}", frame_count, piece.rate) as progress:
-            measured_chart = measure(
+        with report.progress(f"charting {score}", n_frames, piece.rate) as progress:
+            measured = measure(
                 Score(piece),
                 all_settings,
-                chart_options.seconds,
-                chart_options.metric,
+                options.seconds,
+                options.metric,
                 progress.update,
             )
     except SilentPieceError as silence:
         raise OptionError("seconds", f"{silence}; a larger number computes more") from None
-    for doubt in measured_chart.doubts:
+    for doubt in measured.doubts:
         report.warn(doubt)
-    return ErrorChart(piece.title or Path(score).stem, measured_chart)
+    return ErrorChart(piece.title or Path(score).stem, measured)

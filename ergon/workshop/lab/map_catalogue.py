@@ -12,7 +12,7 @@ import numpy as np
 from ergon.scores.reading.piece import Piece
 from ergon.workshop.lab import canonical, slow_key_scene
 from ergon.workshop.lab.canonical import RATE
-from ergon.workshop.lab.map_point import MapPoint, Stepped
+from ergon.workshop.lab.map_point import MapPoint, SteppedPoint
 from ergon.workshop.lab.maps import Map
 from ergon.workshop.lab.names import PLAN, SLOW, MapMetric
 from ergon.workshop.lab.runs import Setting
@@ -24,24 +24,24 @@ _OVERSAMPLINGS = (1.0, 2.0, 4.0, 8.0)
 _OVERSAMPLING_LABEL = "oversampling"
 
 
-def _spaced(low: float, high: float, count: int) -> tuple[float, ...]:
+def _geometric_range(low: float, high: float, count: int) -> tuple[float, ...]:
     return tuple(float(x) for x in np.geomspace(low, high, count))
 
 
-def _truth_of(scene: Scene) -> Callable[[int], Truth]:
+def _converged_truth(scene: Scene) -> Callable[[int], Truth]:
     return lambda n_frames: converged(scene, n_frames)
 
 
 def maps(
     method_name: str,
     piece: Piece | None,
-    run_seconds: float,
+    duration: float,
     error_db_max: float | None,
     metric: MapMetric = "waveform",
 ) -> dict[str, Map]:
     """The maps of a method, or of a piece; an error up to `error_db_max` [dB] counts as right."""
     if piece is not None:
-        maps_by_name = maps_of_score(piece, run_seconds, method_name)
+        maps_by_name = maps_of_score(piece, duration, method_name)
         maps_by_name = {
             name: replace(survey_map, metric=metric) for name, survey_map in maps_by_name.items()
         }
@@ -51,7 +51,7 @@ def maps(
         maps_by_name = built_in(method_name)
     if error_db_max is not None:
         maps_by_name = {
-            name: replace(survey_map, right=((inf, error_db_max),))
+            name: replace(survey_map, error_limits=((inf, error_db_max),))
             for name, survey_map in maps_by_name.items()
         }
     return maps_by_name
@@ -70,22 +70,22 @@ def built_in(method_name: str) -> dict[str, Map]:
 def _cell(method_name: str) -> Map:
     def case(kappa: float, zeta: float) -> MapPoint:
         def exact(n_frames: int) -> Truth:
-            return Truth(canonical.cell_exactly(kappa, zeta, n_frames), EXACT_DB)
+            return Truth(canonical.exact_cell_motion(kappa, zeta, n_frames), EXACT_DB)
 
-        return Stepped(canonical.cell(kappa, zeta, method_name), Setting(method_name), exact)
+        return SteppedPoint(canonical.cell(kappa, zeta, method_name), Setting(method_name), exact)
 
     def load(kappa: float, zeta: float) -> float:
         return canonical.cell_load(kappa, zeta, method_name)
 
     # Offset from round numbers, so that no spot lies exactly on the border.
-    top = 1.25 * min(canonical.limit(method_name), 16.0)
+    top = 1.25 * min(canonical.eigenvalue_limit(method_name), 16.0)
     xs = tuple(float(x) for x in (np.arange(25) + 0.5) * top / 25)
     ys = tuple(float(y) for y in (np.arange(13) + 0.25) * 2.5 / 13)
     return Map("cell", "a mass on a spring and a damper", "κ = K/M", "ζ = Z/M", xs, ys, 0.1, case,
                load, log_x=False, log_y=False)  # fmt: skip
 
 
-def _oversampled(
+def _cases_over_oversampling(
     method: str, make: Callable[[float], Bare], refinement: int = 16
 ) -> Callable[[float, float], MapPoint]:
     """Cases of a scene over oversampling. The true motion does not depend on the oversampling, so
@@ -98,7 +98,7 @@ def _oversampled(
 
     def case(kappa_or_speed: float, oversampling: float) -> MapPoint:
         setting = Setting(method, round(oversampling))
-        return Stepped(
+        return SteppedPoint(
             make(kappa_or_speed), setting, lambda n_frames: truth(kappa_or_speed, n_frames)
         )
 
@@ -114,23 +114,25 @@ def _rattle(method: str) -> Map:
         def no_truth(n_frames: int) -> Truth:
             return Truth(None, inf)
 
-        return Stepped(canonical.rattle(f, ratio), _setting(method), no_truth, canonical.risen)
+        return SteppedPoint(
+            canonical.rattle(f, ratio), _setting(method), no_truth, canonical.energy_rise
+        )
 
     return Map("rattle", "an undamped mass on a spring, which meets a stop", "its pitch [Hz]",
-               "K of the stop over K of the spring", _spaced(100.0, 6000.0, 13),
-               _spaced(0.1, 100.0, 7), 2.0, case, metric="energy")  # fmt: skip
+               "K of the stop over K of the spring", _geometric_range(100.0, 6000.0, 13),
+               _geometric_range(0.1, 100.0, 7), 2.0, case, metric="energy")  # fmt: skip
 
 
 def _contact(method_name: str) -> Map:
-    def load(kappa: float, times: float) -> float:
-        return canonical.contact_load(kappa, times, method_name)
+    def load(kappa: float, oversampling: float) -> float:
+        return canonical.contact_load(kappa, oversampling, method_name)
 
     # Only CA steps a contact of two masses; for a contact between bodies a planner takes shorter
     # steps.
     title = "a hammer that bounces on a bar" + ("" if method_name == "ca" else ", by CA")
     return Map("contact", title, "κ of the contact at 44.1 kHz",
-               _OVERSAMPLING_LABEL, _spaced(0.03, 3000.0, 21), _OVERSAMPLINGS, 0.25,
-               _oversampled(method_name, canonical.contact), load)  # fmt: skip
+               _OVERSAMPLING_LABEL, _geometric_range(0.03, 3000.0, 21), _OVERSAMPLINGS, 0.25,
+               _cases_over_oversampling(method_name, canonical.contact), load)  # fmt: skip
 
 
 def _strike(method_name: str) -> Map:
@@ -138,36 +140,37 @@ def _strike(method_name: str) -> Map:
     if method_name == "modal":
         map_title += ", by CA"
 
-    def load(speed: float, times: float) -> float:
-        return canonical.struck_load(speed, times, method_name)
+    def load(speed: float, oversampling: float) -> float:
+        return canonical.struck_load(speed, oversampling, method_name)
 
     return Map("strike", map_title, "speed of the stroke [m/s]",
-               _OVERSAMPLING_LABEL, _spaced(0.1, 1000.0, 21), _OVERSAMPLINGS, 0.1,
-               _oversampled(method_name, canonical.struck), load)  # fmt: skip
+               _OVERSAMPLING_LABEL, _geometric_range(0.1, 1000.0, 21), _OVERSAMPLINGS, 0.1,
+               _cases_over_oversampling(method_name, canonical.struck), load)  # fmt: skip
 
 
 def _rate(method_name: str) -> Map:
     def case(rate: float, mass_count: float) -> MapPoint:
         scene = canonical.string(round(mass_count), rate)
-        return Stepped(scene, Setting(method_name), _truth_of(scene))
+        return SteppedPoint(scene, Setting(method_name), _converged_truth(scene))
 
     def load(rate: float, mass_count: float) -> float:
         return canonical.string_load(mass_count, rate, method_name)
 
-    mass_counts = tuple(float(n) for n in (10, 14, 20, 28, 40, 57, 80, 113, 160))
+    counts = tuple(float(n) for n in (10, 14, 20, 28, 40, 57, 80, 113, 160))
     return Map("rate", "a string of many masses, 110 Hz", "rate [Hz]", "masses",
-               _spaced(RATE / 16.3, RATE * 2.1, 17), mass_counts, 0.1, case, load)  # fmt: skip
+               _geometric_range(RATE / 16.3, RATE * 2.1, 17), counts, 0.1, case, load)  # fmt: skip
 
 
 def _coupling(method_name: str) -> Map:
-    def load(kappa: float, times: float) -> float:
-        return canonical.coupled_load(kappa, times, method_name)
+    def load(kappa: float, oversampling: float) -> float:
+        return canonical.coupled_load(kappa, oversampling, method_name)
 
     return Map("coupling", "two cells joined by a spring", "κ of the joint at 44.1 kHz",
-               _OVERSAMPLING_LABEL, _spaced(0.003, 300.0, 21), _OVERSAMPLINGS, 0.1,
+               _OVERSAMPLING_LABEL, _geometric_range(0.003, 300.0, 21), _OVERSAMPLINGS, 0.1,
                # The difference mode is high and decays slowly, so its phase needs a finer
                # reference.
-               _oversampled(method_name, lambda kappa: canonical.coupled(kappa, method_name), 256),
+               _cases_over_oversampling(
+                   method_name, lambda kappa: canonical.coupled(kappa, method_name), 256),
                load)  # fmt: skip
 
 
@@ -187,13 +190,13 @@ def _slow_key_map(map_name: str, slow_key: slow_key_scene.Key, modes_label: str)
         )
 
     def load(stiffness: float, frames_per_pull: float) -> float:
-        return slow_key_scene.load(slow_key, 1e3 * stiffness)
+        return slow_key_scene.eigenvalue_load(slow_key, 1e3 * stiffness)
 
     title = f"a slow key, modes to {modes_label}, pulls a string"
-    pull_spacings = tuple(float(frames) for frames in range(2, 61, 2))
+    pull_intervals = tuple(float(frames) for frames in range(2, 61, 2))
     return Map(map_name, title, "K of the spring between [kN/m]", "frames from pull to pull",
-               _spaced(0.01, 1e3, 21), pull_spacings, 4.0, case, load,
-               log_y=False, right=_PRESERVED_LIMITS, judged=1.0)  # fmt: skip
+               _geometric_range(0.01, 1e3, 21), pull_intervals, 4.0, case, load,
+               log_y=False, error_limits=_PRESERVED_LIMITS, judged_duration=1.0)  # fmt: skip
 
 
 # --- a score ------------------------------------------------------------------------------------
@@ -202,16 +205,16 @@ _FACTORS = tuple(2.0**i for i in range(-2, 9))
 _RATE_FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 
-def maps_of_score(piece: Piece, run_seconds: float, method: str) -> dict[str, Map]:
+def maps_of_score(piece: Piece, duration: float, method: str) -> dict[str, Map]:
     """Two maps: all springs stiffer, and, if there are contacts, contacts alone stiffer."""
-    maps = [_stiffer(piece, run_seconds, method, "springs", contacts_only=False)]
+    maps = [_stiffness_map(piece, duration, method, "springs", contacts_only=False)]
     if has_contacts(piece):
-        maps.append(_stiffer(piece, run_seconds, method, "contacts", contacts_only=True))
+        maps.append(_stiffness_map(piece, duration, method, "contacts", contacts_only=True))
     return {survey_map.name: survey_map for survey_map in maps}
 
 
-def _stiffer(
-    piece: Piece, run_seconds: float, method: str, map_name: str, *, contacts_only: bool
+def _stiffness_map(
+    piece: Piece, duration: float, method: str, map_name: str, *, contacts_only: bool
 ) -> Map:
     rate_factor_max = _RATE_FACTORS[-1]
 
@@ -220,22 +223,22 @@ def _stiffer(
         return Score(replace(stiffer_piece, rate=piece.rate * rate_multiple))
 
     @cache
-    def finest_motion(factor: float) -> Motion | None:
-        n_frames = round(run_seconds * piece.rate * rate_factor_max) + 1
-        return motion(scene(factor, rate_factor_max), n_frames, finer=4)
+    def reference_motion(factor: float) -> Motion | None:
+        n_frames = round(duration * piece.rate * rate_factor_max) + 1
+        return motion(scene(factor, rate_factor_max), n_frames, refinement=4)
 
     def case(factor: float, rate_multiple: float) -> MapPoint:
         def truth(n_frames: int) -> Truth:
-            finest_run = finest_motion(factor)
+            reference_run = reference_motion(factor)
             return (
                 UNKNOWN
-                if finest_run is None
-                else finest_run.sampled(piece.rate * rate_multiple, n_frames)
+                if reference_run is None
+                else reference_run.sampled(piece.rate * rate_multiple, n_frames)
             )
 
-        return Stepped(scene(factor, rate_multiple), _setting(method), truth)
+        return SteppedPoint(scene(factor, rate_multiple), _setting(method), truth)
 
     noun = "all its contacts" if contacts_only else "all its springs"
     title = f"{piece.title or 'the score'}: {noun} stiffer"
     return Map(map_name, title, "stiffness, times the score's", "rate, times the score's", _FACTORS,
-               _RATE_FACTORS, run_seconds, case, as_written=(1.0, 1.0))  # fmt: skip
+               _RATE_FACTORS, duration, case, as_written=(1.0, 1.0))  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 
 from ergon import _core
 from ergon.workshop.lab import runs
-from ergon.workshop.lab.energy import production_db, share_db
+from ergon.workshop.lab.energy import energy_ratio_db, production_db
 from ergon.workshop.lab.metrics import Floats
 from ergon.workshop.lab.runs import Setting
 from ergon.workshop.lab.scene import Scene
@@ -49,13 +49,13 @@ class MapPoint(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Stepped:
+class SteppedPoint:
     """A scene by one method, oversampled."""
 
     scene: Scene
     setting: Setting
     reference: Callable[[int], Truth]
-    created_share: Callable[[Floats], float] | None = (
+    created_energy_ratio: Callable[[Floats], float] | None = (
         None  # share of energy made, where outputs tell it
     )
 
@@ -88,7 +88,9 @@ class Stepped:
             return Outcome(False, reason="an output is not finite")
         produced_db = production_db(run.energy()) if keeps_ledger else run.created_db()
         energy_db = (
-            produced_db if self.created_share is None else share_db(self.created_share(frames))
+            produced_db
+            if self.created_energy_ratio is None
+            else energy_ratio_db(self.created_energy_ratio(frames))
         )
         if produced_db > RUNAWAY_DB:
             energy_ratio = f"{10 ** (produced_db / 10):.3g} times the energy given"

@@ -11,25 +11,25 @@ from typing import Protocol
 from ergon import _core
 from ergon.scores.staging.refusals import StageError
 from ergon.workshop.lab.map_point import MapPoint
-from ergon.workshop.lab.metrics import EARLY, Floats, early_db, spectral
+from ergon.workshop.lab.metrics import EARLY_DURATION, Floats, early_db, spectral
 from ergon.workshop.lab.names import MapMetric
 
 # Rows of (largest y, largest error that counts as right [dB]). -20 dB is a tenth of the motion, or
 # a hundredth of the energy.
-RIGHT = ((inf, -20.0),)
-_SURE_DB = -6.0  # margin by which the reference must be more exact
+DEFAULT_ERROR_LIMITS = ((inf, -20.0),)
+_CERTAINTY_MARGIN_DB = -6.0  # margin by which the reference must be more exact
 Progress = Callable[[int], None]
-Right = tuple[tuple[float, float], ...]
+ErrorLimits = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Map:
     """A grid over two parameters.
 
-    `load` is λ over the limit by a formula: 1 is the predicted border; None if there is no
-    formula. The error is that of the first `judged` seconds of sound. `as_written` is the spot
-    of the unchanged score. By the metric `energy` a spot is right if its spurious
-    energy stays below `right_db`.
+    `load` is λ over the limit by a formula: 1 is the predicted border; None if there is no formula.
+    The error is that of the first `judged_duration` seconds of sound. `as_written` is the spot of
+    the unchanged score. By the metric `energy` a spot is right if its spurious energy stays below
+    `error_limit_db`.
     """
 
     name: str
@@ -43,8 +43,8 @@ class Map:
     load: Callable[[float, float], float] | None = None
     log_x: bool = True
     log_y: bool = True
-    right: Right = RIGHT
-    judged: float = EARLY
+    error_limits: ErrorLimits = DEFAULT_ERROR_LIMITS
+    judged_duration: float = EARLY_DURATION
     as_written: tuple[float, float] | None = None
     metric: MapMetric = "waveform"
 
@@ -53,9 +53,9 @@ class Map:
         """The number of runs."""
         return len(self.xs) * len(self.ys)
 
-    def right_db(self, y: float) -> float:
+    def error_limit_db(self, y: float) -> float:
         """The error that still counts as right [dB]."""
-        return next(db for upto, db in self.right if y <= upto)
+        return next(db for upto, db in self.error_limits if y <= upto)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ def survey_all(
     surveys: dict[str, tuple[Map, list[Spot]]] = {}
     n_done = 0
     for name, surveyed_map in maps.items():
-        spots = survey(surveyed_map, partial(_shifted, progress, n_done))
+        spots = survey(surveyed_map, partial(_report_from, progress, n_done))
         surveys[name] = surveyed_map, spots
         n_done += len(spots)
     return surveys
@@ -130,14 +130,14 @@ def _surveyed_by(
     }
 
 
-def _shifted(progress: Progress, shift: int, done: int) -> None:
+def _report_from(progress: Progress, shift: int, done: int) -> None:
     progress(shift + done)
 
 
 def compute_spot(surveyed_map: Map, x: float, y: float) -> Spot:
     """Predict, run, and compare one spot."""
     spot, case, frames = predicted_and_run(surveyed_map, x, y)
-    return spot if case is None or frames is None else _judged(surveyed_map, spot, case, frames)
+    return spot if case is None or frames is None else _judge(surveyed_map, spot, case, frames)
 
 
 def predicted_and_run(
@@ -150,7 +150,7 @@ def predicted_and_run(
         case = surveyed_map.case(x, y)
         refusal = case.refusal()
         n_frames = max(2, round(surveyed_map.seconds * case.scene.rate))
-        ran = case.run(n_frames)
+        outcome = case.run(n_frames)
     except (StageError, _core.EngineError) as error:
         reason = str(error).splitlines()[0]
         return Spot(x, y, theory, None, None, load=load, reason=reason), None, None
@@ -159,28 +159,28 @@ def predicted_and_run(
         y,
         theory,
         not refusal,
-        ran.is_stable,
+        outcome.is_stable,
         load=load,
-        energy_db=ran.energy_db,
-        reason=ran.reason or refusal,
+        energy_db=outcome.energy_db,
+        reason=outcome.reason or refusal,
     )
-    return spot, case, ran.frames if ran.is_stable else None
+    return spot, case, outcome.frames if outcome.is_stable else None
 
 
-def _judged(surveyed_map: Map, spot: Spot, case: MapPoint, run_frames: Floats) -> Spot:
-    right_db = surveyed_map.right_db(spot.y)
+def _judge(surveyed_map: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spot:
+    limit_db = surveyed_map.error_limit_db(spot.y)
     if surveyed_map.metric == "energy":
         produced = spot.energy_db
-        return replace(spot, accurate=None if produced is None else produced <= right_db)
-    truth = case.truth(len(run_frames))
+        return replace(spot, accurate=None if produced is None else produced <= limit_db)
+    truth = case.truth(len(frames))
     if truth.frames is None:
         unknown_reason = "accuracy is not known: no finer run went through"
         return replace(spot, reason=unknown_reason)
     hear = case.scene.hear
-    sound, true_sound = hear(run_frames), hear(truth.frames)
-    error = early_db(sound, true_sound, case.scene.rate, surveyed_map.judged)
-    is_certain = truth.change_db < max(error, right_db) + _SURE_DB
-    accurate = error <= right_db if is_certain else None
+    sound, true_sound = hear(frames), hear(truth.frames)
+    error = early_db(sound, true_sound, case.scene.rate, surveyed_map.judged_duration)
+    is_certain = truth.change_db < max(error, limit_db) + _CERTAINTY_MARGIN_DB
+    accurate = error <= limit_db if is_certain else None
     if not true_sound.any():
         accurate, unknown_reason = None, "accuracy is not known: nothing sounds"
     else:

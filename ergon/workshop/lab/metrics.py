@@ -18,13 +18,13 @@ from ergon import _core
 
 Floats = NDArray[np.float64]
 
-EARLY = 0.1  # [s] of sound before small errors of pitch dominate a difference of waveforms
-_ONSET = 1e-3  # of the peak: -60 dB
-_ROUNDED = 1e-13  # differences below this share of the sound are rounding
-WINDOWS = (512, 2048, 8192)  # frames: strokes, notes, partials
+EARLY_DURATION = 0.1  # [s] of sound before small errors of pitch dominate a difference of waveforms
+_ONSET_RATIO = 1e-3  # of the peak: -60 dB
+_ROUNDING_RATIO = 1e-13  # differences below this share of the sound are rounding
+WINDOW_FRAMES = (512, 2048, 8192)  # frames: strokes, notes, partials
 _COMPARED_DB = -60.0  # below a frame's strongest bin nothing is compared
 _SILENT_DB = -120.0  # frames so far below the loudest one are silence
-_WORST_DB = 100.0  # a bin that is missing altogether differs by this
+_DIFFERENCE_DB_MAX = 100.0  # a bin that is missing altogether differs by this
 
 
 def waveform_db(y: Floats, x: Floats) -> float:
@@ -34,7 +34,7 @@ def waveform_db(y: Floats, x: Floats) -> float:
     beside the others, within rounding, is not counted.
     """
     y_columns, x_columns = _columns(y), _columns(x)
-    rounding = _ROUNDED * np.linalg.norm(x_columns)
+    rounding = _ROUNDING_RATIO * np.linalg.norm(x_columns)
     is_counted = np.linalg.norm(y_columns - x_columns, axis=0) > rounding
     if not is_counted.any():
         return -inf
@@ -46,15 +46,15 @@ def waveform_db(y: Floats, x: Floats) -> float:
 
 def onset(x: Floats) -> int | None:
     """The first frame within 60 dB of the peak; None for silence."""
-    sizes = np.abs(_columns(x)).max(axis=1, initial=0.0)
-    peak = sizes.max(initial=0.0)
-    return int(np.argmax(sizes >= _ONSET * peak)) if peak > 0.0 else None
+    amplitudes = np.abs(_columns(x)).max(axis=1, initial=0.0)
+    peak = amplitudes.max(initial=0.0)
+    return int(np.argmax(amplitudes >= _ONSET_RATIO * peak)) if peak > 0.0 else None
 
 
-def early_db(y: Floats, x: Floats, rate: float, seconds: float = EARLY) -> float:
-    """`waveform_db` over the first `seconds` of sound, by default 0.1 s."""
+def early_db(y: Floats, x: Floats, rate: float, duration: float = EARLY_DURATION) -> float:
+    """`waveform_db` over the first `duration` [s] of sound, by default 0.1 s."""
     first_frame = onset(x) or 0
-    span = slice(first_frame, first_frame + max(1, round(seconds * rate)))
+    span = slice(first_frame, first_frame + max(1, round(duration * rate)))
     return waveform_db(y[span], x[span])
 
 
@@ -72,11 +72,11 @@ def spectral(y: Floats, x: Floats) -> Spectral:
     `difference` is the mean |ΔdB| over bins within 60 dB of their frame's strongest;
     `convergence` is ‖|Y| - |X|‖/‖|X|‖. Zero for silence.
     """
-    by_window = [_by_frames(y, x, size) for size in WINDOWS]
+    by_window = [_spectral_difference(y, x, size) for size in WINDOW_FRAMES]
     return Spectral(*(float(np.mean(column)) for column in zip(*by_window, strict=True)))
 
 
-def _by_frames(y: Floats, x: Floats, window_size: int) -> tuple[float, float]:
+def _spectral_difference(y: Floats, x: Floats, window_size: int) -> tuple[float, float]:
     """(mean |ΔdB|, convergence) with windows of `window_size` frames."""
     total_db, n_bins, error_energy, energy = 0.0, 0, 0.0, 0.0
     for y_column, x_column in zip(_columns(y).T, _columns(x).T, strict=True):
@@ -89,7 +89,7 @@ def _by_frames(y: Floats, x: Floats, window_size: int) -> tuple[float, float]:
         frame_peaks = reference_magnitudes.max(axis=1, keepdims=True)
         is_loud = frame_peaks > 10.0 ** (_SILENT_DB / 20.0) * frame_peaks.max()
         is_audible = is_loud & (reference_magnitudes > 10.0 ** (_COMPARED_DB / 20.0) * frame_peaks)
-        ratio_min = 10.0 ** (-_WORST_DB / 20.0)
+        ratio_min = 10.0 ** (-_DIFFERENCE_DB_MAX / 20.0)
         magnitude_ratios = np.maximum(
             magnitudes[is_audible] / reference_magnitudes[is_audible], ratio_min
         )
@@ -115,7 +115,7 @@ def third_octaves(x: Floats, rate: float) -> tuple[Floats, Floats]:
     power = np.sum(np.abs(np.fft.rfft(columns, axis=0)) ** 2, axis=1) / len(columns) ** 2
     power[1:] *= 2.0  # negative frequencies
     frequency = np.fft.rfftfreq(len(columns), 1.0 / rate)
-    centres = np.array(list(_centres(min(20e3, 0.45 * rate))))
+    centres = np.array(list(_band_centres(min(20e3, 0.45 * rate))))
     first_bins, end_bins = (
         np.searchsorted(frequency, centres * 2.0**step) for step in (-1 / 6, 1 / 6)
     )
@@ -132,13 +132,13 @@ def bands_db(y: Floats, x: Floats, rate: float) -> float:
     """
     y_levels, x_levels = (third_octaves(sound, rate)[1] for sound in (y, x))
     is_audible = x_levels > x_levels.max() + _COMPARED_DB
-    return float(np.mean(np.minimum(np.abs(y_levels - x_levels)[is_audible], _WORST_DB)))
+    return float(np.mean(np.minimum(np.abs(y_levels - x_levels)[is_audible], _DIFFERENCE_DB_MAX)))
 
 
-def _centres(highest: float) -> Iterator[float]:
+def _band_centres(frequency_max: float) -> Iterator[float]:
     """1000·2^(i/3) Hz, up to the highest band."""
     i = -16  # 25 Hz
-    while (centre := 1000.0 * 2.0 ** (i / 3)) <= highest:
+    while (centre := 1000.0 * 2.0 ** (i / 3)) <= frequency_max:
         yield centre
         i += 1
 

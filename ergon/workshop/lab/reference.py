@@ -21,9 +21,9 @@ from ergon.workshop.lab.names import order_of
 from ergon.workshop.lab.runs import Setting
 
 EXACT_DB = -180.0  # change by doubling in an exact method: rounding
-_DOUBLING_DB = 20.0 * log10(2.0)  # of an error of order 1
-_CHANGES_FOR_ORDER = 4  # changes that tell the order
-_DOUBT_DB = 20.0  # the estimates themselves may be wrong by so much
+_ORDER_DB = 20.0 * log10(2.0)  # of an error of order 1
+_FITTED_CHANGES = 4  # changes that tell the order
+_DOUBT_MARGIN_DB = 20.0  # the estimates themselves may be wrong by so much
 _ORDER_MIN = 0.5  # slower than that nothing is left out by extrapolating
 
 
@@ -31,44 +31,46 @@ _ORDER_MIN = 0.5  # slower than that nothing is left out by extrapolating
 class Reference:
     """The sound against which others are measured.
 
-    `changes` are the changes by each doubling [dB], the last one last; `before` is the sound one
-    doubling earlier.
+    `changes_db` are the changes by each doubling [dB], the last one last; `coarser_sound` is the
+    sound one doubling earlier.
     """
 
     setting: Setting
     sound: Floats
-    before: Floats
-    changes: tuple[float, ...]
+    coarser_sound: Floats
+    changes_db: tuple[float, ...]
 
     @property
     def order(self) -> float | None:
         """The observed p, at most the method's own; None if none can be observed."""
-        return self._line()[0]
+        return self._fit_changes()[0]
 
     @property
     def floor_db(self) -> float:
         """Estimated error of the reference as a waveform [dB]."""
-        return self.changes[-1] + 20.0 * log10(self.share)
+        return self.changes_db[-1] + 20.0 * log10(self.error_ratio)
 
     @property
-    def share(self) -> float:
+    def error_ratio(self) -> float:
         """The reference's own error over the change of the last doubling."""
-        order, last_change = self._line()
-        luck_ratio: float = 10.0 ** (max(0.0, last_change - self.changes[-1]) / 20.0)
-        return luck_ratio if order is None else luck_ratio / float(2.0**order - 1.0)
+        order, last_change = self._fit_changes()
+        chance_ratio: float = 10.0 ** (max(0.0, last_change - self.changes_db[-1]) / 20.0)
+        return chance_ratio if order is None else chance_ratio / float(2.0**order - 1.0)
 
-    def _line(self) -> tuple[float | None, float]:
+    def _fit_changes(self) -> tuple[float | None, float]:
         """The order, and the last change [dB], from a straight line through the last changes."""
-        if len(self.changes) < 2 or min(self.changes[-_CHANGES_FOR_ORDER:]) < EXACT_DB:
-            return None, self.changes[-1]
-        steepest = _DOUBLING_DB * (order_of(self.setting.method))
-        slowed_changes = [self.changes[0]]
-        for change in self.changes[1:]:
-            slowed_changes.append(max(change, slowed_changes[-1] - steepest))
-        slowed_changes = slowed_changes[-_CHANGES_FOR_ORDER:]
-        slope, start = np.polyfit(np.arange(len(slowed_changes)), slowed_changes, 1)
-        last_change = max(float(start + slope * (len(slowed_changes) - 1)), slowed_changes[-1])
-        order = -float(slope) / _DOUBLING_DB
+        if len(self.changes_db) < 2 or min(self.changes_db[-_FITTED_CHANGES:]) < EXACT_DB:
+            return None, self.changes_db[-1]
+        fall_max = _ORDER_DB * (order_of(self.setting.method))
+        limited_changes = [self.changes_db[0]]
+        for change in self.changes_db[1:]:
+            limited_changes.append(max(change, limited_changes[-1] - fall_max))
+        limited_changes = limited_changes[-_FITTED_CHANGES:]
+        slope, intercept = np.polyfit(np.arange(len(limited_changes)), limited_changes, 1)
+        last_change = max(
+            float(intercept + slope * (len(limited_changes) - 1)), limited_changes[-1]
+        )
+        order = -float(slope) / _ORDER_DB
         return (order, last_change) if order >= _ORDER_MIN else (None, last_change)
 
 
@@ -77,7 +79,7 @@ def steps(upto: int) -> tuple[int, ...]:
     return tuple(2**i for i in range(max(1, upto).bit_length()))
 
 
-def best(sounds: Mapping[Setting, Floats]) -> str | None:
+def best_method(sounds: Mapping[Setting, Floats]) -> str | None:
     """The method whose last doubling changed least, of those in double precision."""
     errors = {}
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
@@ -114,17 +116,21 @@ def refine(
     `run` returns a sound, or None if it fails; sounds are added to `sounds`. The setting `rival`,
     run again at more steps, becomes the reference if its own error is smaller.
     """
-    method = best(sounds)
+    method = best_method(sounds)
     if method is None:
         return None
-    chosen = _refined(sounds, run, method, doublings)
-    if rival is None or chosen.floor_db < EXACT_DB:
-        return chosen
-    rival_sound = _rival(run, rival)
-    return chosen if rival_sound is None or rival_sound.floor_db >= chosen.floor_db else rival_sound
+    reference = _refined(sounds, run, method, doublings)
+    if rival is None or reference.floor_db < EXACT_DB:
+        return reference
+    rival_reference = _refined_rival(run, rival)
+    return (
+        reference
+        if rival_reference is None or rival_reference.floor_db >= reference.floor_db
+        else rival_reference
+    )
 
 
-def _rival(run: Callable[[Setting], Floats | None], rival: Setting) -> Reference | None:
+def _refined_rival(run: Callable[[Setting], Floats | None], rival: Setting) -> Reference | None:
     """A setting at twice its steps, or at up to 16 times; None if it tells nothing of its error.
 
     A plan of the scene at twice the rate may take the very same steps: then nothing is compared.
@@ -145,42 +151,42 @@ def _rival(run: Callable[[Setting], Floats | None], rival: Setting) -> Reference
 def _refined(
     sounds: dict[Setting, Floats],
     run: Callable[[Setting], Floats | None],
-    method_name: str,
+    method: str,
     doublings: int,
 ) -> Reference:
     """The best method, taken further."""
     for _ in range(doublings):
-        method_ladder = ladder(sounds, method_name)
-        if waveform_db(method_ladder[-2][1], method_ladder[-1][1]) < EXACT_DB:
+        rungs = ladder(sounds, method)
+        if waveform_db(rungs[-2][1], rungs[-1][1]) < EXACT_DB:
             break
-        finer_setting = Setting(method_name, 2 * method_ladder[-1][0])
+        finer_setting = Setting(method, 2 * rungs[-1][0])
         finer_sound = run(finer_setting)
         if finer_sound is None:
             break
         sounds[finer_setting] = finer_sound
-    return _top(sounds, method_name)
+    return _reference_of(sounds, method)
 
 
-def _top(sounds: Mapping[Setting, Floats], method: str) -> Reference:
+def _reference_of(sounds: Mapping[Setting, Floats], method: str) -> Reference:
     rungs = ladder(sounds, method)
     return Reference(Setting(method, rungs[-1][0]), rungs[-1][1], rungs[-2][1], _changes(rungs))
 
 
-def doubts(sounds: Mapping[Setting, Floats], chosen_reference: Reference) -> list[str]:
+def doubts(sounds: Mapping[Setting, Floats], reference: Reference) -> list[str]:
     """Methods that converge to another sound than the reference: one of the two must be wrong."""
     sentences = []
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
-        if method == chosen_reference.setting.method or len(ladder(sounds, method)) < 2:
+        if method == reference.setting.method or len(ladder(sounds, method)) < 2:
             continue
-        rival_top = _top(sounds, method)
-        difference_db = waveform_db(rival_top.sound, chosen_reference.sound)
-        if difference_db > max(rival_top.floor_db, chosen_reference.floor_db) + _DOUBT_DB:
+        other = _reference_of(sounds, method)
+        difference_db = waveform_db(other.sound, reference.sound)
+        if difference_db > max(other.floor_db, reference.floor_db) + _DOUBT_MARGIN_DB:
             sentences.append(
-                f"{rival_top.setting} and {chosen_reference.setting} differ by "
+                f"{other.setting} and {reference.setting} differ by "
                 f"{difference_db:.0f} dB, "
                 "though their "
                 "own "
-                f"errors seem to be {rival_top.floor_db:.0f} and {chosen_reference.floor_db:.0f} dB"
+                f"errors seem to be {other.floor_db:.0f} and {reference.floor_db:.0f} dB"
             )
     return sentences
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from ergon import _core
-from ergon.workshop.lab.energy import share_db
+from ergon.workshop.lab.energy import energy_ratio_db
 from ergon.workshop.lab.metrics import Floats
 from ergon.workshop.lab.names import PRECISIONS
 from ergon.workshop.lab.scene import NetworkAndTimeline, Scene
@@ -49,69 +49,69 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class Oversampled(NetworkAndTimeline):
-    """A scene set up at `times` its rate.
+    """A scene set up at `oversampling` times its rate.
 
-    If `times` is above 1 its outputs are positions, from which `derivatives` makes speeds at the
-    scene's own rate.
+    If `oversampling` is above 1 its outputs are positions, from which `derivatives` makes speeds at
+    the scene's own rate.
     """
 
-    times: int
-    derived: _core.Network
+    oversampling: int
+    derivative_network: _core.Network
     rate: float  # [Hz], the scene's own
 
     @classmethod
-    def from_scene(cls, scene: Scene, rate_multiple: int) -> Oversampled:
-        """A scene at `rate_multiple` its rate. Raises EngineError or StageError."""
-        scene_at_rate = scene.build_at(scene.rate * rate_multiple)
-        position_network = scene_at_rate.network.undifferentiated()
+    def from_scene(cls, scene: Scene, factor: int) -> Oversampled:
+        """A scene at `factor` its rate. Raises EngineError or StageError."""
+        scene_at_rate = scene.build_at(scene.rate * factor)
+        positions_only = scene_at_rate.network.undifferentiated()
         # At its own rate the engine derives speeds itself, and nothing is left to derive.
-        network_to_run, derived = (
-            (scene_at_rate.network, position_network)
-            if rate_multiple == 1
-            else (position_network, scene_at_rate.network)
+        stepped_network, derived = (
+            (scene_at_rate.network, positions_only)
+            if factor == 1
+            else (positions_only, scene_at_rate.network)
         )
-        return cls(network_to_run, scene_at_rate.timeline, rate_multiple, derived, scene.rate)
+        return cls(stepped_network, scene_at_rate.timeline, factor, derived, scene.rate)
 
     def derivatives(self) -> _core.Derivatives:
-        """The derivatives still to compute from every `times`-th frame, from frame 0 on."""
-        return _core.Derivatives(self.derived, self.rate)
+        """The derivatives still to compute from every `oversampling`-th frame, from frame 0 on."""
+        return _core.Derivatives(self.derivative_network, self.rate)
 
 
 class Run:
-    """A running scene; `spent` is the processor time of its thread so far [s]."""
+    """A running scene; `cpu_time` is the processor time of its thread so far [s]."""
 
-    def __init__(self, simulation: Any, oversampled: Oversampled, chosen: str = "") -> None:
+    def __init__(self, simulation: Any, oversampled: Oversampled, plan_text: str = "") -> None:
         """Start at frame 0."""
         self._simulation, self._oversampled = simulation, oversampled
         self._derivatives = oversampled.derivatives()
         self._start = simulation.snapshot()
-        self.chosen = chosen
+        self.chosen = plan_text
         self.n_out = int(simulation.n_out)
-        self.spent = 0.0
+        self.cpu_time = 0.0
 
     def rewind(self) -> None:
         """Go back to frame 0, and reset the clock."""
         self._simulation.restore(self._start)
         self._derivatives = self._oversampled.derivatives()
-        self.spent = 0.0
+        self.cpu_time = 0.0
 
     def frames(self, n_frames: int) -> Floats:
         """The next outputs (n_frames, n_out). Raises DivergedError."""
-        output_frames = np.empty((n_frames, self.n_out))
-        stride = self._oversampled.times
+        outputs = np.empty((n_frames, self.n_out))
+        stride = self._oversampled.oversampling
         block = np.empty((min(_BLOCK, n_frames) * stride, self.n_out))
-        for block_begin in range(0, n_frames, _BLOCK):
-            block_part = block[: min(_BLOCK, n_frames - block_begin) * stride]
-            begin_seconds = time.thread_time()
-            self._simulation.process(block_part)
-            self.spent += time.thread_time() - begin_seconds
-            output_frames[block_begin : block_begin + _BLOCK] = block_part[::stride]
-        self._derivatives.process(output_frames)
-        return output_frames
+        for begin in range(0, n_frames, _BLOCK):
+            part = block[: min(_BLOCK, n_frames - begin) * stride]
+            started = time.thread_time()
+            self._simulation.process(part)
+            self.cpu_time += time.thread_time() - started
+            outputs[begin : begin + _BLOCK] = part[::stride]
+        self._derivatives.process(outputs)
+        return outputs
 
     def created_db(self) -> float:
         """The energy that one link or mesh has made over the energy that was there [dB]."""
-        return share_db(self._simulation.created_share())
+        return energy_ratio_db(self._simulation.created_share())
 
     def energy(self) -> _core.Energy:
         """The ledger of a run that keeps one."""
@@ -134,7 +134,7 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
             oversampled.network, oversampled.timeline, ledger=ledger, unchecked=unchecked
         )
         return Run(simulation, oversampled)
-    plan = _planned(scene, setting, unchecked=unchecked)
+    plan = _plan(scene, setting, unchecked=unchecked)
     simulation = _core.Simulation(
         oversampled.network, oversampled.timeline, plan=plan, ledger=ledger
     )
@@ -142,10 +142,10 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
     return Run(simulation, oversampled, chosen)
 
 
-_SURELY = 64  # times finer, nothing that a map shows is refused
+_PERMISSIVE_REFINEMENT = 64  # times finer, nothing that a map shows is refused
 
 
-def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
+def _plan(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
     """The plan of a scene; if it is refused and `unchecked`, the plan with the choices of a finer
     one.
     """
@@ -168,7 +168,7 @@ def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
             raise
         try:
             # Choices that are given are not certified again.
-            return plan(1, plan(_SURELY).choices())
+            return plan(1, plan(_PERMISSIVE_REFINEMENT).choices())
         except _core.EngineError:
             raise refused from None
 

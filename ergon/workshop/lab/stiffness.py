@@ -40,22 +40,20 @@ def has_contacts(piece: Piece) -> bool:
     return any(_stiffer(m, 2.0).fields != m.fields for m in modules if m.kind in _CONTACTS)
 
 
-def _stiffer(piece_module: Module, stiffness_factor: float) -> Module:
-    module_fields: Mapping[str, Any] = piece_module.fields
-    scaled_fields = dict(module_fields)
+def _stiffer(module: Module, factor: float) -> Module:
+    module_fields: Mapping[str, Any] = module.fields
+    fields = dict(module_fields)
     for name in ("K", "sigma0", "hardening", "stretching"):
-        if scaled_fields.get(name):
-            scaled_fields[name] = scaled_fields[name] * stiffness_factor
-    pitch = scaled_fields.get("f")
-    if piece_module.kind != "LNL" and pitch is not None:
-        root = sqrt(stiffness_factor)
-        scaled_fields["f"] = (
-            tuple(f * root for f in pitch) if isinstance(pitch, tuple) else pitch * root
+        if fields.get(name):
+            fields[name] = fields[name] * factor
+    frequency = fields.get("f")
+    if module.kind != "LNL" and frequency is not None:
+        root = sqrt(factor)
+        fields["f"] = (
+            tuple(f * root for f in frequency) if isinstance(frequency, tuple) else frequency * root
         )
-    if scaled_fields.get("law") is not None:
-        scaled_fields["law"] = f"{stiffness_factor!r}*({scaled_fields['law']})"
-    if scaled_fields.get("points") is not None:
-        scaled_fields["points"] = tuple(
-            (d, force * stiffness_factor) for d, force in scaled_fields["points"]
-        )
-    return replace(piece_module, fields=scaled_fields)
+    if fields.get("law") is not None:
+        fields["law"] = f"{factor!r}*({fields['law']})"
+    if fields.get("points") is not None:
+        fields["points"] = tuple((d, force * factor) for d, force in fields["points"])
+    return replace(module, fields=fields)

@@ -18,11 +18,11 @@ def text(
         text.write(f"# {' '.join(fact.split())}\n")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(column_names)
-    writer.writerows([_written(value) for value in row] for row in table_rows)
+    writer.writerows([_cell_text(value) for value in row] for row in table_rows)
     return text.getvalue()
 
 
-def _written(table_value: Value) -> str:
+def _cell_text(table_value: Value) -> str:
     if table_value is None:
         return ""
     if isinstance(table_value, bool):

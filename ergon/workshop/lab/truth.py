@@ -14,8 +14,8 @@ from ergon.workshop.lab.metrics import Floats, early_db
 from ergon.workshop.lab.runs import Setting
 from ergon.workshop.lab.scene import Scene, Undifferentiated
 
-_FINER = 16  # times what is just stable
-_HIGHEST = 1024  # times the scene's own rate
+_REFINEMENT = 16  # times what is just stable
+_OVERSAMPLING_MAX = 1024  # times the scene's own rate
 EXACT_DB = -300.0  # error of a formula
 
 
@@ -41,7 +41,7 @@ class Motion:
     """
 
     fine: Floats
-    rough: Floats
+    coarse: Floats
     network: _core.Network
     rate: float
 
@@ -52,33 +52,36 @@ class Motion:
         there: a derivative is late by 7.5 or 8 frames of the rate from whose frames it derives.
         """
         stride = round(self.rate / rate)
-        fine, rough = (
+        fine, coarse = (
             np.ascontiguousarray(positions[::stride][:n_frames])
-            for positions in (self.fine, self.rough)
+            for positions in (self.fine, self.coarse)
         )
-        for frames in (fine, rough):
+        for frames in (fine, coarse):
             _core.Derivatives(self.network, rate).process(frames)
-        return Truth(fine, early_db(rough, fine, rate))
+        return Truth(fine, early_db(coarse, fine, rate))
 
 
-def converged(scene: Scene, n_frames: int, finer: int = _FINER) -> Truth:
-    """The scene by the CA scheme, `finer` times as oversampled as it needs to run at all."""
-    run = motion(scene, n_frames, finer)
+def converged(scene: Scene, n_frames: int, refinement: int = _REFINEMENT) -> Truth:
+    """The scene by the CA scheme, `refinement` times as oversampled as it needs to run at all."""
+    run = motion(scene, n_frames, refinement)
     return UNKNOWN if run is None else run.sampled(scene.rate, n_frames)
 
 
-def motion(scene: Scene, n_frames: int, finer: int = _FINER) -> Motion | None:
+def motion(scene: Scene, n_frames: int, refinement: int = _REFINEMENT) -> Motion | None:
     """The same as positions, to be sampled at any rate that divides the scene's; None if nothing
     could be run.
     """
     oversampling = 1
-    while oversampling < _HIGHEST and not _stable(scene, oversampling):
+    while oversampling < _OVERSAMPLING_MAX and not _stable(scene, oversampling):
         oversampling *= 2
-    top = min(_HIGHEST, oversampling * finer)
-    rough, fine = _positions(scene, top // 2, n_frames), _positions(scene, top, n_frames)
-    if rough is None or fine is None:
+    fine_oversampling = min(_OVERSAMPLING_MAX, oversampling * refinement)
+    coarse, fine = (
+        _positions(scene, fine_oversampling // 2, n_frames),
+        _positions(scene, fine_oversampling, n_frames),
+    )
+    if coarse is None or fine is None:
         return None
-    return Motion(fine, rough, scene.build_at(scene.rate).network, scene.rate)
+    return Motion(fine, coarse, scene.build_at(scene.rate).network, scene.rate)
 
 
 def _stable(scene: Scene, oversampling: int) -> bool:

@@ -23,7 +23,7 @@ from .catalogue import Catalogue, Definition
 from .cursor import Cursor
 
 _NOTES = [f"{letter}{octave}" for octave in range(1, 7) for letter in "CDEFGAB"]
-_PLAYED = ("gestures", "takes")
+_GESTURE_SECTIONS = ("gestures", "takes")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,25 +42,23 @@ def completions(text: str, index: int, file: Document, catalogue: Catalogue) -> 
         return _completions(text, index, file, catalogue)
 
 
-def _completions(
-    document_text: str, text_index: int, score_file: Document, catalogue: Catalogue
-) -> list[Completion]:
-    number_text = _number_before(document_text, text_index)
-    by_word: dict[str, Completion] = {}
-    in_text = cursors.cursor_at(score_file, text_index)
+def _completions(text: str, index: int, file: Document, catalogue: Catalogue) -> list[Completion]:
+    number_before = _number_before(text, index)
+    completion_by_word: dict[str, Completion] = {}
+    in_text = cursors.cursor_at(file, index)
     if in_text is not None and "\n" in in_text.node.text:  # a table below '|' holds no YAML
-        return list(_value_completions(in_text.shape, catalogue, number_text))
-    for cursor, read in cursors.cursors_at_unwritten(document_text, text_index, score_file):
+        return list(_value_completions(in_text.shape, catalogue, number_before))
+    for cursor, read in cursors.cursors_at_unwritten(text, index, file):
         for part in music_parts.parts_beside(cursor, read):
-            by_word[part.id] = Completion(part.id, "value", music_parts.about(part))
+            completion_by_word[part.id] = Completion(part.id, "value", music_parts.about(part))
         completions = (
             _key_completions(cursor)
             if cursor.is_name
-            else _value_completions(cursor.shape, catalogue, number_text)
+            else _value_completions(cursor.shape, catalogue, number_before)
         )
         for completion in completions:
-            by_word.setdefault(completion.word, completion)
-    return list(by_word.values())
+            completion_by_word.setdefault(completion.word, completion)
+    return list(completion_by_word.values())
 
 
 def _key_completions(cursor: Cursor) -> Iterator[Completion]:
@@ -76,44 +74,42 @@ def _key_completions(cursor: Cursor) -> Iterator[Completion]:
 
 
 def _value_completions(
-    value_shape: Shape | None, catalogue: Catalogue, number_text: str
+    shape: Shape | None, catalogue: Catalogue, number_before: str
 ) -> Iterator[Completion]:
-    if isinstance(value_shape, Text) and number_text:
-        for unit in value_shape.units or (("Hz", "kHz") if value_shape is k.PITCH else ()):
-            yield Completion(number_text + unit, "unit", value_shape.words())
-    elif isinstance(value_shape, Text):
-        yield from _word_completions(value_shape)
-        for choice in value_shape.choices:
-            yield Completion(str(choice), "value", value_shape.words())
-        if value_shape is k.BOOLEAN:
-            yield from (
-                Completion(word, "value", value_shape.words()) for word in ("true", "false")
-            )
-        if value_shape is k.PITCH:
+    if isinstance(shape, Text) and number_before:
+        for unit in shape.units or (("Hz", "kHz") if shape is k.PITCH else ()):
+            yield Completion(number_before + unit, "unit", shape.words())
+    elif isinstance(shape, Text):
+        yield from _word_completions(shape)
+        for choice in shape.choices:
+            yield Completion(str(choice), "value", shape.words())
+        if shape is k.BOOLEAN:
+            yield from (Completion(word, "value", shape.words()) for word in ("true", "false"))
+        if shape is k.PITCH:
             yield from (
                 Completion(note, "value", f"{frequency_of(note):.2f} Hz") for note in _NOTES
             )
-        if value_shape is RHYTHM:
+        if shape is RHYTHM:
             yield from _name_completions(catalogue.definitions_in("instruments"))
-        if value_shape in (k.WHEN, k.MARK):
+        if shape in (k.WHEN, k.MARK):
             yield from _name_completions(catalogue.definitions_in("marks"))
-    elif isinstance(value_shape, Reference):
-        yield from _name_completions(catalogue.definitions_in(*value_shape.sections))
-    elif isinstance(value_shape, Part):
-        yield from _name_completions(catalogue.definitions_in("marks", *_PLAYED))
+    elif isinstance(shape, Reference):
+        yield from _name_completions(catalogue.definitions_in(*shape.sections))
+    elif isinstance(shape, Part):
+        yield from _name_completions(catalogue.definitions_in("marks", *_GESTURE_SECTIONS))
         for word, option in OPTION_SHAPES.items():
             yield Completion(word, "field", option.words(), " ")
-        yield from _word_completions(value_shape)
-    elif isinstance(value_shape, (GestureShape, UnreadText)):
+        yield from _word_completions(shape)
+    elif isinstance(shape, (GestureShape, UnreadText)):
         yield from (Completion(str(word), "value", "a curve") for word in CURVE_SHAPE.choices)
-    elif value_shape is not None and value_shape.vocabulary():
-        yield from _word_completions(value_shape)
+    elif shape is not None and shape.vocabulary():
+        yield from _word_completions(shape)
     elif (
-        value_shape is not None
-        and (inner_shape := value_shape.inner(0)) is not None
-        and inner_shape is not value_shape
+        shape is not None
+        and (inner_shape := shape.inner(0)) is not None
+        and inner_shape is not shape
     ):
-        yield from _value_completions(inner_shape, catalogue, number_text)
+        yield from _value_completions(inner_shape, catalogue, number_before)
 
 
 def _word_completions(shape: Shape) -> Iterator[Completion]:
@@ -130,24 +126,22 @@ def _name_completions(definitions: Iterable[Definition]) -> Iterator[Completion]
         )
 
 
-def _number_before(document_text: str, text_index: int) -> str:
+def _number_before(text: str, index: int) -> str:
     """The digits that end at a character: a unit may follow them."""
-    number_start = text_index
-    while number_start > 0 and (
-        document_text[number_start - 1].isdigit() or document_text[number_start - 1] in ".-+/"
-    ):
-        number_start -= 1
-    digits = document_text[number_start:text_index]
+    begin = index
+    while begin > 0 and (text[begin - 1].isdigit() or text[begin - 1] in ".-+/"):
+        begin -= 1
+    digits = text[begin:index]
     return digits if any(c.isdigit() for c in digits) else ""
 
 
-def explanation(text_index: int, score_file: Document, catalogue: Catalogue) -> str | None:
+def explanation(index: int, file: Document, catalogue: Catalogue) -> str | None:
     """The explanation of the text under a character, in Markdown; None if there is none."""
-    cursor = cursors.cursor_at(score_file, text_index)
+    cursor = cursors.cursor_at(file, index)
     if cursor is None:
         return None
     with tuning.used(_tuning_at(cursor, catalogue)):
-        return _explanation(text_index, cursor, score_file, catalogue)
+        return _explanation(index, cursor, file, catalogue)
 
 
 def _tuning_at(cursor: Cursor, catalogue: Catalogue) -> tuning.Tuning | None:
@@ -158,9 +152,7 @@ def _tuning_at(cursor: Cursor, catalogue: Catalogue) -> tuning.Tuning | None:
     return tuning.tuning_of_path(path, catalogue.tunings, catalogue.tuning)
 
 
-def _explanation(
-    text_index: int, cursor: Cursor, score_file: Document, catalogue: Catalogue
-) -> str | None:
+def _explanation(index: int, cursor: Cursor, file: Document, catalogue: Catalogue) -> str | None:
     if cursor.is_name:
         if cursor.field is not None:
             return f"**{cursor.field.name}**: {_field_text(cursor.field)}"
@@ -171,18 +163,18 @@ def _explanation(
             return _hertz_text(frequency_of(cursor.node.text))
         except TextError:
             return None
-    elif meaning := _meaning(text_index, cursor, score_file.text):
+    elif meaning := _meaning(index, cursor, file.text):
         return meaning
-    for part in music_parts.parts_beside(cursor, score_file):
+    for part in music_parts.parts_beside(cursor, file):
         if cursor.node.text in (part.id, part.name):
             return f"**{part.id}**: {music_parts.about(part)}"
-    name_definition = definition(text_index, score_file, catalogue)
-    pitch_text = None if cursor.is_name else _pitch_text(text_index, cursor, score_file.text)
+    name_definition = definition(index, file, catalogue)
+    pitch_text = None if cursor.is_name else _pitch_text(index, cursor, file.text)
     if name_definition is None or pitch_text is not None:
         return pitch_text
     definition_line = (
-        score_file.line(name_definition.place.line).strip()
-        if name_definition.place.file == score_file.file
+        file.line(name_definition.place.line).strip()
+        if name_definition.place.file == file.file
         else ""
     )
     source = (
@@ -193,26 +185,24 @@ def _explanation(
     return f"{name_definition.noun} **{name_definition.name}**{source}"
 
 
-def _meaning(text_index: int, cursor: Cursor, document_text: str) -> str | None:
+def _meaning(index: int, cursor: Cursor, text: str) -> str | None:
     """What the word under a character means in texts of this shape; None if they have none."""
     words = {} if cursor.shape is None else cursor.shape.vocabulary()
-    word = cursors.word_at(document_text, text_index)
+    word = cursors.word_at(text, index)
     return f"**{word}**: {words[word]}" if word in words else None
 
 
-def _pitch_text(text_index: int, cursor: Cursor, document_text: str) -> str | None:
+def _pitch_text(index: int, cursor: Cursor, text: str) -> str | None:
     """The frequency of the pitch under a character; None if there is none. Fractions are ratios
     only in lists of notes and in names, for elsewhere they are times.
     """
-    cursor_word = cursors.pitch_at(document_text, text_index)
+    word = cursors.pitch_at(text, index)
     is_notes = cursor.field is not None and isinstance(cursor.field.shape, Notes)
     is_sure = is_notes or isinstance(cursor.shape, Reference)
-    if cursor_word is None or not (
-        is_sure or cursor_word[:1].isalpha() or cursor_word.endswith("Hz")
-    ):
+    if word is None or not (is_sure or word[:1].isalpha() or word.endswith("Hz")):
         return None
     try:
-        return f"**{cursor_word}**: {_hertz_text(frequency_of(cursor_word))}"
+        return f"**{word}**: {_hertz_text(frequency_of(word))}"
     except TextError:
         return None
 
@@ -225,20 +215,20 @@ def _hertz_text(frequency: float) -> str:
     return f"{frequency:.3f} Hz, {note}" + (f" {cents:+.1f} cents" if abs(cents) >= 0.05 else "")
 
 
-def definition(text_index: int, score_file: Document, catalogue: Catalogue) -> Definition | None:
+def definition(index: int, file: Document, catalogue: Catalogue) -> Definition | None:
     """Where the name under a character is defined."""
-    cursor = cursors.cursor_at(score_file, text_index)
-    cursor_word = cursors.word_at(score_file.text, text_index).strip("/-")
-    if cursor is None or cursor.is_name or not cursor_word:
+    cursor = cursors.cursor_at(file, index)
+    word = cursors.word_at(file.text, index).strip("/-")
+    if cursor is None or cursor.is_name or not word:
         return None
     shape = cursor.shape
     if isinstance(shape, Reference) and "modules" in shape.sections and len(cursor.path) > 1:
         module_definition = catalogue.find(
-            f"{cursor.path[1]}.{cursor_word}", ("modules",)
+            f"{cursor.path[1]}.{word}", ("modules",)
         )  # a module of the same one
         if module_definition is not None:
             return module_definition
-    return catalogue.find(cursor_word, shape.sections if isinstance(shape, Reference) else ())
+    return catalogue.find(word, shape.sections if isinstance(shape, Reference) else ())
 
 
 def frequency_of(text: str) -> float:

@@ -19,7 +19,7 @@ from ergon.scores.reading.sections import SCORE
 _T = TypeVar("_T")
 WORD = re.compile(r"[\w.#/-]*")
 _WORD_BEFORE = re.compile(r"[\w.#/-]*$")
-_PITCHES = re.compile(r"(?:[\w#♯♭+/\\-]|\.(?!\.))+")  # words that may be pitches, or have them
+_PITCH_LIKE = re.compile(r"(?:[\w#♯♭+/\\-]|\.(?!\.))+")  # words that may be pitches, or have them
 # Stands for text that is not written yet; no score has such a name.
 _PLACEHOLDER = "erg0n-placeh0lder"
 _WORD_MAX = 200  # characters of a word
@@ -39,69 +39,63 @@ class Cursor:
     written: frozenset[str]  # other names in the same mapping
 
 
-def cursor_at(score_file: Document, text_index: int) -> Cursor | None:
+def cursor_at(score_file: Document, index: int) -> Cursor | None:
     """What is under the character `text_index`; None between values."""
     if score_file.root is None:
         return None
-    cursor_node: Node = score_file.root
-    value_shape: Shape | None = SCORE
-    value_table: Record | None = None
-    cursor_field: Field | None = None
+    node: Node = score_file.root
+    shape: Shape | None = SCORE
+    table: Record | None = None
+    field: Field | None = None
     path: tuple[str, ...] = ()
     entry_names: frozenset[str] = frozenset()
     while True:
-        value_shape = None if value_shape is None else value_shape.chosen(cursor_node)
-        if isinstance(cursor_node, document.Mapping):
-            if isinstance(value_shape, Record):
-                value_table = value_shape
-            entry_before = _last_before(
-                ((key.start, (key, child)) for key, child in cursor_node.entries.values()),
-                text_index,
+        shape = None if shape is None else shape.chosen(node)
+        if isinstance(node, document.Mapping):
+            if isinstance(shape, Record):
+                table = shape
+            entry_before = _last_begun(
+                ((key.start, (key, child)) for key, child in node.entries.values()),
+                index,
             )
             if entry_before is None:
                 return None
             key_node, child = entry_before
-            entry_names = frozenset(cursor_node.entries)
-            inner_shape = None if value_shape is None else value_shape.inner(key_node.text)
-            cursor_field = (
-                value_shape.by_name.get(key_node.text) if isinstance(value_shape, Record) else None
-            )
-            if key_node.start <= text_index <= key_node.end:
+            entry_names = frozenset(node.entries)
+            inner_shape = None if shape is None else shape.inner(key_node.text)
+            field = shape.by_name.get(key_node.text) if isinstance(shape, Record) else None
+            if key_node.start <= index <= key_node.end:
                 sibling_names = entry_names - {key_node.text}
-                record = value_table if isinstance(value_shape, Record) else None
-                return Cursor(
-                    key_node, True, inner_shape, record, cursor_field, path, sibling_names
-                )
+                record = table if isinstance(shape, Record) else None
+                return Cursor(key_node, True, inner_shape, record, field, path, sibling_names)
             path = (*path, key_node.text)
-            cursor_node, value_shape = child, inner_shape
-        elif isinstance(cursor_node, document.Sequence):
-            item_before = _last_before(
-                ((item.start, (i, item)) for i, item in enumerate(cursor_node.items)), text_index
+            node, shape = child, inner_shape
+        elif isinstance(node, document.Sequence):
+            item_before = _last_begun(
+                ((item.start, (i, item)) for i, item in enumerate(node.items)), index
             )
             if item_before is None:
                 return None
-            index, cursor_node = item_before
-            value_shape = None if value_shape is None else value_shape.inner(index)
-        elif isinstance(cursor_node, Scalar) and cursor_node.start <= text_index <= cursor_node.end:
-            return Cursor(
-                cursor_node, False, value_shape, value_table, cursor_field, path, entry_names
-            )
+            item_index, node = item_before
+            shape = None if shape is None else shape.inner(item_index)
+        elif isinstance(node, Scalar) and node.start <= index <= node.end:
+            return Cursor(node, False, shape, table, field, path, entry_names)
         else:
             return None
 
 
 def cursors_at_unwritten(
-    document_text: str, text_index: int, score_file: Document
+    text: str, index: int, score_file: Document
 ) -> list[tuple[Cursor, Document]]:
     """What the word that is being written at `text_index` may be: a value, a name, or both.
 
     The word is taken to be a placeholder, and brackets that the line leaves open are closed.
     """
-    line_begin = document_text.rfind("\n", 0, text_index) + 1
-    line_end = document_text.find("\n", text_index)
+    line_begin = text.rfind("\n", 0, index) + 1
+    line_end = text.find("\n", index)
     text_before, text_after = (
-        document_text[line_begin:text_index],
-        document_text[text_index : len(document_text) if line_end < 0 else line_end],
+        text[line_begin:index],
+        text[index : len(text) if line_end < 0 else line_end],
     )
     text_before = text_before.removesuffix(word_before(text_before, len(text_before)))
     rest_of_line = WORD.sub("", text_after, count=1)
@@ -109,9 +103,7 @@ def cursors_at_unwritten(
     cursors = []
     for placeholder in (_PLACEHOLDER, f"{_PLACEHOLDER}: 0"):
         line = text_before + placeholder + (closing or rest_of_line)
-        changed_text = (
-            document_text[:line_begin] + line + ("" if line_end < 0 else document_text[line_end:])
-        )
+        changed_text = text[:line_begin] + line + ("" if line_end < 0 else text[line_end:])
         read_document = document.compose(changed_text, score_file.file, Collector())
         cursor = cursor_at(read_document, line_begin + len(text_before))
         if cursor is not None and _PLACEHOLDER in cursor.node.text:
@@ -119,7 +111,7 @@ def cursors_at_unwritten(
     return cursors
 
 
-def _last_before(entries: Iterable[tuple[int, _T]], text_index: int) -> _T | None:
+def _last_begun(entries: Iterable[tuple[int, _T]], text_index: int) -> _T | None:
     """The entry that begins last at or before a character. The order of entries does not tell: an
     alias has the position of its definition.
     """
@@ -149,7 +141,7 @@ def pitch_at(text: str, index: int) -> str | None:
     `3to2` of `wires.3/2.m`; None if there is none.
     """
     begin = text.rfind("\n", 0, index) + 1
-    for match in _PITCHES.finditer(text, begin, min(len(text), index + _WORD_MAX)):
+    for match in _PITCH_LIKE.finditer(text, begin, min(len(text), index + _WORD_MAX)):
         if match.start() <= index <= match.end():
             for word in tuning.spelled(match[0].strip(".")).split("."):
                 if (pitch := word_of(word[:1].upper() + word[1:])) is not None:

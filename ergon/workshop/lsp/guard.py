@@ -24,7 +24,7 @@ from ergon.common.terminal import printable
 
 BODY_MAX = 64 << 20  # bytes: as large as a score may be
 _LINE_MAX, _LINES_MAX = 4096, 32  # bytes and lines of a header
-_WORDS_MAX = 300  # characters of what is wrong with a message
+_REASON_MAX = 300  # characters of what is wrong with a message
 _DEPTH_MAX = 64  # levels of nesting; the protocol needs about ten
 _INTEGER_MAX = 1 << 53
 _CONTENT_LENGTH = re.compile(rb"Content-Length: *([0-9]{1,20}) *\r?\n", re.IGNORECASE)
@@ -55,29 +55,29 @@ class GuardedInput:
         self.failure: ProtocolError | None = None
         self.exits_early = False
         self._source, self._target = source, target
-        self._methods = methods | {*_LIFECYCLE}
+        self._handled_methods = methods | {*_LIFECYCLE}
         self._converter = converters.get_converter()
-        self._ready = io.BytesIO()
-        self._open: set[str] = set()
-        self._is_begun = self._is_over = False
+        self._message = io.BytesIO()
+        self._open_uris: set[str] = set()
+        self._is_initialised = self._is_shut_down = False
 
     def readline(self) -> bytes:
         """The next line of a header; nothing at the end."""
-        line = self._ready.readline()
-        return self._ready.readline() if not line and self._next() else line
+        line = self._message.readline()
+        return self._message.readline() if not line and self._take_next() else line
 
     def read(self, n_bytes: int) -> bytes:
         """The body that the header announced."""
-        return self._ready.read(n_bytes)
+        return self._message.read(n_bytes)
 
-    def _next(self) -> bool:
+    def _take_next(self) -> bool:
         """Take the next message that may be handled; False at the end."""
         while True:
             try:
-                message_body = self._body()
+                message_body = self._read_body()
                 if message_body is None:
                     return False
-                if not self._is_handled(self._parsed(message_body)):
+                if not self._is_handled(self._parse(message_body)):
                     continue
             except _RefusedError as error:
                 self._answer(error)
@@ -87,10 +87,10 @@ class GuardedInput:
                 return False
             else:
                 header = f"Content-Length: {len(message_body)}\r\n\r\n".encode()
-                self._ready = io.BytesIO(header + message_body)
+                self._message = io.BytesIO(header + message_body)
                 return True
 
-    def _body(self) -> bytes | None:
+    def _read_body(self) -> bytes | None:
         """The body of a message; None at the end. Raises ProtocolError."""
         n_bytes = None
         for line_number in range(_LINES_MAX):
@@ -113,7 +113,7 @@ class GuardedInput:
             raise ProtocolError(f"the input ends within a message of {n_bytes:,} bytes")
         return body
 
-    def _parsed(self, body: bytes) -> dict[str, Any]:
+    def _parse(self, body: bytes) -> dict[str, Any]:
         """A message as a mapping. Raises _RefusedError."""
         try:
             message = parse_json(body)
@@ -149,40 +149,40 @@ class GuardedInput:
         return True
 
     def _check(self, method: Any, message: dict[str, Any]) -> None:
-        if not isinstance(method, str) or method not in self._methods:
+        if not isinstance(method, str) or method not in self._handled_methods:
             reason = f"{printable(str(method)[:80])} is not done by this server"
             raise _RefusedError(t.ErrorCodes.MethodNotFound, reason)
         message_type = t.METHOD_TO_TYPES[method][0]
         if hasattr(message_type, "id") != ("id" in message):
             reason = f"{method} has an id if, and only if, it is a request"
             raise _RefusedError(t.ErrorCodes.InvalidRequest, reason)
-        if self._is_over and method != t.EXIT:
+        if self._is_shut_down and method != t.EXIT:
             raise _RefusedError(t.ErrorCodes.InvalidRequest, "the server was shut down")
-        if not self._is_begun and method not in (t.INITIALIZE, t.EXIT):
+        if not self._is_initialised and method not in (t.INITIALIZE, t.EXIT):
             raise _RefusedError(t.ErrorCodes.ServerNotInitialized, "initialize comes first")
-        if self._is_begun and method == t.INITIALIZE:
+        if self._is_initialised and method == t.INITIALIZE:
             raise _RefusedError(t.ErrorCodes.InvalidRequest, "initialize comes once")
         try:
             request: Any = self._converter.structure(message, message_type)
         except Exception as error:  # cattrs and the validators raise errors of many types
-            why = printable("; ".join(transform_error(error)))[:_WORDS_MAX]
+            why = printable("; ".join(transform_error(error)))[:_REASON_MAX]
             reason = f"the fields of {method} are not those of the protocol: {why}"
             raise _RefusedError(t.ErrorCodes.InvalidParams, reason) from error
-        self.exits_early = method == t.EXIT and not self._is_over
-        self._is_begun = True
-        self._is_over |= method == t.SHUTDOWN
+        self.exits_early = method == t.EXIT and not self._is_shut_down
+        self._is_initialised = True
+        self._is_shut_down |= method == t.SHUTDOWN
         document = getattr(request.params, "text_document", None)
         if document is not None:
             self._check_open(method, unquote(document.uri))
 
     def _check_open(self, method_name: str, uri: str) -> None:
         if method_name == t.TEXT_DOCUMENT_DID_OPEN:
-            self._open.add(uri)
-        elif uri not in self._open:
+            self._open_uris.add(uri)
+        elif uri not in self._open_uris:
             reason = f"{printable(uri[:200])} is not open"
             raise _RefusedError(t.ErrorCodes.InvalidParams, reason)
         elif method_name == t.TEXT_DOCUMENT_DID_CLOSE:
-            self._open.remove(uri)
+            self._open_uris.remove(uri)
 
     def _answer(self, error: _RefusedError) -> None:
         fields = {"code": int(error.code), "message": error.message}

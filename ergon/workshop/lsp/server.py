@@ -125,8 +125,8 @@ class Server(LanguageServer):
     def _load(self, uri: str) -> Loaded:
         path = _path(uri)
         overlay = {
-            str(_path(document_uri)): open_document.source
-            for document_uri, open_document in self.workspace.text_documents.items()
+            str(_path(document_uri)): text_document.source
+            for document_uri, text_document in self.workspace.text_documents.items()
         }
         text = self.workspace.get_text_document(uri).source
         return load(path, text=text, overlay=overlay, bounds=scores.bounds(str(path), False))
@@ -217,8 +217,8 @@ class Server(LanguageServer):
         """An open document, the index of a position in it, its nodes, and the names it knows."""
         text_document = self.workspace.get_text_document(uri)
         file = document.compose(text_document.source, str(_path(uri)), Collector())
-        catalogue_read = self._open.setdefault(uri, _OpenDocument()).catalogue
-        return text_document, text_document.offset_at_position(position), file, catalogue_read
+        names = self._open.setdefault(uri, _OpenDocument()).catalogue
+        return text_document, text_document.offset_at_position(position), file, names
 
 
 def serve() -> int:
@@ -246,37 +246,33 @@ def server() -> Server:
 # --- handlers, one for each request ---------------------------------------------------------------
 
 
-async def _opened(ls: Server, params: t.DidOpenTextDocumentParams) -> None:
+async def _on_open(ls: Server, params: t.DidOpenTextDocumentParams) -> None:
     await ls.read_document(params.text_document.uri, saved=True)
 
 
-async def _changed(ls: Server, params: t.DidChangeTextDocumentParams) -> None:
+async def _on_change(ls: Server, params: t.DidChangeTextDocumentParams) -> None:
     await ls.read_document(params.text_document.uri)
 
 
-async def _saved(ls: Server, params: t.DidSaveTextDocumentParams) -> None:
+async def _on_save(ls: Server, params: t.DidSaveTextDocumentParams) -> None:
     await ls.read_document(params.text_document.uri, saved=True)
 
 
-def _closed(ls: Server, params: t.DidCloseTextDocumentParams) -> None:
+def _on_close(ls: Server, params: t.DidCloseTextDocumentParams) -> None:
     ls.forget_document(params.text_document.uri)
 
 
 def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
-    text_document, text_index, file, catalogue_now = ls.locate(
-        params.text_document.uri, params.position
-    )
+    text_document, index, file, names = ls.locate(params.text_document.uri, params.position)
     is_score = ls.is_score(params.text_document.uri)
-    completions = (
-        answers.completions(text_document.source, text_index, file, catalogue_now)
-        if is_score
-        else []
-    )
-    begin = text_index - len(cursor.word_before(text_document.source, text_index))
+    completions = answers.completions(text_document.source, index, file, names) if is_score else []
+    begin = index - len(cursor.word_before(text_document.source, index))
     typed_range = t.Range(
-        _client_position(text_document, begin), _client_position(text_document, text_index)
+        _client_position(text_document, begin), _client_position(text_document, index)
     )
-    return t.CompletionList(is_incomplete=True, items=list(_items(completions, typed_range)))
+    return t.CompletionList(
+        is_incomplete=True, items=list(_completion_items(completions, typed_range))
+    )
 
 
 def _client_position(text_document: TextDocument, text_index: int) -> t.Position:
@@ -291,15 +287,15 @@ def _client_position(text_document: TextDocument, text_index: int) -> t.Position
     )
 
 
-def _items(
+def _completion_items(
     completions: Iterable[answers.Completion], word_range: t.Range
 ) -> Iterable[t.CompletionItem]:
-    for item_number, completion in enumerate(completions):
+    for item_index, completion in enumerate(completions):
         yield t.CompletionItem(
             completion.word,
             kind=_KINDS[completion.kind],
             detail=completion.detail,
-            sort_text=f"{item_number:05d}",
+            sort_text=f"{item_index:05d}",
             filter_text=completion.word,
             text_edit=t.TextEdit(word_range, completion.word + completion.suffix),
         )
@@ -307,8 +303,8 @@ def _items(
 
 def _hover(ls: Server, params: t.HoverParams) -> t.Hover | None:
     uri = params.text_document.uri
-    _, index, file, catalogue_now = ls.locate(uri, params.position)
-    explanation = answers.explanation(index, file, catalogue_now) if ls.is_score(uri) else None
+    _, index, file, names = ls.locate(uri, params.position)
+    explanation = answers.explanation(index, file, names) if ls.is_score(uri) else None
     return (
         None
         if explanation is None
@@ -318,15 +314,15 @@ def _hover(ls: Server, params: t.HoverParams) -> t.Hover | None:
 
 def _definition(ls: Server, params: t.DefinitionParams) -> t.Location | None:
     uri = params.text_document.uri
-    _, index, file, catalogue_now = ls.locate(uri, params.position)
-    name_definition = answers.definition(index, file, catalogue_now)
+    _, index, file, names = ls.locate(uri, params.position)
+    name_definition = answers.definition(index, file, names)
     if name_definition is None:
         return None
     target_uri = _uri(name_definition.place.file, uri)
     return t.Location(target_uri, ls.range(target_uri, name_definition.place))
 
 
-def _actions(ls: Server, params: t.CodeActionParams) -> list[t.CodeAction]:
+def _code_actions(ls: Server, params: t.CodeActionParams) -> list[t.CodeAction]:
     """Quick fixes that replace a mistake by its suggestion."""
     uri = params.text_document.uri
     return [
@@ -365,7 +361,7 @@ def _rename(ls: Server, params: t.RenameParams) -> t.WorkspaceEdit:
     return t.WorkspaceEdit({uri: edits})
 
 
-def _symbols(ls: Server, params: t.DocumentSymbolParams) -> list[t.DocumentSymbol]:
+def _document_symbols(ls: Server, params: t.DocumentSymbolParams) -> list[t.DocumentSymbol]:
     """Sections, and the names below them."""
     uri = params.text_document.uri
     root = ls.locate(uri, t.Position(0, 0))[2].root if ls.is_score(uri) else None
@@ -423,16 +419,16 @@ def _uri(file_name: str, open_uri: str) -> str:
 
 
 _HANDLERS: dict[str, Callable[..., Any]] = {
-    t.TEXT_DOCUMENT_DID_OPEN: _opened,
-    t.TEXT_DOCUMENT_DID_CHANGE: _changed,
-    t.TEXT_DOCUMENT_DID_SAVE: _saved,
-    t.TEXT_DOCUMENT_DID_CLOSE: _closed,
+    t.TEXT_DOCUMENT_DID_OPEN: _on_open,
+    t.TEXT_DOCUMENT_DID_CHANGE: _on_change,
+    t.TEXT_DOCUMENT_DID_SAVE: _on_save,
+    t.TEXT_DOCUMENT_DID_CLOSE: _on_close,
     t.TEXT_DOCUMENT_COMPLETION: _complete,
     t.TEXT_DOCUMENT_HOVER: _hover,
     t.TEXT_DOCUMENT_DEFINITION: _definition,
-    t.TEXT_DOCUMENT_CODE_ACTION: _actions,
+    t.TEXT_DOCUMENT_CODE_ACTION: _code_actions,
     t.TEXT_DOCUMENT_RENAME: _rename,
-    t.TEXT_DOCUMENT_DOCUMENT_SYMBOL: _symbols,
+    t.TEXT_DOCUMENT_DOCUMENT_SYMBOL: _document_symbols,
     t.TEXT_DOCUMENT_FORMATTING: _format,
 }
 _OPTIONS = {

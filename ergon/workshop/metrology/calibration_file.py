@@ -45,51 +45,51 @@ def _fit_figures(fit: Fit) -> tuple[list[str], Floats, Floats]:
     Names, values (n,), covariance (n, n); a figure of a mode has a name such as `mode1.f`. `M`
     is the mass of the key with its modes; without a spring `weight` takes the place of `rest`.
     """
-    row, columns = fit.row, fit.columns
-    figure_names: list[str] = []
-    figure_values: list[float] = []
-    gradient_rows: list[Floats] = []
+    parameters, fitted_indices = fit.parameters, fit.fitted_indices
+    names: list[str] = []
+    values: list[float] = []
+    gradients_by_figure: list[Floats] = []
 
     def add(name: str, value: float, gradient: dict[int, float]) -> None:
-        figure_names.append(name)
-        figure_values.append(float(value))
-        gradient_rows.append(np.array([gradient.get(index, 0.0) for index in columns]))
+        names.append(name)
+        values.append(float(value))
+        gradients_by_figure.append(np.array([gradient.get(index, 0.0) for index in fitted_indices]))
 
     add(
         "M",
-        total_mass(row),
-        dict.fromkeys((0, *range(N_KEY, len(row), N_MODE)), 1.0),
+        total_mass(parameters),
+        dict.fromkeys((0, *range(N_KEY, len(parameters), N_MODE)), 1.0),
     )
     stiffness_index, weight_index = INDEX["stiffness"], INDEX["weight"]
-    has_spring = row[stiffness_index] > 3 * fit.deviation(stiffness_index)
+    has_spring = parameters[stiffness_index] > 3 * fit.deviation(stiffness_index)
     if has_spring:
         add(
             "rest",
-            -row[weight_index] / row[stiffness_index],
+            -parameters[weight_index] / parameters[stiffness_index],
             {
-                stiffness_index: row[weight_index] / row[stiffness_index] ** 2,
-                weight_index: -1 / row[stiffness_index],
+                stiffness_index: parameters[weight_index] / parameters[stiffness_index] ** 2,
+                weight_index: -1 / parameters[stiffness_index],
             },
         )
     for field_name, parameter in _KEY_FIELDS:
         index = INDEX[parameter]
-        if index in columns and not (has_spring and index == weight_index):
-            add(field_name, row[index], {index: 1.0})
-    for mode in range(n_modes(row)):
+        if index in fitted_indices and not (has_spring and index == weight_index):
+            add(field_name, parameters[index], {index: 1.0})
+    for mode in range(n_modes(parameters)):
         mass_index, frequency_index, ratio_index = mode_indices(mode)
-        decay = t60(float(row[frequency_index]), float(row[ratio_index]))
-        add(f"mode{mode + 1}.M", row[mass_index], {mass_index: 1.0})
-        add(f"mode{mode + 1}.f", row[frequency_index], {frequency_index: 1.0})
+        decay = t60(float(parameters[frequency_index]), float(parameters[ratio_index]))
+        add(f"mode{mode + 1}.M", parameters[mass_index], {mass_index: 1.0})
+        add(f"mode{mode + 1}.f", parameters[frequency_index], {frequency_index: 1.0})
         add(
             f"mode{mode + 1}.t60",
             decay,
             {
-                frequency_index: -decay / row[frequency_index],
-                ratio_index: -decay / row[ratio_index],
+                frequency_index: -decay / parameters[frequency_index],
+                ratio_index: -decay / parameters[ratio_index],
             },
         )
-    gradients = np.array(gradient_rows)
-    return figure_names, np.array(figure_values), gradients @ fit.covariance @ gradients.T
+    gradients = np.array(gradients_by_figure)
+    return names, np.array(values), gradients @ fit.covariance @ gradients.T
 
 
 def text(measured: Measured, takes: Sequence[str], day: str) -> str:
@@ -101,23 +101,21 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     fit = measured.fit
     figure_names, values, covariance = _fit_figures(fit)
     deviations = np.sqrt(np.diag(covariance))
-    value_and_deviation_by_name = dict(
-        zip(figure_names, zip(values, deviations, strict=True), strict=True)
-    )
+    estimates = dict(zip(figure_names, zip(values, deviations, strict=True), strict=True))
     lines = ["ergon: 1"]
-    for figure_name, (figure_value, deviation) in value_and_deviation_by_name.items():
+    for figure_name, (figure_value, deviation) in estimates.items():
         if figure_name in UNITS:
             unit, scale = UNITS[figure_name]
             lines.append(
                 f"{figure_name}: {figure_value * scale:.7g}{unit} # ± {deviation * scale:.3g}"
             )
-    if n_modes(fit.row):
+    if n_modes(fit.parameters):
         lines.append("modes:")
-    for mode in range(1, n_modes(fit.row) + 1):
+    for mode in range(1, n_modes(fit.parameters) + 1):
         mode_figures = [
             (value * MODE_FIELDS[name][1], deviation * MODE_FIELDS[name][1])
             for name in MODE_FIELDS
-            for value, deviation in [value_and_deviation_by_name[f"mode{mode}.{name}"]]
+            for value, deviation in [estimates[f"mode{mode}.{name}"]]
         ]
         (mass, mass_deviation), (frequency, frequency_deviation), (decay, decay_deviation) = (
             mode_figures
@@ -133,7 +131,7 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
         lines.append(" ".join([f"  - {figure_name}", *(f"{x:.6f}" for x in correlations)]))
     if measured.noise is not None:
         lines.append(f"noise: {measured.noise * 1e3:.4g}mm")
-    lines.append(f"residual: {fit.rms * 1e6:.3g} um rms in {fit.n} positions")
+    lines.append(f"residual: {fit.rms * 1e6:.3g} um rms in {fit.n_positions} positions")
     lines.append(f"date: {day}")
     lines.append("takes:")
     lines += [f"  - {digest}" for digest in takes]
@@ -156,11 +154,11 @@ UNITS = {
 }
 MODE_FIELDS = {"M": ("g", 1e3), "f": ("Hz", 1.0), "t60": ("s", 1.0)}
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?)"
-_FIGURE = re.compile(rf"(\w+): {_NUMBER}([A-Za-z/]+)(?: # ± {_NUMBER})?$")
-_MODE = re.compile(
+_FIGURE_LINE = re.compile(rf"(\w+): {_NUMBER}([A-Za-z/]+)(?: # ± {_NUMBER})?$")
+_MODE_LINE = re.compile(
     rf"  - {{M: {_NUMBER}g, f: {_NUMBER}Hz, t60: (?:{_NUMBER}|inf)s}}(?: # ± (.+))?$"
 )
-_CORRELATED = re.compile(r"  - ((?:mode\d+\.)?[A-Za-z]\w*)((?: -?[01]\.\d+)*)$")
+_CORRELATION_ROW = re.compile(r"  - ((?:mode\d+\.)?[A-Za-z]\w*)((?: -?[01]\.\d+)*)$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,23 +195,21 @@ class Calibration:
     def row(self) -> Floats:
         """The parameters of the model, as `_core.key_path` takes them; the key starts at rest."""
         figures = self.figures
-        parameter_row = np.zeros(N_KEY)
-        parameter_row[0] = figures["M"] - sum(mass for mass, _, _ in self.modes)
-        parameter_row[1:3] = figures["K"], figures["Z"]
-        parameter_row[INDEX["weight"]] = figures.get(
+        parameters = np.zeros(N_KEY)
+        parameters[0] = figures["M"] - sum(mass for mass, _, _ in self.modes)
+        parameters[1:3] = figures["K"], figures["Z"]
+        parameters[INDEX["weight"]] = figures.get(
             "weight", -figures.get("rest", 0.0) * figures["K"]
         )
-        parameter_row[START] = figures.get("rest", 0.0)
+        parameters[START] = figures.get("rest", 0.0)
         for name, parameter in _KEY_FIELDS[3:]:
-            parameter_row[INDEX[parameter]] = figures.get(name, 0.0)
+            parameters[INDEX[parameter]] = figures.get(name, 0.0)
         return (
-            np.concatenate([parameter_row, *map(np.array, self.modes)])
-            if self.modes
-            else parameter_row
+            np.concatenate([parameters, *map(np.array, self.modes)]) if self.modes else parameters
         )
 
 
-def read(file_text: str) -> Calibration:
+def read(text: str) -> Calibration:
     """The calibration in a file's text. Raises MeasurementError if `text` did not write it."""
     figures: dict[str, float] = {}
     deviations: dict[str, float] = {}
@@ -221,29 +217,29 @@ def read(file_text: str) -> Calibration:
     correlated_names: list[str] = []
     modes: list[tuple[float, float, float]] = []
     date = section = ""
-    for line in file_text.splitlines():
+    for line in text.splitlines():
         if not line.startswith(" "):
             section = line
-        if match := _MODE.match(line):
+        if match := _MODE_LINE.match(line):
             modes.append(_mode(match, f"mode{len(modes) + 1}", figures, deviations))
-        elif section == "correlations:" and (match := _CORRELATED.match(line)):
-            correlations_before = map(float, match[2].split())
+        elif section == "correlations:" and (match := _CORRELATION_ROW.match(line)):
+            coefficients = map(float, match[2].split())
             # If a row is damaged, the part of it that exists is used.
             correlations |= {
                 (match[1], name): max(-1.0, min(x, 1.0))
-                for name, x in zip(correlated_names, correlations_before, strict=False)
+                for name, x in zip(correlated_names, coefficients, strict=False)
             }
             correlated_names.append(match[1])
         elif line.startswith("date: "):
             date = line.removeprefix("date: ").strip()
-        elif (match := _FIGURE.match(line)) and match[1] in UNITS:
-            figure_name, figure_value, unit, deviation = match.groups()
+        elif (match := _FIGURE_LINE.match(line)) and match[1] in UNITS:
+            figure_name, value, unit, deviation = match.groups()
             expected_unit, per_unit = UNITS[figure_name]
             if unit != expected_unit:
                 raise MeasurementError(
                     f"{figure_name} must be in {expected_unit}, as ergon metrology writes it"
                 )
-            figures[figure_name] = float(figure_value) / per_unit
+            figures[figure_name] = float(value) / per_unit
             if deviation is not None:
                 deviations[figure_name] = float(deviation) / per_unit
     missing_names = [name for name in ("M", "K", "Z") if name not in figures]
@@ -251,9 +247,9 @@ def read(file_text: str) -> Calibration:
         raise MeasurementError(
             f"this is not a calibration file of ergon metrology: it lacks {missing_names[0]}"
         )
-    for figure_name, figure_value in (*figures.items(), *deviations.items()):
+    for figure_name, value in (*figures.items(), *deviations.items()):
         is_decay = figure_name.endswith(".t60")  # infinite without damping
-        if not (np.isfinite(figure_value) or (is_decay and figure_value > 0.0)):
+        if not (np.isfinite(value) or (is_decay and value > 0.0)):
             raise MeasurementError(f"{figure_name} is not a finite number")
     if not figures["M"] > sum(mass for mass, _, _ in modes):
         raise MeasurementError("M must be above 0 and above the masses of the modes")

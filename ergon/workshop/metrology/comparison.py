@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .gesture import Floats, Gesture
 
 _RATE = 44100 / 44  # ticks a second of the standard gesture
-_SECONDS, _AMPLITUDE, _FORCE_MAX = 4.0, 5e-3, 20.0  # standard gesture: s, m, N
+_DURATION, _AMPLITUDE, _FORCE_MAX = 4.0, 5e-3, 20.0  # standard gesture: s, m, N
 _GRAVITY = 9.80665
 _SAME_MODE_DISTANCE = 0.2  # modes nearer than this in log pitch are one mode
 _EIGENVALUE_MIN = 1e-5  # smaller eigenvalues of a correlation matrix are rounding
@@ -32,11 +32,11 @@ class Replay:
     """A gesture on a real key and on its model; n positions are compared.
 
     `residual` (n,) [m] is real minus model at the instants `t` (n,) [s]; `gesture` has the
-    forces with the unknown ones recovered, `model` (ticks,) [m] is the model's path.
+    forces with the unknown ones recovered, `model_position` (ticks,) [m] is the model's path.
     """
 
     gesture: Gesture
-    model: Floats
+    model_position: Floats
     t: Floats
     residual: Floats
 
@@ -51,12 +51,12 @@ class Replay:
         return float(np.abs(self.residual).max())
 
 
-def replay(parameter_row: Floats, gesture: Gesture) -> Replay:
+def replay(parameters: Floats, gesture: Gesture) -> Replay:
     """Apply the forces of a real key to its model, which begins where and as fast as the key."""
-    followed = output_error.follow(parameter_row, gesture)
+    followed = output_error.follow(parameters, gesture)
     (gesture,) = followed.recovered([gesture.with_unknown_speed()])
-    model = output_error.path(parameter_row, gesture, followed.starts[0])
-    ticks = np.flatnonzero(gesture.counts)
+    model = output_error.path(parameters, gesture, followed.start_positions[0])
+    ticks = np.flatnonzero(gesture.is_compared)
     return Replay(gesture, model, ticks / gesture.rate, gesture.position[ticks] - model[ticks])
 
 
@@ -65,16 +65,16 @@ def replay_difference(first_row: Floats, second_row: Floats) -> float:
 
     Raises MeasurementError.
     """
-    knocked_row = first_row.copy()
-    knocked_row[INDEX["stiffness"]] = max(first_row[1], 1e-3)
-    forces = excitation.knocks(knocked_row, _RATE, _SECONDS, _AMPLITUDE, _FORCE_MAX)
+    guess = first_row.copy()
+    guess[INDEX["stiffness"]] = max(first_row[1], 1e-3)
+    forces = excitation.knocks(guess, _RATE, _DURATION, _AMPLITUDE, _FORCE_MAX)
     paths = []
     for row in (first_row, second_row):
-        free_row = row.copy()
+        parameters = row.copy()
         # Each path begins at rest at 0, so that only the motion is compared.
-        free_row[START] = free_row[INDEX["weight"]] = 0.0
+        parameters[START] = parameters[INDEX["weight"]] = 0.0
         try:
-            paths.append(_core.key_path(free_row, forces, _RATE, columns=())[0])
+            paths.append(_core.key_path(parameters, forces, _RATE, columns=())[0])
         except _core.EngineError as error:
             raise MeasurementError(f"the motion of this key cannot be computed: {error}") from None
     return float(np.sqrt(np.mean((paths[0] - paths[1]) ** 2)))
@@ -101,74 +101,66 @@ class Difference:
         return (self.other - self.first) / self.deviation
 
 
-def differences(calibration: Calibration, second_calibration: Calibration) -> list[Difference]:
+def differences(calibration: Calibration, other: Calibration) -> list[Difference]:
     """All figures of two calibrations. Modes of nearly the same frequency count as the same
     mode.
     """
     pairs = [(name, name) for name in UNITS if name != "noise"]
-    for first_mode, other_mode in _alike(calibration, second_calibration):
+    for first_mode, other_mode in _pair_modes(calibration, other):
         pairs += [
             (f"mode{first_mode}.{field_name}", f"mode{other_mode}.{field_name}")
             for field_name in MODE_FIELDS
         ]
-    differences_found = []
+    result = []
     for first_name, second_name in pairs:
         first_value, other_value = (
             calibration.figures.get(first_name),
-            second_calibration.figures.get(second_name),
+            other.figures.get(second_name),
         )
         if first_value is None and other_value is None:
             continue
         deviation = None
-        if first_name in calibration.deviations and second_name in second_calibration.deviations:
+        if first_name in calibration.deviations and second_name in other.deviations:
             deviation = float(
-                np.hypot(
-                    calibration.deviations[first_name], second_calibration.deviations[second_name]
-                )
+                np.hypot(calibration.deviations[first_name], other.deviations[second_name])
             )
-        differences_found.append(
-            Difference((first_name, second_name), first_value, other_value, deviation)
-        )
-    return differences_found
+        result.append(Difference((first_name, second_name), first_value, other_value, deviation))
+    return result
 
 
-def _alike(calibration: Calibration, second_calibration: Calibration) -> list[tuple[int, int]]:
+def _pair_modes(calibration: Calibration, other: Calibration) -> list[tuple[int, int]]:
     """Pairs of mode numbers, from 1; a mode that only one calibration has is paired with 0."""
-    pitch_distances = sorted(
+    distances = sorted(
         (abs(np.log(first_frequency / other_frequency)), a, b)
         for a, (_, first_frequency, _) in enumerate(calibration.modes, 1)
-        for b, (_, other_frequency, _) in enumerate(second_calibration.modes, 1)
+        for b, (_, other_frequency, _) in enumerate(other.modes, 1)
     )
-    mode_pairs: list[tuple[int, int]] = []
-    for distance, a, b in pitch_distances:
-        if distance < _SAME_MODE_DISTANCE and not any(a == x or b == y for x, y in mode_pairs):
-            mode_pairs.append((a, b))
-    first_modes, second_modes = {a for a, _ in mode_pairs}, {b for _, b in mode_pairs}
-    mode_pairs += [(a, 0) for a in range(1, len(calibration.modes) + 1) if a not in first_modes]
-    mode_pairs += [
-        (0, b) for b in range(1, len(second_calibration.modes) + 1) if b not in second_modes
-    ]
-    return sorted(mode_pairs)
+    pairs: list[tuple[int, int]] = []
+    for distance, a, b in distances:
+        if distance < _SAME_MODE_DISTANCE and not any(a == x or b == y for x, y in pairs):
+            pairs.append((a, b))
+    first_modes, second_modes = {a for a, _ in pairs}, {b for _, b in pairs}
+    pairs += [(a, 0) for a in range(1, len(calibration.modes) + 1) if a not in first_modes]
+    pairs += [(0, b) for b in range(1, len(other.modes) + 1) if b not in second_modes]
+    return sorted(pairs)
 
 
-def chi_squared(calibration: Calibration, second_calibration: Calibration) -> tuple[float, int]:
+def chi_squared(calibration: Calibration, other: Calibration) -> tuple[float, int]:
     """Δᵀ(C₁ + C₂)⁻¹Δ of the figures whose deviations both files give, and their number.
 
     For two calibrations of the same key its mean is this number. Combinations that the
     covariance makes certain, to five digits, are left out and not counted.
     """
-    comparable_differences = [
-        d for d in differences(calibration, second_calibration) if d.deviations is not None
-    ]
-    if not comparable_differences:
+    comparable = [d for d in differences(calibration, other) if d.deviations is not None]
+    if not comparable:
         return 0.0, 0
-    first_names, second_names = ([d.names[i] for d in comparable_differences] for i in (0, 1))
-    covariance = calibration.covariance(first_names) + second_calibration.covariance(second_names)
+    first_names, second_names = ([d.names[i] for d in comparable] for i in (0, 1))
+    covariance = calibration.covariance(first_names) + other.covariance(second_names)
     deviations = np.sqrt(np.diag(covariance))
-    eigen_values, vectors = np.linalg.eigh(covariance / np.outer(deviations, deviations))
-    components = vectors.T @ np.array([d.deviations for d in comparable_differences])
-    is_certain = eigen_values > _EIGENVALUE_MIN
-    return float(np.sum(components[is_certain] ** 2 / eigen_values[is_certain])), int(
+    eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(deviations, deviations))
+    components = vectors.T @ np.array([d.deviations for d in comparable])
+    is_certain = eigenvalues > _EIGENVALUE_MIN
+    return float(np.sum(components[is_certain] ** 2 / eigenvalues[is_certain])), int(
         is_certain.sum()
     )
 
@@ -190,55 +182,53 @@ def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[st
     not sink the key. M [kg], K [N/m] and Z [N·s/m] are the true values of the key. Deviations are
     to first order in those of the files and their covariances. Raises MeasurementError.
     """
-    mass_gain_measured = loaded.figures["M"] - plain.figures["M"]
-    if mass_gain_measured <= 0:
+    measured_mass = loaded.figures["M"] - plain.figures["M"]
+    if measured_mass <= 0:
         raise MeasurementError("the key with the mass was found no heavier than without it")
-    mass_factor = known_mass / mass_gain_measured
+    mass_gain = known_mass / measured_mass
     # Derivatives of the logarithms with respect to figures of the first file, and of the second.
-    mass_slopes = {"M": 1.0 / mass_gain_measured}, {"M": -1.0 / mass_gain_measured}
-    by_name = {"mass": _gain(mass_factor, plain, loaded, *mass_slopes)}
+    mass_derivatives = {"M": 1.0 / measured_mass}, {"M": -1.0 / measured_mass}
+    by_name = {"mass": _gain(mass_gain, plain, loaded, *mass_derivatives)}
     for figure_name in ("M", "K", "Z"):
         plain_value = plain.figures[figure_name]
-        first_slopes = dict(mass_slopes[0])
-        first_slopes[figure_name] = first_slopes.get(figure_name, 0.0) + (
+        plain_derivatives = dict(mass_derivatives[0])
+        plain_derivatives[figure_name] = plain_derivatives.get(figure_name, 0.0) + (
             1.0 / plain_value if plain_value else 0.0
         )
         by_name[figure_name] = _gain(
-            mass_factor * plain_value, plain, loaded, first_slopes, mass_slopes[1]
+            mass_gain * plain_value, plain, loaded, plain_derivatives, mass_derivatives[1]
         )
     rest_positions = (plain.figures.get("rest"), loaded.figures.get("rest"))
     if rest_positions[0] is None or rest_positions[1] is None:
         return by_name
-    sink, stiffness = rest_positions[1] - rest_positions[0], plain.figures["K"]
-    sink_min = 5 * sum(c.deviations.get("rest", 0.0) for c in (plain, loaded))
+    sag, stiffness = rest_positions[1] - rest_positions[0], plain.figures["K"]
+    sag_min = 5 * sum(c.deviations.get("rest", 0.0) for c in (plain, loaded))
     # Dry friction holds a key anywhere near its rest, and the fit knows only the middle.
-    if abs(sink) <= max(sink_min, 1e-9):
+    if abs(sag) <= max(sag_min, 1e-9):
         return by_name
-    force_factor = known_mass * _GRAVITY / (abs(sink) * stiffness)
-    force_slopes = {"K": -1.0 / stiffness, "rest": 1.0 / sink}, {"rest": -1.0 / sink}
-    position_slopes = (
-        {name: -x for name, x in force_slopes[0].items()} | mass_slopes[0],
-        {"rest": 1.0 / sink} | mass_slopes[1],
+    force_gain = known_mass * _GRAVITY / (abs(sag) * stiffness)
+    force_derivatives = {"K": -1.0 / stiffness, "rest": 1.0 / sag}, {"rest": -1.0 / sag}
+    position_derivatives = (
+        {name: -x for name, x in force_derivatives[0].items()} | mass_derivatives[0],
+        {"rest": 1.0 / sag} | mass_derivatives[1],
     )
-    by_name["position"] = _gain(mass_factor / force_factor, plain, loaded, *position_slopes)
-    by_name["force"] = _gain(force_factor, plain, loaded, *force_slopes)
+    by_name["position"] = _gain(mass_gain / force_gain, plain, loaded, *position_derivatives)
+    by_name["force"] = _gain(force_gain, plain, loaded, *force_derivatives)
     return by_name
 
 
 def _gain(
-    figure_value: float,
+    value: float,
     plain: Calibration,
     loaded: Calibration,
-    first_slopes: Mapping[str, float],
-    second_slopes: Mapping[str, float],
+    plain_derivatives: Mapping[str, float],
+    loaded_derivatives: Mapping[str, float],
 ) -> Gain:
     """A figure from the derivatives of its logarithm with respect to figures of two files."""
     variance = 0.0
-    for calibration, slope_by_figure in ((plain, first_slopes), (loaded, second_slopes)):
-        if not all(name in calibration.deviations for name in slope_by_figure):
-            return Gain(figure_value, None)
-        slope_values = np.array(list(slope_by_figure.values()))
-        variance += float(
-            slope_values @ calibration.covariance(list(slope_by_figure)) @ slope_values
-        )
-    return Gain(figure_value, abs(figure_value) * float(np.sqrt(variance)))
+    for calibration, derivatives in ((plain, plain_derivatives), (loaded, loaded_derivatives)):
+        if not all(name in calibration.deviations for name in derivatives):
+            return Gain(value, None)
+        gradient = np.array(list(derivatives.values()))
+        variance += float(gradient @ calibration.covariance(list(derivatives)) @ gradient)
+    return Gain(value, abs(value) * float(np.sqrt(variance)))

@@ -15,20 +15,22 @@ if TYPE_CHECKING:
 
     from .gesture import Floats, Gesture
 
-_CUTOFF = 25.0  # Hz: below modes, above strokes
-_BAND_HZ = 100.0  # Hz: where a delay of a tick is seen
-_EDGE = 0.2  # s at both ends, where a filter rings
+_CUTOFF_FREQUENCY = 25.0  # Hz: below modes, above strokes
+_DELAY_CUTOFF_FREQUENCY = 100.0  # Hz: where a delay of a tick is seen
+_EDGE_DURATION = 0.2  # s at both ends, where a filter rings
 _SLIDING_SPEED = 2e-3  # [m/s] above which dry friction has its full level
 _DELAYS = np.arange(0.0, 8.5, 0.5)  # ticks
 
 
-def _derivatives(signal: Floats, rate: float, cutoff_hertz: float) -> tuple[Floats, Floats, Floats]:
+def _derivatives(
+    signal: Floats, rate: float, cutoff_frequency: float
+) -> tuple[Floats, Floats, Floats]:
     """A signal through a zero-phase low-pass, and its first and second derivative, each (n,)."""
     n = signal.size
     trend = np.linspace(signal[0], signal[-1], n)  # makes the end meet the beginning
     spectrum = np.fft.rfft(signal - trend)
     frequency = np.fft.rfftfreq(n, 1 / rate)
-    spectrum /= 1 + (frequency / cutoff_hertz) ** 8
+    spectrum /= 1 + (frequency / cutoff_frequency) ** 8
     differentiator = 2j * np.pi * frequency
     trend_slope = (trend[-1] - trend[0]) / (n - 1) * rate
     return (
@@ -38,46 +40,53 @@ def _derivatives(signal: Floats, rate: float, cutoff_hertz: float) -> tuple[Floa
     )
 
 
-def _equations(
-    gestures: Sequence[Gesture], delay: float, cutoff_hertz: float
+def _regression(
+    gestures: Sequence[Gesture], delay: float, cutoff_frequency: float
 ) -> tuple[Floats, Floats]:
     """The regressors of mass, damping, stiffness, weight and dry friction, (n, 5); forces (n,)."""
-    equation_rows, equation_forces = [], []
+    regressor_blocks, force_blocks = [], []
     for gesture in gestures:
-        x, v, acceleration = _derivatives(gesture.position, gesture.rate, cutoff_hertz)
+        x, v, acceleration = _derivatives(gesture.position, gesture.rate, cutoff_frequency)
         # A force is held for one tick, so its middle is half a tick after the position of that
         # tick.
-        tick_numbers = np.arange(x.size)
-        delayed_forces = np.interp(tick_numbers - delay - 0.5, tick_numbers, gesture.force)
-        delayed_forces = _derivatives(delayed_forces, gesture.rate, cutoff_hertz)[0]
-        edge_ticks = int(_EDGE * gesture.rate)
-        inside = slice(edge_ticks, -edge_ticks if x.size > 4 * edge_ticks else None)
-        equation_rows.append(
+        ticks = np.arange(x.size)
+        delayed_forces = np.interp(ticks - delay - 0.5, ticks, gesture.force)
+        delayed_forces = _derivatives(delayed_forces, gesture.rate, cutoff_frequency)[0]
+        n_edge = int(_EDGE_DURATION * gesture.rate)
+        inside = slice(n_edge, -n_edge if x.size > 4 * n_edge else None)
+        regressor_blocks.append(
             np.stack([acceleration, v, x, np.ones_like(x), np.tanh(v / _SLIDING_SPEED)], 1)[inside]
         )
-        equation_forces.append(delayed_forces[inside])
-    regressors: Floats = np.concatenate(equation_rows)
-    forces: Floats = np.concatenate(equation_forces)
+        force_blocks.append(delayed_forces[inside])
+    regressors: Floats = np.concatenate(regressor_blocks)
+    forces: Floats = np.concatenate(force_blocks)
     return regressors, forces
 
 
-def _solved(gestures: Sequence[Gesture], delay: float, cutoff_hertz: float) -> tuple[Floats, float]:
+def _least_squares(
+    gestures: Sequence[Gesture], delay: float, cutoff_frequency: float
+) -> tuple[Floats, float]:
     """Mass, damping, stiffness, weight and dry friction for a delay in ticks; the residual."""
-    regressors, forces = _equations(gestures, delay, cutoff_hertz)
+    regressors, forces = _regression(gestures, delay, cutoff_frequency)
     solution = np.asarray(np.linalg.lstsq(regressors, forces, rcond=None)[0], np.float64)
     return solution, float(np.sum((forces - regressors @ solution) ** 2))
 
 
 def first_guess(gestures: Sequence[Gesture]) -> Floats:
     """The parameters of a key without modes, (10,)."""
-    delay = min(_DELAYS, key=lambda ticks: _solved(gestures, float(ticks), _BAND_HZ)[1])
-    mass, damping, stiffness, weight, dry = _solved(gestures, float(delay), _CUTOFF)[0]
-    guessed_row = np.zeros(N_KEY)
-    guessed_row[:3] = max(mass, 1e-3), max(stiffness, 0.0), max(damping, 1e-3)
-    guessed_row[INDEX["weight"]] = weight
-    guessed_row[INDEX["dry"]] = max(dry, 5e-3)
-    guessed_row[INDEX["delay"]] = delay / gestures[0].rate
-    return guessed_row
+    delay = min(
+        _DELAYS,
+        key=lambda ticks: _least_squares(gestures, float(ticks), _DELAY_CUTOFF_FREQUENCY)[1],
+    )
+    mass, damping, stiffness, weight, dry = _least_squares(
+        gestures, float(delay), _CUTOFF_FREQUENCY
+    )[0]
+    parameters = np.zeros(N_KEY)
+    parameters[:3] = max(mass, 1e-3), max(stiffness, 0.0), max(damping, 1e-3)
+    parameters[INDEX["weight"]] = weight
+    parameters[INDEX["dry"]] = max(dry, 5e-3)
+    parameters[INDEX["delay"]] = delay / gestures[0].rate
+    return parameters
 
 
 def signed_mass(gesture: Gesture) -> tuple[float, float]:
@@ -85,17 +94,22 @@ def signed_mass(gesture: Gesture) -> tuple[float, float]:
 
     The certainty is the mass over its standard deviation.
     """
-    delay = min(_DELAYS, key=lambda ticks: _solved([gesture], float(ticks), _BAND_HZ)[1])
-    matrix, equation_forces = _equations([gesture], float(delay), _CUTOFF)
-    column_norms = np.sqrt(np.mean(matrix**2, axis=0))
+    delay = min(
+        _DELAYS,
+        key=lambda ticks: _least_squares([gesture], float(ticks), _DELAY_CUTOFF_FREQUENCY)[1],
+    )
+    regressors, forces = _regression([gesture], float(delay), _CUTOFF_FREQUENCY)
+    column_norms = np.sqrt(np.mean(regressors**2, axis=0))
     column_norms[column_norms == 0] = 1.0
-    unit_matrix = matrix / column_norms
-    square = unit_matrix.T @ unit_matrix + 1e-9 * len(unit_matrix) * np.eye(5)
-    solution = np.linalg.solve(square, unit_matrix.T @ equation_forces)
-    residual = equation_forces - unit_matrix @ solution
-    independent = max(len(equation_forces) * 2 * _CUTOFF / gesture.rate - 5, 1.0)
+    scaled_regressors = regressors / column_norms
+    normal_matrix = scaled_regressors.T @ scaled_regressors + 1e-9 * len(
+        scaled_regressors
+    ) * np.eye(5)
+    solution = np.linalg.solve(normal_matrix, scaled_regressors.T @ forces)
+    residual = forces - scaled_regressors @ solution
+    n_independent = max(len(forces) * 2 * _CUTOFF_FREQUENCY / gesture.rate - 5, 1.0)
     variance = (
-        np.linalg.inv(square)[0, 0] * len(equation_forces) * np.mean(residual**2) / independent
+        np.linalg.inv(normal_matrix)[0, 0] * len(forces) * np.mean(residual**2) / n_independent
     )
     return float(solution[0] / column_norms[0]), float(
         abs(solution[0]) / np.sqrt(max(variance, 1e-300))

@@ -30,30 +30,30 @@ if TYPE_CHECKING:
 
 FRAMES, RATE = 44, 44100.0  # frames of a tick, and the audio rate
 TICK_RATE = RATE / FRAMES
-RUNG = 2.0  # s
+RUNG_DURATION = 2.0  # s
 _FIRST_SHARE, _LAST_SHARE = 0.05, 0.9  # of the force
 _RUNGS_MAX = 12
-_ENOUGH = 0.4  # excursion, over half the travel, of the last rung
-_TARGET = 0.55  # target of the next rung, over half the travel
-_BRAKED = 3  # rungs that were braked, until no further one is tried
-_RAIN = 0.3  # of the force of a rung
+_EXCURSION_RATIO_MIN = 0.4  # excursion, over half the travel, of the last rung
+_EXCURSION_RATIO_TARGET = 0.55  # target of the next rung, over half the travel
+_BRAKED_RUNGS_MAX = 3  # rungs that were braked, until no further one is tried
+_RAIN_SHARE = 0.3  # of the force of a rung
 # The guide: the frequency of its pole [rad/s] and its damping ratio. It is stable with a delay of
 # 10 ms.
-_GUIDE, _GUIDE_RATIO = 12.0, 0.8
+_GUIDE_FREQUENCY, _GUIDE_DAMPING_RATIO = 12.0, 0.8
 _BRAKE_STIFFNESS, _BRAKE_DAMPING = 3.0, 45.0  # of the guide's; 1/s of the mass
-_SPRING = 40.0  # (rad/s)²: with a faster spring of its own a key needs no guide
+_STIFFNESS_PER_MASS_MAX = 40.0  # (rad/s)²: with a faster spring of its own a key needs no guide
 _END_DISTANCE_MIN = 0.35  # of half the range: a key that rests nearer to an end has no room
 # Jolts show the direction of the motor and the approximate mass.
-_JOLTS = 0.6  # s
-_FIRST_JOLT, _JOLT_MAX = 0.01, 0.8  # of the force
-_JOLTED = 0.2  # excursion, over half the travel, of the last jolt
+_JOLT_DURATION = 0.6  # s
+_FIRST_JOLT_SHARE, _JOLT_SHARE_MAX = 0.01, 0.8  # of the force
+_JOLT_EXCURSION_RATIO = 0.2  # excursion, over half the travel, of the last jolt
 _MASS_CERTAINTY_MIN = 15.0  # the mass over its deviation, from which on it is believed
 _JOLT_LENGTH_RATIO_MAX = 6.0  # times the length of the first jolts, at most
-_IN_TIME = 0.75  # smallest share of ticks with a reply in time
-_RESTS = 3.0  # s at most, until a key rests
+_TIMELY_SHARE_MIN = 0.75  # smallest share of ticks with a reply in time
+_SETTLING_DURATION_MAX = 3.0  # s at most, until a key rests
 
 # Why a take ended, and what the user can do.
-_ENDS = {
+_END_MESSAGES = {
     "touched": "a hand touched the key, so its force is zero; let go of it and measure again",
     "gate closed": "the device lets no force through but while a hand touches the key, "
     "and nobody may touch it; measure with a firmware without that gate, and --no-gate",
@@ -81,7 +81,7 @@ class TakeEnded(MeasurementError):
 
     def __init__(self, end: str) -> None:
         """`end` is that of `_core.Excited`."""
-        super().__init__(_ENDS.get(end, end))
+        super().__init__(_END_MESSAGES.get(end, end))
         self.end = end
 
 
@@ -115,19 +115,27 @@ class Guide:
     """
 
     centre: float
-    half: float
-    guide: tuple[float, float]
-    brake: tuple[float, float]
+    half_travel: float
+    guide_spring_damper: tuple[float, float]
+    brake_spring_damper: tuple[float, float]
     deceleration: float
 
-    def for_core(self) -> tuple[float, float, tuple[float, float], tuple[float, float], float]:
+    def core_arguments(
+        self,
+    ) -> tuple[float, float, tuple[float, float], tuple[float, float], float]:
         """The guide as arguments of `_core.excite`."""
-        return self.centre, self.half, self.guide, self.brake, self.deceleration
+        return (
+            self.centre,
+            self.half_travel,
+            self.guide_spring_damper,
+            self.brake_spring_damper,
+            self.deceleration,
+        )
 
     @property
-    def off(self) -> Guide:
+    def without_guide(self) -> Guide:
         """The brake alone."""
-        return replace(self, guide=(0.0, 0.0))
+        return replace(self, guide_spring_damper=(0.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +158,7 @@ class Ladder:
     axis: Axis
     guide: Guide
     needs_guide: bool
-    rough: Floats
+    rough_parameters: Floats
     rungs: list[Rung] = field(default_factory=list)
 
     @property
@@ -162,7 +170,7 @@ class Ladder:
 
 # Safety stages compare force and motion for keys that are played. Under rain a key in good order
 # may fail them.
-DOUBTS = (
+SAFETY_ENDS = (
     "tripped: wrong way",
     "tripped: unanswered",
     "tripped: late",
@@ -173,49 +181,49 @@ DOUBTS = (
 
 
 def push(
-    device_axis: Axis,
-    push_forces: Floats,
+    axis: Axis,
+    forces: Floats,
     guide: Guide,
-    still: int = 0,
+    n_still: int = 0,
     record: _core.RecordTarget | None = None,
     *,
-    forgiven: bool = False,
+    accepts_safety_ends: bool = False,
 ) -> Excited:
     """Push a key by forces (n,) [N]. Raises TakeEnded if that ends early.
 
-    With `forgiven` it does not raise if a safety stage stopped the axis because force and motion
-    disagreed.
+    With `accepts_safety_ends` it does not raise if a safety stage stopped the axis because force
+    and motion disagreed.
     """
     excited = _core.excite(
-        device_axis.device,
-        device_axis.number,
-        np.ascontiguousarray(push_forces, float),
+        axis.device,
+        axis.number,
+        np.ascontiguousarray(forces, float),
         RATE,
         FRAMES,
-        guide.for_core(),
-        sign=device_axis.sign,
-        still=still,
-        force_step=device_axis.force_step,
-        tells_touch=device_axis.tells_touch,
-        is_gated=device_axis.is_gated,
+        guide.core_arguments(),
+        sign=axis.sign,
+        still=n_still,
+        force_step=axis.force_step,
+        tells_touch=axis.tells_touch,
+        is_gated=axis.is_gated,
         record=record,
     )
-    if excited.end != "done" and not (forgiven and excited.end in DOUBTS):
+    if excited.end != "done" and not (accepts_safety_ends and excited.end in SAFETY_ENDS):
         raise TakeEnded(excited.end)
-    if excited.fresh().size >= TICK_RATE / 4 and excited.fresh().mean() < _IN_TIME:
+    if excited.fresh().size >= TICK_RATE / 4 and excited.fresh().mean() < _TIMELY_SHARE_MIN:
         raise TakeEnded("late")
     return excited
 
 
-def settle(device_axis: Axis, guide: Guide) -> None:
+def settle(axis: Axis, guide: Guide) -> None:
     """Let the guide bring the key to rest. Raises TakeEnded."""
     n = round(0.3 * TICK_RATE)
-    motion_max = max(4 * device_axis.device.resolution, 1e-2 * guide.half)
-    for _ in range(round(_RESTS / 0.3)):
-        positions = push(device_axis, np.zeros(n), guide, forgiven=True).positions()
+    motion_max = max(4 * axis.device.resolution, 1e-2 * guide.half_travel)
+    for _ in range(round(_SETTLING_DURATION_MAX / 0.3)):
+        positions = push(axis, np.zeros(n), guide, accepts_safety_ends=True).positions()
         if positions.size == n and np.ptp(positions[n // 2 :]) <= motion_max:
             break
-    push(device_axis, np.zeros(n // 3), guide, n, forgiven=True)
+    push(axis, np.zeros(n // 3), guide, n, accepts_safety_ends=True)
 
 
 def gesture(excited: Excited) -> Gesture:
@@ -232,109 +240,109 @@ def gesture(excited: Excited) -> Gesture:
 
 
 def climb(
-    device_axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda rung: None
+    axis: Axis, seed: int = 0, on_rung: Callable[[Rung], object] = lambda rung: None
 ) -> Ladder:
     """Find the motor's direction and the greatest force that keeps a key away from its ends.
 
     Raises TakeEnded, or MeasurementError if the key does not move or has no room.
     """
-    chance = np.random.default_rng(seed)
-    key_place = _Place(device_axis, chance)
-    sign, moving_mass = key_place.pushed()
-    device_axis, greatest = (
-        replace(device_axis, sign=device_axis.sign * sign),
-        device_axis.request_max,
+    rng = np.random.default_rng(seed)
+    key = _RestingKey(axis, rng)
+    sign, moving_mass = key.find_direction_and_mass()
+    axis, force_max = (
+        replace(axis, sign=axis.sign * sign),
+        axis.request_max,
     )
-    guide = key_place.guide(moving_mass)
-    settle(device_axis, guide)
-    force, gestures = _FIRST_SHARE * greatest, []
+    guide = key.guide(moving_mass)
+    settle(axis, guide)
+    force, gestures = _FIRST_SHARE * force_max, []
     rungs: list[Rung] = []
     while len(rungs) < _RUNGS_MAX:
-        n = round(RUNG * TICK_RATE)
-        relative_forces = excitation.mixed(n, TICK_RATE, chance, excitation.rain(n, chance), _RAIN)
-        framed_forces, still_ticks = excitation.framed(force * relative_forces, TICK_RATE)
-        excited = push(device_axis, framed_forces, guide, still_ticks, forgiven=True)
-        settle(device_axis, guide)
+        n = round(RUNG_DURATION * TICK_RATE)
+        relative_forces = excitation.mixed(n, TICK_RATE, rng, excitation.rain(n, rng), _RAIN_SHARE)
+        forces, n_still = excitation.with_still_beginning(force * relative_forces, TICK_RATE)
+        excited = push(axis, forces, guide, n_still, accepts_safety_ends=True)
+        settle(axis, guide)
         excursion = float(np.abs(excited.positions() - guide.centre).max())
         braked = excited.end != "done" or bool(excited.braked().any())
         rungs.append(Rung(force, excursion, braked))
-        tell(rungs[-1])
+        on_rung(rungs[-1])
         if excited.end == "done":
             gestures.append(gesture(excited))
-        excursion_share = excursion / guide.half
+        excursion_ratio = excursion / guide.half_travel
         if not braked:
-            moving_mass = key_place.better(moving_mass, gestures[-1])
-            guide = key_place.guide(moving_mass)
-            if excursion_share >= _ENOUGH or force >= _LAST_SHARE * greatest:
+            moving_mass = key.refine_mass(moving_mass, gestures[-1])
+            guide = key.guide(moving_mass)
+            if excursion_ratio >= _EXCURSION_RATIO_MIN or force >= _LAST_SHARE * force_max:
                 break
-        elif sum(rung.braked for rung in rungs) >= _BRAKED:
+        elif sum(rung.braked for rung in rungs) >= _BRAKED_RUNGS_MAX:
             break
-        force_factor = 0.7 if braked else min(2.0, _TARGET / max(excursion_share, 1e-6))
-        force = min(_LAST_SHARE * greatest, force * force_factor)
+        force_factor = (
+            0.7 if braked else min(2.0, _EXCURSION_RATIO_TARGET / max(excursion_ratio, 1e-6))
+        )
+        force = min(_LAST_SHARE * force_max, force * force_factor)
     if not gestures:
         raise TakeEnded(excited.end)
-    rough = _rough(gestures[-2:])
-    needs_guide = bool(rough[INDEX["stiffness"]] <= _SPRING * rough[0])
-    return Ladder(device_axis, guide, needs_guide, rough, rungs)
+    parameters = _rough_parameters(gestures[-2:])
+    needs_guide = bool(parameters[INDEX["stiffness"]] <= _STIFFNESS_PER_MASS_MAX * parameters[0])
+    return Ladder(axis, guide, needs_guide, parameters, rungs)
 
 
-def _rough(gestures: list[Gesture]) -> Floats:
+def _rough_parameters(gestures: list[Gesture]) -> Floats:
     """A rough key fitted to takes: mass, spring, damper, weight and dry friction."""
-    guessed_row = first_guess(gestures)
-    columns = [INDEX[name] for name in ("mass", "stiffness", "damping", "weight", "dry")]
+    guess = first_guess(gestures)
+    fitted_indices = [INDEX[name] for name in ("mass", "stiffness", "damping", "weight", "dry")]
     try:
-        return fit(gestures, guessed_row, columns, iterations=8).row
+        return fit(gestures, guess, fitted_indices, iterations=8).parameters
     except _core.EngineError:
-        return guessed_row
+        return guess
 
 
-class _Place:
+class _RestingKey:
     """The position where a key rests, its sensor's noise, and its response to a push."""
 
-    def __init__(self, device_axis: Axis, chance: np.random.Generator) -> None:
-        self.axis, self.chance = device_axis, chance
-        low_end, high_end = device_axis.device.range
-        free = Guide(0.5 * (low_end + high_end), high_end - low_end, (0.0, 0.0), (0.0, 0.0), 1.0)
-        read_positions = push(device_axis, np.zeros(round(0.2 * TICK_RATE)), free).positions()
-        self.centre = float(np.median(read_positions))
-        self.half = min(self.centre - low_end, high_end - self.centre)
-        if self.half < _END_DISTANCE_MIN * 0.5 * (high_end - low_end):
+    def __init__(self, axis: Axis, rng: np.random.Generator) -> None:
+        self.axis, self.chance = axis, rng
+        end_min, end_max = axis.device.range
+        free = Guide(0.5 * (end_min + end_max), end_max - end_min, (0.0, 0.0), (0.0, 0.0), 1.0)
+        positions = push(axis, np.zeros(round(0.2 * TICK_RATE)), free).positions()
+        self.centre = float(np.median(positions))
+        self.half_travel = min(self.centre - end_min, end_max - self.centre)
+        if self.half_travel < _END_DISTANCE_MIN * 0.5 * (end_max - end_min):
             raise MeasurementError(
-                f"the key rests at {self.centre * 1e3:.3g} mm, {max(self.half, 0.0) * 1e3:.2g} mm "
-                f"from an end of its travel ({low_end * 1e3:.3g} to {high_end * 1e3:.3g} mm), and "
-                "has no "
-                "room to be pushed; put it near the middle"
+                f"the key rests at {self.centre * 1e3:.3g} mm, "
+                f"{max(self.half_travel, 0.0) * 1e3:.2g} mm from an end of its travel "
+                f"({end_min * 1e3:.3g} to {end_max * 1e3:.3g} mm), and has no room to be pushed; "
+                "put it near the middle"
             )
-        trembles = float(np.std(np.diff(read_positions))) / np.sqrt(2)
-        self.visible_motion = max(
-            8 * trembles, 3 * device_axis.device.resolution, 2e-4 * (high_end - low_end)
-        )
-        self.free = Guide(self.centre, self.half, (0.0, 0.0), (0.0, 0.0), 1.0)
+        noise = float(np.std(np.diff(positions))) / np.sqrt(2)
+        self.motion_min = max(8 * noise, 3 * axis.device.resolution, 2e-4 * (end_max - end_min))
+        self.free = Guide(self.centre, self.half_travel, (0.0, 0.0), (0.0, 0.0), 1.0)
 
-    def pushed(self) -> tuple[int, float]:
+    def find_direction_and_mass(self) -> tuple[int, float]:
         """The direction of the motor, 1 or -1, and the approximate moving mass [kg].
 
         Raises MeasurementError if the key does not move.
         """
         force_max, jolt_force, length_ratio = (
             self.axis.request_max,
-            _FIRST_JOLT * self.axis.request_max,
+            _FIRST_JOLT_SHARE * self.axis.request_max,
             1.0,
         )
         while length_ratio < _JOLT_LENGTH_RATIO_MAX:
-            n = round(_JOLTS * TICK_RATE)
+            n = round(_JOLT_DURATION * TICK_RATE)
             forces = jolt_force * excitation.jolts(n, TICK_RATE, self.chance, length_ratio)
-            framed_forces, still_ticks = excitation.framed(forces, TICK_RATE)
-            excited = push(self.axis, framed_forces, self.free, still_ticks)
+            forces_sent, n_still = excitation.with_still_beginning(forces, TICK_RATE)
+            excited = push(self.axis, forces_sent, self.free, n_still)
             jolt_gesture = gesture(excited)
             excursion = float(np.abs(jolt_gesture.position - jolt_gesture.start).max())
             mass, certainty = signed_mass(jolt_gesture)
-            if excursion > self.visible_motion and certainty > _MASS_CERTAINTY_MIN:
+            if excursion > self.motion_min and certainty > _MASS_CERTAINTY_MIN:
                 return (1 if mass > 0 else -1), abs(mass)
-            if excursion > _JOLTED * self.half:
+            if excursion > _JOLT_EXCURSION_RATIO * self.half_travel:
                 break
-            if jolt_force < _JOLT_MAX * force_max:
-                jolt_force = min(1.5 * jolt_force, _JOLT_MAX * force_max)
+            if jolt_force < _JOLT_SHARE_MAX * force_max:
+                jolt_force = min(1.5 * jolt_force, _JOLT_SHARE_MAX * force_max)
             else:
                 length_ratio *= 1.5
         raise MeasurementError(
@@ -343,21 +351,21 @@ class _Place:
             "motor, and let go of the key"
         )
 
-    def better(self, guessed_mass: float, gesture: Gesture) -> float:
-        """The mass estimated from a rung, limited to 0.2 to 1.5 times `guessed_mass`;
-        `guessed_mass` itself if the key hardly moved.
+    def refine_mass(self, mass: float, gesture: Gesture) -> float:
+        """The mass estimated from a rung, limited to 0.2 to 1.5 times `mass`;
+        `mass` itself if the key hardly moved.
         """
-        if np.ptp(gesture.position) < 10 * self.visible_motion:
-            return guessed_mass
-        return float(np.clip(first_guess([gesture])[0], 0.2 * guessed_mass, 1.5 * guessed_mass))
+        if np.ptp(gesture.position) < 10 * self.motion_min:
+            return mass
+        return float(np.clip(first_guess([gesture])[0], 0.2 * mass, 1.5 * mass))
 
     def guide(self, mass: float) -> Guide:
         """The guide and the brake of a key of about this mass."""
-        stiffness = mass * _GUIDE**2
+        stiffness = mass * _GUIDE_FREQUENCY**2
         return Guide(
             self.centre,
-            self.half,
-            (stiffness, 2 * _GUIDE_RATIO * _GUIDE * mass),
+            self.half_travel,
+            (stiffness, 2 * _GUIDE_DAMPING_RATIO * _GUIDE_FREQUENCY * mass),
             (_BRAKE_STIFFNESS * stiffness, _BRAKE_DAMPING * mass),
             0.5 * self.axis.request_max / mass,
         )

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 # 20 lies above 18, the highest score of 20 keys without a mode; 50 keys reached 37 at least
 # with a mode of a twentieth of their mass, a second mode 26. What passes is fitted and judged.
 SCORE_MIN = 20.0
-_LOWEST_HERTZ, _HIGHEST_RATE_SHARE = 5.0, 0.479  # Hz; of the rate
-_PITCHES = 1200
-_RATIOS = np.array([0.003, 0.01, 0.03, 0.1])
-_SHARE_MAX = 0.3  # largest mass of a mode over that of the key
+_FREQUENCY_MIN, _HIGHEST_RATE_SHARE = 5.0, 0.479  # Hz; of the rate
+_N_FREQUENCIES = 1200
+_DAMPING_RATIOS = np.array([0.003, 0.01, 0.03, 0.1])
+_MASS_SHARE_MAX = 0.3  # largest mass of a mode over that of the key
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,18 +40,18 @@ class Peak:
 def _background(powers: NDArray[np.floating], frequency: NDArray[np.floating]) -> Floats:
     """Median of a periodogram over half an octave, which a narrow peak does not lift, (n,)."""
     n = powers.size
-    tested_lines = np.unique(
+    bins = np.unique(
         np.concatenate([np.arange(min(n, 64)), np.geomspace(64, n - 1, 300).astype(int)])
     )
-    first_lines = np.searchsorted(frequency, frequency[tested_lines] * 2**-0.25)
-    end_lines = np.searchsorted(frequency, frequency[tested_lines] * 2**0.25) + 1
-    first_lines, end_lines = (
-        np.minimum(first_lines, np.maximum(tested_lines - 8, 0)),
-        np.maximum(end_lines, np.minimum(tested_lines + 9, n)),
+    first_bins = np.searchsorted(frequency, frequency[bins] * 2**-0.25)
+    end_bins = np.searchsorted(frequency, frequency[bins] * 2**0.25) + 1
+    first_bins, end_bins = (
+        np.minimum(first_bins, np.maximum(bins - 8, 0)),
+        np.maximum(end_bins, np.minimum(bins + 9, n)),
     )
-    medians = [np.median(powers[i:j]) for i, j in zip(first_lines, end_lines, strict=True)]
-    background_at_lines = np.maximum(np.array(medians) / np.log(2), np.finfo(float).tiny)
-    background: Floats = np.exp(np.interp(np.arange(n), tested_lines, np.log(background_at_lines)))
+    medians = [np.median(powers[i:j]) for i, j in zip(first_bins, end_bins, strict=True)]
+    background_at_bins = np.maximum(np.array(medians) / np.log(2), np.finfo(float).tiny)
+    background: Floats = np.exp(np.interp(np.arange(n), bins, np.log(background_at_bins)))
     return background
 
 
@@ -64,62 +64,60 @@ def _taper(n: int) -> Floats:
 
 def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
     """The mode that explains most of the residual of a fit, to first order in its mass."""
-    parameter_row, rate = fit.row, gestures[0].rate
-    pitches = np.geomspace(_LOWEST_HERTZ, _HIGHEST_RATE_SHARE * rate, _PITCHES)
-    omega = 2 * np.pi * pitches[:, None]
+    parameters, rate = fit.parameters, gestures[0].rate
+    frequencies = np.geomspace(_FREQUENCY_MIN, _HIGHEST_RATE_SHARE * rate, _N_FREQUENCIES)
+    omega = 2 * np.pi * frequencies[:, None]
     projection, squared_norm = (
-        np.zeros((_PITCHES, _RATIOS.size)),
-        np.zeros((_PITCHES, _RATIOS.size)),
+        np.zeros((_N_FREQUENCIES, _DAMPING_RATIOS.size)),
+        np.zeros((_N_FREQUENCIES, _DAMPING_RATIOS.size)),
     )
-    for gesture, start in zip(gestures, fit.starts, strict=True):
+    for gesture, start in zip(gestures, fit.start_positions, strict=True):
         error = np.zeros(gesture.force.size)
-        error[gesture.counts] = errors(parameter_row, gesture, start)
+        error[gesture.is_compared] = errors(parameters, gesture, start)
         window = _taper(error.size)
         frequency = np.fft.rfftfreq(error.size, 1 / rate)
-        is_in_band = (frequency > _LOWEST_HERTZ) & (frequency < _HIGHEST_RATE_SHARE * rate)
-        laplace = 2j * np.pi * frequency[is_in_band]
+        is_in_band = (frequency > _FREQUENCY_MIN) & (frequency < _HIGHEST_RATE_SHARE * rate)
+        s = 2j * np.pi * frequency[is_in_band]
         residual_spectrum = np.fft.rfft(error * window)
         force_spectrum = np.fft.rfft(gesture.force * window)[is_in_band]
         # The force is held for a tick, and delayed.
         force_spectrum = (
             force_spectrum
             * np.sinc(frequency[is_in_band] / rate)
-            * np.exp(-laplace * (parameter_row[INDEX["delay"]] + 0.5 / rate))
+            * np.exp(-s * (parameters[INDEX["delay"]] + 0.5 / rate))
         )
         key_response = 1 / (
-            total_mass(parameter_row) * laplace * laplace
-            + parameter_row[INDEX["damping"]] * laplace
-            + parameter_row[INDEX["stiffness"]]
+            total_mass(parameters) * s * s
+            + parameters[INDEX["damping"]] * s
+            + parameters[INDEX["stiffness"]]
         )
         whitening = 1 / np.sqrt(_background(np.abs(residual_spectrum) ** 2, frequency)[is_in_band])
-        template_base, residual_spectrum = (
-            force_spectrum * key_response**2 * laplace**4 * whitening,
+        unmodulated_template, residual_spectrum = (
+            force_spectrum * key_response**2 * s**4 * whitening,
             residual_spectrum[is_in_band] * whitening,
         )
-        for ratio_column, ratio in enumerate(_RATIOS):
-            for pitch_part in np.array_split(np.arange(_PITCHES), 12):
-                angular_pitches = omega[pitch_part]
-                template = template_base / (
-                    laplace * laplace
-                    + (2 * ratio * angular_pitches) * laplace
-                    + angular_pitches * angular_pitches
+        for ratio_column, ratio in enumerate(_DAMPING_RATIOS):
+            for block in np.array_split(np.arange(_N_FREQUENCIES), 12):
+                omega_block = omega[block]
+                template = unmodulated_template / (
+                    s * s + (2 * ratio * omega_block) * s + omega_block * omega_block
                 )
-                projection[pitch_part, ratio_column] += np.real(template.conj() @ residual_spectrum)
-                squared_norm[pitch_part, ratio_column] += np.einsum(
+                projection[block, ratio_column] += np.real(template.conj() @ residual_spectrum)
+                squared_norm[block, ratio_column] += np.einsum(
                     "ij,ij->i", template, template.conj()
                 ).real
     score = np.where(projection > 0, 2 * projection**2 / squared_norm, 0.0)
-    pitch_index, ratio_index = divmod(int(np.argmax(score)), _RATIOS.size)
+    frequency_index, ratio_index = divmod(int(np.argmax(score)), _DAMPING_RATIOS.size)
     mass = float(
         np.clip(
-            projection[pitch_index, ratio_index] / squared_norm[pitch_index, ratio_index],
+            projection[frequency_index, ratio_index] / squared_norm[frequency_index, ratio_index],
             1e-4,
-            _SHARE_MAX * parameter_row[0],
+            _MASS_SHARE_MAX * parameters[0],
         )
     )
     return Peak(
         mass,
-        float(pitches[pitch_index]),
-        float(_RATIOS[ratio_index]),
-        float(score[pitch_index, ratio_index]),
+        float(frequencies[frequency_index]),
+        float(_DAMPING_RATIOS[ratio_index]),
+        float(score[frequency_index, ratio_index]),
     )

@@ -32,7 +32,7 @@ INDEX = {name: index for index, name in enumerate(NAMES)}
 START = INDEX["start"]
 N_KEY, N_MODE = len(NAMES), len(MODE_NAMES)
 # Fitted on a linear scale, because they may be zero; [least, most].
-_PLAIN_PARAMETERS = {
+_LINEAR_BOUNDS = {
     INDEX["stiffness"]: (0.0, np.inf),
     INDEX["damping"]: (0.0, np.inf),
     INDEX["weight"]: (-np.inf, np.inf),
@@ -41,11 +41,11 @@ _PLAIN_PARAMETERS = {
 }
 # All others are positive. Masses are fitted on a linear scale too, because their sum is known much
 # better than each of them; the rest by their logarithms.
-_FACTOR = np.e  # largest factor of a positive parameter in one step
-_STIFFEST = {INDEX["presliding"]: 1e6}  # N/m; a stiffer contact holds rigidly
+_STEP_FACTOR_MAX = np.e  # largest factor of a positive parameter in one step
+_UPPER_BOUNDS = {INDEX["presliding"]: 1e6}  # N/m; a stiffer contact holds rigidly
 # m/s; static friction that ends at a slower speed is that of a key at rest: no sensor sees its end.
-_SLOWEST = {INDEX["static_speed"]: 1e-4}
-_SAME_PITCH = 0.05  # of the logarithm of a pitch: modes that are one
+_LOWER_BOUNDS = {INDEX["static_speed"]: 1e-4}
+_SAME_MODE_LOG_DISTANCE = 0.05  # of the logarithm of a pitch: modes that are one
 
 
 def name(parameter_index: int) -> str:
@@ -66,12 +66,12 @@ def n_modes(row: Floats) -> int:
     return (len(row) - N_KEY) // N_MODE
 
 
-def scale(parameter_row: Floats, fitted_columns: Sequence[int]) -> Floats:
+def derivative_scales(parameters: Floats, fitted_indices: Sequence[int]) -> Floats:
     """Derivatives of the parameters with respect to the fitted variables, (columns,)."""
     return np.array(
         [
-            1.0 if index in _PLAIN_PARAMETERS or _is_mass(index) else parameter_row[index]
-            for index in fitted_columns
+            1.0 if index in _LINEAR_BOUNDS or _is_mass(index) else parameters[index]
+            for index in fitted_indices
         ]
     )
 
@@ -80,32 +80,30 @@ def _is_mass(index: int) -> bool:
     return index == 0 or (index >= N_KEY and (index - N_KEY) % N_MODE == 0)
 
 
-def step_parameters(parameter_row: Floats, fitted_columns: Sequence[int], step: Floats) -> Floats:
+def step_parameters(parameters: Floats, fitted_indices: Sequence[int], step: Floats) -> Floats:
     """The row after a step of the fitted variables, (columns,), within the bounds of each
     parameter.
     """
-    stepped_row = parameter_row.copy()
-    for parameter_index, parameter_step in zip(fitted_columns, step, strict=True):
-        value_before = parameter_row[parameter_index]
-        if parameter_index in _PLAIN_PARAMETERS:
-            stepped_row[parameter_index] = np.clip(
-                value_before + parameter_step, *_PLAIN_PARAMETERS[parameter_index]
-            )
-        elif _is_mass(parameter_index):
-            stepped_row[parameter_index] = np.clip(
-                value_before + parameter_step, value_before / _FACTOR, value_before * _FACTOR
+    stepped = parameters.copy()
+    for index, parameter_step in zip(fitted_indices, step, strict=True):
+        value = parameters[index]
+        if index in _LINEAR_BOUNDS:
+            stepped[index] = np.clip(value + parameter_step, *_LINEAR_BOUNDS[index])
+        elif _is_mass(index):
+            stepped[index] = np.clip(
+                value + parameter_step, value / _STEP_FACTOR_MAX, value * _STEP_FACTOR_MAX
             )
         else:
-            stepped_value = value_before * np.exp(np.clip(parameter_step, -1.0, 1.0))
-            stepped_row[parameter_index] = np.clip(stepped_value, *_bounds(parameter_index))
-    return stepped_row
+            stepped_value = value * np.exp(np.clip(parameter_step, -1.0, 1.0))
+            stepped[index] = np.clip(stepped_value, *_bounds(index))
+    return stepped
 
 
 def _bounds(index: int) -> tuple[float, float]:
     """The least and the greatest value of a parameter."""
-    if index in _PLAIN_PARAMETERS:
-        return _PLAIN_PARAMETERS[index]
-    return _SLOWEST.get(index, 0.0), _STIFFEST.get(index, np.inf)
+    if index in _LINEAR_BOUNDS:
+        return _LINEAR_BOUNDS[index]
+    return _LOWER_BOUNDS.get(index, 0.0), _UPPER_BOUNDS.get(index, np.inf)
 
 
 def leads_beyond(row: Floats, columns: Sequence[int], step: Floats) -> NDArray[np.bool_]:
@@ -121,14 +119,14 @@ def _is_beyond(row: Floats, index: int, parameter_step: float) -> bool:
     )
 
 
-def is_plain(index: int) -> bool:
+def is_linear(index: int) -> bool:
     """Whether a parameter is fitted on a linear scale, and so may be zero."""
-    return index in _PLAIN_PARAMETERS
+    return index in _LINEAR_BOUNDS
 
 
-def is_stiffest(row: Floats, index: int) -> bool:
+def is_rigid(row: Floats, index: int) -> bool:
     """Whether a stiffness is at its upper bound, where it is practically rigid."""
-    return index in _STIFFEST and bool(row[index] >= 0.99 * _STIFFEST[index])
+    return index in _UPPER_BOUNDS and bool(row[index] >= 0.99 * _UPPER_BOUNDS[index])
 
 
 def total_mass(row: Floats) -> float:
@@ -136,16 +134,16 @@ def total_mass(row: Floats) -> float:
     return float(row[0] + row[N_KEY::N_MODE].sum())
 
 
-def joined_modes(row: Floats) -> Floats | None:
+def merge_nearest_modes(row: Floats) -> Floats | None:
     """The row with the two modes of nearest pitch as one of their mass; None if all differ."""
     modes = row[N_KEY:].reshape(-1, N_MODE)
-    pitches = np.log(modes[:, 1])
-    order = np.argsort(pitches)
-    pitch_steps = np.diff(pitches[order])
-    if not pitch_steps.size or pitch_steps.min() > _SAME_PITCH:
+    log_frequencies = np.log(modes[:, 1])
+    order = np.argsort(log_frequencies)
+    gaps = np.diff(log_frequencies[order])
+    if not gaps.size or gaps.min() > _SAME_MODE_LOG_DISTANCE:
         return None
-    nearest_pair = np.sort(order[int(pitch_steps.argmin()) :][:2])
+    nearest_pair = np.sort(order[int(gaps.argmin()) :][:2])
     masses = modes[nearest_pair, 0]
-    modes_left = np.delete(modes, nearest_pair[1], axis=0)
-    modes_left[nearest_pair[0]] = masses.sum(), *(masses @ modes[nearest_pair, 1:] / masses.sum())
-    return np.concatenate([row[:N_KEY], modes_left.ravel()])
+    merged = np.delete(modes, nearest_pair[1], axis=0)
+    merged[nearest_pair[0]] = masses.sum(), *(masses @ modes[nearest_pair, 1:] / masses.sum())
+    return np.concatenate([row[:N_KEY], merged.ravel()])

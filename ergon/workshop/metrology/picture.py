@@ -15,57 +15,55 @@ if TYPE_CHECKING:
     from .comparison import Replay
     from .gesture import Floats
 
-_COLUMNS = 700  # columns of a picture, with two points in each
+_N_COLUMNS = 700  # columns of a picture, with two points in each
 
 
-def picture(fitted_replay: Replay, title: str, first_replay: Replay | None = None) -> str:
+def picture(replay: Replay, title: str, simple_replay: Replay | None = None) -> str:
     """An SVG of the forces, of the real key and its model, and of their difference.
 
-    `first_replay` is the replay of a model with fewer parts.
+    `simple_replay` is the replay of a model with fewer parts.
     """
-    drawn = rows(fitted_replay)
-    if first_replay is not None:
-        residual_curve = _curve("residual", first_replay.t, first_replay.residual * 1e6)
+    drawn = rows(replay)
+    if simple_replay is not None:
+        residual_curve = _curve("residual", simple_replay.t, simple_replay.residual * 1e6)
         drawn.insert(2, ("M K Z alone [um]", [residual_curve]))
     return panels(drawn, title=title)
 
 
-def rows(motion_comparison: Replay) -> list[tuple[str, list[Curve]]]:
+def rows(replay: Replay) -> list[tuple[str, list[Curve]]]:
     """The panels of a replay: the label of each, and its curves."""
-    rate = motion_comparison.gesture.rate
-    t = np.arange(motion_comparison.gesture.force.size) / rate
-    measured_position = np.where(
-        motion_comparison.gesture.counts, motion_comparison.gesture.position, np.nan
-    )
+    rate = replay.gesture.rate
+    t = np.arange(replay.gesture.force.size) / rate
+    position = np.where(replay.gesture.is_compared, replay.gesture.position, np.nan)
     return [
-        ("force [N]", [_curve("asked", t, motion_comparison.gesture.force)]),
+        ("force [N]", [_curve("asked", t, replay.gesture.force)]),
         (
             "position [mm]",
             [
-                _curve("real", t, measured_position * 1e3),
-                _curve("model", t, motion_comparison.model * 1e3),
+                _curve("real", t, position * 1e3),
+                _curve("model", t, replay.model_position * 1e3),
             ],
         ),
         (
             "residual [um]",
-            [_curve("residual", motion_comparison.t, motion_comparison.residual * 1e6)],
+            [_curve("residual", replay.t, replay.residual * 1e6)],
         ),
     ]
 
 
-def _curve(curve_name: str, t: Floats, x: Floats) -> Curve:
+def _curve(name: str, t: Floats, x: Floats) -> Curve:
     """A curve with its least and greatest value in each column of a picture."""
-    column_step = max(1, len(t) // _COLUMNS)
-    if column_step == 1:
-        return Curve(curve_name, t.tolist(), x.tolist())
-    n = len(t) // column_step
-    column_parts, column_begins = (
-        x[: n * column_step].reshape(n, column_step),
-        np.arange(n) * column_step,
+    stride = max(1, len(t) // _N_COLUMNS)
+    if stride == 1:
+        return Curve(name, t.tolist(), x.tolist())
+    n = len(t) // stride
+    blocks, begins = (
+        x[: n * stride].reshape(n, stride),
+        np.arange(n) * stride,
     )
     lowest_indices, highest_indices = (
-        column_begins + np.argmin(np.nan_to_num(column_parts, nan=np.inf), axis=1),
-        column_begins + np.argmax(np.nan_to_num(column_parts, nan=-np.inf), axis=1),
+        begins + np.argmin(np.nan_to_num(blocks, nan=np.inf), axis=1),
+        begins + np.argmax(np.nan_to_num(blocks, nan=-np.inf), axis=1),
     )
-    point_indices = np.sort(np.stack([lowest_indices, highest_indices], 1), axis=1).ravel()
-    return Curve(curve_name, t[point_indices].tolist(), x[point_indices].tolist())
+    indices = np.sort(np.stack([lowest_indices, highest_indices], 1), axis=1).ravel()
+    return Curve(name, t[indices].tolist(), x[indices].tolist())

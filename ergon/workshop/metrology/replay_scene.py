@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from .comparison import Replay
     from .gesture import Floats
 
-_CHAIN_POINTS, _CHAIN_LENGTH, _SHOWN_SECONDS = (
+_CHAIN_POINTS, _CHAIN_LENGTH, _SHOWN_DURATION = (
     100,
     1.0,
     0.5,
 )  # points of a chain; its length [m]; the time shown [s]
-_HEIGHT = 0.1  # largest deflection of a curve [m]
+_DEFLECTION_MAX = 0.1  # largest deflection of a curve [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,47 +32,43 @@ class _Curve:
     name: str
     values: Floats
     unit: tuple[str, float]
-    above: float
-    behind: float = 0.0
+    z: float
+    y: float = 0.0
 
 
-def write_scene(motion_comparison: Replay, folder: Path) -> Path:
+def write_scene(replay: Replay, folder: Path) -> Path:
     """Write a score of a replay into a folder, with its take; returns the path of the score."""
-    gesture = motion_comparison.gesture
+    gesture = replay.gesture
     t = np.arange(gesture.force.size) / gesture.rate
-    measured_position = (
-        np.interp(t, motion_comparison.t, gesture.position[gesture.counts]) - gesture.start
-    )
+    position = np.interp(t, replay.t, gesture.position[gesture.is_compared]) - gesture.start
     curves = (
         [_Curve("asked", gesture.force, ("N", 1.0), 0.5)],
         [
-            _Curve("real", measured_position, ("mm", 1e-3), 0.25),
-            _Curve("model", motion_comparison.model - gesture.start, ("mm", 1e-3), 0.25, 0.05),
+            _Curve("real", position, ("mm", 1e-3), 0.25),
+            _Curve("model", replay.model_position - gesture.start, ("mm", 1e-3), 0.25, 0.05),
         ],
         [
             _Curve(
                 "residual",
-                np.interp(t, motion_comparison.t, motion_comparison.residual),
+                np.interp(t, replay.t, replay.residual),
                 ("um", 1e-6),
                 0.0,
             )
         ],
     )
-    take_columns, chains, comments = {}, "", []
+    columns, chains, comments = {}, "", []
     for curve_group in curves:
-        curve_unit, curve_size = curve_group[0].unit
-        value_per_centimetre = _rounded_scale(
-            max(float(np.abs(curve.values).max()) for curve in curve_group) / curve_size
+        unit, unit_in_si = curve_group[0].unit
+        units_per_cm = _rounded_scale(
+            max(float(np.abs(curve.values).max()) for curve in curve_group) / unit_in_si
         )
         names = " and ".join(curve.name for curve in curve_group)
-        comments.append(f"{names} {value_per_centimetre:g} {curve_unit} a cm")
+        comments.append(f"{names} {units_per_cm:g} {unit} a cm")
         for curve in curve_group:
-            take_columns[curve.name] = (
-                curve.above + 0.01 / (value_per_centimetre * curve_size) * curve.values
-            )
+            columns[curve.name] = curve.z + 0.01 / (units_per_cm * unit_in_si) * curve.values
             chains += _chain(curve)
-    np.savez(folder / "replay.npz", allow_pickle=False, t=t, **take_columns)
-    takes = "".join(f"  {name}: {{file: replay.npz, channel: {name}}}\n" for name in take_columns)
+    np.savez(folder / "replay.npz", allow_pickle=False, t=t, **columns)
+    takes = "".join(f"  {name}: {{file: replay.npz, channel: {name}}}\n" for name in columns)
     score = folder / "replay.yaml"
     # A piece ends with its last event. This one has no event, so all of it is its tail.
     score.write_text(
@@ -84,28 +80,28 @@ def write_scene(motion_comparison: Replay, folder: Path) -> Path:
     return score
 
 
-def _rounded_scale(largest: float) -> float:
+def _rounded_scale(value_max: float) -> float:
     """The value of one centimetre, of 1, 2, 5, 10 …, for which the greatest value fits the
     height.
     """
-    scale_min = largest / (100 * _HEIGHT) or 1.0
+    scale_min = value_max / (100 * _DEFLECTION_MAX) or 1.0
     decade = 10.0 ** np.floor(np.log10(scale_min))
     return float(next(step * decade for step in (1, 2, 5, 10) if step * decade >= scale_min))
 
 
-def _chain(scene_curve: _Curve) -> str:
+def _chain(curve: _Curve) -> str:
     """Modules: points that follow a take, each later than the one before."""
-    curve_place = f"{scene_curve.behind}m, {scene_curve.above}m"
+    place = f"{curve.y}m, {curve.z}m"
     leads = "".join(
-        f"      {scene_curve.name}_{i}: "
-        f"{{ENX: {{to: {scene_curve.name}.{i}.z, from: {scene_curve.name}, "
-        f"at: {i * _SHOWN_SECONDS / (_CHAIN_POINTS - 1):.5f}s}}}}\n"
+        f"      {curve.name}_{i}: "
+        f"{{ENX: {{to: {curve.name}.{i}.z, from: {curve.name}, "
+        f"at: {i * _SHOWN_DURATION / (_CHAIN_POINTS - 1):.5f}s}}}}\n"
         for i in range(_CHAIN_POINTS)
     )
     # The springs are drawn; they are too weak to pull the heavy points sideways.
     return (
-        f"      {scene_curve.name}: "
+        f"      {curve.name}: "
         f"{{CHAIN: {{masses: {_CHAIN_POINTS}, ends: free, M: {_CHAIN_POINTS}kg, "
-        f"K: 1e-9N/m, from: [0m, {curve_place}], to: [-{_CHAIN_LENGTH}m, "
-        f"{curve_place}]}}}}\n{leads}"
+        f"K: 1e-9N/m, from: [0m, {place}], to: [-{_CHAIN_LENGTH}m, "
+        f"{place}]}}}}\n{leads}"
     )

@@ -20,9 +20,9 @@ import numpy as np
 
 from .first_guess import first_guess
 from .gesture import sensor_noise
-from .judging import Judge, Stage, knows, with_values
+from .judging import Judge, Stage, determines, with_values
 from .mode_search import SCORE_MIN, highest_peak
-from .parameters import INDEX, joined_modes, mode_indices, n_modes
+from .parameters import INDEX, merge_nearest_modes, mode_indices, n_modes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -46,7 +46,7 @@ class Measured:
 
     stages: tuple[Stage, ...]
     fit: Fit
-    replay: float
+    replay_rms: float
     noise: float | None
 
 
@@ -58,17 +58,17 @@ class _Part:
 
     name: str
     parameters: tuple[str, ...]
-    starts: Callable[[Floats, Floats, float], list[tuple[float, ...]]]
+    start_values: Callable[[Floats, Floats, float], list[tuple[float, ...]]]
     needs: str = "mass"
     is_doubtful: bool = False  # may have been fitted in place of a delay or a mode
 
-    def is_open(self, fit: Fit) -> bool:
+    def can_be_added(self, fit: Fit) -> bool:
         """Whether the part can be added to a fit."""
-        return INDEX[self.needs] in fit.columns and not self.is_in(fit)
+        return INDEX[self.needs] in fit.fitted_indices and not self.is_fitted(fit)
 
-    def is_in(self, fit: Fit) -> bool:
+    def is_fitted(self, fit: Fit) -> bool:
         """Whether a fit has the part."""
-        return INDEX[self.parameters[0]] in fit.columns
+        return INDEX[self.parameters[0]] in fit.fitted_indices
 
 
 _PARTS = (
@@ -95,33 +95,33 @@ _PARTS = (
 def measure(
     gestures: Sequence[Gesture],
     held_out: Gesture | None = None,
-    tell: Callable[[Stage], object] = lambda stage: None,
+    on_stage: Callable[[Stage], object] = lambda stage: None,
 ) -> Measured:
-    """Measure a key by gestures; `tell` is called after each stage.
+    """Measure a key by gestures; `on_stage` is called after each stage.
 
     Without `held_out` the last quarter of the last gesture is held out. Raises StoppedError.
     """
     gestures = list(gestures)
     noise = sensor_noise(gestures if held_out is None else [*gestures, held_out])
-    search = _Search(Judge(gestures, held_out), tell)
+    search = _Search(Judge(gestures, held_out), on_stage)
     search.add_parts()
     while search.add_against_held_out() or search.remove_doubtful():
         search.add_parts()
-    final = search.judge.begun_beside(search.best)
-    return Measured(tuple(search.stages), final.fit, final.replay, noise)
+    final = search.judge.refit_from_other_delays(search.best)
+    return Measured(tuple(search.stages), final.fit, final.replay_rms, noise)
 
 
 class _Search:
     """The stages so far, the best of them, and those that were refused since."""
 
-    def __init__(self, judge: Judge, tell: Callable[[Stage], object]) -> None:
-        self.judge, self.tell = judge, tell
+    def __init__(self, judge: Judge, on_stage: Callable[[Stage], object]) -> None:
+        self.judge, self.tell = judge, on_stage
         self.guess = first_guess(judge.gestures)
         row = with_values(self.guess, {"dry": 0.0})
         self.best = judge.stage("M K Z", row, _LINEAR, None)
         self.stages = [self.best]
         self.refused: list[Stage] = []
-        tell(self.best)
+        on_stage(self.best)
 
     def _decide(self, stage: Stage) -> bool:
         """Keep a stage or not."""
@@ -143,61 +143,67 @@ class _Search:
             *(partial(self._add, part) for part in _PARTS),
             self._add_mode,
         ]
-        failed_tries, try_number = 0, 0
-        while failed_tries < len(attempts):
-            if attempts[try_number % len(attempts)]():
-                failed_tries = 0
+        n_failed, attempt_index = 0, 0
+        while n_failed < len(attempts):
+            if attempts[attempt_index % len(attempts)]():
+                n_failed = 0
             else:
-                failed_tries, try_number = failed_tries + 1, try_number + 1
+                n_failed, attempt_index = n_failed + 1, attempt_index + 1
 
     def _add(self, part: _Part) -> bool:
         """Add a part if it is kept; return whether it was."""
-        best_before = self.best
-        if not part.is_open(best_before.fit) or self._was_refused(part.name):
+        previous = self.best
+        if not part.can_be_added(previous.fit) or self._was_refused(part.name):
             return False
-        trial_columns = (*best_before.fit.columns, *(INDEX[name] for name in part.parameters))
-        trial_rows = [
-            with_values(best_before.fit.row, dict(zip(part.parameters, values, strict=True)))
-            for values in part.starts(best_before.fit.row, self.guess, self.judge.gestures[0].rate)
+        fitted_indices = (*previous.fit.fitted_indices, *(INDEX[name] for name in part.parameters))
+        start_rows = [
+            with_values(previous.fit.parameters, dict(zip(part.parameters, values, strict=True)))
+            for values in part.start_values(
+                previous.fit.parameters, self.guess, self.judge.gestures[0].rate
+            )
         ]
-        return self._decide(self.judge.best_of(part.name, trial_rows, trial_columns, best_before))
+        return self._decide(
+            self.judge.best_stage_of(part.name, start_rows, fitted_indices, previous)
+        )
 
     def _add_mode(self) -> bool:
         """Whether one more mode was kept. The delay is fitted with it, because both act on the
         quickest motions.
         """
-        best_before = self.best
-        mode_number = n_modes(best_before.fit.row)
+        previous = self.best
+        mode_number = n_modes(previous.fit.parameters)
         stage_name = "mode" if mode_number == 0 else f"mode {mode_number + 1}"
         if mode_number == MODES_MAX or self._was_refused(stage_name):
             return False
-        peak = highest_peak(self.judge.recovered(best_before), best_before.fit)
+        peak = highest_peak(self.judge.recovered(previous), previous.fit)
         if peak.score < SCORE_MIN:
             return self._decide(
-                Stage(stage_name, best_before.fit, best_before.replay, False, peak.score)
+                Stage(stage_name, previous.fit, previous.replay_rms, False, peak.score)
             )
         parameter_rows = []
         for pitch_factor, ratio in ((1, 0.01), (1, 0.03), (1 / 1.025, 0.02), (1.025, 0.02)):
-            row = np.append(best_before.fit.row, [peak.mass, pitch_factor * peak.frequency, ratio])
+            row = np.append(
+                previous.fit.parameters, [peak.mass, pitch_factor * peak.frequency, ratio]
+            )
             row[0] -= peak.mass
             parameter_rows.append(row)
         trial_columns = dict.fromkeys(
-            (*best_before.fit.columns, INDEX["delay"], *mode_indices(mode_number))
+            (*previous.fit.fitted_indices, INDEX["delay"], *mode_indices(mode_number))
         )
-        trial = self.judge.best_of(
-            stage_name, parameter_rows, tuple(trial_columns), best_before, peak.score
+        trial = self.judge.best_stage_of(
+            stage_name, parameter_rows, tuple(trial_columns), previous, peak.score
         )
-        return self._decide(trial) or self._join_modes(trial, best_before)
+        return self._decide(trial) or self._join_modes(trial, previous)
 
     def _join_modes(self, trial: Stage, best_before: Stage) -> bool:
         """Whether the modes of a refused trial were kept with two of one pitch as one. A mode that
         was fitted before the next one was known may stay far from its values; the rest of it then
         looks like a mode of the same pitch, which frees the others.
         """
-        joined_row = joined_modes(trial.fit.row)
+        joined_row = merge_nearest_modes(trial.fit.parameters)
         if joined_row is None or not trial.explains_more(best_before):
             return False
-        columns = tuple(index for index in trial.fit.columns if index < joined_row.size)
+        columns = tuple(index for index in trial.fit.fitted_indices if index < joined_row.size)
         return self._decide(self.judge.stage("modes anew", joined_row, columns, best_before))
 
     def add_against_held_out(self) -> bool:
@@ -207,21 +213,21 @@ class _Search:
         until the next one is known; and two parts that are both missing may hide each other: what
         one leaves makes the other's values unsure.
         """
-        best_before = self.best
+        previous = self.best
         for stage in sorted(
-            [stage for stage in self.refused if stage.explains_more(best_before)],
-            key=lambda stage: (not stage.is_worth, stage.fit.bic),
+            [stage for stage in self.refused if stage.explains_more(previous)],
+            key=lambda stage: (not stage.is_significant, stage.fit.bic),
         )[:_DETOURS_MAX]:
             self._decide(replace(stage, is_accepted=True))
             self.add_parts()
-            added_columns = set(stage.fit.columns) - set(best_before.fit.columns)
+            added_indices = set(stage.fit.fitted_indices) - set(previous.fit.fitted_indices)
             # Without a mode that the gesture is too slow to show, the mass is wrong by that of the
             # mode.
-            is_hidden = stage.name.startswith("mode") and self.best.is_hidden(best_before)
-            is_better = self.best.replay < best_before.replay or is_hidden
-            if is_better and knows(self.best.fit, added_columns):
+            is_hidden = stage.name.startswith("mode") and self.best.is_hidden(previous)
+            is_better = self.best.replay_rms < previous.replay_rms or is_hidden
+            if is_better and determines(self.best.fit, added_indices):
                 return True
-            self._decide(replace(best_before, name=stage.name, is_accepted=True, is_removal=True))
+            self._decide(replace(previous, name=stage.name, is_accepted=True, is_removal=True))
         return False
 
     def remove_doubtful(self) -> bool:
@@ -229,6 +235,8 @@ class _Search:
         removed = [
             self._decide(self.judge.without(part.name, part.parameters, self.best))
             for part in _PARTS
-            if part.is_doubtful and part.is_in(self.best.fit) and not self._was_refused(part.name)
+            if part.is_doubtful
+            and part.is_fitted(self.best.fit)
+            and not self._was_refused(part.name)
         ]
         return any(removed)

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import excitation
 from .gesture import TICKS_MIN
-from .ladder import DOUBTS, TICK_RATE, Guide, Ladder, TakeEnded, gesture, push, settle
+from .ladder import SAFETY_ENDS, TICK_RATE, Guide, Ladder, TakeEnded, gesture, push, settle
 from .parameters import INDEX
 
 if TYPE_CHECKING:
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from .gesture import Floats, Gesture
 
 KINDS = ("strikes", "rain", "held-out")
-HELD_OUT = 8.0  # s
-_SHARES = {"strikes": 0.5, "rain": 0.8}  # of the force: what is quick
-_AMPLITUDE_SHARE, _TARGET_SHARE = (
+HELD_OUT_DURATION = 8.0  # s
+_QUICK_SHARES = {"strikes": 0.5, "rain": 0.8}  # of the force: what is quick
+_EXCURSION_RATIO_MIN, _EXCURSION_RATIO_TARGET = (
     0.4,
     0.5,
 )  # of half the travel: enough, by the rough key too; what is aimed at
-_RUNG, _RUNGS_MAX = 1.0, 8  # s; until such a take is as strong as the key bears
-_FORCE_SHARE = 0.9  # of the force
+_RUNG_DURATION, _RUNGS_MAX = 1.0, 8  # s; until such a take is as strong as the key bears
+_FORCE_SHARE_MAX = 0.9  # of the force
 _FORCE_REDUCTION = 0.7  # after a safety stage held the axis at zero
 _PARTS_MAX = 6
 
@@ -43,13 +43,13 @@ class Take:
 
 def held_out_duration(path: Floats | None) -> float:
     """The duration of a held-out gesture [s], along a path by ticks or with knocks."""
-    return HELD_OUT if path is None else len(path) / TICK_RATE
+    return HELD_OUT_DURATION if path is None else len(path) / TICK_RATE
 
 
 def record(
     ladder: Ladder,
     kind: str,
-    seconds: float,
+    duration: float,
     record_target: Callable[[str, int], _core.RecordTarget | None],
     seed: int = 0,
     path: Floats | None = None,
@@ -63,81 +63,85 @@ def record(
     follows.
     Raises TakeEnded.
     """
-    device_axis, takes, seconds_left = ladder.axis, [], seconds
-    guide = ladder.guide if ladder.needs_guide else ladder.guide.off
+    axis, takes, remaining = ladder.axis, [], duration
+    guide = ladder.guide if ladder.needs_guide else ladder.guide.without_guide
     force = _bearable_force(ladder, kind, guide, seed, path)
     for part_number in range(1, _PARTS_MAX + 1):
-        forces = _stream(ladder, kind, seconds_left, force, seed + part_number, path)
-        framed_forces, still_ticks = excitation.framed(forces, TICK_RATE)
-        settle(device_axis, ladder.guide)
+        forces = _take_forces(ladder, kind, remaining, force, seed + part_number, path)
+        forces_sent, n_still = excitation.with_still_beginning(forces, TICK_RATE)
+        settle(axis, ladder.guide)
         excited = push(
-            device_axis,
-            framed_forces,
+            axis,
+            forces_sent,
             guide,
-            still_ticks,
+            n_still,
             record_target(kind, part_number),
-            forgiven=True,
+            accepts_safety_ends=True,
         )
         n = excited.sent().size
-        if n >= max(TICKS_MIN, still_ticks + TICK_RATE) or excited.end == "done":
+        if n >= max(TICKS_MIN, n_still + TICK_RATE) or excited.end == "done":
             takes.append(Take(kind, part_number, gesture(excited)))
-            seconds_left -= (n - still_ticks) / TICK_RATE
-        if excited.end not in DOUBTS or seconds_left < 1.0:
+            remaining -= (n - n_still) / TICK_RATE
+        if excited.end not in SAFETY_ENDS or remaining < 1.0:
             break
         force *= _FORCE_REDUCTION
-    settle(device_axis, ladder.guide)
+    settle(axis, ladder.guide)
     if not takes:
         raise TakeEnded(excited.end)
     return takes
 
 
 def _bearable_force(
-    ladder: Ladder, take_kind: str, guide: Guide, seed: int, path: Floats | None
+    ladder: Ladder, kind: str, guide: Guide, seed: int, path: Floats | None
 ) -> float:
     """The force of such a take that the key can take [N], found by rungs as on the ladder."""
-    axis, force_limit = ladder.axis, _FORCE_SHARE * ladder.axis.request_max
-    force = min(force_limit, 0.5 * ladder.force)
+    axis, force_max = ladder.axis, _FORCE_SHARE_MAX * ladder.axis.request_max
+    force = min(force_max, 0.5 * ladder.force)
     for rung in range(_RUNGS_MAX):
-        forces = _stream(ladder, take_kind, _RUNG, force, seed + 100 + rung, path)
+        forces = _take_forces(ladder, kind, _RUNG_DURATION, force, seed + 100 + rung, path)
         settle(axis, ladder.guide)
-        excited = push(axis, forces, guide, forgiven=True)
+        excited = push(axis, forces, guide, accepts_safety_ends=True)
         if excited.end != "done" or excited.braked().any():
             return _FORCE_REDUCTION * force
-        travel_share = float(np.abs(excited.positions() - guide.centre).max()) / guide.half
-        if travel_share >= _AMPLITUDE_SHARE or force >= force_limit:
+        excursion_ratio = (
+            float(np.abs(excited.positions() - guide.centre).max()) / guide.half_travel
+        )
+        if excursion_ratio >= _EXCURSION_RATIO_MIN or force >= force_max:
             break
-        force = min(force_limit, force * min(2.0, _TARGET_SHARE / max(travel_share, 1e-6)))
+        force = min(
+            force_max, force * min(2.0, _EXCURSION_RATIO_TARGET / max(excursion_ratio, 1e-6))
+        )
     return force
 
 
-def _stream(
+def _take_forces(
     ladder: Ladder,
-    take_kind: str,
-    take_seconds: float,
-    push_force: float,
+    kind: str,
+    duration: float,
+    force: float,
     seed: int,
     path: Floats | None,
 ) -> Floats:
     """Forces of a take (n,) [N]."""
-    n, chance, key_row = round(take_seconds * TICK_RATE), np.random.default_rng(seed), ladder.rough
-    reach_metres = _AMPLITUDE_SHARE * ladder.guide.half
-    guided_row = key_row.copy()
+    n, rng, parameters = (
+        round(duration * TICK_RATE),
+        np.random.default_rng(seed),
+        ladder.rough_parameters,
+    )
+    excursion_max = _EXCURSION_RATIO_MIN * ladder.guide.half_travel
+    guided_parameters = parameters.copy()
     if ladder.needs_guide:
-        stiffness, damping = ladder.guide.guide
-        guided_row[INDEX["stiffness"]] += stiffness
-        guided_row[INDEX["damping"]] += damping
-    if take_kind == "held-out" and path is not None:
+        stiffness, damping = ladder.guide.guide_spring_damper
+        guided_parameters[INDEX["stiffness"]] += stiffness
+        guided_parameters[INDEX["damping"]] += damping
+    if kind == "held-out" and path is not None:
         path_positions = np.concatenate([path, np.full(max(0, n - len(path)), path[-1])])[:n]
-        stream = excitation.forces_along_path(
-            path_positions, key_row, TICK_RATE, reach_metres, push_force
+        forces = excitation.forces_along_path(
+            path_positions, parameters, TICK_RATE, excursion_max, force
         )
-    elif take_kind == "held-out":
-        stream = excitation.knocks(key_row, TICK_RATE, take_seconds, reach_metres, push_force)
+    elif kind == "held-out":
+        forces = excitation.knocks(parameters, TICK_RATE, duration, excursion_max, force)
     else:
-        quick = (
-            excitation.rain(n, chance)
-            if take_kind == "rain"
-            else excitation.strikes(n, TICK_RATE, chance)
-        )
-        stream = push_force * excitation.mixed(n, TICK_RATE, chance, quick, _SHARES[take_kind])
-    return excitation.scaled_to_reach(stream, TICK_RATE, guided_row, reach_metres)
+        quick = excitation.rain(n, rng) if kind == "rain" else excitation.strikes(n, TICK_RATE, rng)
+        forces = force * excitation.mixed(n, TICK_RATE, rng, quick, _QUICK_SHARES[kind])
+    return excitation.scaled_to_reach(forces, TICK_RATE, guided_parameters, excursion_max)

@@ -10,10 +10,10 @@ def nudge_to_goal(guess: float, evaluate: Callable[[float], float], goal: float)
     """The number near `guess` from which `evaluate` computes exactly `goal`; `guess` if there is
     none.
     """
-    low_guess = high_guess = guess
+    low = high = guess
     for _ in range(_TRIES):
-        for candidate in (low_guess, high_guess):
+        for candidate in (low, high):
             if evaluate(candidate) == goal:
                 return candidate
-        low_guess, high_guess = nextafter(low_guess, -inf), nextafter(high_guess, inf)
+        low, high = nextafter(low, -inf), nextafter(high, inf)
     return guess

@@ -34,23 +34,25 @@ class Params:
 
     def __init__(self, names: Iterable[str]) -> None:
         """`names`: those of the model."""
-        score_names = Names(UNITS)
-        self.new_names = {name: score_names.new(name[:1].lower() + name[1:]) for name in names}
+        unique_names = Names(UNITS)
+        self.names_in_score = {
+            name: unique_names.new(name[:1].lower() + name[1:]) for name in names
+        }
 
-    def written(self, expression: str) -> str:
+    def translated(self, expression: str) -> str:
         """An expression of the model as one of the score."""
-        text = _WORD.sub(lambda word: self.new_names.get(word[0], word[0]), expression)
+        text = _WORD.sub(lambda word: self.names_in_score.get(word[0], word[0]), expression)
         return " ".join(text.split())
 
 
-def metres(expression: str) -> str:
+def length_text(expression: str) -> str:
     """A length of one metre for each 1 of an expression."""
     if _PLAIN_NUMBER.fullmatch(expression):
         return f"{expression}m"
     return f"({expression})*1m"
 
 
-def times(multiplier: int, expression: str) -> str:
+def product_text(multiplier: int, expression: str) -> str:
     """`multiplier` times the value of an expression."""
     return (
         f"{multiplier}*{expression}"

@@ -18,16 +18,16 @@ class Line:
     name: str
     text: str
     comment: str = ""
-    before: tuple[str, ...] = ()
+    comments_before: tuple[str, ...] = ()
 
     @property
     def kind(self) -> str:
         """The word that a module begins with."""
         return self.text.lstrip("{").partition(":")[0]
 
-    def written(self, indent: str) -> Iterator[str]:
+    def lines(self, indent: str) -> Iterator[str]:
         """The line of a score, after its comments."""
-        yield from (f"{indent}# {printable(line)}" for line in self.before)
+        yield from (f"{indent}# {printable(line)}" for line in self.comments_before)
         yield f"{indent}{self.name}: {self.text}{trailing_comment(self.comment)}"
 
 
@@ -69,7 +69,7 @@ class Out:
     """
 
     name: str
-    what: str
+    source: str
     channel: int
     options: str = ""
     comment: str = ""
@@ -79,28 +79,28 @@ class Out:
 class Page:
     """The content of a score, in the order in which it is written."""
 
-    head: Iterable[str]
+    header: Iterable[str]
     modules: Iterable[Line]
     outs: Sequence[Out]
     n_channels: int = 0  # at least, where one of them is silent
     parameters: Iterable[Line] = ()
     inputs: Mapping[str, Input] = field(default_factory=dict)  # by their names
-    pushes: Collection[str] = ()  # the inputs that are forces
-    tail: Iterable[str] = ()  # comments behind the modules
+    force_inputs: Collection[str] = ()  # the inputs that are forces
+    comments_after: Iterable[str] = ()  # comments behind the modules
     before_strikes: Iterable[str] = ()  # comments
     strikes: Sequence[Line] = ()
 
-    def written(self) -> str:
+    def text(self) -> str:
         """The text."""
         return "\n".join(self._lines()) + "\n"
 
     def _lines(self) -> Iterator[str]:
-        yield from (f"# {printable(line)}".rstrip() for line in self.head)
+        yield from (f"# {printable(line)}".rstrip() for line in self.header)
         yield "ergon: 1"
         yield f"rates: {{audio: {RATE}Hz}}"
         yield from _block("let:", self.parameters)
         takes = (
-            (name, source, "N" if name in self.pushes else "m")
+            (name, source, "N" if name in self.force_inputs else "m")
             for name, source in self.inputs.items()
         )
         yield from _block("takes:", (source.take(name, unit) for name, source, unit in takes))
@@ -109,8 +109,8 @@ class Page:
         yield "    units: ca"
         yield f"    at: {RATE}Hz"
         yield from _block("    modules:", self.modules)
-        yield from (f"      # {printable(line)}" for line in self.tail)
-        yield from _block("    out:", (Line(out.name, f"{{{out.what}}}") for out in self.outs))
+        yield from (f"      # {printable(line)}" for line in self.comments_after)
+        yield from _block("    out:", (Line(out.name, f"{{{out.source}}}") for out in self.outs))
         yield from (f"# {line}" for line in self.before_strikes if self.strikes)
         yield from _block("strikes:", self.strikes)
         n_channels = max([self.n_channels, *(out.channel for out in self.outs)])
@@ -130,12 +130,12 @@ class Page:
 OSC = Input(None, 0.0, least=-1.0, greatest=1.0)
 
 
-def gain(factor: float) -> str:
+def gain_option(factor: float) -> str:
     """A factor as an option of a route; nothing where it is 1."""
-    return "" if factor == 1.0 else f", gain: x{number(factor)}"
+    return "" if factor == 1.0 else f", gain: x{number_text(factor)}"
 
 
-def number(value: float) -> str:
+def number_text(value: float) -> str:
     """A number without a needless `.0`."""
     return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
 
@@ -148,7 +148,7 @@ def trailing_comment(comment: str) -> str:
 def _block(title: str, lines: Iterable[Line]) -> Iterator[str]:
     """A title and its lines; nothing where there are none."""
     indent = " " * (len(title) - len(title.lstrip()) + 2)
-    for nth, line in enumerate(lines):
-        if nth == 0:
+    for line_index, line in enumerate(lines):
+        if line_index == 0:
             yield title
-        yield from line.written(indent)
+        yield from line.lines(indent)

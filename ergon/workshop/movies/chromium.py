@@ -36,10 +36,13 @@ _FLAGS = (
     "--mute-audio",
     "--remote-debugging-pipe",
 )
-_READS, _WRITES = 3, 4  # descriptors at which Chromium reads and writes the protocol
-_CLEAR = 10  # descriptors from here on are free of the protocol's two
-_ANSWER_MAX = 300.0  # [s] a picture drawn in software on a busy machine takes seconds
-_GRACE = 10.0  # [s] for the browser to end by itself
+_CHROMIUM_INPUT, _CHROMIUM_OUTPUT = (
+    3,
+    4,
+)  # descriptors at which Chromium reads and writes the protocol
+_FREE_DESCRIPTOR_MIN = 10  # descriptors from here on are free of the protocol's two
+_ANSWER_TIMEOUT = 300.0  # [s] a picture drawn in software on a busy machine takes seconds
+_EXIT_TIMEOUT = 10.0  # [s] for the browser to end by itself
 # Resolves to "" when the page's own script is ready, or to the message that the page shows.
 _READY = """new Promise((resolve) => {
   const look = () => {
@@ -88,7 +91,7 @@ class Page:
         """Call a method of the protocol. Raises BrowserError."""
         return self._browser.call(method, self.session, **parameters)
 
-    def note(self, method: str, parameters: dict[str, Any]) -> None:
+    def on_event(self, method: str, parameters: dict[str, Any]) -> None:
         """Record an event of the protocol: a finished load, a request or an error."""
         if method == "Page.loadEventFired":
             self._n_loaded += 1
@@ -114,7 +117,7 @@ class Page:
             raise BrowserError(f"the page fails: {reason}")
         return reply["result"].get("value")
 
-    def size(self, width: int, height: int) -> None:
+    def set_size(self, width: int, height: int) -> None:
         """Set the size of the picture [px]."""
         self.call(
             "Emulation.setDeviceMetricsOverride",
@@ -162,8 +165,8 @@ class Browser:
             0: null_device,
             1: null_device,
             2: null_device,
-            _READS: browser_read_end,
-            _WRITES: browser_write_end,
+            _CHROMIUM_INPUT: browser_read_end,
+            _CHROMIUM_OUTPUT: browser_write_end,
         }
         try:
             self._pid = os.posix_spawn(
@@ -183,51 +186,49 @@ class Browser:
         finally:
             for descriptor in (browser_read_end, browser_write_end, null_device):
                 os.close(descriptor)
-        self._in, self._out = read_end, write_end
+        self._input, self._output = read_end, write_end
         self._pages: dict[str, Page] = {}
         self._answers: dict[int, dict[str, Any]] = {}
-        self._rest = b""
-        self._last = 0
+        self._unread = b""
+        self._last_id = 0
 
     def call(self, method: str, session: str | None = None, **parameters: object) -> dict[str, Any]:
         """Call a method of the protocol, for a page where `session` names one.
 
         Raises BrowserError.
         """
-        self._last += 1
-        request: dict[str, object] = {"id": self._last, "method": method, "params": parameters}
+        self._last_id += 1
+        request: dict[str, object] = {"id": self._last_id, "method": method, "params": parameters}
         if session is not None:
             request["sessionId"] = session
-        call_number = self._last
+        call_id = self._last_id
         try:
-            _write_all(self._out, json.dumps(request).encode() + b"\0")
+            _write_all(self._output, json.dumps(request).encode() + b"\0")
         except OSError:
             raise BrowserError("the browser has ended") from None
-        while call_number not in self._answers:
+        while call_id not in self._answers:
             self.listen()
-        call_answer = self._answers.pop(call_number)
-        if "error" in call_answer:
-            raise BrowserError(
-                f"the browser refuses {method}: {call_answer['error'].get('message')}"
-            )
-        result: dict[str, Any] = call_answer["result"]
+        answer = self._answers.pop(call_id)
+        if "error" in answer:
+            raise BrowserError(f"the browser refuses {method}: {answer['error'].get('message')}")
+        result: dict[str, Any] = answer["result"]
         return result
 
     def listen(self) -> None:
         """Wait for what the browser tells next, an answer or an event. Raises BrowserError."""
-        while b"\0" not in self._rest:
-            if not select.select([self._in], [], [], _ANSWER_MAX)[0]:
-                raise BrowserError(f"the browser has not answered for {_ANSWER_MAX:.0f} s")
-            received = os.read(self._in, 1 << 20)
+        while b"\0" not in self._unread:
+            if not select.select([self._input], [], [], _ANSWER_TIMEOUT)[0]:
+                raise BrowserError(f"the browser has not answered for {_ANSWER_TIMEOUT:.0f} s")
+            received = os.read(self._input, 1 << 20)
             if not received:
                 raise BrowserError("the browser has ended")
-            self._rest += received
-        message_text, _, self._rest = self._rest.partition(b"\0")
+            self._unread += received
+        message_text, _, self._unread = self._unread.partition(b"\0")
         message = json.loads(message_text)
         if "id" in message:
             self._answers[message["id"]] = message
         elif (page := self._pages.get(message.get("sessionId", ""))) is not None:
-            page.note(message["method"], message.get("params", {}))
+            page.on_event(message["method"], message.get("params", {}))
 
     @contextlib.contextmanager
     def page(self, width: int = 640, height: int = 360) -> Iterator[Page]:
@@ -238,7 +239,7 @@ class Browser:
         try:
             for domain in ("Page", "Runtime", "Network", "Log"):
                 page.call(f"{domain}.enable")
-            page.size(width, height)
+            page.set_size(width, height)
             yield page
         finally:
             del self._pages[session]
@@ -249,13 +250,15 @@ class Browser:
         """End the browser."""
         with contextlib.suppress(BrowserError):
             self.call("Browser.close")
-        os.close(self._out)
+        os.close(self._output)
         # The browser's end of the pipe closes when the browser ends.
-        while select.select([self._in], [], [], _GRACE)[0] and os.read(self._in, 1 << 16):
+        while select.select([self._input], [], [], _EXIT_TIMEOUT)[0] and os.read(
+            self._input, 1 << 16
+        ):
             pass
         with contextlib.suppress(ProcessLookupError):
             os.kill(self._pid, signal.SIGKILL)
-        os.close(self._in)
+        os.close(self._input)
         os.waitpid(self._pid, 0)
 
 
@@ -275,7 +278,9 @@ def _pipe() -> tuple[int, int]:
     import fcntl
 
     pipe_ends = os.pipe()
-    moved_ends = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _CLEAR) for end in pipe_ends]
+    moved_ends = [
+        fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, _FREE_DESCRIPTOR_MIN) for end in pipe_ends
+    ]
     for end in pipe_ends:
         os.close(end)
     return moved_ends[0], moved_ends[1]

@@ -82,8 +82,8 @@ class VideoFile:
             self._sound = None if sound is None else self._sound_stream(sound_codec, sound)
         except av.error.FFmpegError as error:
             raise VideoError(f"this PyAV cannot write {suffix} files: {error}") from None
-        self._rate = rate
-        self._n = 0
+        self._picture_rate = rate
+        self._n_pictures = 0
 
     def _sound_stream(self, codec: str, sound: Sound) -> _SoundStream:
         return _SoundStream(self._av, self._container, codec, sound)
@@ -97,17 +97,17 @@ class VideoFile:
             picture = self._av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
                 format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG"
             )
-            picture.pts, picture.time_base = self._n, Fraction(1, self._rate)
+            picture.pts, picture.time_base = self._n_pictures, Fraction(1, self._picture_rate)
             self._container.mux(self._video.encode(picture))
-        self._n += 1
+        self._n_pictures += 1
         if self._sound is not None:
-            self._sound.up_to(self._n / self._rate)
+            self._sound.encode_until(self._n_pictures / self._picture_rate)
 
     def close(self) -> None:
         """Write what is left."""
         self._container.mux(self._video.encode(None))
         if self._sound is not None:
-            self._sound.end()
+            self._sound.flush()
         self._container.close()
 
     def discard(self) -> None:
@@ -118,37 +118,39 @@ class VideoFile:
 class _SoundStream:
     """The sound of a film, encoded as far as its pictures are."""
 
-    def __init__(self, av: Any, container: Any, codec: str, movie_sound: Sound) -> None:
-        self._av, self._container, self._sound = av, container, movie_sound
-        layout = "mono" if movie_sound.n_out == 1 else "stereo"
+    def __init__(self, av: Any, container: Any, codec: str, sound: Sound) -> None:
+        self._av, self._container, self._sound = av, container, sound
+        layout = "mono" if sound.n_out == 1 else "stereo"
         self._stream = container.add_stream(codec, rate=_SOUND_RATE, layout=layout)
         self._stream.bit_rate = _SOUND_BITS
-        self._to = av.AudioResampler(format=self._stream.format, layout=layout, rate=_SOUND_RATE)
+        self._resampler = av.AudioResampler(
+            format=self._stream.format, layout=layout, rate=_SOUND_RATE
+        )
         self._layout = layout
-        self._blocks: Iterator[NDArray[np.float64]] = iter(movie_sound.blocks)
-        self._frame = 0  # frames that were encoded
+        self._blocks: Iterator[NDArray[np.float64]] = iter(sound.blocks)
+        self._n_encoded = 0  # frames that were encoded
 
-    def up_to(self, seconds: float) -> None:
+    def encode_until(self, time: float) -> None:
         """Encode the sound up to an instant [s] of the film, as far as there is any."""
-        while self._frame < seconds * self._sound.rate:
-            sound_block = next(self._blocks, None)
-            if sound_block is None:
+        while self._n_encoded < time * self._sound.rate:
+            block = next(self._blocks, None)
+            if block is None:
                 return
-            self._put(sound_block)
+            self._encode(block)
 
-    def end(self) -> None:
+    def flush(self) -> None:
         """Encode what the codec holds."""
-        for frame in self._to.resample(None):
+        for frame in self._resampler.resample(None):
             self._container.mux(self._stream.encode(frame))
         self._container.mux(self._stream.encode(None))
 
-    def _put(self, block: NDArray[np.float64]) -> None:
+    def _encode(self, block: NDArray[np.float64]) -> None:
         import numpy as np
 
         samples = np.ascontiguousarray(block.reshape(1, -1), dtype=np.float32)
         audio_frame = self._av.AudioFrame.from_ndarray(samples, format="flt", layout=self._layout)
         audio_frame.rate = self._sound.rate
-        audio_frame.pts, audio_frame.time_base = self._frame, Fraction(1, self._sound.rate)
-        self._frame += len(block)
-        for resampled in self._to.resample(audio_frame):
+        audio_frame.pts, audio_frame.time_base = self._n_encoded, Fraction(1, self._sound.rate)
+        self._n_encoded += len(block)
+        for resampled in self._resampler.resample(audio_frame):
             self._container.mux(self._stream.encode(resampled))

@@ -76,53 +76,49 @@ def value(text: str, names: Mapping[str, Amount], expected: str) -> Amount:
     return _value(text, {**constants, **names}, expected, 0)
 
 
-def _value(
-    expression_text: str, model_names: Mapping[str, Amount], expected: str, depth: int
-) -> Amount:
+def _value(text: str, amounts_by_name: Mapping[str, Amount], expected: str, depth: int) -> Amount:
     if depth > MAX_DEPTH:
         raise TextError(f"functions are nested at most {MAX_DEPTH} deep")
-    amounts, unread_begin, expression_without_calls = dict(model_names), 0, ""
-    while (call := _CALL.search(expression_text, unread_begin)) is not None:
-        arguments, call_end = _arguments(expression_text, call.end())
+    amounts, position, call_free_text = dict(amounts_by_name), 0, ""
+    while (call := _CALL.search(text, position)) is not None:
+        arguments, call_end = _arguments(text, call.end())
         call_name = f"call_{depth}_{call_end}"
-        argument_values = [_value(part, model_names, expected, depth + 1) for part in arguments]
-        amounts[call_name] = Amount(Fraction(_computed(call[1], argument_values)), "")
-        expression_without_calls += f"{expression_text[unread_begin : call.start()]} {call_name} "
-        unread_begin = call_end
-    return evaluate(
-        expression_without_calls + expression_text[unread_begin:], amounts, expected=expected
-    )
+        argument_values = [_value(part, amounts_by_name, expected, depth + 1) for part in arguments]
+        amounts[call_name] = Amount(Fraction(_apply(call[1], argument_values)), "")
+        call_free_text += f"{text[position : call.start()]} {call_name} "
+        position = call_end
+    return evaluate(call_free_text + text[position:], amounts, expected=expected)
 
 
-def _arguments(expression_text: str, arguments_begin: int) -> tuple[list[str], int]:
+def _arguments(text: str, begin: int) -> tuple[list[str], int]:
     """The arguments between parentheses, and where what follows them begins."""
-    arguments, depth, argument_begin = [], 0, arguments_begin
-    for character_index in range(arguments_begin, len(expression_text)):
-        character = expression_text[character_index]
+    arguments, depth, argument_begin = [], 0, begin
+    for index in range(begin, len(text)):
+        character = text[index]
         if depth == 0 and character in ",)":
-            arguments.append(expression_text[argument_begin:character_index])
-            argument_begin = character_index + 1
+            arguments.append(text[argument_begin:index])
+            argument_begin = index + 1
             if character == ")":
                 return arguments, argument_begin
         depth += (character == "(") - (character == ")")
-    raise TextError(f"a parenthesis is never closed in {quote(expression_text)}")
+    raise TextError(f"a parenthesis is never closed in {quote(text)}")
 
 
-def _computed(function_name: str, arguments: list[Amount]) -> float:
+def _apply(function_name: str, arguments: list[Amount]) -> float:
     if function_name not in _FUNCTIONS:
         message = f"{quote(function_name)} is not a function of gen~ that is read here"
         raise TextError(message, suggestion=nearest(function_name, _FUNCTIONS))
-    argument_count, function = _FUNCTIONS[function_name]
-    if len(arguments) != argument_count:
-        message = f"{function_name} has {argument_count} arguments, and here {len(arguments)}"
-        raise TextError(message if argument_count > 1 else message.replace("arguments", "argument"))
+    n_arguments, function = _FUNCTIONS[function_name]
+    if len(arguments) != n_arguments:
+        message = f"{function_name} has {n_arguments} arguments, and here {len(arguments)}"
+        raise TextError(message if n_arguments > 1 else message.replace("arguments", "argument"))
     if any(argument.unit for argument in arguments):
         raise TextError(f"{function_name} takes plain numbers")
     try:
-        function_value = float(function(*(float(argument.number) for argument in arguments)))
+        result = float(function(*(float(argument.number) for argument in arguments)))
     except (ArithmeticError, ValueError):
-        function_value = math.nan
-    if not math.isfinite(function_value):
+        result = math.nan
+    if not math.isfinite(result):
         argument_texts = ", ".join(f"{float(argument.number):g}" for argument in arguments)
         raise TextError(f"{function_name}({argument_texts}) has no value")
-    return function_value
+    return result

@@ -19,37 +19,37 @@ class Form:
     """The arguments of a word: number of points, values, optional values, values after these."""
 
     family: Family
-    points: int
+    n_points: int
     values: tuple[str, ...]
     optional: tuple[str, ...] = ()
-    after: tuple[str, ...] = ()
+    trailing: tuple[str, ...] = ()
 
     @property
-    def words(self) -> str:
+    def usage(self) -> str:
         """The form as documentation shows it: `@a @b K Z [thresh]`."""
-        points = ("@m",) if self.points == 1 else ("@a", "@b")[: self.points]
-        left_out = (f"[{name}]" for name in self.optional)
-        return " ".join((*points, *self.values, *left_out, *self.after)) or "nothing"
+        points = ("@m",) if self.n_points == 1 else ("@a", "@b")[: self.n_points]
+        optional_words = (f"[{name}]" for name in self.optional)
+        return " ".join((*points, *self.values, *optional_words, *self.trailing)) or "nothing"
 
 
 _POINTS: Mapping[Family, int] = {"link": 2, "output": 1}
 
 
-def _forms(family: Family, text: str, point_count: int | None = None) -> dict[str, Form]:
-    forms_by_word = {}
+def _forms(family: Family, text: str, n_points: int | None = None) -> dict[str, Form]:
+    forms = {}
     for line in text.strip().splitlines():
         keyword, *value_names = line.split()
         optional_indices = [index for index, name in enumerate(value_names) if name.startswith("[")]
         optional_begin = optional_indices[0] if optional_indices else len(value_names)
         optional_end = optional_indices[-1] + 1 if optional_indices else len(value_names)
-        forms_by_word[keyword] = Form(
+        forms[keyword] = Form(
             family,
-            _POINTS.get(family, 0) if point_count is None else point_count,
+            _POINTS.get(family, 0) if n_points is None else n_points,
             tuple(value_names[:optional_begin]),
             tuple(name.strip("[]") for name in value_names[optional_begin:optional_end]),
             tuple(value_names[optional_end:]),
         )
-    return forms_by_word
+    return forms
 
 
 _PORTS = {

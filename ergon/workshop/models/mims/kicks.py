@@ -15,7 +15,7 @@ from ergon.workshop.models.mims.laws import Link
 
 
 @dataclass(frozen=True, slots=True)
-class Begin:
+class InitialMotion:
     """A point when the score begins: its position [m], its last step [m], and the jump that its
     dampers feel [m].
     """
@@ -25,29 +25,27 @@ class Begin:
     jump: float = 0.0
 
 
-def kick(
-    link: Link, model_values: Mapping[str, float], first_begin: Begin, second_begin: Begin
+def jump_force(
+    link: Link, values: Mapping[str, float], first: InitialMotion, second: InitialMotion
 ) -> float:
     """The force of the jump on the first end of a link, which the score lacks; the second end has
     its opposite.
 
-    `model_values` are those of the statement.
+    `values` are those of the statement.
     """
     elongation = (
-        second_begin.x
-        - first_begin.x
-        - (0.0 if "thresh" in link.fields else model_values.get("thresh", 0.0))
+        second.x - first.x - (0.0 if "thresh" in link.fields else values.get("thresh", 0.0))
     )
-    step_difference, jump = (
-        second_begin.step - first_begin.step,
-        second_begin.jump - first_begin.jump,
+    elongation_step, jump = (
+        second.step - first.step,
+        second.jump - first.jump,
     )
     if link.kind == "LNL":
-        constants = {letter: model_values.get(name, 0.0) for letter, name in link.fields.items()}
-        compiled_law = _core.Law(link.law or None, link.damping or None, constants)
-        return compiled_law.force(elongation, step_difference + jump) - compiled_law.force(
-            elongation, step_difference
+        constants = {letter: values.get(name, 0.0) for letter, name in link.fields.items()}
+        law = _core.Law(link.law or None, link.damping or None, constants)
+        return law.force(elongation, elongation_step + jump) - law.force(
+            elongation, elongation_step
         )
     if link.kind == "BUT" and elongation >= 0.0:
         return 0.0
-    return model_values.get("Z", 0.0) * jump
+    return values.get("Z", 0.0) * jump

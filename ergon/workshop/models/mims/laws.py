@@ -18,7 +18,7 @@ Laws = Literal["2019", "head"]
 class Link:
     """A kind of link: its fields, each an expression of the model's values.
 
-    `turns`: whether the link is the same with its ends exchanged.
+    `is_symmetric`: whether the link is the same with its ends exchanged.
     """
 
     kind: str
@@ -26,12 +26,12 @@ class Link:
     law: str = ""
     damping: str = ""
     rest: str = ""  # the value that counts as d = 0
-    turns: bool = True
+    is_symmetric: bool = True
 
 
-def _lnl(law: str, damping: str, values: str, rest: str = "", turns: bool = True) -> Link:
-    fields = {name.lower(): name for name in values.split()}
-    return Link("LNL", fields, law, damping, rest, turns)
+def _lnl(law: str, damping: str, constants: str, rest: str = "", is_symmetric: bool = True) -> Link:
+    fields = {name.lower(): name for name in constants.split()}
+    return Link("LNL", fields, law, damping, rest, is_symmetric)
 
 
 _CUBIC = "where(abs(d) <= sqrt((lim - k)/q), d*(k + q*d*d), lim*d)"
@@ -44,7 +44,7 @@ _HEAD = {
     "damped spring": _REF,
     "damper": Link("FRO", {"Z": "Z"}),
     "springDamper": _REF,
-    "contact": Link("BUT", {"K": "K", "Z": "Z"}, turns=False),
+    "contact": Link("BUT", {"K": "K", "Z": "Z"}, is_symmetric=False),
     "nlSpring2": _lnl("k*d + q*d*abs(d)", "z*v", "K Q Z"),
     "nlSpring3": _lnl("k*d + q*d**3", "z*v", "K Q Z"),
     "nlSpringDamper": _lnl(
@@ -55,7 +55,7 @@ _HEAD = {
     "nlContact": _lnl(
         f"where(d < 0, {_CUBIC}, 0)", "where(d < 0, z*v, 0)", "K Q lim Z", "thresh", False
     ),
-    "linear nlContact": Link("BUT", {"K": "K", "Z": "Z"}, turns=False),
+    "linear nlContact": Link("BUT", {"K": "K", "Z": "Z"}, is_symmetric=False),
     "nlPluck": _lnl(
         _PLUCK.format(tip="scale/10", inner="(k - k/10)", outer="k/10", top="scale/10*k"),
         "",
@@ -71,7 +71,7 @@ _HEAD = {
 }
 _2019 = {
     "contact": _lnl(
-        "where(-d > thresh, k*d, 0)", "where(-d > thresh, z*v, 0)", "K Z thresh", turns=False
+        "where(-d > thresh, k*d, 0)", "where(-d > thresh, z*v, 0)", "K Z thresh", is_symmetric=False
     ),
     "nlPluck": _lnl(
         _PLUCK.format(tip="scale/10", inner="(10*k - k)", outer="k", top="scale/10*10*k"),
@@ -98,13 +98,13 @@ _FOLLOWABLE = {
         "where(d < 0, k*d, 0)",
         "where(d < 0, z*v, 0)",
         "thresh",
-        turns=False,
+        is_symmetric=False,
     ),
 }
 
 
 # Words whose K, Q and lim choose the law: all of their laws in one, which chooses at each moment.
-_CHANGING = {
+_UNIFIED_LAWS = {
     "nlSpringDamper": _lnl(
         "where(q*d*d <= where(q > 0, lim - k, 0), d*(k + q*d*d), lim*d)",
         "where(q*d*d <= lim - k, z*v, where(lim > k, (z + 0.3*lim)*v, z*v))",
@@ -118,24 +118,24 @@ _CHANGING = {
         False,
     ),
 }
-_D = re.compile(r"\bd\b")
+_ELONGATION = re.compile(r"\bd\b")
 
 
-def followable(keyword: str, link: Link, led: Collection[str]) -> Link:
-    """The same link, with a law whose values named in `led` may follow a signal."""
+def followable(keyword: str, link: Link, signal_values: Collection[str]) -> Link:
+    """The same link, with a law whose values named in `signal_values` may follow a signal."""
     link = _FOLLOWABLE.get(link.kind, link)
-    if keyword in _CHANGING and not {"K", "Q", "lim"}.isdisjoint(led):
-        link = _CHANGING[keyword]
-    if link.rest in led:
+    if keyword in _UNIFIED_LAWS and not {"K", "Q", "lim"}.isdisjoint(signal_values):
+        link = _UNIFIED_LAWS[keyword]
+    if link.rest in signal_values:
         fields = {**link.fields, link.rest: link.rest}
         law_text, damping = (
-            _D.sub(f"(d - {link.rest})", text) for text in (link.law, link.damping)
+            _ELONGATION.sub(f"(d - {link.rest})", text) for text in (link.law, link.damping)
         )
         link = replace(link, fields=fields, law=law_text, damping=damping, rest="")
     return link
 
 
-def which(keyword: str, values: Mapping[str, float]) -> str:
+def law_name(keyword: str, values: Mapping[str, float]) -> str:
     """Which law of a word holds for these values."""
     q, k, lim = values.get("Q", 0.0), values.get("K", 0.0), values.get("lim", 0.0)
     if keyword == "spring" and "Z" in values:

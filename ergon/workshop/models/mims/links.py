@@ -8,90 +8,93 @@ from itertools import combinations
 from ergon.instruments.following import CONSTANTS_MAX
 from ergon.notation.text.errors import quote
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.mims.kicks import Begin, kick
-from ergon.workshop.models.mims.laws import LINKS, Link, followable, which
+from ergon.workshop.models.mims.kicks import InitialMotion, jump_force
+from ergon.workshop.models.mims.laws import LINKS, Link, followable, law_name
 from ergon.workshop.models.mims.masses import not_negative
 from ergon.workshop.models.mims.model import Point, Statement
-from ergon.workshop.models.mims.points import points, shares, still
-from ergon.workshop.models.mims.signals import Value, following, value_of
-from ergon.workshop.models.mims.writing import Writing
-from ergon.workshop.models.naming import metres
+from ergon.workshop.models.mims.points import fixed_point, points, shares
+from ergon.workshop.models.mims.signals import Value, follows_field, value_of
+from ergon.workshop.models.mims.writing import ScoreDraft
+from ergon.workshop.models.naming import length_text
 from ergon.workshop.models.refused import REFUSED
 
 _ZERO_VALUE = Value("0", 0.0, 0.0, 0.0)
 
 
-def link(writing: Writing, statement: Statement, listened: Mapping[int, str]) -> None:
-    """Add a link; `listened` gives the links whose force is heard, with the mass on which it is
+def add_link(draft: ScoreDraft, statement: Statement, audible_ends: Mapping[int, str]) -> None:
+    """Add a link; `audible_ends` gives the links whose force is heard, with the mass on which it is
     heard.
     """
-    values = {name: value_of(writing, statement, name) for name in statement.values}
-    link_law = _law(writing, statement, values)
-    points_by_end = [points(writing, statement, point) for point in statement.points]
+    values = {name: value_of(draft, statement, name) for name in statement.values}
+    link_law = _law(draft, statement, values)
+    points_by_end = [points(draft, statement, point) for point in statement.points]
     non_negative_fields = (
         ["K", "Z"] if link_law.kind != "LNL" else ["Q"] if "q*d*d" in link_law.law else []
     )
     non_negative_fields += [
-        name for name in ("K", "Z", "lim") if name in values and values[name].along
+        name for name in ("K", "Z", "lim") if name in values and values[name].linear
     ]
     for value_name in non_negative_fields:
         not_negative(values.get(value_name, _ZERO_VALUE), value_name, statement.line)
     if "scale" in values and values["scale"].least <= 0.0:
         raise ModelError(REFUSED["scale"].format(value=values["scale"].least), statement.line)
-    is_doubled = writing.model.dialect == "v1" and statement.keyword == "nlSpring3"
+    is_doubled = draft.model.dialect == "v1" and statement.keyword == "nlSpring3"
     first_values = {name: value.first for name, value in values.items()}
     if link_law.damping or first_values.get("Z"):
-        shares_by_end = [shares(writing, statement, point) for point in statement.points]
-        a, b = (_begin(writing, *end) for end in zip(statement.points, shares_by_end, strict=True))
-        force = kick(link_law, first_values, a, b)
-        _strike(writing, shares_by_end, 2.0 * force if is_doubled else force)
+        shares_by_end = [shares(draft, statement, point) for point in statement.points]
+        a, b = (
+            _initial_motion(draft, *end)
+            for end in zip(statement.points, shares_by_end, strict=True)
+        )
+        force = jump_force(link_law, first_values, a, b)
+        _add_initial_forces(draft, shares_by_end, 2.0 * force if is_doubled else force)
     if link_law.kind in ("LNL", "BUT"):
         paired_ends = zip(statement.points, points_by_end, strict=True)
         points_by_end = [
-            [(1.0, still(writing, point, targets))] if len(targets) > 1 else targets
+            [(1.0, fixed_point(draft, point, targets))] if len(targets) > 1 else targets
             for point, targets in paired_ends
         ]
     if max(map(len, points_by_end)) > 1:
-        _between(writing, statement, link_law, points_by_end, listened.get(id(statement), ""))
+        _add_pairwise_springs(
+            draft, statement, link_law, points_by_end, audible_ends.get(id(statement), "")
+        )
         return
     end_names = [targets[0][1] for targets in points_by_end]
     side_field = ""
     if (
-        listened.get(id(statement)) == statement.points[0].name
+        audible_ends.get(id(statement)) == statement.points[0].name
     ):  # its force on the first end is heard
         end_names.reverse()
         side_field = ", side: above" if link_law.kind == "BUT" else ""
-        if not link_law.turns and link_law.kind != "BUT":
+        if not link_law.is_symmetric and link_law.kind != "BUT":
             message = REFUSED["both ends"].format(link=quote(statement.name))
             raise ModelError(message, statement.line)
-    written_fields = [f"between: [{', '.join(end_names)}]"]
+    fields = [f"between: [{', '.join(end_names)}]"]
     for field_name, text in (("law", link_law.law), ("damping", link_law.damping)):
-        written_fields += [f'{field_name}: "{text}"'] if text else []
-    written_fields += _fields(writing, link_law, values, "2*" if is_doubled else "")
+        fields += [f'{field_name}: "{text}"'] if text else []
+    fields += _value_fields(draft, link_law, values, "2*" if is_doubled else "")
     if link_law.rest:
-        written_fields += (
-            [f"rest: {metres(writing.text(statement, link_law.rest))}"]
+        fields += (
+            [f"rest: {length_text(draft.text(statement, link_law.rest))}"]
             if link_law.rest in values
             else []
         )
     if link_law.kind == "BUT" and first_values.get("thresh"):
-        written_fields.append("gap: " + metres(f"-({writing.text(statement, 'thresh')})"))
-    module_name = writing.names.new(statement.name)
-    writing.links.append((statement, module_name))
+        fields.append("gap: " + length_text(f"-({draft.text(statement, 'thresh')})"))
+    module_name = draft.names.new(statement.name)
+    draft.links.append((statement, module_name))
     comment = "MIMS adds the force of its nlSpring3 twice" if is_doubled else ""
-    writing.add(
-        module_name, f"{link_law.kind}: {{{', '.join(written_fields)}{side_field}}}", comment
-    )
+    draft.add(module_name, f"{link_law.kind}: {{{', '.join(fields)}{side_field}}}", comment)
 
 
-def _law(writing: Writing, statement: Statement, values: Mapping[str, Value]) -> Link:
+def _law(draft: ScoreDraft, statement: Statement, values: Mapping[str, Value]) -> Link:
     """The law of a link; if signals lead its values, a law that can follow them. Raises
     ModelError.
     """
-    following_values = [name for name, value in values.items() if value.along]
+    following_values = [name for name, value in values.items() if value.linear]
     if not following_values:
         first_values = {name: value.first for name, value in values.items()}
-        return LINKS[writing.laws][which(statement.keyword, first_values)]
+        return LINKS[draft.laws][law_name(statement.keyword, first_values)]
     # The law is chosen by the highest values: a value that follows a signal is above 0 somewhere.
     greatest_values = {name: value.greatest for name, value in values.items()}
     if "smooth" in following_values:  # the valid law would change too
@@ -102,35 +105,35 @@ def _law(writing: Writing, statement: Statement, values: Mapping[str, Value]) ->
         raise ModelError(message, statement.line)
     return followable(
         statement.keyword,
-        LINKS[writing.laws][which(statement.keyword, greatest_values)],
+        LINKS[draft.laws][law_name(statement.keyword, greatest_values)],
         following_values,
     )
 
 
-def _fields(
-    writing: Writing, law: Link, values: Mapping[str, Value], factor_text: str
+def _value_fields(
+    draft: ScoreDraft, law: Link, values: Mapping[str, Value], factor_text: str
 ) -> list[str]:
     """The values of a link as fields: constants, and those that follow a signal."""
-    written_fields, follows = [], []
+    fields, follows = [], []
     for field_letter, name in law.fields.items():
         value = values.get(name, _ZERO_VALUE)
-        if value.along:
-            follows.append(f"{field_letter}: {following(writing, value)}")
+        if value.linear:
+            follows.append(f"{field_letter}: {follows_field(draft, value)}")
         else:
-            written_fields.append(
+            fields.append(
                 f"{field_letter}: {factor_text}({value.text})"
                 if factor_text
                 else f"{field_letter}: {value.text}"
             )
-    return [*written_fields, f"follows: {{{', '.join(follows)}}}"] if follows else written_fields
+    return [*fields, f"follows: {{{', '.join(follows)}}}"] if follows else fields
 
 
-def _between(
-    writing: Writing,
+def _add_pairwise_springs(
+    draft: ScoreDraft,
     statement: Statement,
     link: Link,
-    targets_by_end: list[list[tuple[float, str]]],
-    listened: str,
+    shares_by_end: list[list[tuple[float, str]]],
+    audible_end: str,
 ) -> None:
     """Write a spring between points that lie between masses, as springs between any two of these
     masses.
@@ -140,22 +143,22 @@ def _between(
     add up to 0.
     """
     shares_by_mass: dict[str, float] = {}
-    for sign, targets in zip((1.0, -1.0), targets_by_end, strict=True):
-        for share, target in targets:
-            shares_by_mass[target] = shares_by_mass.get(target, 0.0) + sign * share
-    listened_target = writing.targets.get(listened)
+    for sign, end_shares in zip((1.0, -1.0), shares_by_end, strict=True):
+        for share, module in end_shares:
+            shares_by_mass[module] = shares_by_mass.get(module, 0.0) + sign * share
+    audible_module = draft.mass_modules.get(audible_end)
     comment = f"{statement.keyword} of {quote(statement.name)}, between masses"
-    for (first_target, first_share), (second_target, second_share) in combinations(
+    for (first_mass, first_share), (second_mass, second_share) in combinations(
         shares_by_mass.items(), 2
     ):
-        end_names = [first_target, second_target]
-        if first_target == listened_target:
+        end_names = [first_mass, second_mass]
+        if first_mass == audible_module:
             end_names.reverse()  # a force is heard at the second end
-        module_name = writing.names.new(statement.name)
-        if not listened or listened_target in (first_target, second_target):
-            writing.links.append((statement, module_name))
+        module_name = draft.names.new(statement.name)
+        if not audible_end or audible_module in (first_mass, second_mass):
+            draft.links.append((statement, module_name))
         module_fields = {
-            field_name: f"{-first_share * second_share!r}*({writing.text(statement, field_name)})"
+            field_name: f"{-first_share * second_share!r}*({draft.text(statement, field_name)})"
             for field_name in link.fields
         }
         field_texts = ", ".join(
@@ -177,7 +180,7 @@ def _between(
                     ),
                 ]
             )
-        writing.add(
+        draft.add(
             module_name,
             f"{kind}: {{between: [{', '.join(end_names)}], {field_texts}}}",
             comment,
@@ -185,24 +188,30 @@ def _between(
         comment = ""
 
 
-def _begin(writing: Writing, point: Point, targets: list[tuple[float, str]]) -> Begin:
+def _initial_motion(
+    draft: ScoreDraft, point: Point, shares: list[tuple[float, str]]
+) -> InitialMotion:
     """The start of a point in the first step. A point of a macro is felt to jump there from 0,
     whatever the macro's x0.
     """
-    begin = writing.begins[point.name]
-    macro = writing.macros.get(point.name)
+    motion = draft.initial_motions[point.name]
+    macro = draft.macros.get(point.name)
     if macro is None:
-        return begin
-    mobile_share = sum(share for share, target in targets if target not in writing.held)
-    fixed_share = sum(share for share, target in targets if target in writing.held)
-    position = mobile_share * begin.x + fixed_share * writing.value(macro.statement, "x0")
-    step = mobile_share * begin.step
-    return Begin(position, step, position - step)
+        return motion
+    mobile_share = sum(share for share, module in shares if module not in draft.immobile)
+    fixed_share = sum(share for share, target in shares if target in draft.immobile)
+    position = mobile_share * motion.x + fixed_share * draft.value(macro.statement, "x0")
+    step = mobile_share * motion.step
+    return InitialMotion(position, step, position - step)
 
 
-def _strike(writing: Writing, targets_by_end: list[list[tuple[float, str]]], force: float) -> None:
+def _add_initial_forces(
+    draft: ScoreDraft, shares_by_end: list[list[tuple[float, str]]], force: float
+) -> None:
     """Strikes of a force on the first end of a link, and of its opposite on the second."""
-    for signed_force, targets in zip((force, -force), targets_by_end, strict=True):
-        for share, target in targets:
-            if force and target not in writing.held:
-                writing.kicks[target] = writing.kicks.get(target, 0.0) + signed_force * share
+    for signed_force, end_shares in zip((force, -force), shares_by_end, strict=True):
+        for share, module in end_shares:
+            if force and module not in draft.immobile:
+                draft.initial_forces[module] = (
+                    draft.initial_forces.get(module, 0.0) + signed_force * share
+                )

@@ -17,7 +17,7 @@ class Point:
     """A mass, or a place on a macro from 0 to 1, along one or two sides."""
 
     name: str
-    along: tuple[str, ...] = ()
+    places: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,14 +21,14 @@ _SHARE_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Along:
-    """A place or a value: `start` plus `slope` times a signal; `start` alone if there is no
+class Linear:
+    """A place or a value: `offset` plus `slope` times a signal; `offset` alone if there is no
     signal.
     """
 
     signal: str | None
     slope: float
-    start: float
+    offset: float
 
 
 def signals_in(model: Model, text: str) -> list[str]:
@@ -36,29 +36,30 @@ def signals_in(model: Model, text: str) -> list[str]:
     return [word for word in dict.fromkeys(_WORD.findall(text)) if word in model.signals]
 
 
-def along(model: Model, point: Point, line: int) -> list[Along]:
+def positions_along(model: Model, point: Point, line: int) -> list[Linear]:
     """The position of a point along each side of its macro. Raises ModelError."""
     return [
-        straight(model, text, f"the place on {quote(point.name)}", line) for text in point.along
+        linear_in_signal(model, text, f"the place on {quote(point.name)}", line)
+        for text in point.places
     ]
 
 
-def straight(model: Model, text: str, label: str, line: int) -> Along:
+def linear_in_signal(model: Model, text: str, label: str, line: int) -> Linear:
     """An expression as a linear function of its signal. Raises ModelError."""
     signal_names = signals_in(model, text)
     if not signal_names:
-        return Along(None, 0.0, model.number(text, label, line))
+        return Linear(None, 0.0, model.number(text, label, line))
     if len(signal_names) > 1:
         raise ModelError(
             REFUSED["two signals"].format(what=label, text=quote(text)),
             line,
         )
 
-    def number_for(value: float) -> float:
+    def evaluate_for(value: float) -> float:
         params = {**model.params, signal_names[0]: Amount(Fraction(value), "")}
         return number(text, params, label, line)
 
-    value_at_zero, value_at_one, *probed_values = (number_for(value) for value in _PROBES)
+    value_at_zero, value_at_one, *probed_values = (evaluate_for(value) for value in _PROBES)
     slope = value_at_one - value_at_zero
     expected_values = (value_at_zero + slope * value for value in _PROBES[2:])
     value_pairs = zip(probed_values, expected_values, strict=True)
@@ -68,47 +69,49 @@ def straight(model: Model, text: str, label: str, line: int) -> Along:
     ):
         raise ModelError(REFUSED["curved"].format(what=label, text=quote(text)), line)
     return (
-        Along(signal_names[0], slope, value_at_zero) if slope else Along(None, 0.0, value_at_zero)
+        Linear(signal_names[0], slope, value_at_zero) if slope else Linear(None, 0.0, value_at_zero)
     )
 
 
-def between_masses(shares: Sequence[tuple[float, str]]) -> str:
+def fixed_proxy(shares: Sequence[tuple[float, str]]) -> str:
     """A fixed place between masses, as a module."""
     mass_names = ", ".join(name for _, name in shares)
     share_list = ", ".join(repr(share) for share, _ in shares)
     return f"PROXY: {{of: [{mass_names}], shares: [{share_list}]}}"
 
 
-def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_2019: bool) -> str:
+def moving_proxy(
+    macro: Macro, sides: Sequence[Linear], guides: Sequence[str], *, is_2019: bool
+) -> str:
     """A point that signals move, as a module; `guides` are the MATs whose positions are the
     signals.
     """
-    side_counts = (
+    points_per_side = (
         (macro.columns,) if macro.statement.keyword in STRINGS else (macro.rows, macro.columns)
     )
-    written_fields = [f"of: {_row(macro)}"]
-    if " " in written_fields[0] and len(side_counts) > 1:
-        written_fields.append(f"columns: {macro.columns - 2 * _has_rim(macro)}")
+    fields = [f"of: {_masses_by_row(macro)}"]
+    if " " in fields[0] and len(points_per_side) > 1:
+        fields.append(f"columns: {macro.columns - 2 * _has_rim(macro)}")
     if _has_rim(macro):
-        macro.is_joined = True
-        written_fields.append(f"rim: {macro.edge}")
-    written_fields.append(f"follows: {_list(list(guides))}")
-    side_offsets, side_spans = [], []
-    for macro_side, side_count in zip(sides, side_counts, strict=True):
+        macro.needs_edge = True
+        fields.append(f"rim: {macro.edge_name}")
+    fields.append(f"follows: {_yaml_list(list(guides))}")
+    offsets, spans = [], []
+    for side, n_points in zip(sides, points_per_side, strict=True):
         # The laws of 2019 take N in place of N - 1, and hold a point beyond the last mass at the
         # last mass.
-        reach = (side_count - 1) / side_count if is_2019 else 1.0
-        slope = macro_side.slope if macro_side.signal else 1.0
-        side_spans.append(f"{reach / slope!r}m")
-        side_offsets.append(f"{macro_side.start / slope if macro_side.signal else 0.0!r}m")
-    if any(offset != "0.0m" for offset in side_offsets):
-        written_fields.append(f"offset: {_list(side_offsets)}")
-    if any(span != "1.0m" for span in side_spans):
-        written_fields.append(f"span: {_list(side_spans)}")
-    return f"PROXY: {{{', '.join(written_fields)}}}"
+        scale = (n_points - 1) / n_points if is_2019 else 1.0
+        slope = side.slope if side.signal else 1.0
+        spans.append(f"{scale / slope!r}m")
+        offsets.append(f"{side.offset / slope if side.signal else 0.0!r}m")
+    if any(offset != "0.0m" for offset in offsets):
+        fields.append(f"offset: {_yaml_list(offsets)}")
+    if any(span != "1.0m" for span in spans):
+        fields.append(f"span: {_yaml_list(spans)}")
+    return f"PROXY: {{{', '.join(fields)}}}"
 
 
-def _list(items: list[str]) -> str:
+def _yaml_list(items: list[str]) -> str:
     return items[0] if len(items) == 1 else f"[{', '.join(items)}]"
 
 
@@ -118,21 +121,21 @@ def _has_rim(macro: Macro) -> bool:
     return keyword in ("string", "stiffString") or (keyword == "closedMesh" and macro.rows > 3)
 
 
-def _row(macro: Macro) -> str:
+def _masses_by_row(macro: Macro) -> str:
     """The masses, row by row."""
-    if macro.statement.keyword in STRINGS or (macro.is_whole and macro.rows != 3):
+    if macro.statement.keyword in STRINGS or (macro.is_single_generator and macro.rows != 3):
         return macro.name
     if _has_rim(macro):
-        return _list([macro.row(row) for row in range(1, macro.rows - 1)])
-    row_members: list[str] = []
+        return _yaml_list([macro.row(row) for row in range(1, macro.rows - 1)])
+    members: list[str] = []
     for row_index in range(macro.rows):
-        first_moving, moving_count = macro.span(row_index)
-        fixed_points = [macro.edge] * first_moving
-        macro.is_joined = macro.is_joined or bool(fixed_points) or not moving_count
-        moving_members = macro.member(row_index, first_moving, moving_count) if moving_count else ""
-        row_members += (
-            [*fixed_points, moving_members, *fixed_points]
-            if moving_count
-            else [macro.edge] * macro.columns
+        n_fixed, n_moving = macro.moving_columns(row_index)
+        fixed_points = [macro.edge_name] * n_fixed
+        macro.needs_edge = macro.needs_edge or bool(fixed_points) or not n_moving
+        moving_range = macro.member(row_index, n_fixed, n_moving) if n_moving else ""
+        members += (
+            [*fixed_points, moving_range, *fixed_points]
+            if n_moving
+            else [macro.edge_name] * macro.columns
         )
-    return f"[{', '.join(row_members)}]"
+    return f"[{', '.join(members)}]"

@@ -24,7 +24,7 @@ _NAME = re.compile(r"@[A-Za-z_]\w{0,63}")
 _V2_WORD = re.compile(r"[^\s\[\]]+|\[[^\[\]]*\]")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _CHANNEL = {"input": re.compile(r"in([1-9]\d?)"), "output": re.compile(r"out([1-9]\d?)")}
-_DISPLAYED = ("ground", "mass", "massG", "osc", "posInput")  # v1: a buffer, x and y may follow
+_DISPLAYABLE = ("ground", "mass", "massG", "osc", "posInput")  # v1: a buffer, x and y may follow
 
 
 def text_of(path: Path) -> str:
@@ -66,38 +66,38 @@ def is_table(text: str) -> bool:
 
 
 def parse(
-    model_text: str, dialect: Dialect, file_name: str = "", overrides: Mapping[str, str] = {}
+    text: str, dialect: Dialect, file_name: str = "", overrides: Mapping[str, str] = {}
 ) -> Model:
     """A model in one dialect; `overrides` are values of parameters by name. Raises ModelError."""
     split_line = _v1_words if dialect == "v1" else _v2_words
-    text_lines = _LINE_END.split(model_text)
-    if len(text_lines) > LINES_MAX:
+    lines = _LINE_END.split(text)
+    if len(lines) > LINES_MAX:
         raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
     try:
-        numbered_rows = [
-            (line_number, line_words)
-            for line_number, line in enumerate(text_lines, 1)
-            if (line_words := split_line(line, line_number))
+        numbered_lines = [
+            (line_number, words)
+            for line_number, line in enumerate(lines, 1)
+            if (words := split_line(line, line_number))
         ]
-        if not numbered_rows:
+        if not numbered_lines:
             raise ModelError(
                 f"it says nothing in {NAMES[dialect]}: no line begins with @ and a name"
             )
         macros = {
             line_words[0][1:]
-            for _, line_words in numbered_rows
+            for _, line_words in numbered_lines
             if _family(line_words, dialect) == "macro"
         }
         statements = tuple(
             _statement(line_number, line_words, dialect, macros)
-            for line_number, line_words in numbered_rows
+            for line_number, line_words in numbered_lines
         )
         model = Model(file_name, dialect, statements)
         _refuse_duplicate_names(model)
-        model.params = _params(model, overrides)
-        _known_points(model, macros)
+        model.params = _parameter_values(model, overrides)
+        _check_points(model, macros)
         for statement in statements:
-            _numbers(model, statement)
+            _check_numbers(model, statement)
     except ModelError as error:
         error.file = file_name
         raise
@@ -111,7 +111,7 @@ def _v1_words(line: str, line_number: int) -> tuple[str, ...]:
     content = line.split("#", 1)[0].strip()
     if content and not content.startswith("@"):
         raise ModelError("a line begins with @ and a name, or with # for a comment", line_number)
-    return _bounded(tuple(content.split()), line, line_number)
+    return _check_line_length(tuple(content.split()), line, line_number)
 
 
 def _v2_words(line: str, line_number: int) -> tuple[str, ...]:
@@ -120,7 +120,7 @@ def _v2_words(line: str, line_number: int) -> tuple[str, ...]:
         raise ModelError("a buffer is `~begin NAME`, later `~end NAME`", line_number)
     if not content.startswith("@"):
         return ()
-    words = _bounded(tuple(_V2_WORD.findall(content)), line, line_number)
+    words = _check_line_length(tuple(_V2_WORD.findall(content)), line, line_number)
     if re.sub(r"\s", "", "".join(words)) != re.sub(r"\s", "", content):
         raise ModelError("brackets do not match; a value in brackets is [a + b]", line_number)
     for word in words:
@@ -133,7 +133,7 @@ def _v2_words(line: str, line_number: int) -> tuple[str, ...]:
     return words
 
 
-def _bounded(words: tuple[str, ...], line: str, line_number: int) -> tuple[str, ...]:
+def _check_line_length(words: tuple[str, ...], line: str, line_number: int) -> tuple[str, ...]:
     if words and len(line) > CHARACTERS_MAX:
         raise ModelError(f"a line has at most {CHARACTERS_MAX:,} characters", line_number)
     return words
@@ -148,9 +148,9 @@ def _family(row: tuple[str, ...], dialect: Dialect) -> str:
 
 
 def _statement(
-    line_number: int, statement_words: tuple[str, ...], dialect: Dialect, macros: set[str]
+    line_number: int, words: tuple[str, ...], dialect: Dialect, macros: set[str]
 ) -> Statement:
-    statement_name, *words_after_name = statement_words
+    statement_name, *words_after_name = words
     if not _NAME.fullmatch(statement_name):
         message = (
             f"{quote(statement_name)} is not a name: write @, a letter, then letters, digits and _"
@@ -165,31 +165,29 @@ def _statement(
     if form is None:
         message = f"{quote(keyword)} is not a word of {NAMES[dialect]}"
         raise ModelError(message, line_number, nearest(keyword, FORMS[dialect]))
-    if len(argument_words) < form.points:
-        raise ModelError(f"{keyword} is written {form.words}", line_number)
+    if len(argument_words) < form.n_points:
+        raise ModelError(f"{keyword} is written {form.usage}", line_number)
     point_words, value_words = (
-        argument_words[: form.points],
-        argument_words[form.points :],
+        argument_words[: form.n_points],
+        argument_words[form.n_points :],
     )
     points = tuple(_point(point_word, line_number) for point_word in point_words)
     if dialect == "v1":
         points, value_words = _v1_points(points, value_words, macros, keyword, line_number)
-        if keyword in _DISPLAYED and len(value_words) == len(form.values) + 3:
+        if keyword in _DISPLAYABLE and len(value_words) == len(form.values) + 3:
             value_words = value_words[:-3]
-    value_by_name = _values(
-        form, [word.strip("[]").strip() for word in value_words], keyword, line_number
-    )
-    if "x0" in value_by_name:
-        value_by_name["x0"] = _height(value_by_name["x0"], line_number)
-    if "v0" in value_by_name:
-        value_by_name["v0"] = _height(value_by_name["v0"], line_number)
+    values = _values(form, [word.strip("[]").strip() for word in value_words], keyword, line_number)
+    if "x0" in values:
+        values["x0"] = _vertical_component(values["x0"], line_number)
+    if "v0" in values:
+        values["v0"] = _vertical_component(values["v0"], line_number)
     channel_pattern = _CHANNEL.get(form.family)
     if channel_pattern is not None and not channel_pattern.fullmatch(statement_name[1:]):
         message = (
             f"{statement_name} has no number of a channel: write @in1 to @in99, @out1 to @out99"
         )
         raise ModelError(message, line_number)
-    return Statement(statement_name[1:], keyword, form.family, line_number, points, value_by_name)
+    return Statement(statement_name[1:], keyword, form.family, line_number, points, values)
 
 
 def _point(point_word: str, line_number: int) -> Point:
@@ -223,21 +221,21 @@ def _v1_points(
 
 
 def _values(form: Form, value_words: list[str], keyword: str, line_number: int) -> dict[str, str]:
-    count_min = len(form.values) + len(form.after)
-    if not count_min <= len(value_words) <= count_min + len(form.optional) or not all(value_words):
+    n_min = len(form.values) + len(form.trailing)
+    if not n_min <= len(value_words) <= n_min + len(form.optional) or not all(value_words):
         raise ModelError(
-            f"{keyword} is written {form.words}; here it has {len(value_words)} values",
+            f"{keyword} is written {form.usage}; here it has {len(value_words)} values",
             line_number,
         )
     value_names = (
         *form.values,
-        *form.optional[: len(value_words) - count_min],
-        *form.after,
+        *form.optional[: len(value_words) - n_min],
+        *form.trailing,
     )
     return dict(zip(value_names, value_words, strict=True))
 
 
-def _height(text: str, line_number: int) -> str:
+def _vertical_component(text: str, line_number: int) -> str:
     """The third component of [x y z], the only one that moves; or the number as written."""
     components = text.split()
     if len(components) == 1 or not all(
@@ -268,7 +266,7 @@ def _refuse_duplicate_names(model: Model) -> None:
         line_by_name[statement.name] = statement.line
 
 
-def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
+def _parameter_values(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
     amounts: dict[str, Amount] = {}
     declared = {declaration.name: declaration for declaration in model.statements_of("param")}
     for parameter_name in overrides:
@@ -297,7 +295,7 @@ def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
     return amounts
 
 
-def _known_points(model: Model, macros: set[str]) -> None:
+def _check_points(model: Model, macros: set[str]) -> None:
     mass_statements = {
         statement.name: statement
         for statement in model.statements_of("mass", "macro")
@@ -313,10 +311,10 @@ def _known_points(model: Model, macros: set[str]) -> None:
     for statement in model.statements:
         for point in statement.points:
             if point.name in macros:
-                side_count = 2 if kinds[point.name] in MESHES else 1
-                if len(point.along) != side_count:
+                n_sides = 2 if kinds[point.name] in MESHES else 1
+                if len(point.places) != n_sides:
                     numbers_needed = (
-                        "one number from 0 to 1" if side_count == 1 else "two numbers from 0 to 1"
+                        "one number from 0 to 1" if n_sides == 1 else "two numbers from 0 to 1"
                     )
                     message = f"a point of {quote(point.name)} needs {numbers_needed}"
                     raise ModelError(message, statement.line)
@@ -324,14 +322,14 @@ def _known_points(model: Model, macros: set[str]) -> None:
                 message = f"{quote('@' + point.name)} is not a mass of this model"
                 suggestion = nearest(point.name, (*masses, *macros))
                 raise ModelError(message, statement.line, suggestion)
-            elif point.along:
+            elif point.places:
                 message = f"{quote(point.name)} is not a macro and has no places"
                 raise ModelError(message, statement.line)
 
 
-def _numbers(model: Model, statement: Statement) -> None:
+def _check_numbers(model: Model, statement: Statement) -> None:
     """Check that every value is a number, even if it is not used later."""
-    for value_name in _values_of(statement):
+    for value_name in _numeric_value_names(statement):
         model.value(statement, value_name)
         if (
             model.dialect == "v2"
@@ -343,7 +341,7 @@ def _numbers(model: Model, statement: Statement) -> None:
             )
             raise ModelError(message, statement.line)
     for point in statement.points:
-        for place in point.along:
+        for place in point.places:
             model.number(place, f"the place on {quote(point.name)}", statement.line)
     for value_name in ("N", "L", "W"):
         if value_name in statement.values and not re.fullmatch(
@@ -359,5 +357,5 @@ def _is_plain(text: str) -> bool:
     return re.fullmatch(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?", text) is not None
 
 
-def _values_of(statement: Statement) -> Iterator[str]:
+def _numeric_value_names(statement: Statement) -> Iterator[str]:
     return (name for name in statement.values if name != "input" and statement.family != "param")

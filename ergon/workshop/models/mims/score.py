@@ -9,20 +9,20 @@ from fractions import Fraction
 from ergon.notation.tables.expressions import Amount
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.grammar import NAMES
-from ergon.workshop.models.mims.heard import audible_ends, output
+from ergon.workshop.models.mims.heard import add_output, audible_ends
 from ergon.workshop.models.mims.laws import Laws
-from ergon.workshop.models.mims.links import link
-from ergon.workshop.models.mims.masses import MAKERS, push
+from ergon.workshop.models.mims.links import add_link
+from ergon.workshop.models.mims.masses import MAKERS, add_force_input
 from ergon.workshop.models.mims.model import Model
-from ergon.workshop.models.mims.writing import Writing
-from ergon.workshop.models.naming import Params, metres
-from ergon.workshop.models.page import RATE, Input, Line, Page, number
+from ergon.workshop.models.mims.writing import ScoreDraft
+from ergon.workshop.models.naming import Params, length_text
+from ergon.workshop.models.page import RATE, Input, Line, Page, number_text
 
 
 def written(
     model: Model,
     laws: Laws = "head",
-    inputs_by_name: Mapping[str, Input] | None = None,
+    inputs: Mapping[str, Input] | None = None,
     score_title: str = "",
 ) -> str:
     """The text of a score with the same sound as a model. Raises ModelError with the line at fault.
@@ -34,67 +34,68 @@ def written(
         for statement in model.statements_of("param")
         if statement.name not in model.signals
     )
-    inputs_by_name = inputs_by_name or {}
+    inputs = inputs or {}
     first_values = {
-        signal: Amount(Fraction(inputs_by_name[source].first), "")
+        signal: Amount(Fraction(inputs[source].first), "")
         for signal, source in model.signals.items()
-        if source in inputs_by_name
+        if source in inputs
     }
     if first_values:
         model = replace(model, params={**model.params, **first_values}, _numbers={})
-    writing = Writing(model, laws, inputs_by_name, Params(params))
+    draft = ScoreDraft(model, laws, inputs, Params(params))
     try:
         for statement in model.statements_of("mass", "macro", "input"):
-            MAKERS[statement.keyword](writing, statement)
+            MAKERS[statement.keyword](draft, statement)
         for statement in model.statements_of("input"):
-            push(writing, statement)
-        listened = audible_ends(writing)
+            add_force_input(draft, statement)
+        audible = audible_ends(draft)
         for statement in model.statements_of("link"):
-            link(writing, statement, listened)
+            add_link(draft, statement, audible)
         for statement in model.statements_of("output"):
-            output(writing, statement)
+            add_output(draft, statement)
     except ModelError as error:
         error.file = model.file
         raise
-    for macro in writing.macros.values():
-        if macro.is_joined:
-            place = "" if macro.height == "0" else f"X0: {metres(macro.height)}"
-            writing.add(macro.edge, f"SOL: {{{place}}}", f"the fixed points of {macro.name}")
-    return _page(writing, score_title).written()
+    for macro in draft.macros.values():
+        if macro.needs_edge:
+            x0_field = "" if macro.x0 == "0" else f"X0: {length_text(macro.x0)}"
+            draft.add(macro.edge_name, f"SOL: {{{x0_field}}}", f"the fixed points of {macro.name}")
+    return _page(draft, score_title).text()
 
 
-def _page(writing: Writing, score_title: str) -> Page:
-    model = writing.model
-    laws_words = "2019" if writing.laws == "2019" else "today"
+def _page(draft: ScoreDraft, score_title: str) -> Page:
+    model = draft.model
+    laws_label = "2019" if draft.laws == "2019" else "today"
     params = {
         statement.name: float(model.params[statement.name].number)
         for statement in model.statements_of("param")
     }
     params = {name: value for name, value in params.items() if name not in model.signals}
-    fed_names = [name for name in model.inputs if name in writing.inputs]
+    fed_names = [name for name in model.inputs if name in draft.inputs]
     return Page(
-        head=[
+        header=[
             f"From {score_title or 'a model'}, in the language of {NAMES[model.dialect]}, laws of "
-            f"{laws_words}.",
+            f"{laws_label}.",
             f"One sample is 1/{RATE} s; the numbers are those of the discrete network.",
         ],
         parameters=[
-            Line(writing.params.new_names[name], number(value)) for name, value in params.items()
+            Line(draft.params.names_in_score[name], number_text(value))
+            for name, value in params.items()
         ],
-        inputs={name: writing.inputs[name] for name in fed_names} | writing.takes,
-        pushes=[
+        inputs={name: draft.inputs[name] for name in fed_names} | draft.takes,
+        force_inputs=[
             statement.name
             for statement in model.statements_of("input")
             if statement.keyword == "frcInput"
         ],
-        modules=writing.modules,
-        outs=writing.outs,
+        modules=draft.modules,
+        outs=draft.outs,
         before_strikes=["An input jumps to its first value, which the model's dampers feel."],
-        strikes=list(_strikes(writing)),
+        strikes=list(_strikes(draft)),
     )
 
 
-def _strikes(writing: Writing) -> Iterator[Line]:
-    for target, force in writing.kicks.items():
-        name = writing.names.new(f"{target.replace('.', '_')}_kick")
+def _strikes(draft: ScoreDraft) -> Iterator[Line]:
+    for target, force in draft.initial_forces.items():
+        name = draft.names.new(f"{target.replace('.', '_')}_kick")
         yield Line(name, f"{{to: model.{target}, at: 0s, impulse: {force / RATE!r}Ns}}")

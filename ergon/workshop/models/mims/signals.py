@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from ergon.notation.text.errors import quote
 from ergon.workshop.models.mims.model import Statement
-from ergon.workshop.models.mims.proxies import Along, signals_in, straight
-from ergon.workshop.models.mims.writing import Writing
+from ergon.workshop.models.mims.proxies import Linear, linear_in_signal, signals_in
+from ergon.workshop.models.mims.writing import ScoreDraft
 from ergon.workshop.models.page import RATE, Input
 
 _IMPOSED_MASS = "1e9"  # mass of what is moved whatever pushes it: no link is too stiff for it
@@ -25,100 +25,102 @@ class Value:
     first: float
     least: float
     greatest: float
-    along: Along | None = None
+    linear: Linear | None = None
 
 
-def value_of(writing: Writing, statement: Statement, name: str) -> Value:
+def value_of(draft: ScoreDraft, statement: Statement, name: str) -> Value:
     """A value that may follow a signal; a constant if that signal has no file. Raises
     ModelError.
     """
     text = statement.values.get(name, "0")
-    if not signals_in(writing.model, text):
-        constant = writing.value(statement, name)
+    if not signals_in(draft.model, text):
+        constant = draft.value(statement, name)
         return Value(
-            writing.text(statement, name),
+            draft.text(statement, name),
             constant,
             constant,
             constant,
         )
-    linear = straight(
-        writing.model,
+    linear = linear_in_signal(
+        draft.model,
         text,
         f"{name} of {quote(statement.name)}",
         statement.line,
     )
-    source = writing.inputs.get(writing.model.signals[linear.signal]) if linear.signal else None
+    source = draft.inputs.get(draft.model.signals[linear.signal]) if linear.signal else None
     if source is None or source.least == source.greatest:
         signal_value = 0.0 if source is None else source.first
-        constant = linear.start + linear.slope * signal_value
+        constant = linear.offset + linear.slope * signal_value
         return Value(repr(constant), constant, constant, constant)
     values = [
-        linear.start + linear.slope * signal_value
+        linear.offset + linear.slope * signal_value
         for signal_value in (source.first, source.least, source.greatest)
     ]
     return Value("", values[0], min(values[1:]), max(values[1:]), linear)
 
 
-def following(writing: Writing, value: Value, *, is_ahead: bool = False) -> str:
+def follows_field(draft: ScoreDraft, value: Value, *, is_ahead: bool = False) -> str:
     """How a value follows a signal, as the field of a module; with `is_ahead` it follows the next
     sample.
 
     The value is that of the model while the signal stays within the range of its file.
     """
-    linear = value.along
+    linear = value.linear
     if linear is None or linear.signal is None:
         raise AssertionError("a constant follows nothing")
-    source = writing.inputs[writing.model.signals[linear.signal]]
+    source = draft.inputs[draft.model.signals[linear.signal]]
     value_at_least, value_at_greatest = (
-        linear.start + linear.slope * signal_value
+        linear.offset + linear.slope * signal_value
         for signal_value in (source.least, source.greatest)
     )
-    guide_name = guide(writing, linear.signal, is_ahead=is_ahead)
+    guide_name = guide(draft, linear.signal, is_ahead=is_ahead)
     span = source.greatest - source.least
     offset = "" if source.least == 0.0 else f", offset: {-source.least!r}m"
     value_range = f"from: {value_at_least!r}, to: {value_at_greatest!r}"
     return f"{{of: {guide_name}, {value_range}{offset}, span: {span!r}m}}"
 
 
-def guide(writing: Writing, signal_name: str, *, is_ahead: bool = False) -> str:
+def guide(draft: ScoreDraft, signal_name: str, *, is_ahead: bool = False) -> str:
     """The name of the point that has the values of a signal, or those of its next sample."""
-    input_name = writing.model.signals[signal_name]
+    input_name = draft.model.signals[signal_name]
     # The next sample of OSC is not known yet.
-    is_ahead &= input_name in writing.inputs and writing.inputs[input_name].file is not None
+    is_ahead &= input_name in draft.inputs and draft.inputs[input_name].file is not None
     key = f"{signal_name} ahead" if is_ahead else signal_name
-    if key not in writing.guides:
+    if key not in draft.guides:
         if is_ahead:
-            writing.ahead[input_name] = _next(writing, input_name)
-            writing.guides[key] = fed(writing, f"{signal_name}_ahead", writing.ahead[input_name])
+            draft.takes_ahead[input_name] = _take_ahead(draft, input_name)
+            draft.guides[key] = add_imposed_point(
+                draft, f"{signal_name}_ahead", draft.takes_ahead[input_name]
+            )
         else:
-            writing.guides[key] = fed(writing, signal_name, input_name)
-    return writing.guides[key]
+            draft.guides[key] = add_imposed_point(draft, signal_name, input_name)
+    return draft.guides[key]
 
 
-def _next(writing: Writing, input_name: str) -> str:
+def _take_ahead(draft: ScoreDraft, input_name: str) -> str:
     """The name of a take that is one sample ahead of an input's take."""
-    if input_name not in writing.ahead:
-        source = writing.inputs[input_name]
+    if input_name not in draft.takes_ahead:
+        source = draft.inputs[input_name]
         end = f"{(source.n_frames - 1) / RATE!r}s"
-        name = writing.ahead[input_name] = f"{input_name}_ahead"
+        name = draft.takes_ahead[input_name] = f"{input_name}_ahead"
         trim = f"{1 / RATE!r}s..{end}"
-        writing.takes[name] = replace(source, first=source.second, trim=trim)
-    return writing.ahead[input_name]
+        draft.takes[name] = replace(source, first=source.second, trim=trim)
+    return draft.takes_ahead[input_name]
 
 
-def fed(writing: Writing, name: str, source: str) -> str:
+def add_imposed_point(draft: ScoreDraft, name: str, source: str) -> str:
     """Add a point that has the values of an input or a take; returns its name."""
-    takes: dict[str, Input] = {**writing.inputs, **writing.takes}
-    take, point_name = takes.get(source), writing.names.new(name)
+    takes: dict[str, Input] = {**draft.inputs, **draft.takes}
+    take, point_name = takes.get(source), draft.names.new(name)
     if take is None:
-        writing.add(point_name, "SOL: {}", "an input that nothing is connected to is 0")
+        draft.add(point_name, "SOL: {}", "an input that nothing is connected to is 0")
         return point_name
     x0 = "" if take.first == 0.0 else f", X0: {take.first!r}m"
-    writing.add(
+    draft.add(
         point_name,
         f"MAS: {{M: {_IMPOSED_MASS}{x0}}}",
         "its mass says nothing, for its path is imposed",
     )
-    path = writing.names.new(f"{point_name}_path")
-    writing.add(path, f"ENX: {{to: {point_name}, from: {source}{take.start}}}")
+    path = draft.names.new(f"{point_name}_path")
+    draft.add(path, f"ENX: {{to: {point_name}, from: {source}{take.start}}}")
     return point_name

@@ -9,7 +9,7 @@ from ergon.notation.text.errors import quote
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims import places
 from ergon.workshop.models.mims.functions import is_plain
-from ergon.workshop.models.mims.kicks import Begin
+from ergon.workshop.models.mims.kicks import InitialMotion
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.model import Model, Statement
 from ergon.workshop.models.mims.proxies import signals_in
@@ -19,7 +19,7 @@ from ergon.workshop.models.refused import REFUSED
 
 
 @dataclass(slots=True)
-class Writing:
+class ScoreDraft:
     """A score in the making; `model` has its signals at their first values."""
 
     model: Model
@@ -28,18 +28,20 @@ class Writing:
     params: Params
     names: Names = field(default_factory=Names)
     modules: list[Line] = field(default_factory=list)
-    targets: dict[str, str] = field(default_factory=dict)  # modules of masses
+    mass_modules: dict[str, str] = field(default_factory=dict)  # modules of masses
     macros: dict[str, places.Macro] = field(default_factory=dict)
     links: list[tuple[Statement, str]] = field(default_factory=list)  # with the module's name
     outs: list[Out] = field(default_factory=list)
-    begins: dict[str, Begin] = field(default_factory=dict)  # starts of masses and inputs
-    held: set[str] = field(default_factory=set)  # points that no force moves
-    kicks: dict[str, float] = field(default_factory=dict)  # forces in the first sample
+    initial_motions: dict[str, InitialMotion] = field(
+        default_factory=dict
+    )  # starts of masses and inputs
+    immobile: set[str] = field(default_factory=set)  # points that no force moves
+    initial_forces: dict[str, float] = field(default_factory=dict)  # forces in the first sample
     proxies: dict[tuple[object, ...], str] = field(
         default_factory=dict
     )  # proxies by their position
     guides: dict[str, str] = field(default_factory=dict)  # points that have the value of a signal
-    ahead: dict[str, str] = field(default_factory=dict)  # takes by the inputs that they lead
+    takes_ahead: dict[str, str] = field(default_factory=dict)  # takes by the inputs that they lead
     takes: dict[str, Input] = field(default_factory=dict)  # beside those of inputs
 
     def add(self, name: str, text: str, comment: str = "") -> None:
@@ -55,7 +57,7 @@ class Writing:
         if not is_plain(text, self.model.params):
             label = f"{name} of {quote(statement.name)}"
             return repr(self.model.number(text, label, statement.line))
-        return self.params.written(text)
+        return self.params.translated(text)
 
     def value(self, statement: Statement, name: str, default: float = 0.0) -> float:
         """A value as a number."""

@@ -72,37 +72,37 @@ def is_model(text: str) -> bool:
 
 def parse(xml_text: str) -> Network:
     """The masses and links of a file. Raises ModelError with the line at fault."""
-    reading = _Reading()
+    model_parser = _ModelParser()
     parser = expat.ParserCreate("utf-8")
     # Only a document type can declare entities: without one, nothing expands and nothing is loaded.
-    parser.StartDoctypeDeclHandler = reading.refuse
-    parser.StartElementHandler = reading.start
-    parser.EndElementHandler = reading.end
-    reading.line = lambda: parser.CurrentLineNumber
+    parser.StartDoctypeDeclHandler = model_parser.refuse
+    parser.StartElementHandler = model_parser.start
+    parser.EndElementHandler = model_parser.end
+    model_parser.line = lambda: parser.CurrentLineNumber
     try:
         parser.Parse(xml_text.encode("utf-8", "replace"), True)
     except expat.ExpatError as error:
         message = expat.errors.messages[error.code]
         raise ModelError(f"the XML is not well formed: {message}", error.lineno) from None
-    if not reading.network.masses:
+    if not model_parser.network.masses:
         raise ModelError("it has no masses", parser.CurrentLineNumber)
-    return reading.network
+    return model_parser.network
 
 
-class _Reading:
+class _ModelParser:
     def __init__(self) -> None:
-        self.network, self.path, self.count = Network(), list[str](), 0
-        self.names: dict[str, int] = {}
-        self.gravity, self.direction = 0.0, (0.0, 0.0, 1.0)
+        self.network, self.path, self.n_elements = Network(), list[str](), 0
+        self.line_by_mass: dict[str, int] = {}
+        self.gravity, self.gravity_direction = 0.0, (0.0, 0.0, 1.0)
         self.line: Callable[[], int] = int
 
     def refuse(self, *_: object) -> None:
         raise ModelError("the XML has a document type, which is not read", self.line())
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
-        self.count += 1
+        self.n_elements += 1
         self.path.append(tag)
-        if self.count > ELEMENTS_MAX:
+        if self.n_elements > ELEMENTS_MAX:
             raise ModelError(f"the XML has more than {ELEMENTS_MAX:,} elements", self.line())
         if len(self.path) > _DEPTH_MAX:
             raise ModelError(f"elements are nested deeper than {_DEPTH_MAX}", self.line())
@@ -113,22 +113,22 @@ class _Reading:
                 f"{quote(tag)} is not part of a model", self.line(), nearest(tag, known_elements)
             )
         if len(path_below_root) == 2 and path_below_root[0] == "global":
-            self.read_element(tag, attributes)
+            self.read_global(tag, attributes)
         if len(path_below_root) == 3 and path_below_root[0] == "MAT":
-            self.part(path_below_root[1], attributes, MASSES, self.network.masses)
+            self.read_part(path_below_root[1], attributes, MASSES, self.network.masses)
         elif len(path_below_root) == 3 and path_below_root[0] in ("Link", "Interaction"):
-            self.part(path_below_root[1], attributes, LINKS, self.network.links)
+            self.read_part(path_below_root[1], attributes, LINKS, self.network.links)
 
     def end(self, tag: str) -> None:
         self.path.pop()
         if tag == "global":
-            gravity_vector = [self.gravity * component for component in self.direction]
+            gravity_vector = [self.gravity * component for component in self.gravity_direction]
             if gravity_vector[0] or gravity_vector[1] or gravity_vector[2] < 0.0:
                 message = "gravity goes along another axis than z, which is not built yet"
                 raise ModelError(message, self.line())
             self.network.gravity = gravity_vector[2]
 
-    def read_element(self, tag: str, attributes: Mapping[str, str]) -> None:
+    def read_global(self, tag: str, attributes: Mapping[str, str]) -> None:
         if tag == "gravity":
             self.gravity = self.number(attributes, "gravity")
         elif tag == "friction":
@@ -137,44 +137,43 @@ class _Reading:
                 raise ModelError("friction is below 0, which gives energy", self.line())
         elif tag == "vector":
             x, y, z = (self.number(attributes, f"pos.{axis}") for axis in "xyz")
-            self.direction = (x, y, z)
+            self.gravity_direction = (x, y, z)
         else:
             known_elements = ("gravity", "friction", "vector")
             message = f"{quote(tag)} is not part of what holds for all"
             raise ModelError(message, self.line(), nearest(tag, known_elements))
 
-    def part(
+    def read_part(
         self,
         kind: str,
         attributes: Mapping[str, str],
-        value_names_by_kind: Mapping[str, tuple[str, ...]],
+        value_names: Mapping[str, tuple[str, ...]],
         parts: list[Part],
     ) -> None:
         line = self.line()
         if kind in _REFUSED_WORDS:
             raise ModelError(f"{kind}: {_REFUSED_WORDS[kind]}", line)
-        if kind not in value_names_by_kind:
-            noun = "masses" if value_names_by_kind is MASSES else "links"
+        if kind not in value_names:
+            noun = "masses" if value_names is MASSES else "links"
             message = f"{quote(kind)} is not a kind of {noun}"
-            raise ModelError(message, line, nearest(kind, value_names_by_kind))
+            raise ModelError(message, line, nearest(kind, value_names))
         name = attributes.get("name", "")
         if not name:
             raise ModelError(f"a {kind} has no name", line)
-        if value_names_by_kind is MASSES:  # links may have one name, for nothing calls them
-            if name in self.names:
+        if value_names is MASSES:  # links may have one name, for nothing calls them
+            if name in self.line_by_mass:
                 raise ModelError(
-                    f"{quote(name)} is the name of line {self.names[name]} too",
+                    f"{quote(name)} is the name of line {self.line_by_mass[name]} too",
                     line,
                 )
-            self.names[name] = line
+            self.line_by_mass[name] = line
         ends: tuple[str, ...] = ()
-        if value_names_by_kind is LINKS:
+        if value_names is LINKS:
             ends = (attributes.get("m1", ""),)
             if kind != "PlaneContact3D":
                 ends += (attributes.get("m2", ""),)
         values = {
-            value_name: self.number(attributes, value_name)
-            for value_name in value_names_by_kind[kind]
+            value_name: self.number(attributes, value_name) for value_name in value_names[kind]
         }
         parts.append(Part(kind, name, ends, values, line))
 

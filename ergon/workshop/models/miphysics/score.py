@@ -15,7 +15,7 @@ from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.miphysics.reading import Network, Part
-from ergon.workshop.models.miphysics.start import drag, place, speeds
+from ergon.workshop.models.miphysics.start import drag_viscosity, initial_position, initial_speeds
 from ergon.workshop.models.naming import Names
 
 RATES = (100, 192_000)  # [Hz] that a model may have
@@ -25,16 +25,16 @@ _NO_LETTER = re.compile(r"\W", re.ASCII)
 
 
 @dataclass(slots=True)
-class _Writing:
+class _ScoreDraft:
     network: Network
     rate: int
     names: Names = field(default_factory=Names)
-    masses: dict[str, str] = field(default_factory=dict)
-    space: list[tuple[str, str]] = field(default_factory=list)  # modules: name, text
-    axis: list[tuple[str, str]] = field(default_factory=list)
-    walls: dict[tuple[int, float], str] = field(default_factory=dict)
+    mass_modules: dict[str, str] = field(default_factory=dict)
+    space_modules: list[tuple[str, str]] = field(default_factory=list)  # modules: name, text
+    axis_modules: list[tuple[str, str]] = field(default_factory=list)
+    wall_modules: dict[tuple[int, float], str] = field(default_factory=dict)
 
-    def new(self, name: str) -> str:
+    def new_name(self, name: str) -> str:
         word = _NO_LETTER.sub("_", name)
         return self.names.new(word if word[:1].isalpha() else f"m{word}")
 
@@ -43,32 +43,32 @@ def written(network: Network, score_title: str, rate: int) -> str:
     """The text of a score that moves as a model does at a rate [Hz]. Raises ModelError with the
     line.
     """
-    writing = _Writing(network, rate)
+    draft = _ScoreDraft(network, rate)
     masses_by_name = {mass.name: mass for mass in network.masses}
     for link in network.links:
-        _joined(link, masses_by_name)
+        _check_link(link, masses_by_name)
     if network.gravity * rate * rate * _MILLI > _GRAVITY_MAX:
         message = f"gravity is {network.gravity:g} a sample²: at {rate:,} Hz a score holds up to "
         raise ModelError(f"{message}{_GRAVITY_MAX / (rate * rate * _MILLI):g}; set a lower rate")
     for mass in network.masses:
         if "mass" in mass.values:
-            _heavy(writing, mass)
-    start_speeds = speeds(network, rate)
+            _checked_mass(draft, mass)
+    start_speeds = initial_speeds(network, rate)
     for mass in network.masses:
-        writing.masses[mass.name] = writing.new(mass.name)
+        draft.mass_modules[mass.name] = draft.new_name(mass.name)
         if mass.kind.endswith("3D"):
-            _point(writing, mass, start_speeds.get(mass.name, (0.0, 0.0, 0.0)))
+            _add_point(draft, mass, start_speeds.get(mass.name, (0.0, 0.0, 0.0)))
         else:
-            _mass(writing, mass)
+            _add_mass_1d(draft, mass)
     for link in network.links:
         if link.kind == "SpringDamper1D":
-            _spring(writing, link, masses_by_name)
+            _add_spring_1d(draft, link, masses_by_name)
         else:
-            _link(writing, link)
-    return "\n".join(_lines(writing, score_title)) + "\n"
+            _add_link(draft, link)
+    return "\n".join(_lines(draft, score_title)) + "\n"
 
 
-def _joined(link: Part, masses_by_name: dict[str, Part]) -> None:
+def _check_link(link: Part, masses_by_name: dict[str, Part]) -> None:
     """Raises ModelError if a link joins a mass that does not exist, or of a kind that does not fit
     it.
     """
@@ -77,11 +77,11 @@ def _joined(link: Part, masses_by_name: dict[str, Part]) -> None:
             suggestion = nearest(mass_name, masses_by_name)
             raise ModelError(f"no mass is called {quote(mass_name)}", link.line, suggestion)
         if masses_by_name[mass_name].kind.endswith("1D") != link.kind.endswith("1D"):
-            axis_count_words = (
+            axes_text = (
                 "one axis" if masses_by_name[mass_name].kind.endswith("1D") else "three axes"
             )
             message = (
-                f"{quote(mass_name)} has {axis_count_words}, and {link.kind} joins others; "
+                f"{quote(mass_name)} has {axes_text}, and {link.kind} joins others; "
                 "that is not built"
             )
             raise ModelError(message, link.line)
@@ -98,17 +98,17 @@ def _joined(link: Part, masses_by_name: dict[str, Part]) -> None:
         raise ModelError(message, link.line)
 
 
-def _within(part: Part, field_name: str, value: float, value_max: float) -> None:
+def _check_range(part: Part, field_name: str, value: float, value_max: float) -> None:
     if not abs(value) <= value_max:
         raise ModelError(f"{field_name} is {value:g}: a score holds up to {value_max:g}", part.line)
 
 
-def _heavy(writing: _Writing, mass: Part) -> float:
-    kilograms = mass.values["mass"]
-    if not kilograms > writing.network.friction:
-        message = f"mass is {kilograms:g}: it is above 0, and above the friction of the medium"
+def _checked_mass(draft: _ScoreDraft, mass: Part) -> float:
+    mass_kg = mass.values["mass"]
+    if not mass_kg > draft.network.friction:
+        message = f"mass is {mass_kg:g}: it is above 0, and above the friction of the medium"
         raise ModelError(message, mass.line)
-    return kilograms
+    return mass_kg
 
 
 def _number(value: float) -> str:
@@ -122,71 +122,71 @@ def _vector(values: tuple[float, ...], unit: str) -> str:
     return f"[{', '.join(f'{_number(value)}{unit}' for value in values)}]"
 
 
-def _point(writing: _Writing, mass: Part, speed: tuple[float, float, float]) -> None:
-    for component in place(mass):
-        _within(mass, "a place", component, _DISTANCE_MAX)
-    fields = [f"X0: {_vector(place(mass), 'mm')}"]
+def _add_point(draft: _ScoreDraft, mass: Part, speed: tuple[float, float, float]) -> None:
+    for component in initial_position(mass):
+        _check_range(mass, "a place", component, _DISTANCE_MAX)
+    fields = [f"X0: {_vector(initial_position(mass), 'mm')}"]
     kind = "SOL"
     if mass.kind != "Ground3D":
-        kind, kilograms = "MAS", _heavy(writing, mass)
-        fields.insert(0, f"M: {_number(kilograms)}kg")
+        kind, mass_kg = "MAS", _checked_mass(draft, mass)
+        fields.insert(0, f"M: {_number(mass_kg)}kg")
         if any(speed):
-            speed_per_second = tuple(value * writing.rate for value in speed)
+            speed_per_second = tuple(value * draft.rate for value in speed)
             for component in speed_per_second:
-                _within(mass, "a speed", component, _SPEED_MAX)
+                _check_range(mass, "a speed", component, _SPEED_MAX)
             fields.append(f"V0: {_vector(speed_per_second, 'mm/s')}")
-        if writing.network.friction:
-            fields.append(f"drag: {drag(writing.network.friction, kilograms)!r}*viscous")
-    writing.space.append((writing.masses[mass.name], f"{kind}: {{{', '.join(fields)}}}"))
+        if draft.network.friction:
+            fields.append(f"drag: {drag_viscosity(draft.network.friction, mass_kg)!r}*viscous")
+    draft.space_modules.append((draft.mass_modules[mass.name], f"{kind}: {{{', '.join(fields)}}}"))
 
 
 _KINDS = {"Spring3D": "RES", "Damper3D": "FRO", "SpringDamper3D": "REF"}
 
 
-def _link(writing: _Writing, link: Part) -> None:
+def _add_link(draft: _ScoreDraft, link: Part) -> None:
     values = link.values
-    ends = [writing.masses[mass_name] for mass_name in link.ends]
+    ends = [draft.mass_modules[mass_name] for mass_name in link.ends]
     kind = _KINDS.get(link.kind, "BUT")
     if link.kind == "PlaneContact3D":
-        axis_index = int(values["orientation"])
-        ends.insert(0, _wall(writing, axis_index, values["position"], link))
+        axis = int(values["orientation"])
+        ends.insert(0, _wall(draft, axis, values["position"], link))
     fields = [f"between: [{', '.join(ends)}]"]
     fields += [f"K: {_number(values['stiffness'])}*stiff"] if "stiffness" in values else []
     fields += [f"Z: {_number(values['damping'])}*viscous"] if "damping" in values else []
     if kind == "BUT":
         fields.append(f"gap: {_number(values['drest'])}mm")
         if link.kind == "PlaneContact3D":
-            fields.append(f"normal: {_vector(tuple(float(i == axis_index) for i in range(3)), '')}")
+            fields.append(f"normal: {_vector(tuple(float(i == axis) for i in range(3)), '')}")
         elif link.kind != "Contact3D":
             fields.append("side: inside")
     elif "drest" in values:
         fields.append(f"rest: {_number(values['drest'])}mm")
-    writing.space.append((writing.new(link.name), f"{kind}: {{{', '.join(fields)}}}"))
+    draft.space_modules.append((draft.new_name(link.name), f"{kind}: {{{', '.join(fields)}}}"))
 
 
-def _wall(writing: _Writing, axis_index: int, wall_position: float, link: Part) -> str:
+def _wall(draft: _ScoreDraft, axis: int, position: float, link: Part) -> str:
     """The plane of a contact; contacts on the same plane share it."""
-    _within(link, "position", wall_position, _DISTANCE_MAX)
-    if (axis_index, wall_position) not in writing.walls:
-        name = writing.walls[axis_index, wall_position] = writing.new(f"wall_{'xyz'[axis_index]}")
-        wall_place = tuple(wall_position if i == axis_index else 0.0 for i in range(3))
-        writing.space.append((name, f"SOL: {{X0: {_vector(wall_place, 'mm')}}}"))
-    return writing.walls[axis_index, wall_position]
+    _check_range(link, "position", position, _DISTANCE_MAX)
+    if (axis, position) not in draft.wall_modules:
+        name = draft.wall_modules[axis, position] = draft.new_name(f"wall_{'xyz'[axis]}")
+        x0 = tuple(position if i == axis else 0.0 for i in range(3))
+        draft.space_modules.append((name, f"SOL: {{X0: {_vector(x0, 'mm')}}}"))
+    return draft.wall_modules[axis, position]
 
 
 # --- one axis -----------------------------------------------------------------------------------
 
 
-def _mass(writing: _Writing, mass: Part) -> None:
+def _add_mass_1d(draft: _ScoreDraft, mass: Part) -> None:
     """Add a mass that moves along z; places are metres, because `units: ca` has numbers alone."""
-    z, name = mass.values["initPos.z"], writing.masses[mass.name]
-    _within(mass, "a place", z, _DISTANCE_MAX * _MILLI)
+    z, name = mass.values["initPos.z"], draft.mass_modules[mass.name]
+    _check_range(mass, "a place", z, _DISTANCE_MAX * _MILLI)
     x0 = f"X0: {_number(z)}m"
     if mass.kind == "Ground1D":
-        writing.axis.append((name, f"SOL: {{{x0}}}"))
+        draft.axis_modules.append((name, f"SOL: {{{x0}}}"))
         return
-    mass_value, friction = _heavy(writing, mass), writing.network.friction
-    fields = [f"M: {_number(mass_value)}"]
+    m, friction = _checked_mass(draft, mass), draft.network.friction
+    fields = [f"M: {_number(m)}"]
     is_tied = mass.kind == "Osc1D"
     if is_tied or friction:
         k = mass.values["stiffness"] if is_tied else 0.0
@@ -198,74 +198,74 @@ def _mass(writing: _Writing, mass: Part) -> None:
         fields += [f"rest: {_number(z)}m"] if is_tied and z else []
     fields.append(x0)
     if speed := mass.values["initVel.z"]:
-        _within(mass, "a speed", speed, _SPEED_MAX * _MILLI)
+        _check_range(mass, "a speed", speed, _SPEED_MAX * _MILLI)
         fields.append(f"V0: {_number(speed)}m/s")
-    writing.axis.append(
+    draft.axis_modules.append(
         (
             name,
             f"{'CEL' if len(fields) > 3 and (is_tied or friction) else 'MAS'}: "
             f"{{{', '.join(fields)}}}",
         )
     )
-    if writing.network.gravity:
-        weight_name = writing.new(f"{name}_weight")
-        writing.axis.append(
-            (weight_name, f"ENF: {{to: {name}, from: {-writing.network.gravity * mass_value!r}N}}")
+    if draft.network.gravity:
+        weight_name = draft.new_name(f"{name}_weight")
+        draft.axis_modules.append(
+            (weight_name, f"ENF: {{to: {name}, from: {-draft.network.gravity * m!r}N}}")
         )
 
 
-def _spring(writing: _Writing, link: Part, masses_by_name: dict[str, Part]) -> None:
+def _add_spring_1d(draft: _ScoreDraft, link: Part, masses_by_name: dict[str, Part]) -> None:
     values = link.values
     first_name, second_name = link.ends
     if not {masses_by_name[first_name].kind, masses_by_name[second_name].kind} - {"Ground1D"}:
         return  # nothing of it moves
     # d is x_b - x_a - rest in a score, and z1 - z2 - drest in the model.
     fields = [
-        f"between: [{writing.masses[second_name]}, {writing.masses[first_name]}]",
+        f"between: [{draft.mass_modules[second_name]}, {draft.mass_modules[first_name]}]",
         f"K: {_number(values['stiffness'])}",
     ]
     fields += [f"Z: {_number(values['damping'])}"]
     fields += [f"rest: {_number(values['drest'])}m"] if values["drest"] else []
-    writing.axis.append((writing.new(link.name), f"REF: {{{', '.join(fields)}}}"))
+    draft.axis_modules.append((draft.new_name(link.name), f"REF: {{{', '.join(fields)}}}"))
 
 
 # --- text ---------------------------------------------------------------------------------------
 
 
-def _lines(writing: _Writing, title: str) -> Iterator[str]:
+def _lines(draft: _ScoreDraft, title: str) -> Iterator[str]:
     yield f"# From {printable(title) or 'a model'}, a model of miPhysics."
     yield (
-        f"# A step of the model is a sample of 1/{writing.rate} s; --set rate=1050 makes it longer."
+        f"# A step of the model is a sample of 1/{draft.rate} s; --set rate=1050 makes it longer."
     )
     yield "# The file does not say what is heard: it is the mass in the middle, along z."
     yield "ergon: 1"
-    yield f"rates: {{audio: {writing.rate}Hz}}"
-    if writing.space:
+    yield f"rates: {{audio: {draft.rate}Hz}}"
+    if draft.space_modules:
         yield "let:"
-        yield f"  stiff: {writing.rate * writing.rate}N/m  # a stiffness of 1 at this rate"
-        yield f"  viscous: {writing.rate}Ns/m  # a damping of 1"
+        yield f"  stiff: {draft.rate * draft.rate}N/m  # a stiffness of 1 at this rate"
+        yield f"  viscous: {draft.rate}Ns/m  # a damping of 1"
     yield "instruments:"
     routes: list[tuple[str, str]] = []
     for instrument, modules, kind_ending in (
-        ("space", writing.space, "3D"),
-        ("axis", writing.axis, "1D"),
+        ("space", draft.space_modules, "3D"),
+        ("axis", draft.axis_modules, "1D"),
     ):
         if not modules:
             continue
         yield f"  {instrument}:"
         if kind_ending == "3D":
             yield "    space: 3  # a unit of the model is a millimetre"
-            if writing.network.gravity:
-                gravity = writing.network.gravity * writing.rate * writing.rate * _MILLI
-                yield f"    gravity: {gravity!r}m/s2  # {writing.network.gravity!r} a sample²"
+            if draft.network.gravity:
+                gravity = draft.network.gravity * draft.rate * draft.rate * _MILLI
+                yield f"    gravity: {gravity!r}m/s2  # {draft.network.gravity!r} a sample²"
         else:
             yield "    units: ca"
-            yield f"    at: {writing.rate}Hz"
+            yield f"    at: {draft.rate}Hz"
         yield "    modules:"
         yield from (f"      {output_name}: {{{text}}}" for output_name, text in modules)
         mobile_names = [
-            writing.masses[mass.name]
-            for mass in writing.network.masses
+            draft.mass_modules[mass.name]
+            for mass in draft.network.masses
             if mass.kind.endswith(kind_ending) and not mass.kind.startswith("Ground")
         ]
         if mobile_names:

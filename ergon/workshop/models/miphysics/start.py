@@ -12,99 +12,97 @@ from collections.abc import Mapping
 
 from ergon.workshop.models.miphysics.reading import Network, Part
 
-_ROUNDS_MAX = 60  # largest number of fixed-point iterations; each adds some digits
+_ITERATIONS_MAX = 60  # largest number of fixed-point iterations; each adds some digits
 Vector = tuple[float, float, float]
 
 
-def drag(friction: float, mass: float) -> float:
+def drag_viscosity(friction: float, mass: float) -> float:
     """The viscosity [kg per sample] with which a score's drag removes friction/mass of a step."""
     return -mass * math.log1p(-friction / mass)
 
 
-def speeds(network: Network, rate: float) -> dict[str, Vector]:
+def initial_speeds(network: Network, rate: float) -> dict[str, Vector]:
     """V0 of each Mass3D, in units per sample; a file has them per second."""
-    places = {mass.name: place(mass) for mass in network.masses}
+    positions = {mass.name: initial_position(mass) for mass in network.masses}
     masses = {mass.name: mass.values["mass"] for mass in network.masses if mass.kind == "Mass3D"}
-    first_steps = {mass.name: step(mass, rate) for mass in network.masses if mass.kind == "Mass3D"}
-    standstill = (0.0, 0.0, 0.0)
-    speed_by_mass = dict(first_steps)
-    for _ in range(_ROUNDS_MAX):
+    initial_steps = {
+        mass.name: initial_step(mass, rate) for mass in network.masses if mass.kind == "Mass3D"
+    }
+    zero = (0.0, 0.0, 0.0)
+    speed_by_mass = dict(initial_steps)
+    for _ in range(_ITERATIONS_MAX):
         forces_by_mass = {
             name: [0.0, 0.0, -network.gravity * mass] for name, mass in masses.items()
         }
         for link in network.links:
-            _push(forces_by_mass, link, places, speed_by_mass)
-        next_speeds = {}
-        for mass_name, mass_value in masses.items():
+            _add_link_force(forces_by_mass, link, positions, speed_by_mass)
+        new_speeds = {}
+        for mass_name, m in masses.items():
             components = [
-                step_component + 0.5 * force_component / mass_value
+                step_component + 0.5 * force_component / m
                 for step_component, force_component in zip(
-                    first_steps[mass_name], forces_by_mass[mass_name], strict=True
+                    initial_steps[mass_name], forces_by_mass[mass_name], strict=True
                 )
             ]
             if network.friction:
-                drag_rate = drag(network.friction, mass_value) / mass_value
+                drag_rate = drag_viscosity(network.friction, m) / m
                 components = [
                     component * drag_rate / math.expm1(drag_rate) for component in components
                 ]
-            next_speeds[mass_name] = (components[0], components[1], components[2])
+            new_speeds[mass_name] = (components[0], components[1], components[2])
         change = max(
-            (math.dist(next_speeds[name], speed_by_mass.get(name, standstill)) for name in masses),
+            (math.dist(new_speeds[name], speed_by_mass.get(name, zero)) for name in masses),
             default=0.0,
         )
-        size = max((math.hypot(*speed) for speed in next_speeds.values()), default=0.0)
-        speed_by_mass = next_speeds
-        if change <= 1e-16 * size:
+        speed_max = max((math.hypot(*speed) for speed in new_speeds.values()), default=0.0)
+        speed_by_mass = new_speeds
+        if change <= 1e-16 * speed_max:
             break
     return speed_by_mass
 
 
-def place(mass: Part) -> Vector:
+def initial_position(mass: Part) -> Vector:
     """Where a mass begins [m]."""
     return mass.values["initPos.x"], mass.values["initPos.y"], mass.values["initPos.z"]
 
 
-def step(part: Part, rate: float) -> Vector:
+def initial_step(part: Part, rate: float) -> Vector:
     """The displacement of a mass [per sample] before the first sample."""
     values = part.values
     return values["initVel.x"] / rate, values["initVel.y"] / rate, values["initVel.z"] / rate
 
 
-def _push(
+def _add_link_force(
     forces_by_mass: Mapping[str, list[float]],
     link: Part,
-    places: Mapping[str, Vector],
+    positions: Mapping[str, Vector],
     steps: Mapping[str, Vector],
 ) -> None:
     """Add the force of a link at 0 s."""
     values = link.values
     k, z = values.get("stiffness", 0.0), values.get("damping", 0.0)
-    standstill = (0.0, 0.0, 0.0)
+    zero = (0.0, 0.0, 0.0)
     if link.kind == "PlaneContact3D":
-        axis_index, mass_name = int(values["orientation"]), link.ends[0]
-        clearance = places[mass_name][axis_index] - values["position"] - values["drest"]
+        axis, mass_name = int(values["orientation"]), link.ends[0]
+        clearance = positions[mass_name][axis] - values["position"] - values["drest"]
         if clearance < 0.0 and mass_name in forces_by_mass:
-            forces_by_mass[mass_name][axis_index] -= (
-                k * clearance + z * steps[mass_name][axis_index]
-            )
+            forces_by_mass[mass_name][axis] -= k * clearance + z * steps[mass_name][axis]
         return
-    first_end, second_end = link.ends
-    difference = [
+    a, b = link.ends
+    separation = [
         second_component - first_component
-        for first_component, second_component in zip(
-            places[first_end], places[second_end], strict=True
-        )
+        for first_component, second_component in zip(positions[a], positions[b], strict=True)
     ]
-    length = math.hypot(*difference)
+    length = math.hypot(*separation)
     elongation = length - values.get("drest", 0.0)
     if link.kind in ("Rope3D", "Bubble3D") and elongation <= 0.0:
         return
     if (link.kind == "Contact3D" and elongation >= 0.0) or length == 0.0:
         return
-    direction = [component / length for component in difference]
+    direction = [component / length for component in separation]
     pairs = zip(
-        steps.get(first_end, standstill),
-        steps.get(second_end, standstill),
+        steps.get(a, zero),
+        steps.get(b, zero),
         direction,
         strict=True,
     )
@@ -112,7 +110,7 @@ def _push(
         (second_component - first_component) * cosine
         for first_component, second_component, cosine in pairs
     )
-    for mass_name, sign in ((first_end, 1.0), (second_end, -1.0)):
+    for mass_name, sign in ((a, 1.0), (b, -1.0)):
         if mass_name in forces_by_mass:
-            for axis_index in range(3):
-                forces_by_mass[mass_name][axis_index] += sign * force * direction[axis_index]
+            for axis in range(3):
+                forces_by_mass[mass_name][axis] += sign * force * direction[axis]

@@ -19,24 +19,24 @@ def first_bang(network: Network) -> dict[int, float]:
             mass.x += mass.v
         else:
             mass.v = 0.0
-    extra_forces: dict[int, float] = {}
+    corrections: dict[int, float] = {}
     for link in network.links:
         a, b = network.masses[link.a], network.masses[link.b]
         length = a.x - b.x
-        length_change, relative_step = length - link.before, a.v - b.v
+        length_change, speed_difference = length - link.last_length, a.v - b.v
         # A score's damper feels the step of a mass too, so only the rest counts, above rounding.
-        if abs(length_change - relative_step) <= 1e-12 * max(abs(length), abs(link.before)):
+        if abs(length_change - speed_difference) <= 1e-12 * max(abs(length), abs(link.last_length)):
             continue
         if not (link.Lmin <= length < link.Lmax) or length == 0.0:
             continue
-        extra_force = _damping(network, link, length_change) - _damping(
-            network, link, relative_step
+        correction = _damping(network, link, length_change) - _damping(
+            network, link, speed_difference
         )
-        extra_forces[link.a] = extra_forces.get(link.a, 0.0) - extra_force
-        extra_forces[link.b] = extra_forces.get(link.b, 0.0) + extra_force
+        corrections[link.a] = corrections.get(link.a, 0.0) - correction
+        corrections[link.b] = corrections.get(link.b, 0.0) + correction
     return {
         mass_index: force
-        for mass_index, force in extra_forces.items()
+        for mass_index, force in corrections.items()
         if force and network.masses[mass_index].is_mobile
     }
 

@@ -9,7 +9,7 @@ from typing import Any
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.pmpd.network import PORTS_MAX, Asked, Link, Mass, Network, Port
+from ergon.workshop.models.pmpd.network import PORTS_MAX, Link, Mass, Network, Port, Request
 from ergon.workshop.models.pmpd.reading import MESSAGES_MAX, Message, number
 from ergon.workshop.models.pmpd.words import FORMS, OBJECTS, REFUSED, Object, Value, written
 
@@ -19,7 +19,7 @@ _KINDS = {"mass": "masses", "link": "links", "NLlink": "nl_links"}
 
 def network(object_kind: Object, messages: Sequence[Message]) -> Network:
     """The masses and links that messages make. Raises ModelError with the line at fault."""
-    network_made = Network(object_kind)
+    result = Network(object_kind)
     arrays = {
         sent.rest[index]
         for sent in messages
@@ -27,28 +27,28 @@ def network(object_kind: Object, messages: Sequence[Message]) -> Network:
         for index in (3, 5)
         if index < len(sent.rest)
     }
-    for nth, message in enumerate(messages):
-        if nth == 0 and message.word in OBJECTS:
-            _created(network_made, message)
+    for position, message in enumerate(messages):
+        if position == 0 and message.word in OBJECTS:
+            _set_ports(result, message)
         elif object_kind == "pmpd" and message.word in arrays:
-            _array(network_made, message)
+            _set_array(result, message)
         else:
-            _execute(network_made, message)
-    if not network_made.masses:
+            _execute(result, message)
+    if not result.masses:
         raise ModelError("it makes no mass", messages[-1].line if messages else 0)
-    return network_made
+    return result
 
 
-def _created(network: Network, message: Message) -> None:
+def _set_ports(network: Network, message: Message) -> None:
     """Create the object as a patch writes it: `pmpd~ 1 2` has one inlet and two outlets."""
-    sizes_given = [number(word) for word in message.rest]
+    sizes = [number(word) for word in message.rest]
     if network.kind == "pmpd":
         return  # how many masses and links it has room for
     if message.rest[:1] == ("-m",):
-        sizes_given = sizes_given[1:]
-    if None in sizes_given:
+        sizes = sizes[1:]
+    if None in sizes:
         raise ModelError("pmpd~ is written pmpd~ [inlets] [outlets]", message.line)
-    counts = [int(value or 0.0) for value in sizes_given]
+    counts = [int(value or 0.0) for value in sizes]
     inlets, outlets, loops = (max(1, count) for count in (*counts, *[1] * 3)[:3])
     if loops > 1:
         problem = f"{loops} steps in a sample are not built yet; a score has one"
@@ -56,24 +56,22 @@ def _created(network: Network, message: Message) -> None:
     network.n_ports = min(inlets, PORTS_MAX), min(outlets, PORTS_MAX)
 
 
-def _array(network: Network, message: Message) -> None:
+def _set_array(network: Network, message: Message) -> None:
     """Set an array as Pure Data does: `NAME resize 5`, or `NAME 0 1 2` for values from an index
     on.
     """
     first_word, *value_words = message.rest or ("",)
-    array_values = [number(word) for word in value_words]
-    first_index = number(first_word)
+    values = [number(word) for word in value_words]
+    index_number = number(first_word)
     array = network.arrays.setdefault(message.word, [])
-    if first_word == "resize" and len(array_values) == 1 and array_values[0] is not None:
-        size = _integer(array_values[0], 1, MESSAGES_MAX, "a size", message.line)
+    if first_word == "resize" and len(values) == 1 and values[0] is not None:
+        size = _integer(values[0], 1, MESSAGES_MAX, "a size", message.line)
         array[size:] = []
         array += [0.0] * (size - len(array))
-    elif first_index is not None and None not in array_values:
-        start_index = _integer(first_index, 0, MESSAGES_MAX, "an index", message.line)
-        array += [0.0] * (min(start_index + len(array_values), MESSAGES_MAX) - len(array))
-        array[start_index : start_index + len(array_values)] = [
-            value for value in array_values if value is not None
-        ]
+    elif index_number is not None and None not in values:
+        begin = _integer(index_number, 0, MESSAGES_MAX, "an index", message.line)
+        array += [0.0] * (min(begin + len(values), MESSAGES_MAX) - len(array))
+        array[begin : begin + len(values)] = [value for value in values if value is not None]
     else:
         example = f"{message.word} resize 3; {message.word} 0 0.5 1 2"
         raise ModelError(f"an array is written {example}", message.line)
@@ -89,17 +87,17 @@ def _execute(network: Network, message: Message) -> None:
         if number(message.word) is not None:
             raise ModelError("a message begins with a word, and this one with a number", line)
         (other_object,) = (name for name in OBJECTS if name != network.kind)
-        other_object_words = (
+        other_object_text = (
             f"; it is one of [{other_object}]" if message.word in FORMS[other_object] else ""
         )
-        suggestion = None if other_object_words else nearest(message.word, forms)
+        suggestion = None if other_object_text else nearest(message.word, forms)
         raise ModelError(
-            f"{quote(message.word)} is not a word of [{network.kind}]{other_object_words}",
+            f"{quote(message.word)} is not a word of [{network.kind}]{other_object_text}",
             line,
             suggestion,
         )
-    count_min = sum(value.default is None for value in form)
-    if not count_min <= len(message.rest) <= len(form):
+    n_min = sum(value.default is None for value in form)
+    if not n_min <= len(message.rest) <= len(form):
         usage = f"{written(message.word, form)}; here it has {len(message.rest)} values"
         raise ModelError(f"{message.word} is written {usage}", line)
     if network.has_run and message.word not in _ANY_TIME and not _is_query(message.word):
@@ -171,13 +169,13 @@ def _integer(value: float, least: int, highest: int, label: str, line: int) -> i
 # --- what each word does ------------------------------------------------------------------------
 
 
-def _check_room(elements: Sequence[object], line: int) -> None:
+def _check_count(elements: Sequence[object], line: int) -> None:
     if len(elements) >= MESSAGES_MAX:
         raise ModelError(f"there are more than {MESSAGES_MAX:,} masses or links", line)
 
 
 def _mass_audio(network: Network, word: str, line: int, M: float, x: float) -> None:
-    _check_room(network.masses, line)
+    _check_count(network.masses, line)
     network.masses.append(Mass("mass", M > 0.0, M, x, line))
 
 
@@ -190,7 +188,7 @@ def _mass(
     M: float,
     x: float,
 ) -> None:
-    _check_room(network.masses, line_number)
+    _check_count(network.masses, line_number)
     network.masses.append(Mass(class_name, int(mobile) > 0, M if M > 0.0 else 1.0, x, line_number))
 
 
@@ -206,7 +204,7 @@ def _link_audio(
 ) -> None:
     Pow, L, length_min, length_max = optional_values or (1.0, 0.0, -1e6, 1e6)
     elements = network.nl_links if word == "NLlink" else network.links
-    _check_room(elements, line)
+    _check_count(elements, line)
     if first_mass == second_mass:
         raise ModelError(f"{word} joins mass {first_mass} to itself", line)
     elements.append(
@@ -227,7 +225,7 @@ def _link_audio(
     )
 
 
-def _joined(
+def _mass_pairs(
     network: Network, first_masses: list[int], second_masses: list[int], line: int
 ) -> Iterator[tuple[int, int]]:
     """All pairs of masses of two classes; within one class, each pair once."""
@@ -237,7 +235,7 @@ def _joined(
     for first_mass in first_masses:
         for second_mass in second_masses:
             if first_mass != second_mass and not (is_same and first_mass > second_mass):
-                _check_room(network.links, line)
+                _check_count(network.links, line)
                 yield first_mass, second_mass
 
 
@@ -251,7 +249,7 @@ def _link(
     *values: float,
 ) -> None:
     K, D, Pow, length_min, length_max = values
-    for first_mass, second_mass in _joined(network, first_masses, second_masses, line):
+    for first_mass, second_mass in _mass_pairs(network, first_masses, second_masses, line):
         L = network.masses[first_mass].x - network.masses[second_mass].x
         network.links.append(
             Link(
@@ -287,7 +285,7 @@ def _table_link(
         array_d,
         (length_d if length_d > 0 else 1.0),
     )
-    for first_mass, second_mass in _joined(network, first_masses, second_masses, line):
+    for first_mass, second_mass in _mass_pairs(network, first_masses, second_masses, line):
         L = network.masses[first_mass].x - network.masses[second_mass].x
         link = Link(
             class_name,
@@ -312,7 +310,7 @@ def _port(network: Network, word: str, line: int, port_number: int, mass: int, g
 
 
 def _ask(network: Network, word: str, line: int, masses: list[int]) -> None:
-    network.asked.append(Asked(word, tuple(masses), line))
+    network.requests.append(Request(word, tuple(masses), line))
 
 
 def _bang(network: Network, word: str, line: int) -> None:
@@ -326,7 +324,7 @@ def _reset(network: Network, word: str, line: int) -> None:
         setattr(network, field.name, getattr(reset_network, field.name))
 
 
-def _nothing(network: Network, word: str, line: int) -> None:
+def _ignore(network: Network, word: str, line: int) -> None:
     """It prints, and changes nothing."""
 
 
@@ -404,7 +402,7 @@ _AUDIO: Mapping[str, Callable[..., None]] = {
     "setNLLMin": _set("nl_links", "Lmin"),
     "setNLLMax": _set("nl_links", "Lmax"),
     "reset": _reset,
-    **_words("print bang", _nothing),
+    **_words("print bang", _ignore),
 }
 _CONTROL: Mapping[str, Callable[..., None]] = {
     "mass": _mass,
@@ -416,7 +414,7 @@ _CONTROL: Mapping[str, Callable[..., None]] = {
     **_words("setForce setForceX", _set("masses", "f")),
     **_words("setSpeed setSpeedX", _set("masses", "v")),
     "setM": _set_mass,
-    "setDEnv": _set("masses", "D"),
+    "setDEnv": _set("masses", "air_damping"),
     **_words("setFixed setMobile", _set_mobile),
     "setK": _set("links", "K"),
     "setD": _set("links", "D"),
@@ -426,7 +424,7 @@ _CONTROL: Mapping[str, Callable[..., None]] = {
     **_words("massPos massPosL massPosXL massSpeed massSpeedL massSpeedXL", _ask),
     **_words("massPosMean massSpeedMean", _ask),
     "reset": _reset,
-    **_words("print infosL", _nothing),
+    **_words("print infosL", _ignore),
     "bang": _bang,
 }
 _MAKERS = {

@@ -20,12 +20,12 @@ class Mass:
     line: int
     v: float = 0.0
     f: float = 0.0
-    D: float = 0.0  # against its own speed
+    air_damping: float = 0.0  # against its own speed
 
 
 @dataclass(slots=True)
 class Link:
-    """A link of masses by their indices; `before` is its length [m] when it was last read.
+    """A link of masses by their indices; `last_length` is its length [m] when it was last read.
 
     `form` is the kind of law: "link~" and "NLlink~" of pmpd~, "link" and "table" of pmpd.
     """
@@ -40,16 +40,16 @@ class Link:
     L: float
     Lmin: float
     Lmax: float
-    before: float
+    last_length: float
     line: int
     tables: tuple[str, float, str, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """An inlet or outlet of a mass: `what` is the word, `gain` its factor."""
+    """An inlet or outlet of a mass: `word` is its kind, `gain` its factor."""
 
-    what: str
+    word: str
     number: int
     mass: int
     gain: float
@@ -57,7 +57,7 @@ class Port:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class Request:
     """Masses of which pmpd is asked for positions or speeds."""
 
     word: str
@@ -74,7 +74,7 @@ class Network:
     links: list[Link] = field(default_factory=list)
     nl_links: list[Link] = field(default_factory=list)
     ports: list[Port] = field(default_factory=list)
-    asked: list[Asked] = field(default_factory=list)
+    requests: list[Request] = field(default_factory=list)
     arrays: dict[str, list[float]] = field(default_factory=dict)
     n_ports: tuple[int, int] = (PORTS_MAX, PORTS_MAX)  # inlets, outlets
     has_run: bool = False

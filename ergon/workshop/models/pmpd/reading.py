@@ -31,7 +31,7 @@ class Message:
 
 def is_list(text: str) -> bool:
     """Whether a text is a list of messages: its first word is one of pmpd's."""
-    for message in messages(text, count_max=1):
+    for message in messages(text, n_max=1):
         known_words = {
             *OBJECTS,
             *REFUSED,
@@ -46,7 +46,7 @@ def is_patch(text: str) -> bool:
     return text.lstrip().startswith("#N canvas")
 
 
-def patch_words(text: str) -> str:
+def patch_refusal(text: str) -> str:
     """A sentence on the pmpd objects of a patch, with advice."""
     objects = sorted({*_PATCH_OBJECT.findall(text)})
     object_text = f" with {', '.join(objects)}" if objects else " without an object of pmpd"
@@ -58,7 +58,7 @@ def patch_words(text: str) -> str:
     )
 
 
-def messages(text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
+def messages(text: str, n_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
     """Split a text into messages, at `;` and `,`, and at line ends if there is no `;`.
 
     Lines that begin with `#` and a space are comments. Raises ModelError.
@@ -71,19 +71,19 @@ def messages(text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
     ]
     has_semicolons = any(";" in line for _, line in numbered_lines)
     message_words: list[str] = []
-    first_line, message_count = 0, 0
+    first_line, n_messages = 0, 0
     for line_number, line in numbered_lines:
         message_texts = _SEPARATOR.split(line)
-        for nth, message_text in enumerate(message_texts):
+        for text_index, message_text in enumerate(message_texts):
             words = message_text.split()
             first_line = line_number if words and not message_words else first_line
             message_words += words
             if len(message_words) > _WORDS_MAX:
                 raise ModelError(f"a message has at most {_WORDS_MAX:,} words", first_line)
-            if message_words and (nth + 1 < len(message_texts) or not has_semicolons):
+            if message_words and (text_index + 1 < len(message_texts) or not has_semicolons):
                 yield Message(message_words[0], tuple(message_words[1:]), first_line)
-                message_words, message_count = [], message_count + 1
-                if message_count >= count_max:
+                message_words, n_messages = [], n_messages + 1
+                if n_messages >= n_max:
                     return
     if message_words:
         yield Message(message_words[0], tuple(message_words[1:]), first_line)
@@ -105,24 +105,24 @@ def parse(text: str, dialect: Object | None) -> tuple[Object, list[Message]]:
     return _object(parsed, dialect), parsed
 
 
-def _object(messages_read: list[Message], dialect: Object | None) -> Object:
-    if messages_read and messages_read[0].word in OBJECTS:
-        named_object: Object = "pmpd~" if messages_read[0].word == "pmpd~" else "pmpd"
+def _object(messages: list[Message], dialect: Object | None) -> Object:
+    if messages and messages[0].word in OBJECTS:
+        named_object: Object = "pmpd~" if messages[0].word == "pmpd~" else "pmpd"
         if dialect not in (None, named_object):
-            raise ModelError(f"these messages are for [{named_object}]", messages_read[0].line)
+            raise ModelError(f"these messages are for [{named_object}]", messages[0].line)
         return named_object
-    if messages_read and _OTHER_OBJECT.fullmatch(messages_read[0].word):
-        raise ModelError("of pmpd the objects of one dimension are read", messages_read[0].line)
+    if messages and _OTHER_OBJECT.fullmatch(messages[0].word):
+        raise ModelError("of pmpd the objects of one dimension are read", messages[0].line)
     if dialect is not None:
         return dialect
     special_words = {
         name: set(FORMS[name]) - set(FORMS[other_name])
         for name, other_name in (OBJECTS, OBJECTS[::-1])
     }
-    words_used = {message.word for message in messages_read}
+    words_used = {message.word for message in messages}
     has_class = any(
         message.word in ("mass", "link") and message.rest and number(message.rest[0]) is None
-        for message in messages_read
+        for message in messages
     )
     is_control = has_class or bool(words_used & special_words["pmpd"])
     is_audio = bool(words_used & special_words["pmpd~"])

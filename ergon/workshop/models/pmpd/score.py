@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.exact_numbers import nudge_to_goal
 from ergon.workshop.models.naming import Names
-from ergon.workshop.models.page import RATE, Input, Line, Out, Page, gain, number
+from ergon.workshop.models.page import RATE, Input, Line, Out, Page, gain_option, number_text
 from ergon.workshop.models.pmpd.bang import first_bang
-from ergon.workshop.models.pmpd.network import Asked, Link, Mass, Network, Port
+from ergon.workshop.models.pmpd.network import Link, Mass, Network, Port, Request
 from ergon.workshop.models.pmpd.strings import Row, rows
-from ergon.workshop.models.pmpd.tables import springs
+from ergon.workshop.models.pmpd.tables import laws
 
 _LENGTH_BOUND = 1e6  # bounds of a length beyond which pmpd's own default lies
 _DISTANCE_MAX, _SPEED_MAX = 1e3, 1e6  # [m], [m/s] of a score
@@ -25,17 +25,19 @@ _NO_LETTER = re.compile(r"\W", re.ASCII)
 
 
 @dataclass(slots=True)
-class _Writing:
+class _ScoreDraft:
     network: Network
     inputs: Mapping[str, Input]
     names: Names = field(default_factory=Names)
-    masses: list[str] = field(default_factory=list)
+    mass_modules: list[str] = field(default_factory=list)
     modules: list[Line] = field(default_factory=list)
-    kicks: dict[int, float] = field(default_factory=dict)  # forces in the first sample
-    moved: dict[int, Port] = field(default_factory=dict)  # masses that an inlet puts somewhere
+    initial_forces: dict[int, float] = field(default_factory=dict)  # forces in the first sample
+    imposed_by_mass: dict[int, Port] = field(
+        default_factory=dict
+    )  # masses that an inlet puts somewhere
     outs: list[Out] = field(default_factory=list)
     ground: str = ""
-    joined: set[int] = field(default_factory=set)  # links within strings, by their places
+    string_links: set[int] = field(default_factory=set)  # links within strings, by their places
 
     def add(self, name_wanted: str, text: str, comment: str = "") -> str:
         """Add a module; returns its name."""
@@ -44,81 +46,81 @@ class _Writing:
         return name
 
 
-def written(network: Network, inputs_by_name: Mapping[str, Input], score_title: str) -> str:
+def written(network: Network, inputs: Mapping[str, Input], score_title: str) -> str:
     """The text of a score that moves as the object does. Raises ModelError with the line at fault.
 
-    `inputs_by_name` are files by `in0`, `in1` …, the inlets of pmpd~.
+    `inputs` are files by `in0`, `in1` …, the inlets of pmpd~.
     """
-    writing = _Writing(network, inputs_by_name)
+    draft = _ScoreDraft(network, inputs)
     if network.kind == "pmpd":
-        writing.kicks = first_bang(network)
+        draft.initial_forces = first_bang(network)
     else:
-        writing.kicks = {
+        draft.initial_forces = {
             mass_index: mass.f for mass_index, mass in enumerate(network.masses) if mass.f
         }
         for port in network.ports:
-            if port.what == "inPos":
-                writing.moved[port.mass] = port
-    _masses(writing)
-    for nth, link in enumerate([*network.links, *network.nl_links]):
-        if nth not in writing.joined:
-            _link(writing, nth, link)
-    _feeds(writing)
-    _outputs(writing)
-    return _page(writing, score_title).written()
+            if port.word == "inPos":
+                draft.imposed_by_mass[port.mass] = port
+    _add_masses(draft)
+    for link_index, link in enumerate([*network.links, *network.nl_links]):
+        if link_index not in draft.string_links:
+            _add_link(draft, link_index, link)
+    _add_forces(draft)
+    _add_outputs(draft)
+    return _page(draft, score_title).text()
 
 
 # --- masses -------------------------------------------------------------------------------------
 
 
-def _masses(writing: _Writing) -> None:
-    counts_by_class: dict[str, int] = {}
-    for mass in writing.network.masses:
-        counts_by_class[mass.class_name] = counts_by_class.get(mass.class_name, 0) + 1
-    last_index_by_class: dict[str, int] = {}
-    string_rows = rows(
-        writing.network,
-        writing.moved,
-        lambda link: link.K > 0.0 and _is_plain(writing, link, link.D),
+def _add_masses(draft: _ScoreDraft) -> None:
+    class_sizes: dict[str, int] = {}
+    for mass in draft.network.masses:
+        class_sizes[mass.class_name] = class_sizes.get(mass.class_name, 0) + 1
+    last_indices: dict[str, int] = {}
+    string_by_first_mass = rows(
+        draft.network,
+        draft.imposed_by_mass,
+        lambda link: link.K > 0.0 and _is_plain(draft, link, link.D),
     )
-    for mass_index, mass in enumerate(writing.network.masses):
-        index_in_class = last_index_by_class[mass.class_name] = (
-            last_index_by_class.get(mass.class_name, -1) + 1
-        )
-        class_word = _NO_LETTER.sub("_", mass.class_name)
-        class_word = class_word if class_word[:1].isalpha() else f"m{class_word}"
-        if mass_index in string_rows:
-            _string(
-                writing,
-                string_rows[mass_index],
+    for mass_index, mass in enumerate(draft.network.masses):
+        index_in_class = last_indices[mass.class_name] = last_indices.get(mass.class_name, -1) + 1
+        module_name = _NO_LETTER.sub("_", mass.class_name)
+        module_name = module_name if module_name[:1].isalpha() else f"m{module_name}"
+        if mass_index in string_by_first_mass:
+            _add_string(
+                draft,
+                string_by_first_mass[mass_index],
                 mass,
-                class_word if writing.network.kind == "pmpd" else "string",
+                module_name if draft.network.kind == "pmpd" else "string",
             )
-        if mass_index < len(writing.masses):
+        if mass_index < len(draft.mass_modules):
             continue  # a member of a string
-        if writing.network.kind == "pmpd~":
-            class_word = f"m{mass_index}"
-        elif counts_by_class[mass.class_name] > 1:
-            class_word = f"{class_word}{index_in_class}"
-        writing.masses.append(_mass(writing, mass_index, mass, class_word))
-        if mass.D and mass.is_mobile:
-            _damper(writing, f"{class_word}_air", writing.masses[mass_index], mass.D)
+        if draft.network.kind == "pmpd~":
+            module_name = f"m{mass_index}"
+        elif class_sizes[mass.class_name] > 1:
+            module_name = f"{module_name}{index_in_class}"
+        draft.mass_modules.append(_add_mass(draft, mass_index, mass, module_name))
+        if mass.air_damping and mass.is_mobile:
+            _add_ground_damper(
+                draft, f"{module_name}_air", draft.mass_modules[mass_index], mass.air_damping
+            )
 
 
-def _string(writing: _Writing, row: Row, mass: Mass, word: str) -> None:
-    count = row.count
-    _within(mass)
+def _add_string(draft: _ScoreDraft, row: Row, mass: Mass, word: str) -> None:
+    count = row.n_masses
+    _check_start(mass)
     total_mass = nudge_to_goal(count * mass.M, lambda mass_to_try: mass_to_try / count, mass.M)
     fields = [
         f"masses: {count}",
         "ends: free",
-        f"M: {number(total_mass)}",
-        f"K: {number(row.link.K)}",
+        f"M: {number_text(total_mass)}",
+        f"K: {number_text(row.link.K)}",
     ]
-    fields += [f"Z: {number(row.link.D)}", *_start(mass)]
-    name = writing.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first} and on")
-    writing.masses += [f"{name}.{member}" for member in range(count)]
-    writing.joined |= row.links
+    fields += [f"Z: {number_text(row.link.D)}", *_start(mass)]
+    name = draft.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first_mass} and on")
+    draft.mass_modules += [f"{name}.{member}" for member in range(count)]
+    draft.string_links |= row.links
 
 
 def _start(mass: Mass) -> list[str]:
@@ -126,7 +128,7 @@ def _start(mass: Mass) -> list[str]:
     return [*x0, f"V0: {mass.v * RATE!r}m/s"] if mass.v else x0
 
 
-def _within(mass: Mass) -> None:
+def _check_start(mass: Mass) -> None:
     for name, value, limit in (
         ("x", mass.x, _DISTANCE_MAX),
         ("the first step", mass.v * RATE, _SPEED_MAX),
@@ -135,97 +137,97 @@ def _within(mass: Mass) -> None:
             raise ModelError(f"{name} is {value:g}: a score holds up to {limit:g}", mass.line)
 
 
-def _mass(writing: _Writing, mass_index: int, mass: Mass, word: str) -> str:
-    _within(mass)
-    if mass_index in writing.moved:
-        return _moved(writing, writing.moved[mass_index], mass, word)
+def _add_mass(draft: _ScoreDraft, mass_index: int, mass: Mass, word: str) -> str:
+    _check_start(mass)
+    if mass_index in draft.imposed_by_mass:
+        return _add_imposed_mass(draft, draft.imposed_by_mass[mass_index], mass, word)
     if not mass.is_mobile:
-        return writing.add(word, f"SOL: {{{''.join(_start(mass))}}}")
-    return writing.add(word, f"MAS: {{{', '.join([f'M: {number(mass.M)}', *_start(mass)])}}}")
+        return draft.add(word, f"SOL: {{{''.join(_start(mass))}}}")
+    return draft.add(word, f"MAS: {{{', '.join([f'M: {number_text(mass.M)}', *_start(mass)])}}}")
 
 
-def _moved(writing: _Writing, port: Port, mass: Mass, word: str) -> str:
+def _add_imposed_mass(draft: _ScoreDraft, port: Port, mass: Mass, word: str) -> str:
     if mass.is_mobile:
         message = f"inlet {port.number} puts a mass somewhere that moves by itself too; "
         raise ModelError(f"{message}give mass {port.mass} a weight of 0", port.line)
-    source = writing.inputs.get(f"in{port.number}")
+    source = draft.inputs.get(f"in{port.number}")
     if source is None:
-        return writing.add(word, "SOL: {}", "an inlet that nothing is connected to is 0")
+        return draft.add(word, "SOL: {}", "an inlet that nothing is connected to is 0")
     first_position = source.first * port.gain
     x0 = f", X0: {first_position!r}m" if first_position else ""
-    name = writing.add(
+    name = draft.add(
         word, f"MAS: {{M: {_IMPOSED_MASS}{x0}}}", "its mass says nothing: its path is imposed"
     )
     scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
-    writing.add(f"{word}_path", f"ENX: {{to: {name}, from: in{port.number}{source.start}{scale}}}")
+    draft.add(f"{word}_path", f"ENX: {{to: {name}, from: in{port.number}{source.start}{scale}}}")
     return name
 
 
-def _damper(writing: _Writing, word: str, mass_name: str, D: float) -> None:
+def _add_ground_damper(draft: _ScoreDraft, word: str, mass_name: str, D: float) -> None:
     """Add a viscosity against the ground."""
-    writing.ground = writing.ground or writing.add("ground", "SOL: {}", "what stands still")
-    ends = f"between: [{writing.ground}, {mass_name}]"
+    draft.ground = draft.ground or draft.add("ground", "SOL: {}", "what stands still")
+    ends = f"between: [{draft.ground}, {mass_name}]"
     if D >= 0.0:
-        writing.add(word, f"FRO: {{{ends}, Z: {number(D)}}}")
+        draft.add(word, f"FRO: {{{ends}, Z: {number_text(D)}}}")
     else:
-        writing.add(word, f'LNL: {{{ends}, damping: "z*v", z: {number(D)}}}')
+        draft.add(word, f'LNL: {{{ends}, damping: "z*v", z: {number_text(D)}}}')
 
 
 # --- links --------------------------------------------------------------------------------------
 
 
-def _link(writing: _Writing, nth: int, link: Link) -> None:
-    masses = writing.network.masses
+def _add_link(draft: _ScoreDraft, link_index: int, link: Link) -> None:
+    masses = draft.network.masses
     name = _NO_LETTER.sub("_", link.class_name)
-    name = f"{name if name[:1].isalpha() else 'link'}{nth}"
-    is_end_fixed = [
-        mass_index in writing.moved or not masses[mass_index].is_mobile
+    name = f"{name if name[:1].isalpha() else 'link'}{link_index}"
+    are_fixed = [
+        mass_index in draft.imposed_by_mass or not masses[mass_index].is_mobile
         for mass_index in (link.a, link.b)
     ]
-    if all(is_end_fixed):
+    if all(are_fixed):
         return  # nothing of it moves
     D = link.D
     # d is x_b - x_a in a score, and pmpd's length is x1 - x2.
-    ends = f"between: [{writing.masses[link.b]}, {writing.masses[link.a]}]"
-    mobile_name = writing.masses[link.b if is_end_fixed[0] else link.a]
-    if D and any(mass_index in writing.moved for mass_index in (link.a, link.b)):
+    ends = f"between: [{draft.mass_modules[link.b]}, {draft.mass_modules[link.a]}]"
+    mobile_module = draft.mass_modules[link.b if are_fixed[0] else link.a]
+    if D and any(mass_index in draft.imposed_by_mass for mass_index in (link.a, link.b)):
         # In pmpd~ a mass that an inlet moves has no speed.
-        if link.form == "NLlink~" and not _is_open(link):
+        if link.form == "NLlink~" and not _is_unbounded(link):
             message = "viscosity within bounds, on a mass that an inlet moves, is not built yet"
             raise ModelError(message, link.line)
-        _damper(writing, f"{name}_air", mobile_name, D)
+        _add_ground_damper(draft, f"{name}_air", mobile_module, D)
         D = 0.0
     if link.tables is not None:
-        for text in springs(writing.network.arrays, link):
-            writing.add(name, f"LNL: {{{ends}, {text}}}")
+        for text in laws(draft.network.arrays, link):
+            draft.add(name, f"LNL: {{{ends}, {text}}}")
         return
     rest_field = f", rest: {link.L!r}m" if link.L else ""
     if abs(link.L) > _DISTANCE_MAX:
         raise ModelError(f"its length is {link.L:g}: a score holds up to 1000", link.line)
-    if _is_plain(writing, link, D):
+    if _is_plain(draft, link, D):
         kind = "REF" if D else "RES"
-        damping_field = f", Z: {number(D)}" if D else ""
-        writing.add(name, f"{kind}: {{{ends}, K: {number(link.K)}{damping_field}{rest_field}}}")
-    elif _is_straight(writing, link):
-        law = f'law: "k*d", damping: "z*v", k: {number(link.K)}, z: {number(D)}'
-        writing.add(name, f"LNL: {{{ends}, {law}{rest_field}}}")
+        damping_field = f", Z: {number_text(D)}" if D else ""
+        draft.add(name, f"{kind}: {{{ends}, K: {number_text(link.K)}{damping_field}{rest_field}}}")
+    elif _is_linear(draft, link):
+        law = f'law: "k*d", damping: "z*v", k: {number_text(link.K)}, z: {number_text(D)}'
+        draft.add(name, f"LNL: {{{ends}, {law}{rest_field}}}")
     else:
-        writing.add(name, f"LNL: {{{ends}, {_law(link, D)}}}")
+        draft.add(name, f"LNL: {{{ends}, {_law(link, D)}}}")
 
 
-def _is_plain(writing: _Writing, link: Link, D: float) -> bool:
+def _is_plain(draft: _ScoreDraft, link: Link, D: float) -> bool:
     """Whether a score can write the link as a spring with a damper."""
-    return _is_straight(writing, link) and link.K >= 0.0 and D >= 0.0
+    return _is_linear(draft, link) and link.K >= 0.0 and D >= 0.0
 
 
-def _is_straight(writing: _Writing, link: Link) -> bool:
-    a, b = writing.network.masses[link.a], writing.network.masses[link.b]
+def _is_linear(draft: _ScoreDraft, link: Link) -> bool:
+    a, b = draft.network.masses[link.a], draft.network.masses[link.b]
     begins_at_zero_length = link.form == "link" and link.L != 0.0 and a.x == b.x
-    is_linear = link.tables is None and link.Pow == 1.0 and _is_open(link)
-    return is_linear and not begins_at_zero_length
+    has_linear_law = link.tables is None and link.Pow == 1.0 and _is_unbounded(link)
+    return has_linear_law and not begins_at_zero_length
 
 
-def _is_open(link: Link) -> bool:
+def _is_unbounded(link: Link) -> bool:
     return link.Lmin <= -_LENGTH_BOUND and link.Lmax >= _LENGTH_BOUND
 
 
@@ -235,7 +237,7 @@ def _law(link: Link, D: float) -> str:
     # Bounds of pmpd~ are for the length beyond the rest length, those of pmpd for the whole length.
     elongation = "d" if is_audio or not link.L else "(d - l)"
     constants = {"k": link.K, **({"p": link.Pow} if link.Pow != 1.0 else {})}
-    law_text = (
+    elastic = (
         f"k*{elongation}"
         if link.Pow == 1.0
         else f"where({elongation} < 0, -k*abs({elongation})**p, k*abs({elongation})**p)"
@@ -243,25 +245,25 @@ def _law(link: Link, D: float) -> str:
     if not is_audio and link.L:
         constants["l"] = link.L
     conditions = []
-    if not _is_open(link):
+    if not _is_unbounded(link):
         conditions = [f"(d {'>' if is_audio else '>='} lo)", "(d < hi)"]
         constants |= {"lo": link.Lmin, "hi": link.Lmax}
     if not is_audio:
         conditions.append("(d != 0)")
     damping = "z*v"
     if conditions:
-        law_text, damping = (
-            f"where({'*'.join(conditions)}, {expression}, 0)" for expression in (law_text, damping)
+        elastic, damping = (
+            f"where({'*'.join(conditions)}, {expression}, 0)" for expression in (elastic, damping)
         )
     if link.Pow < 1.0:
         # The slope of this law is infinite at rest. A law without a bound on its slope has no
         # certificate, but dry friction has one.
-        law_fields = [f'damping: "{law_text}{f" + {damping}" if D else ""}"']
+        law_fields = [f'damping: "{elastic}{f" + {damping}" if D else ""}"']
     else:
-        law_fields = [f'law: "{law_text}"', *([f'damping: "{damping}"'] if D else [])]
+        law_fields = [f'law: "{elastic}"', *([f'damping: "{damping}"'] if D else [])]
     if D:
         constants["z"] = D
-    law_fields += [f"{name}: {number(value)}" for name, value in constants.items()]
+    law_fields += [f"{name}: {number_text(value)}" for name, value in constants.items()]
     if is_audio and link.L:
         law_fields.append(f"rest: {link.L!r}m")
     return ", ".join(law_fields)
@@ -270,45 +272,45 @@ def _law(link: Link, D: float) -> str:
 # --- what is fed and heard ----------------------------------------------------------------------
 
 
-def _feeds(writing: _Writing) -> None:
-    for port in writing.network.ports:
-        source = writing.inputs.get(f"in{port.number}")
-        if port.what != "inForce" or source is None:
+def _add_forces(draft: _ScoreDraft) -> None:
+    for port in draft.network.ports:
+        source = draft.inputs.get(f"in{port.number}")
+        if port.word != "inForce" or source is None:
             continue
-        if not writing.network.masses[port.mass].is_mobile:
+        if not draft.network.masses[port.mass].is_mobile:
             continue  # a fixed mass is not moved by forces
         if source.file is None and any(
-            _moves(other_port, port.number) for other_port in writing.network.ports
+            _moves(other_port, port.number) for other_port in draft.network.ports
         ):
             message = f"inlet {port.number} moves one mass and pushes another, which a file can do"
             raise ModelError(f"{message} and osc cannot", port.line)
         scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
-        mass_name = writing.masses[port.mass]
+        mass_name = draft.mass_modules[port.mass]
         text = f"ENF: {{to: {mass_name}, from: in{port.number}{source.start}{scale}}}"
-        writing.add(f"{_NO_LETTER.sub('_', mass_name)}_push", text)
+        draft.add(f"{_NO_LETTER.sub('_', mass_name)}_push", text)
 
 
 def _moves(port: Port, number: int) -> bool:
-    return port.what == "inPos" and port.number == number
+    return port.word == "inPos" and port.number == number
 
 
-def _outputs(writing: _Writing) -> None:
-    for port in writing.network.ports:
-        if not port.what.startswith("out") or port.gain == 0.0:
+def _add_outputs(draft: _ScoreDraft) -> None:
+    for port in draft.network.ports:
+        if not port.word.startswith("out") or port.gain == 0.0:
             continue
         if port.gain < 0.0:
             raise ModelError(f"a gain of {port.gain:g}: a score has none below 0", port.line)
-        if port.mass in writing.moved:
+        if port.mass in draft.imposed_by_mass:
             message = f"mass {port.mass} is moved by an inlet, which is heard one sample before all"
             raise ModelError(f"{message} else; leave its outlet out", port.line)
-        _out(writing, [port.mass], port.what == "outSpeed", port.number + 1, port.gain)
-    requests = writing.network.asked
-    if writing.network.kind == "pmpd" and not requests:
+        _add_output(draft, [port.mass], port.word == "outSpeed", port.number + 1, port.gain)
+    requests = draft.network.requests
+    if draft.network.kind == "pmpd" and not requests:
         mobile = tuple(
-            mass_index for mass_index, mass in enumerate(writing.network.masses) if mass.is_mobile
+            mass_index for mass_index, mass in enumerate(draft.network.masses) if mass.is_mobile
         )
-        requests = [Asked("massPosMean", mobile, 0)]
-    channel_number = 0
+        requests = [Request("massPosMean", mobile, 0)]
+    channel = 0
     for request in requests:
         is_mean, is_speed = (
             request.word.endswith("Mean"),
@@ -318,21 +320,21 @@ def _outputs(writing: _Writing) -> None:
             [list(request.masses)] if is_mean else [[mass_index] for mass_index in request.masses]
         )
         for group in filter(None, groups):
-            channel_number += 1
-            if channel_number > _CHANNELS_MAX:
+            channel += 1
+            if channel > _CHANNELS_MAX:
                 message = f"more than {_CHANNELS_MAX} masses are asked for; name fewer"
                 raise ModelError(f"{message}, or write massPosMean CLASS", request.line)
-            _out(writing, group, is_speed, channel_number, 1.0 / len(group))
+            _add_output(draft, group, is_speed, channel, 1.0 / len(group))
 
 
-def _out(
-    writing: _Writing, masses: Sequence[int], is_speed: bool, channel: int, signal_factor: float
+def _add_output(
+    draft: _ScoreDraft, masses: Sequence[int], is_speed: bool, channel: int, factor: float
 ) -> None:
-    output_name = f"out{len(writing.outs) + 1}"
-    mass_ranges = ", ".join(_ranges([writing.masses[mass_index] for mass_index in masses]))
-    mass_ranges = mass_ranges if len(masses) == 1 else f"[{mass_ranges}]"
-    kind, signal_factor = ("SOV", signal_factor / RATE) if is_speed else ("SOX", signal_factor)
-    writing.outs.append(Out(output_name, f"{kind}: {mass_ranges}", channel, gain(signal_factor)))
+    output_name = f"out{len(draft.outs) + 1}"
+    targets = ", ".join(_ranges([draft.mass_modules[mass_index] for mass_index in masses]))
+    targets = targets if len(masses) == 1 else f"[{targets}]"
+    kind, factor = ("SOV", factor / RATE) if is_speed else ("SOX", factor)
+    draft.outs.append(Out(output_name, f"{kind}: {targets}", channel, gain_option(factor)))
 
 
 def _ranges(member_names: Sequence[str]) -> Iterator[str]:
@@ -358,21 +360,21 @@ def _ranges(member_names: Sequence[str]) -> Iterator[str]:
 # --- text ---------------------------------------------------------------------------------------
 
 
-def _page(writing: _Writing, score_title: str) -> Page:
-    pushes = {f"in{port.number}" for port in writing.network.ports if port.what == "inForce"}
-    ports = {f"in{port.number}" for port in writing.network.ports if port.what.startswith("in")}
+def _page(draft: _ScoreDraft, score_title: str) -> Page:
+    pushes = {f"in{port.number}" for port in draft.network.ports if port.word == "inForce"}
+    ports = {f"in{port.number}" for port in draft.network.ports if port.word.startswith("in")}
     return Page(
-        head=_head(writing, score_title),
-        inputs={name: writing.inputs[name] for name in sorted(ports) if name in writing.inputs},
-        pushes=pushes,
-        modules=writing.modules,
-        outs=writing.outs,
-        strikes=list(_kicks(writing)),
+        header=_header(draft, score_title),
+        inputs={name: draft.inputs[name] for name in sorted(ports) if name in draft.inputs},
+        force_inputs=pushes,
+        modules=draft.modules,
+        outs=draft.outs,
+        strikes=list(_strikes(draft)),
     )
 
 
-def _head(writing: _Writing, title: str) -> Iterator[str]:
-    object_kind = writing.network.kind
+def _header(draft: _ScoreDraft, title: str) -> Iterator[str]:
+    object_kind = draft.network.kind
     yield f"From {title or 'a list'}, messages to an object [{object_kind}] of Pure Data."
     step_text = (
         f"A bang is a sample of 1/{RATE} s"
@@ -382,19 +384,19 @@ def _head(writing: _Writing, title: str) -> Iterator[str]:
     yield f"{step_text}; the numbers are those of the discrete network."
     if object_kind == "pmpd~":
         yield "The first sample is what the object begins with; its own first sample follows."
-    if any(out.what.startswith("SOV") for out in writing.outs):
+    if any(out.source.startswith("SOV") for out in draft.outs):
         yield "Speeds are those in the middle of a step, heard 7.5 samples late."
-    if object_kind == "pmpd" and not writing.network.asked:
+    if object_kind == "pmpd" and not draft.network.requests:
         yield "Nothing is asked for: the mean of all masses that move is heard."
 
 
-def _kicks(writing: _Writing) -> Iterator[Line]:
+def _strikes(draft: _ScoreDraft) -> Iterator[Line]:
     """Forces in the first sample, as strikes."""
-    cause = "damping of what was put elsewhere" if writing.network.kind == "pmpd" else "a force"
-    for mass_index, kick_force in writing.kicks.items():
-        if not writing.network.masses[mass_index].is_mobile:
+    cause = "damping of what was put elsewhere" if draft.network.kind == "pmpd" else "a force"
+    for mass_index, force in draft.initial_forces.items():
+        if not draft.network.masses[mass_index].is_mobile:
             continue
-        mass_name = writing.masses[mass_index]
-        name = writing.names.new(f"{_NO_LETTER.sub('_', mass_name)}_kick")
-        text = f"{{to: model.{mass_name}, at: 0s, impulse: {kick_force / RATE!r}Ns}}"
+        mass_name = draft.mass_modules[mass_index]
+        name = draft.names.new(f"{_NO_LETTER.sub('_', mass_name)}_kick")
+        text = f"{{to: model.{mass_name}, at: 0s, impulse: {force / RATE!r}Ns}}"
         yield Line(name, text, f"{cause}, one sample")

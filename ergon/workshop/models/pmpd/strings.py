@@ -12,10 +12,12 @@ _MASSES_MIN = 3  # masses
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """`count` masses from `first` on, and the links between neighbours, by their indices."""
+    """`n_masses` masses from `first_mass` on, and the links between neighbours, by their
+    indices.
+    """
 
-    first: int
-    count: int
+    first_mass: int
+    n_masses: int
     links: frozenset[int]
     link: Link
 
@@ -27,24 +29,22 @@ def rows(
     plain.
     """
     masses = network.masses
-    links_to_next: dict[int, int] = {}  # the first link from a mass to the next one
+    link_to_next: dict[int, int] = {}  # the first link from a mass to the next one
     for index, link in enumerate(network.links):
-        low, high = sorted((link.a, link.b))
-        if high == low + 1 and link.L == 0.0 and is_plain(link):
-            links_to_next.setdefault(low, index)
+        first, second = sorted((link.a, link.b))
+        if second == first + 1 and link.L == 0.0 and is_plain(link):
+            link_to_next.setdefault(first, index)
     row_by_first: dict[int, Row] = {}
     first_mass = 0
     while first_mass < len(masses):
         links_in_row: list[int] = []
-        mass_traits = _matter(masses[first_mass], first_mass in moved)
+        mass_key = _mass_key(masses[first_mass], first_mass in moved)
         last_mass = first_mass
-        while (
-            mass_traits is not None and last_mass in links_to_next and last_mass + 1 < len(masses)
-        ):
-            next_link = links_to_next[last_mass]
-            if _matter(masses[last_mass + 1], last_mass + 1 in moved) != mass_traits:
+        while mass_key is not None and last_mass in link_to_next and last_mass + 1 < len(masses):
+            next_link = link_to_next[last_mass]
+            if _mass_key(masses[last_mass + 1], last_mass + 1 in moved) != mass_key:
                 break
-            if links_in_row and _tie(network.links[next_link]) != _tie(
+            if links_in_row and _link_key(network.links[next_link]) != _link_key(
                 network.links[links_in_row[0]]
             ):
                 break
@@ -61,11 +61,11 @@ def rows(
     return row_by_first
 
 
-def _matter(mass: Mass, is_moved: bool) -> tuple[object, ...] | None:
+def _mass_key(mass: Mass, is_moved: bool) -> tuple[object, ...] | None:
     """The properties that all masses of a row share; None for a mass that cannot be in a row."""
-    is_free = mass.is_mobile and not mass.D and not is_moved
+    is_free = mass.is_mobile and not mass.air_damping and not is_moved
     return (mass.class_name, mass.M, mass.x, mass.v) if is_free else None
 
 
-def _tie(link: Link) -> tuple[object, ...]:
+def _link_key(link: Link) -> tuple[object, ...]:
     return link.class_name, link.K, link.D

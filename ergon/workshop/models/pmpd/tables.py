@@ -11,7 +11,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.pmpd.network import Link
 
-_BENDS = 20  # bends of a law, whose expression may have 2,000 characters
+_BENDS_MAX = 20  # bends of a law, whose expression may have 2,000 characters
 _VALUES_MAX = 2_000  # largest number of values in an array of viscosities
 
 
@@ -23,10 +23,10 @@ class Table:
 
     values: Sequence[float]
 
-    def interpolate(self, place: float) -> float:
+    def interpolate(self, argument: float) -> float:
         """The value at a place, which pmpd interpolates linearly."""
-        position = abs(place) * len(self.values)
-        sign = 1.0 if place > 0.0 else -1.0
+        position = abs(argument) * len(self.values)
+        sign = 1.0 if argument > 0.0 else -1.0
         if position >= len(self.values) - 1:
             return sign * self.values[-1]
         lower_index = int(position)
@@ -37,18 +37,18 @@ class Table:
 
 def table(arrays: Mapping[str, Sequence[float]], name: str, line_number: int) -> Table:
     """The array of a name. Raises ModelError where there is none."""
-    array_values = arrays.get(name)
-    if not array_values:
+    values = arrays.get(name)
+    if not values:
         message = f"no values of the array {quote(name)}: write {name} 0, then its values"
         raise ModelError(
             message,
             line_number,
             nearest(name, [array_name for array_name in arrays if arrays[array_name]]),
         )
-    return Table(array_values)
+    return Table(values)
 
 
-def springs(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
+def laws(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
     """Laws that add up to a tabLink: first of the elongation, then of its rate. Raises
     ModelError.
     """
@@ -66,17 +66,16 @@ def springs(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
             f"{quote(name_d)} has {len(viscosity_values):,} values, and {_VALUES_MAX:,} are read",
             link.line,
         )
-    yield from _elastic([link.K * value for value in stiffness_values], length_k)
-    yield from _viscous([link.D * value for value in viscosity_values], length_d)
+    yield from _elastic_laws([link.K * value for value in stiffness_values], length_k)
+    yield from _viscous_laws([link.D * value for value in viscosity_values], length_d)
 
 
-def _elastic(array_values: Sequence[float], array_length: float) -> Iterator[str]:
+def _elastic_laws(values: Sequence[float], length: float) -> Iterator[str]:
     """The points of a law without its jump at 0, then the jump as a law of its own."""
-    value_at_rest, value_count = array_values[0], len(array_values)
-    if any(value != value_at_rest for value in array_values):
+    jump, n_values = values[0], len(values)
+    if any(value != jump for value in values):
         positive_points = [
-            (array_length * index / value_count, value - value_at_rest)
-            for index, value in enumerate(array_values)
+            (length * index / n_values, value - jump) for index, value in enumerate(values)
         ]
         last_elongation, last_force = positive_points[-1]
         positive_points.append(
@@ -86,29 +85,26 @@ def _elastic(array_values: Sequence[float], array_length: float) -> Iterator[str
         points = negative_points[::-1] + positive_points
         point_texts = (f"[{elongation!r}m, {force!r}N]" for elongation, force in points)
         yield f"points: [{', '.join(point_texts)}]"
-    if value_at_rest:
+    if jump:
         # Written as friction: a law with an infinite slope at rest has no certificate.
-        yield f'damping: "f*sign(d)", f: {value_at_rest!r}'
+        yield f'damping: "f*sign(d)", f: {jump!r}'
 
 
-def _viscous(array_values: Sequence[float], array_length: float) -> Iterator[str]:
+def _viscous_laws(values: Sequence[float], length: float) -> Iterator[str]:
     """A sum of terms b·max(0, |v| - c) with the sign of v, in as many laws as needed."""
-    value_count = len(array_values)
+    n_values = len(values)
     slopes = [
         0.0,
-        *(
-            (slope_change - value_before) * value_count / array_length
-            for value_before, slope_change in pairwise(array_values)
-        ),
+        *((next_value - value) * n_values / length for value, next_value in pairwise(values)),
         0.0,
     ]
     bends = [
-        (array_length * index / value_count, slope_after - slope_before)
+        (length * index / n_values, slope_after - slope_before)
         for index, (slope_before, slope_after) in enumerate(pairwise(slopes))
         if slope_after != slope_before
     ]
-    for first_bend in range(0, len(bends), _BENDS):
-        bends_of_law = bends[first_bend : first_bend + _BENDS]
+    for first_bend in range(0, len(bends), _BENDS_MAX):
+        bends_of_law = bends[first_bend : first_bend + _BENDS_MAX]
         terms = " + ".join(
             f"{slope_change!r}*max(0, abs(v) - {speed!r})" for speed, slope_change in bends_of_law
         )

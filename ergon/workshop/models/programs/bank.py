@@ -10,15 +10,15 @@ UNITS = ("m", "m/s", "m/s^2")  # of an output, by how often it is differentiated
 
 @dataclass(frozen=True, slots=True)
 class ModePath:
-    """The path from a struck point to an output: one row of four numbers for each mode.
+    """The path from a struck point to an output: four numbers for each mode.
 
-    `rows` hold the damped frequency [Hz], the decay [1/s], and, for an impulse of 1 N·s, the
+    `modes` hold the damped frequency [Hz], the decay [1/s], and, for an impulse of 1 N·s, the
     amplitude [m] and phase [rad].
     """
 
     struck: int
     output: int
-    rows: Sequence[tuple[float, float, float, float]]
+    modes: Sequence[tuple[float, float, float, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,18 +26,18 @@ class Bank:
     """A part as a bank of modes: struck points, outputs, and paths between them.
 
     `outputs` gives each output with the number of times that it is differentiated. `strikes` are
-    those of each point: instant [s] and impulse [N·s]. `full` is the value of each output at
+    those of each point: instant [s] and impulse [N·s]. `full_scales` is the value of each output at
     full scale.
     """
 
     name: str
     rate: float
-    seconds: float
-    struck: Sequence[str]
+    duration: float
+    struck_names: Sequence[str]
     strikes: Sequence[Sequence[tuple[float, float]]]
     outputs: Sequence[tuple[str, int]]
-    full: Sequence[float]
-    ways: Sequence[ModePath]
+    full_scales: Sequence[float]
+    paths: Sequence[ModePath]
 
 
 def joined(bank_name: str, banks: Sequence[Bank]) -> Bank:
@@ -47,21 +47,21 @@ def joined(bank_name: str, banks: Sequence[Bank]) -> Bank:
     for bank in banks:
         paths += (
             replace(path, struck=n_struck + path.struck, output=n_outputs + path.output)
-            for path in bank.ways
+            for path in bank.paths
         )
-        n_struck += len(bank.struck)
+        n_struck += len(bank.struck_names)
         n_outputs += len(bank.outputs)
     return Bank(
         bank_name,
         banks[0].rate,
-        max(bank.seconds for bank in banks),
-        [f"{bank.name}: {point_name}" for bank in banks for point_name in bank.struck],
+        max(bank.duration for bank in banks),
+        [f"{bank.name}: {point_name}" for bank in banks for point_name in bank.struck_names],
         [point_strikes for bank in banks for point_strikes in bank.strikes],
         [
             (f"{bank.name}: {point_name}", order)
             for bank in banks
             for point_name, order in bank.outputs
         ],
-        [full_scale for bank in banks for full_scale in bank.full],
+        [full_scale for bank in banks for full_scale in bank.full_scales],
         paths,
     )

@@ -9,7 +9,7 @@ from ergon.workshop.models.programs.derivative import weights
 
 BANK_MAX = 20_000  # resonators
 # Numbers of instruments, which Csound plays in their order in each sample: strikes, modes, output.
-_MODES_FROM, _OUTPUT = 100, 9_999
+_FIRST_MODE_NUMBER, _OUTPUT_NUMBER_MIN = 100, 9_999
 
 
 def orchestra(bank: Bank) -> str:
@@ -17,14 +17,14 @@ def orchestra(bank: Bank) -> str:
     return "\n".join((*_orchestra(bank), *_score(bank), "</CsoundSynthesizer>")) + "\n"
 
 
-def _numbers(bank: Bank) -> tuple[int, int]:
+def _instrument_numbers(bank: Bank) -> tuple[int, int]:
     """The number of the first instrument of modes, and that of the output."""
-    first_mode_instrument = max(_MODES_FROM, len(bank.struck) + 1)
-    return first_mode_instrument, max(_OUTPUT, first_mode_instrument + len(bank.ways))
+    first_mode_instrument = max(_FIRST_MODE_NUMBER, len(bank.struck_names) + 1)
+    return first_mode_instrument, max(_OUTPUT_NUMBER_MIN, first_mode_instrument + len(bank.paths))
 
 
 def _orchestra(bank: Bank) -> Iterator[str]:
-    first_mode_instrument, output_instrument = _numbers(bank)
+    first_mode_instrument, output_instrument = _instrument_numbers(bank)
     yield "<CsoundSynthesizer>"
     yield f"; {_plain(bank.name)}, made by ergon: its modes, each a resonator."
     yield f"; It can be played at any rate of samples: change sr, here {bank.rate:g} Hz."
@@ -37,9 +37,9 @@ def _orchestra(bank: Bank) -> Iterator[str]:
     yield f"nchnls = {len(bank.outputs)}"
     yield "0dbfs = 1"
     yield ""
-    for point_number, point_name in enumerate(bank.struck, 1):
+    for point_number, point_name in enumerate(bank.struck_names, 1):
         yield f"gaPush{point_number} init 0  ; [N s] on {_plain(point_name)} in this sample"
-    scaled_outputs = zip(bank.outputs, bank.full, strict=True)
+    scaled_outputs = zip(bank.outputs, bank.full_scales, strict=True)
     for output_number, ((output_name, derivative_order), full_scale) in enumerate(
         scaled_outputs, 1
     ):
@@ -47,14 +47,14 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         unit = UNITS[derivative_order]
         yield f"giFull{output_number} = {full_scale!r}  ; [{unit}] of it is full scale"
     yield ""
-    for point_number, point_name in enumerate(bank.struck, 1):
+    for point_number, point_name in enumerate(bank.struck_names, 1):
         yield f"instr {point_number}  ; a strike on {_plain(point_name)}"
         yield "  aStrike mpulse p4, 0  ; p4 [N s] impulse"
         yield f"  gaPush{point_number} += aStrike"
         yield "endin"
         yield ""
-    for instrument_number, path in enumerate(bank.ways, first_mode_instrument):
-        struck_name, output_name = bank.struck[path.struck], bank.outputs[path.output][0]
+    for instrument_number, path in enumerate(bank.paths, first_mode_instrument):
+        struck_name, output_name = bank.struck_names[path.struck], bank.outputs[path.output][0]
         mode_path = f"from {_plain(struck_name)} to {_plain(output_name)}"
         yield f"instr {instrument_number}  ; a mode, {mode_path}"
         yield "  iFrequency = p4  ; [Hz] damped"
@@ -77,7 +77,7 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         f"aHeard{number}/giFull{number}" for number in range(1, len(bank.outputs) + 1)
     )
     yield f"  out {', '.join(scaled_signals)}"
-    cleared_signals = [f"gaPush{number}" for number in range(1, len(bank.struck) + 1)]
+    cleared_signals = [f"gaPush{number}" for number in range(1, len(bank.struck_names) + 1)]
     cleared_signals += [f"gaOut{number}" for number in range(1, len(bank.outputs) + 1)]
     yield from (f"  {signal} = 0" for signal in cleared_signals)
     yield "endin"
@@ -98,41 +98,41 @@ def _differentiated(output_number: int, derivative_order: int) -> Iterator[str]:
         yield f"  aWas{output_number}_{pair_index} delay1 aWas{output_number}_{pair_index - 1}"
     yield f"  aHeard{output_number} = 0"
     for pair_index, pair_weight in enumerate(pair_weights):
-        earlier_sample, later_sample = (
-            f"aWas{output_number}_{sample_delay}"
-            for sample_delay in (
+        earlier, later = (
+            f"aWas{output_number}_{delay}"
+            for delay in (
                 half_width + pair_index + derivative_order - 1,
                 half_width - 1 - pair_index,
             )
         )
         pair = (
-            f"{later_sample} - {earlier_sample}"
+            f"{later} - {earlier}"
             if derivative_order == 1
-            else f"{later_sample} + {earlier_sample} - 2*aWas{output_number}_{half_width}"
+            else f"{later} + {earlier} - 2*aWas{output_number}_{half_width}"
         )
         rate_power = "sr" if derivative_order == 1 else "sr*sr"
         yield f"  aHeard{output_number} += {pair_weight!r}*{rate_power}*({pair})"
 
 
 def _score(bank: Bank) -> Iterator[str]:
-    score_seconds = repr(bank.seconds)
-    first_mode_instrument, output_instrument = _numbers(bank)
+    duration = repr(bank.duration)
+    first_mode_instrument, output_instrument = _instrument_numbers(bank)
     yield "<CsScore>"
-    yield f"i {output_instrument} 0 {score_seconds}"
-    for instrument_number, path in enumerate(bank.ways, first_mode_instrument):
-        struck_name, output_name = bank.struck[path.struck], bank.outputs[path.output][0]
+    yield f"i {output_instrument} 0 {duration}"
+    for instrument_number, path in enumerate(bank.paths, first_mode_instrument):
+        struck_name, output_name = bank.struck_names[path.struck], bank.outputs[path.output][0]
         yield f"; modes, from {_plain(struck_name)} to {_plain(output_name)}"
         yield "; instr begins lasts frequency[Hz] decay[1/s] amplitude phase[rad]"
-        for row in path.rows:
-            yield f"i {instrument_number} 0 {score_seconds} {' '.join(map(repr, row))}"
+        for row in path.modes:
+            yield f"i {instrument_number} 0 {duration} {' '.join(map(repr, row))}"
     for instrument_number, (point_name, point_strikes) in enumerate(
-        zip(bank.struck, bank.strikes, strict=True), 1
+        zip(bank.struck_names, bank.strikes, strict=True), 1
     ):
         yield f"; strikes on {_plain(point_name)}"
         yield "; instr at lasts impulse[N s]"
         for instant, impulse in point_strikes:
-            begin_seconds = round(instant * bank.rate) / bank.rate
-            yield f"i {instrument_number} {begin_seconds!r} {1.0 / bank.rate!r} {impulse!r}"
+            begin = round(instant * bank.rate) / bank.rate
+            yield f"i {instrument_number} {begin!r} {1.0 / bank.rate!r} {impulse!r}"
     yield "e"
     yield "</CsScore>"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from math import prod
 
-_SIDE = 8  # samples on each side
+_HALF_WIDTH = 8  # samples on each side
 
 
 def weights(derivative_order: int) -> list[float]:
@@ -17,7 +17,7 @@ def weights(derivative_order: int) -> list[float]:
     sample.
     """
     first_offset = Fraction(1, 2) if derivative_order == 1 else Fraction(1)
-    offsets = [first_offset + k for k in range(_SIDE)]
+    offsets = [first_offset + k for k in range(_HALF_WIDTH)]
     squared_offsets = [offset * offset for offset in offsets]
     pair_weights = []
     for offset, square in zip(offsets, squared_offsets, strict=True):
@@ -43,14 +43,14 @@ def differentiated(signal_name: str, derivative_order: int, rate: float) -> str:
         return signal_name
     terms = []
     for pair_index, pair_weight in enumerate(weights(derivative_order)):
-        earlier_sample, later_sample = (
-            f"{signal_name}@{_SIDE + pair_index + derivative_order - 1}",
-            f"{signal_name}@{_SIDE - 1 - pair_index}",
+        earlier, later = (
+            f"{signal_name}@{_HALF_WIDTH + pair_index + derivative_order - 1}",
+            f"{signal_name}@{_HALF_WIDTH - 1 - pair_index}",
         )
         pair = (
-            f"{later_sample} - {earlier_sample}"
+            f"{later} - {earlier}"
             if derivative_order == 1
-            else f"{later_sample} + {earlier_sample} - 2.0*{signal_name}@{_SIDE}"
+            else f"{later} + {earlier} - 2.0*{signal_name}@{_HALF_WIDTH}"
         )
         terms.append(f"({pair_weight * rate**derivative_order!r})*({pair})")
     return " + ".join(terms)

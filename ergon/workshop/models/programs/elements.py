@@ -118,7 +118,7 @@ class MixedOutput:
 
 
 @dataclass(frozen=True, slots=True)
-class Fed:
+class Input:
     """An input: its description, and the take from which a score feeds it, if any."""
 
     name: str
@@ -126,13 +126,13 @@ class Fed:
 
 
 @dataclass(slots=True)
-class Stepped:
+class SteppedNetwork:
     """Points and links at a rate, with inputs and outputs."""
 
     rate: float
     points: list[Point] = field(default_factory=list)
     links: list[Link] = field(default_factory=list)
-    inputs: list[Fed] = field(default_factory=list)
+    inputs: list[Input] = field(default_factory=list)
     outputs: list[MixedOutput] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     bodies: list[Body] = field(default_factory=list)

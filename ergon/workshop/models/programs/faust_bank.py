@@ -21,7 +21,7 @@ def program(bank: Bank) -> str:
 def _lines(bank: Bank) -> Iterator[str]:
     yield f"// {plain(bank.name)}, made by ergon: its modes, each a resonator."
     yield "// It holds at any rate of samples. Compile it with -double."
-    for input_number, input_name in enumerate(bank.struck, 1):
+    for input_number, input_name in enumerate(bank.struck_names, 1):
         yield f"// input {input_number}: force on {plain(input_name)} [N]"
     for output_number, (output_name, order) in enumerate(bank.outputs, 1):
         yield f"// output {output_number}: {plain(output_name)} [{UNITS[order]}]"
@@ -36,26 +36,26 @@ def _lines(bank: Bank) -> Iterator[str]:
     yield "  r = exp(0.0 - d/SR);"
     yield "  back(y) = 2.0*r*cos(turn(f))*y - r*r*y';"
     yield "};"
-    for path_number, path in enumerate(bank.ways, 1):
-        struck, output_name = bank.struck[path.struck], bank.outputs[path.output][0]
+    for path_number, path in enumerate(bank.paths, 1):
+        struck, output_name = bank.struck_names[path.struck], bank.outputs[path.output][0]
         yield ""
         yield f"// from {plain(struck)} to {plain(output_name)}"
-        terms = [f"mode({', '.join(map(_number, row))}, x)" for row in path.rows]
+        terms = [f"mode({', '.join(map(_number, row))}, x)" for row in path.modes]
         yield f"way_{path_number}(x) = {_sum(terms)};"
     yield ""
-    input_names = [f"in_{number}" for number in range(1, len(bank.struck) + 1)]
+    input_names = [f"in_{number}" for number in range(1, len(bank.struck_names) + 1)]
     output_names = [f"out_{number}" for number in range(1, len(bank.outputs) + 1)]
     output_orders = zip(output_names, bank.outputs, strict=True)
     expressions = [_output_text(name, order) for name, (_, order) in output_orders]
     yield f"process({', '.join(input_names)}) = {', '.join(expressions)}"
     yield "with {"
     for index, output_name in enumerate(output_names):
-        ways = [
+        terms_of_output = [
             f"way_{number}({input_names[path.struck]}/SR)"
-            for number, path in enumerate(bank.ways, 1)
+            for number, path in enumerate(bank.paths, 1)
             if path.output == index
         ]
-        yield f"  {output_name} = {' + '.join(ways) or '0.0'};"
+        yield f"  {output_name} = {' + '.join(terms_of_output) or '0.0'};"
     yield "};"
 
 

@@ -33,7 +33,7 @@ _INFIX: Mapping[type[ast.AST], tuple[str, int]] = {
     ast.Mult: ("*", 3),
     ast.Div: ("/", 3),
 }
-_TIGHTEST_BINDING = 4  # binds more tightly than any sign
+_PRECEDENCE_MAX = 4  # binds more tightly than any sign
 _INTEGER_EXPONENT_MAX = (
     64.0  # the engine multiplies for whole exponents up to this, and calls pow beyond
 )
@@ -43,7 +43,7 @@ _INTEGER_EXPONENT_MAX = (
 class Laws:
     """Functions for the laws of a program: links with the same law share one."""
 
-    names: dict[object, str] = field(default_factory=dict)
+    name_by_law: dict[object, str] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
     helpers: set[str] = field(default_factory=set)
 
@@ -57,14 +57,14 @@ class Laws:
             *sorted(constants.items()),
             str(points),
         )
-        if key not in self.names:
-            self.names[key] = f"law_{word}"
+        if key not in self.name_by_law:
+            self.name_by_law[key] = f"law_{word}"
             self.lines += self._function(
                 f"law_{word}", law_fields["law"], law_fields["damping"], law
             )
-        return self.names[key]
+        return self.name_by_law[key]
 
-    def written(self) -> Iterator[str]:
+    def lines_written(self) -> Iterator[str]:
         """Lines of a program: what the functions need, and the functions."""
         yield from (text for name, text in HELPERS.items() if name in self.helpers)
         yield from self.lines
@@ -85,17 +85,18 @@ class Laws:
         if law_points:
             terms.insert(0, "line(d)")
         definitions = [
-            f"  {faust_by_constant[name]} = {number(value)};" for name, value in constants.items()
+            f"  {faust_by_constant[name]} = {number_text(value)};"
+            for name, value in constants.items()
         ]
-        definitions += _line(law_points) if law_points else []
+        definitions += _piecewise_linear(law_points) if law_points else []
         head = f"{function_name}(d, v) = {' + '.join(terms)}"
         return [head, "with {", *definitions, "};"] if definitions else [f"{head};"]
 
-    def _expression(self, text: str, letters: Mapping[str, str]) -> str:
+    def _expression(self, text: str, faust_names: Mapping[str, str]) -> str:
         """An expression that the engine has accepted; its operators have the precedence of
         Python's.
         """
-        python_names = {name: f"c{position}" for position, name in enumerate(letters)}
+        python_names = {name: f"c{position}" for position, name in enumerate(faust_names)}
 
         def python_word(match: re.Match[str]) -> str:
             matched_word = match[0]
@@ -105,20 +106,20 @@ class Laws:
 
         tree = ast.parse(f"({_WORD.sub(python_word, text)})", mode="eval")
         faust_by_python_name = {
-            f"c{position}": faust_name for position, faust_name in enumerate(letters.values())
+            f"c{position}": faust_name for position, faust_name in enumerate(faust_names.values())
         }
         return self._faust(tree.body, faust_by_python_name)
 
     def _faust(
-        self, syntax_node: ast.expr, faust_letters: Mapping[str, str], precedence_min: int = 0
+        self, syntax_node: ast.expr, faust_names: Mapping[str, str], precedence_min: int = 0
     ) -> str:
         """A part of an expression, in parentheses if its precedence is below `precedence_min`."""
 
         def infix(a: ast.expr, operation: ast.AST, b: ast.expr) -> str:
-            infix_sign, precedence = _INFIX[type(operation)]
+            sign, precedence = _INFIX[type(operation)]
             text = (
-                f"{self._faust(a, faust_letters, precedence)}"
-                f"{infix_sign}{self._faust(b, faust_letters, precedence + 1)}"
+                f"{self._faust(a, faust_names, precedence)}"
+                f"{sign}{self._faust(b, faust_names, precedence + 1)}"
             )
             return f"({text})" if precedence < precedence_min else text
 
@@ -126,53 +127,45 @@ class Laws:
             case ast.Constant(value=float(value)):
                 return repr(value)
             case ast.Name(id=node_name):
-                return faust_letters.get(node_name, node_name)
+                return faust_names.get(node_name, node_name)
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-                return self._faust(operand, faust_letters, precedence_min)
+                return self._faust(operand, faust_names, precedence_min)
             case ast.UnaryOp(operand=operand):
-                return f"(0.0 - {self._faust(operand, faust_letters, _TIGHTEST_BINDING)})"
+                return f"(0.0 - {self._faust(operand, faust_names, _PRECEDENCE_MAX)})"
             case ast.BinOp(left=a, op=ast.Pow(), right=b):
-                return self._power(a, b, faust_letters)
+                return self._power(a, b, faust_names)
             case ast.BinOp(left=a, op=operation, right=b):
                 return infix(a, operation, b)
             case ast.Compare(left=a, ops=[operation], comparators=[b]):
                 return infix(a, operation, b)
             case ast.Call(func=ast.Name(id="where"), args=[condition, yes, no]):
                 if isinstance(condition, ast.Compare):
-                    condition_text = self._faust(condition, faust_letters)
+                    condition_text = self._faust(condition, faust_names)
                 else:
-                    condition_text = f"{self._faust(condition, faust_letters, 2)} != 0.0"
-                branch_texts = (
-                    f"{self._faust(no, faust_letters)}, {self._faust(yes, faust_letters)}"
-                )
+                    condition_text = f"{self._faust(condition, faust_names, 2)} != 0.0"
+                branch_texts = f"{self._faust(no, faust_names)}, {self._faust(yes, faust_names)}"
                 return f"select2({condition_text}, {branch_texts})"
             case ast.Call(func=ast.Name(id=node_name), args=arguments):
                 self.helpers |= {node_name} & HELPERS.keys()
                 argument_texts = ", ".join(
-                    self._faust(argument, faust_letters) for argument in arguments
+                    self._faust(argument, faust_names) for argument in arguments
                 )
                 return f"{node_name}({argument_texts})"
         raise AssertionError(ast.dump(syntax_node))
 
-    def _power(self, base: ast.expr, exponent: ast.expr, letters: Mapping[str, str]) -> str:
+    def _power(self, base: ast.expr, exponent: ast.expr, faust_names: Mapping[str, str]) -> str:
         """A power by repeated squaring, from the highest bit of the exponent down, as the engine
         does.
         """
-        power_exponent = _integer_exponent(exponent)
-        if power_exponent is None:
-            return f"pow({self._faust(base, letters)}, {self._faust(exponent, letters)})"
-        base_text = power_text = self._faust(base, letters, _TIGHTEST_BINDING)
-        for bit in bin(abs(power_exponent))[3:]:
+        n = _integer_exponent(exponent)
+        if n is None:
+            return f"pow({self._faust(base, faust_names)}, {self._faust(exponent, faust_names)})"
+        base_text = power_text = self._faust(base, faust_names, _PRECEDENCE_MAX)
+        for bit in bin(abs(n))[3:]:
             self.helpers.add("square")
             power_text = f"square({power_text})" + (f"*{base_text}" if bit == "1" else "")
-        power_text = (
-            power_text
-            if abs(power_exponent) == 1
-            else f"({power_text})"
-            if power_exponent
-            else "1.0"
-        )
-        return f"(1.0/{power_text})" if power_exponent < 0 else power_text
+        power_text = power_text if abs(n) == 1 else f"({power_text})" if n else "1.0"
+        return f"(1.0/{power_text})" if n < 0 else power_text
 
 
 def _integer_exponent(node: ast.expr) -> int | None:
@@ -182,42 +175,42 @@ def _integer_exponent(node: ast.expr) -> int | None:
         ):
             return int(exponent_value)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            size = _integer_exponent(operand)
-            return None if size is None else -size
+            magnitude = _integer_exponent(operand)
+            return None if magnitude is None else -magnitude
     return None
 
 
-def _line(law_points: Sequence[tuple[float, float]]) -> Iterator[str]:
+def _piecewise_linear(points: Sequence[tuple[float, float]]) -> Iterator[str]:
     """Straight lines through points, extended beyond the first and the last; the segment is found
     by bisection.
     """
-    segments = list(pairwise(law_points))
+    segments = list(pairwise(points))
     slopes = [(f1 - f0) / (d1 - d0) for (d0, f0), (d1, f1) in segments]
     if len(slopes) == 1:
         ((d0, f0), _), (slope,) = segments[0], slopes
-        yield f"  line(d) = {number(f0)} + {number(slope)}*(d - {number(d0)});"
+        yield f"  line(d) = {number_text(f0)} + {number_text(slope)}*(d - {number_text(d0)});"
         return
     steps = [2**bit for bit in reversed(range((len(slopes) - 1).bit_length()))]
     # The knots are padded with values that are never reached, so that every bisection step has a
     # knot to compare with.
-    knots = [distance for distance, _ in law_points[1:-1]]
+    knots = [distance for distance, _ in points[1:-1]]
     knots += [sys.float_info.max] * (sum(steps) - len(knots))
-    search_stages = "".join(f" : next({step})" for step in steps)
+    bisection = "".join(f" : next({step})" for step in steps)
     yield "  line(d) = force(at) + slope(at)*(d - from(at))"
     yield "  with {"
-    yield f"    at = 0{search_stages};"
+    yield f"    at = 0{bisection};"
     yield "    next(n, i) = i + n*(d >= knot(i + n - 1));"
     yield "  };"
     for table_name, table_values in (
         ("knot", knots),
-        ("from", [distance for distance, _ in law_points[:-1]]),
-        ("force", [force for _, force in law_points[:-1]]),
+        ("from", [distance for distance, _ in points[:-1]]),
+        ("force", [force for _, force in points[:-1]]),
         ("slope", slopes),
     ):
         table_text = ", ".join(map(repr, table_values))
         yield f"  {table_name}(i) = waveform{{{table_text}}}, int(i) : rdtable;"
 
 
-def number(value: float) -> str:
+def number_text(value: float) -> str:
     """A number that Faust can read in any place."""
     return f"({value!r})" if value < 0 else repr(value)

@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ergon.workshop.models.naming import Names
 from ergon.workshop.models.programs.derivative import differentiated
-from ergon.workshop.models.programs.elements import Link, Point, Stepped
+from ergon.workshop.models.programs.elements import Link, Point, SteppedNetwork
 from ergon.workshop.models.programs.faust_law import Laws
-from ergon.workshop.models.programs.faust_law import number as _number
+from ergon.workshop.models.programs.faust_law import number_text as _number
 
 _NO_LETTER = re.compile(r"\W", re.ASCII)
 
 
-def program(network: Stepped, program_title: str) -> str:
+def program(network: SteppedNetwork, program_title: str) -> str:
     """The text of a program: an audio input for each input, an audio output for each output.
 
     The state of a point is its displacement from its start, and its step minus its first step,
@@ -23,7 +23,7 @@ def program(network: Stepped, program_title: str) -> str:
     return "\n".join(_lines(network, program_title)) + "\n"
 
 
-def _lines(network: Stepped, program_title: str) -> Iterator[str]:
+def _lines(network: SteppedNetwork, program_title: str) -> Iterator[str]:
     names = Names()
     point_names = [names.new(_word(point.name)) for point in network.points]
     named_points = list(zip(point_names, network.points, strict=True))
@@ -38,13 +38,13 @@ def _lines(network: Stepped, program_title: str) -> Iterator[str]:
     output_signals = [f"out_{number}" for number in range(1, len(network.outputs) + 1)]
     yield f"// {plain(program_title)}, made by ergon: a network that is stepped sample by sample."
     yield f"// Its numbers hold at {network.rate!r} Hz alone. Compile it with -double."
-    for port_kind, port_names in (
+    for port_kind, names_of_ports in (
         ("input", [port.name for port in network.inputs]),
         ("output", [port.name for port in network.outputs]),
     ):
         yield from (
             f"// {port_kind} {port_number}: {plain(name)}"
-            for port_number, name in enumerate(port_names, 1)
+            for port_number, name in enumerate(names_of_ports, 1)
         )
     yield from (f"// Left out: {plain(omission)}" for omission in network.left_out)
     yield f'declare name "{plain(program_title)}";'
@@ -53,7 +53,7 @@ def _lines(network: Stepped, program_title: str) -> Iterator[str]:
         yield from _constants(point_name, point)
     for link_name, model_link in zip(link_names, network.links, strict=True):
         yield from _link_constants(link_name, model_link)
-    yield from laws.written()
+    yield from laws.lines_written()
     yield ""
     yield f"process({', '.join(input_signals)}) = " if input_signals else "process = "
     outputs_by_signal = zip(output_signals, network.outputs, strict=True)
@@ -81,9 +81,9 @@ def _lines(network: Stepped, program_title: str) -> Iterator[str]:
         yield from _state(point_name, point, point_names)
     for link_name, model_link in zip(link_names, network.links, strict=True):
         yield from _force(link_name, model_link, point_names, law_names)
-    links_by_point = _ends(network)
+    links_by_point = _links_by_point(network)
     # For each point, the forces that proxies pass to it.
-    forces_by_proxies: list[list[str]] = [[] for _ in point_names]
+    proxy_forces: list[list[str]] = [[] for _ in point_names]
     for point_index, (point_name, point) in enumerate(named_points):
         if point.shares:
             force_terms = [
@@ -92,13 +92,13 @@ def _lines(network: Stepped, program_title: str) -> Iterator[str]:
             force_terms += [f"+ {input_signals[input_index]}" for input_index in point.forces]
             yield f"  g_{point_name} = 0.0 {' '.join(force_terms)};"
             for mass_index, share in point.shares:
-                forces_by_proxies[mass_index].append(f"+ {share!r}*g_{point_name}")
+                proxy_forces[mass_index].append(f"+ {share!r}*g_{point_name}")
     for point_index, (point_name, point) in enumerate(named_points):
         if _moves(point):
             terms = [f"{sign} f_{link_names[link]}" for link, sign in links_by_point[point_index]]
             terms += [f"+ {input_signals[input_index]}" for input_index in point.forces]
             terms += [f"+ W_{point_name}"] if point.weight else []
-            terms += forces_by_proxies[point_index]
+            terms += proxy_forces[point_index]
             yield f"  y_{point_name} = {_step(point_name, point, terms)};"
     yield "};"
 
@@ -199,7 +199,7 @@ def _step(point_name: str, point: Point, force_terms: Sequence[str]) -> str:
     )
 
 
-def _ends(network: Stepped) -> list[list[tuple[int, str]]]:
+def _links_by_point(network: SteppedNetwork) -> list[list[tuple[int, str]]]:
     """The links of each point, and the sign of their force there."""
     links_by_point: list[list[tuple[int, str]]] = [[] for _ in network.points]
     for link_index, link in enumerate(network.links):

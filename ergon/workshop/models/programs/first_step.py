@@ -12,7 +12,7 @@ from ergon import _core
 from ergon.common.decay import LN_1000
 
 
-def _loss(exponent: float) -> float:
+def _complement_of_exp(exponent: float) -> float:
     """1 - exp(-s), to full precision also for small s."""
     with localcontext() as context:
         context.prec = 40
@@ -34,14 +34,16 @@ def ratios(
     sigma, omega_squared = _poles(m, K, Z, f, t60)
     damping = sigma / rate
     if omega_squared >= 0.0:
-        half_angle_sine = _core.sin(0.5 * sqrt(omega_squared) / rate)
-        loss = _loss(damping)
-        return loss * loss + 4.0 * (1.0 - loss) * half_angle_sine * half_angle_sine, _loss(
-            2.0 * damping
-        )
+        half_sine = _core.sin(0.5 * sqrt(omega_squared) / rate)
+        amplitude_loss = _complement_of_exp(damping)
+        return amplitude_loss * amplitude_loss + 4.0 * (
+            1.0 - amplitude_loss
+        ) * half_sine * half_sine, _complement_of_exp(2.0 * damping)
     fast_decay = sigma + sqrt(-omega_squared)
     slow_decay = K / m / fast_decay
-    return _loss(slow_decay / rate) * _loss(fast_decay / rate), _loss(2.0 * damping)
+    return _complement_of_exp(slow_decay / rate) * _complement_of_exp(
+        fast_decay / rate
+    ), _complement_of_exp(2.0 * damping)
 
 
 def last_step(
@@ -61,15 +63,17 @@ def last_step(
         return 0.0
     sigma, omega_squared = _poles(m, K, Z, f, t60)
     period = 1.0 / rate
-    growth = _core.exp(sigma * period)
+    decay_inverse = _core.exp(sigma * period)
     omega = sqrt(abs(omega_squared))
     if omega_squared > 0.0:
         cosine, sine_over_omega = _core.cos(omega * period), _core.sin(omega * period) / omega
-        return displacement - growth * (
+        return displacement - decay_inverse * (
             displacement * cosine - (speed + sigma * displacement) * sine_over_omega
         )
     if omega_squared == 0.0:
-        return displacement - growth * (displacement - (speed + sigma * displacement) * period)
+        return displacement - decay_inverse * (
+            displacement - (speed + sigma * displacement) * period
+        )
     fast_decay = sigma + omega
     slow_decay = K / m / fast_decay
     slow_amplitude = (speed + fast_decay * displacement) / (fast_decay - slow_decay)

@@ -11,9 +11,9 @@ from ergon.workshop.models.exact_numbers import nudge_to_goal
 from ergon.workshop.models.mims.laws import LINKS
 from ergon.workshop.models.naming import Names
 from ergon.workshop.models.page import RATE
-from ergon.workshop.models.programs.elements import Body, Link, MixedOutput, Point, Stepped
+from ergon.workshop.models.programs.elements import Body, Link, MixedOutput, Point, SteppedNetwork
 from ergon.workshop.models.programs.network import refusal
-from ergon.workshop.models.programs.places_back import place_of
+from ergon.workshop.models.programs.places_back import position_on_body
 
 NETWORK_MAX = 20_000  # points
 _CHANNELS = 99
@@ -21,24 +21,24 @@ _NO_LETTER = re.compile(r"\W", re.ASCII)
 _SPACES = re.compile(r"\s+")
 
 
-def model(network: Stepped, model_title: str) -> str:
+def model(network: SteppedNetwork, model_title: str) -> str:
     """The text of a model. Raises ModelError with the places of all that the format cannot
     express.
     """
-    return _Writing(network).text(model_title)
+    return _ModelDraft(network).text(model_title)
 
 
 @dataclass(slots=True)
-class _Writing:
-    network: Stepped
+class _ModelDraft:
+    network: SteppedNetwork
     names: Names = field(default_factory=Names)
     lines: list[str] = field(default_factory=list)
     refused: list[tuple[Place, str]] = field(default_factory=list)
-    link_names: dict[int, str] = field(default_factory=dict)  # how each point is written in a link
-    full_bodies: dict[int, Body] = field(default_factory=dict)  # by their first points
-    called: dict[int, str] = field(default_factory=dict)  # names of these
-    ends: dict[int, list[int]] = field(default_factory=dict)  # links of each point
-    links: set[int] = field(default_factory=set)  # within bodies that are written as a whole
+    point_texts: dict[int, str] = field(default_factory=dict)  # how each point is written in a link
+    body_by_first_point: dict[int, Body] = field(default_factory=dict)  # by their first points
+    name_by_first_point: dict[int, str] = field(default_factory=dict)  # names of these
+    links_by_point: dict[int, list[int]] = field(default_factory=dict)  # links of each point
+    body_links: set[int] = field(default_factory=set)  # within bodies that are written as a whole
 
     def text(self, title: str) -> str:
         network = self.network
@@ -48,23 +48,23 @@ class _Writing:
                 f"a model of mi-gen is for {RATE:,} Hz, and this score has {network.rate:,g} Hz"
             )
             raise refusal([(first_place, f"{reason}; write rates: {{audio: {RATE}Hz}}")])
-        for link_number, link in enumerate(network.links):
+        for link_index, link in enumerate(network.links):
             for end in {link.a, link.b}:
-                self.ends.setdefault(end, []).append(link_number)
+                self.links_by_point.setdefault(end, []).append(link_index)
         input_names = _channels("in", [port.take for port in network.inputs])
-        output_words = [port.name.split(" ")[0].rpartition(".")[2] for port in network.outputs]
-        output_names = _channels("out", output_words)
+        wanted_names = [port.name.split(" ")[0].rpartition(".")[2] for port in network.outputs]
+        output_names = _channels("out", wanted_names)
         self.names.taken |= {*input_names, *output_names}
         if max(len(input_names), len(output_names)) > _CHANNELS:
             self.refuse(network.points[0].place, f"a model has at most {_CHANNELS} channels")
-        self._bodies()
-        self._masses(input_names)
-        for link_number, link in enumerate(network.links):
-            if link_number not in self.links:
-                self._link(link)
-        self._pushes(input_names)
+        self._find_bodies()
+        self._add_masses(input_names)
+        for link_index, link in enumerate(network.links):
+            if link_index not in self.body_links:
+                self._add_link(link)
+        self._add_force_inputs(input_names)
         for name, port in zip(output_names, network.outputs, strict=True):
-            self._output(name, port)
+            self._add_output(name, port)
         if self.refused:
             raise refusal(list(dict.fromkeys(self.refused)))
         return "\n".join([*self._heading(title, input_names, output_names), *self.lines]) + "\n"
@@ -96,90 +96,92 @@ class _Writing:
             short_word = _NO_LETTER.sub("_", text)
         return self.names.new(short_word if short_word[:1].isalpha() else f"m{short_word}")
 
-    def _bodies(self) -> None:
+    def _find_bodies(self) -> None:
         for body in self.network.bodies:
             points = [self.network.points[point_index] for point_index in body.points]
             is_at_rest = not any(
                 point.x0 or point.d0 or point.weight or point.fed is not None for point in points
             )
             if is_at_rest and body.K >= 0.0 and body.z >= 0.0:
-                self.full_bodies[body.points[0]] = body
-                self.links.update(body.links)
+                self.body_by_first_point[body.points[0]] = body
+                self.body_links.update(body.links)
 
-    def _masses(self, inputs: list[str]) -> None:
+    def _add_masses(self, inputs: list[str]) -> None:
         last_written = -1
         for point_number, point in enumerate(self.network.points):
-            if point_number in self.full_bodies:
-                body = self.full_bodies[point_number]
-                self._body(body)
+            if point_number in self.body_by_first_point:
+                body = self.body_by_first_point[point_number]
+                self._add_body(body)
                 last_written = body.points[-1]
             elif point_number > last_written:
-                self._mass(point_number, point, inputs)
+                self._add_mass(point_number, point, inputs)
 
-    def _body(self, body: Body) -> None:
-        body_name, (column_count, row_count) = self._name(body.name), body.sides
-        mass = self._matter(self.network.points[body.points[0]])
-        fixed_count = 2 * body.is_held
+    def _add_body(self, body: Body) -> None:
+        name, (n_columns, n_rows) = self._name(body.name), body.sides
+        mass = self._mass_in_model(self.network.points[body.points[0]])
+        n_fixed = 2 * body.is_held
         link_values = f"{_number(body.K)} {_number(body.z)} 0 0"
         if body.kind == "STRING":
-            member_count = column_count
-            mass = nudge_to_goal(mass, lambda m: member_count * m / member_count, mass)
-            self.called[body.points[0]] = body_name
+            n_members = n_columns
+            mass = nudge_to_goal(mass, lambda m: n_members * m / n_members, mass)
+            self.name_by_first_point[body.points[0]] = name
             keyword = "string" if body.is_held else "chain"
             self.lines.append(
-                f"@{body_name} {keyword} {member_count + fixed_count} {_number(mass)} {link_values}"
+                f"@{name} {keyword} {n_members + n_fixed} {_number(mass)} {link_values}"
             )
-            for member_index in range(member_count):
-                share = _share(member_index + body.is_held, member_count + fixed_count)
-                self.link_names[body.points[member_index]] = f"[@{body_name} {share}]"
+            for member_index in range(n_members):
+                share = _position_text(member_index + body.is_held, n_members + n_fixed)
+                self.point_texts[body.points[member_index]] = f"[@{name} {share}]"
         else:
             keyword = "closedMesh" if body.is_held else "mesh"
-            mesh_size = f"{row_count + fixed_count} {column_count + fixed_count}"
-            self.called[body.points[0]] = body_name
-            self.lines.append(f"@{body_name} {keyword} {mesh_size} {_number(mass)} {link_values}")
-            for member_index in range(column_count * row_count):
-                row, column_index = divmod(member_index, column_count)
+            mesh_size = f"{n_rows + n_fixed} {n_columns + n_fixed}"
+            self.name_by_first_point[body.points[0]] = name
+            self.lines.append(f"@{name} {keyword} {mesh_size} {_number(mass)} {link_values}")
+            for member_index in range(n_columns * n_rows):
+                row, column_index = divmod(member_index, n_columns)
                 shares = (
-                    _share(row + body.is_held, row_count + fixed_count),
-                    _share(column_index + body.is_held, column_count + fixed_count),
+                    _position_text(row + body.is_held, n_rows + n_fixed),
+                    _position_text(column_index + body.is_held, n_columns + n_fixed),
                 )
-                self.link_names[body.points[member_index]] = f"[@{body_name} {' '.join(shares)}]"
+                self.point_texts[body.points[member_index]] = f"[@{name} {' '.join(shares)}]"
 
-    def _between(self, point: Point) -> str:
+    def _proxy_place(self, point: Point) -> str:
         """A point between masses as a place on their macro; empty if there is no such place."""
         mass_indices = [mass for mass, _ in point.shares]
         bodies = [
-            body for body in self.full_bodies.values() if set(body.points) & set(mass_indices)
+            body
+            for body in self.body_by_first_point.values()
+            if set(body.points) & set(mass_indices)
         ]
         if len(bodies) != 1:
             return ""
-        place = place_of(bodies[0], point.shares, lambda mass: self.network.points[mass])
-        name = self.called[bodies[0].points[0]]
+        place = position_on_body(bodies[0], point.shares, lambda mass: self.network.points[mass])
+        name = self.name_by_first_point[bodies[0].points[0]]
         return f"[@{name} {' '.join(_number(share) for share in place)}]" if place else ""
 
-    def _matter(self, point: Point) -> float:
+    def _mass_in_model(self, point: Point) -> float:
         return point.mass if point.is_ca else point.mass * self.network.rate * self.network.rate
 
-    def _mass(self, number: int, point: Point, inputs: list[str]) -> None:
+    def _add_mass(self, number: int, point: Point, inputs: list[str]) -> None:
         if point.fed is not None:
             mass_name = inputs[point.fed]
             self.lines.append(f"@{mass_name} posInput {_number(point.x0)}")
-            self.link_names[number] = f"@{mass_name}"
+            self.point_texts[number] = f"@{mass_name}"
             return
         if point.shares:
-            self.link_names[number] = self._between(point) or "@"
-            if self.link_names[number] == "@":
+            self.point_texts[number] = self._proxy_place(point) or "@"
+            if self.point_texts[number] == "@":
                 reason = "a PROXY that lies at no place of one whole STRING or rectangle at rest"
                 self.refuse(point.place, f"{point.name}: {reason}")
             return
         mass_name = self._name(point.name)
-        self.link_names[number] = f"@{mass_name}"
+        self.point_texts[number] = f"@{mass_name}"
         if not point.mass:
             self.lines.append(f"@{mass_name} ground {_number(point.x0)}")
             return
-        m = self._matter(point)
+        m = self._mass_in_model(point)
         if point.rest and (point.kappa or point.zeta):
-            self._resting(mass_name, number, point, m)
+            self._add_tied_mass(mass_name, number, point, m)
             return
         stiffness = nudge_to_goal(point.kappa * m, lambda stiffness: stiffness / m, point.kappa)
         viscosity = nudge_to_goal(point.zeta * m, lambda viscosity: viscosity / m, point.zeta)
@@ -190,11 +192,11 @@ class _Writing:
             if stiffness or viscosity
             else f"mass {_number(m)}"
         )
-        self._heavy(mass_name, text, point, m, stiffness, viscosity)
+        self._add_mass_line(mass_name, text, point, m, stiffness, viscosity)
 
-    def _resting(self, mass_name: str, point_number: int, point: Point, m: float) -> None:
+    def _add_tied_mass(self, mass_name: str, point_number: int, point: Point, m: float) -> None:
         """Write a CEL whose rest is not 0 as a mass tied to a ground there."""
-        self._heavy(mass_name, f"mass {_number(m)}", point, m, 0.0, 0.0)
+        self._add_mass_line(mass_name, f"mass {_number(m)}", point, m, 0.0, 0.0)
         ground_name, tie_name = (
             self._name(f"{point.name}_rest"),
             self._name(f"{point.name}_tie"),
@@ -202,9 +204,11 @@ class _Writing:
         self.lines.append(f"@{ground_name} ground {_number(point.rest)}")
         tie_values = f"{_number(point.kappa * m)} {_number(point.zeta * m)}"
         self.lines.append(f"@{tie_name} springDamper @{ground_name} @{mass_name} {tie_values}")
-        self.ends.setdefault(point_number, []).append(-1)
+        self.links_by_point.setdefault(point_number, []).append(-1)
 
-    def _heavy(self, name: str, word: str, point: Point, m: float, k: float, z: float) -> None:
+    def _add_mass_line(
+        self, name: str, word: str, point: Point, m: float, k: float, z: float
+    ) -> None:
         """Write a mass that is where the score begins after its first step, in which no link
         acts.
         """
@@ -217,8 +221,8 @@ class _Writing:
         first_step = (step + (gravity / RATE + k * x0) / m) / (1.0 - z / m)
 
         def position_after_first_step(v0: float) -> float:
-            position_before = x0 - v0 / RATE
-            return (2.0 - (k + z) / m) * x0 + (z / m - 1.0) * position_before - gravity / RATE / m
+            previous_position = x0 - v0 / RATE
+            return (2.0 - (k + z) / m) * x0 + (z / m - 1.0) * previous_position - gravity / RATE / m
 
         v0 = nudge_to_goal(first_step * RATE, position_after_first_step, point.x0)
         gravity_text = f" {_number(gravity)}" if gravity else ""
@@ -226,11 +230,11 @@ class _Writing:
 
     # --- links and ports ---
 
-    def _link(self, link: Link) -> None:
-        first_name, second_name = self.link_names[link.a], self.link_names[link.b]
+    def _add_link(self, link: Link) -> None:
+        first_name, second_name = self.point_texts[link.a], self.point_texts[link.b]
         link_name = self._name(link.name)
         if link.law is not None:
-            self._law(link_name, link, f"{first_name} {second_name}")
+            self._add_law(link_name, link, f"{first_name} {second_name}")
         elif link.exponent is not None:
             if link.K < 0.0 or link.z < 0.0:
                 self.refuse(link.place, f"{link.name}: {_NEGATIVE}")
@@ -249,7 +253,7 @@ class _Writing:
         elif link.offset:
             self.refuse(link.place, f"{link.name}: a spring of mi-gen has no length at rest")
         elif link.K < 0.0 or link.z < 0.0:
-            self._linear(link_name, f"{first_name} {second_name}", link.K, link.z)
+            self._add_linear(link_name, f"{first_name} {second_name}", link.K, link.z)
         else:
             link_values = [_number(constant) for constant in (link.K, link.z) if constant] or ["0"]
             keyword = "springDamper" if len(link_values) == 2 else "damper" if link.z else "spring"
@@ -257,32 +261,33 @@ class _Writing:
                 f"@{link_name} {keyword} {first_name} {second_name} {' '.join(link_values)}"
             )
 
-    def _law(self, name: str, link: Link, end_names: str) -> None:
+    def _add_law(self, name: str, link: Link, end_names: str) -> None:
         assert link.law is not None
         law_fields, per_step = link.law.fields, link.law.per_step
-        law_texts = _bare(law_fields["law"]), _bare(law_fields["damping"])
-        stiffness_letter, has_plain_damping = _LINEAR.get(law_texts[0]), law_texts[1] in ("", "z*v")
+        law_pair = _without_spaces(law_fields["law"]), _without_spaces(law_fields["damping"])
+        k_name, has_plain_damping = (
+            _LINEAR_LAWS.get(law_pair[0]),
+            law_pair[1] in ("", "z*v"),
+        )
         if (
-            stiffness_letter is not None
+            k_name is not None
             and has_plain_damping
             and not link.offset
             and not law_fields["points"]
         ):
-            k, z = (
-                law_fields["constants"].get(constant, 0.0) for constant in (stiffness_letter, "z")
-            )
-            self._linear(name, end_names, k, z * per_step)
+            k, z = (law_fields["constants"].get(constant, 0.0) for constant in (k_name, "z"))
+            self._add_linear(name, end_names, k, z * per_step)
             return
-        law_word = _FIELD_WORDS.get(law_texts)
-        if law_word is None or law_fields["points"]:
+        word = _WORD_BY_LAW.get(law_pair)
+        if word is None or law_fields["points"]:
             reason = f"{link.name}: its law is none of mi-gen's; docs/import.md has them"
             self.refuse(link.place, reason)
             return
-        head_link = LINKS["head"][law_word]
+        head_link = LINKS["head"][word]
         if link.offset and head_link.rest != "thresh":
-            self.refuse(link.place, f"{link.name}: a {law_word} of mi-gen has no rest")
+            self.refuse(link.place, f"{link.name}: a {word} of mi-gen has no rest")
             return
-        keyword = law_word.split()[-1]
+        keyword = word.split()[-1]
         values_by_name = {
             value: law_fields["constants"][letter] for letter, value in head_link.fields.items()
         }
@@ -294,7 +299,7 @@ class _Writing:
                 values_by_name["Z"] *= per_step
             if keyword == "nlBow":
                 values_by_name["scale"] /= per_step
-        value_names = _ORDER[law_word]
+        value_names = _VALUE_ORDER[word]
         values_by_name.setdefault("thresh", link.offset)
         values_text = " ".join(
             _number(float(values_by_name.get(constant, _DEFAULTS.get(constant, 0.0))))
@@ -302,12 +307,12 @@ class _Writing:
         )
         self.lines.append(f"@{name} {keyword} {end_names} {values_text}")
 
-    def _linear(self, name: str, end_names: str, K: float, z: float) -> None:
+    def _add_linear(self, name: str, end_names: str, K: float, z: float) -> None:
         """Write K·d + Z·v, of any sign, as a law whose cubic part is 0."""
         k = _number(K)
         self.lines.append(f"@{name} nlSpringDamper {end_names} {k} 0 {k} {_number(z)}")
 
-    def _pushes(self, inputs: list[str]) -> None:
+    def _add_force_inputs(self, inputs: list[str]) -> None:
         for input_number, input_name in enumerate(inputs):
             pushed_indices = [
                 point_index
@@ -315,7 +320,7 @@ class _Writing:
                 if input_number in point.forces
             ]
             if len(pushed_indices) == 1:
-                self.lines.append(f"@{input_name} frcInput {self.link_names[pushed_indices[0]]}")
+                self.lines.append(f"@{input_name} frcInput {self.point_texts[pushed_indices[0]]}")
             elif pushed_indices:
                 pushed_point = self.network.points[pushed_indices[0]]
                 reason = (
@@ -323,26 +328,26 @@ class _Writing:
                 )
                 self.refuse(pushed_point.place, reason)
 
-    def _output(self, name: str, output: MixedOutput) -> None:
+    def _add_output(self, name: str, output: MixedOutput) -> None:
         output_name = output.name.split(" ")[0]
         if output.order:
             self.refuse(
                 output.place, f"{output_name}: mi-gen hears positions and forces (SOX, SOF) alone"
             )
         elif output.links:
-            self._force(name, output_name, output)
+            self._add_force_output(name, output_name, output)
         elif len(output.points) != 1:
             self.refuse(output.place, f"{output_name}: an output of mi-gen hears one point")
         else:
-            self.lines.append(f"@{name} posOutput {self.link_names[output.points[0]]}")
+            self.lines.append(f"@{name} posOutput {self.point_texts[output.points[0]]}")
 
-    def _force(self, name: str, output_name: str, output: MixedOutput) -> None:
+    def _add_force_output(self, name: str, output_name: str, output: MixedOutput) -> None:
         """Write the force on a mass as an output. mi-gen hears all links of a mass together, or
         none.
         """
         end_masses = {self.network.links[link].b for link in output.links}
         (mass_index,) = end_masses if len(end_masses) == 1 else (-1,)
-        hears_all_links = sorted(self.ends.get(mass_index, [])) == sorted(output.links)
+        hears_all_links = sorted(self.links_by_point.get(mass_index, [])) == sorted(output.links)
         if (
             not hears_all_links
             or self.network.points[mass_index].forces
@@ -350,16 +355,16 @@ class _Writing:
         ):
             reason = f"{output_name}: mi-gen hears the force of all links of one mass together"
             self.refuse(output.place, f"{reason}, and here they are others")
-        elif self.link_names[mass_index].startswith("["):
+        elif self.point_texts[mass_index].startswith("["):
             self.refuse(output.place, f"{output_name}: mi-gen hears no force on a member of a body")
         else:
-            self.lines.append(f"@{name} frcOutput {self.link_names[mass_index]}")
+            self.lines.append(f"@{name} frcOutput {self.point_texts[mass_index]}")
 
 
 _NEGATIVE = "a stiffness or a viscosity below 0"
-_LINEAR = {"k*d": "k", "lim*d": "lim", "": "k"}
+_LINEAR_LAWS = {"k*d": "k", "lim*d": "lim", "": "k"}
 _DEFAULTS = {"smooth": 1.0}
-_PICKED_FIELDS = {
+_VALUE_NAMES = {
     "nlContact": "K Q lim Z thresh",
     "nlSpring2": "K Q Z",
     "nlSpring3": "K Q Z",
@@ -369,38 +374,32 @@ _PICKED_FIELDS = {
     "nlPluck": "K scale",
     "damped nlPluck": "K scale Z",
 }
-_ORDER: Mapping[str, list[str]] = {word: text.split() for word, text in _PICKED_FIELDS.items()}
+_VALUE_ORDER: Mapping[str, list[str]] = {word: text.split() for word, text in _VALUE_NAMES.items()}
 
 
-def _bare(text: str | None) -> str:
+def _without_spaces(text: str | None) -> str:
     return _SPACES.sub("", text or "")
 
 
-_FIELD_WORDS = {
-    (_bare(LINKS["head"][word].law), _bare(LINKS["head"][word].damping)): word for word in _ORDER
+_WORD_BY_LAW = {
+    (_without_spaces(LINKS["head"][word].law), _without_spaces(LINKS["head"][word].damping)): word
+    for word in _VALUE_ORDER
 }
 
 
-def _channels(channel_letters: str, names_wanted: list[str]) -> list[str]:
+def _channels(prefix: str, wanted_names: list[str]) -> list[str]:
     """Channel names such as `in1`: wanted names that are free, else the lowest numbers that are
     left.
     """
-    channel_pattern = re.compile(rf"{channel_letters}[1-9]\d?")
-    channel_names = [name if channel_pattern.fullmatch(name) else "" for name in names_wanted]
-    channel_names = [
-        name if name not in channel_names[:name_index] else ""
-        for name_index, name in enumerate(channel_names)
-    ]
-    free_names = (
-        f"{channel_letters}{n}"
-        for n in range(1, 10_000)
-        if f"{channel_letters}{n}" not in channel_names
-    )
-    return [name or next(free_names) for name in channel_names]
+    pattern = re.compile(rf"{prefix}[1-9]\d?")
+    names = [name if pattern.fullmatch(name) else "" for name in wanted_names]
+    names = [name if name not in names[:index] else "" for index, name in enumerate(names)]
+    free_names = (f"{prefix}{n}" for n in range(1, 10_000) if f"{prefix}{n}" not in names)
+    return [name or next(free_names) for name in names]
 
 
-def _share(member: int, count: int) -> str:
-    return _number(member / (count - 1)) if count > 1 else "0"
+def _position_text(index: int, n_points: int) -> str:
+    return _number(index / (n_points - 1)) if n_points > 1 else "0"
 
 
 def _number(value: float) -> str:

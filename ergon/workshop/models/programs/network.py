@@ -19,106 +19,106 @@ from ergon.notation.text.values import Place
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.programs.elements import (
     Body,
-    Fed,
+    Input,
     Law,
     Link,
     MixedOutput,
     Part,
     Point,
-    Stepped,
+    SteppedNetwork,
 )
 from ergon.workshop.models.programs.masses import POINTS
 
 NETWORK_MAX = 200  # points: Faust takes 7 s for 150 that are joined, more than 100 s for 990
 
-_WRITTEN = ("RES", "FRO", "REF", "BUT", "LNL")
+_EXPORTED_LINKS = ("RES", "FRO", "REF", "BUT", "LNL")
 
 
-def stepped(
-    program_parts: Sequence[Part],
-    struck_targets: Iterable[Target],
+def stepped_network(
+    parts: Sequence[Part],
+    struck: Iterable[Target],
     rate: float,
     *,
     points_max: int = NETWORK_MAX,
-) -> Stepped:
+) -> SteppedNetwork:
     """Parts as the engine steps them at `rate` [Hz], with the links between them.
 
-    `struck_targets` points have an input for a force. Links to other parts are left out. There may
+    The points `struck` have an input for a force. Links to other parts are left out. There may
     be at most `points_max` points. Raises ModelError with the places of all that cannot be written.
     """
-    return _Builder(Stepped(rate), points_max).build(program_parts, struck_targets)
+    return _Builder(SteppedNetwork(rate), points_max).build(parts, struck)
 
 
 class _Builder:
-    def __init__(self, target: Stepped, points_max: int) -> None:
-        self.to, self.points_max = target, points_max
+    def __init__(self, network: SteppedNetwork, points_max: int) -> None:
+        self.result, self.points_max = network, points_max
         self.points_by_module: dict[tuple[str, str], list[int]] = {}  # points of a module
-        self.centres: dict[tuple[str, str], int] = {}
-        self.links: dict[tuple[str, str], list[int]] = {}
-        self.pushes: dict[tuple[int, ...], int] = {}  # points -> input
+        self.centre_by_module: dict[tuple[str, str], int] = {}
+        self.links_by_module: dict[tuple[str, str], list[int]] = {}
+        self.input_by_points: dict[tuple[int, ...], int] = {}  # points -> input
         self.refused: list[tuple[Place, str]] = []
 
-    def build(self, parts: Sequence[Part], struck: Iterable[Target]) -> Stepped:
+    def build(self, parts: Sequence[Part], struck: Iterable[Target]) -> SteppedNetwork:
         for part in parts:
-            if part.ca_rate not in (None, self.to.rate):
+            if part.ca_rate not in (None, self.result.rate):
                 refusal_reason = f"its numbers are for {part.ca_rate:,g} Hz, and the score has"
                 self._refuse(
                     part.modules[0].place,
-                    f"{part.name}: {refusal_reason} {self.to.rate:,g} Hz; write the same",
+                    f"{part.name}: {refusal_reason} {self.result.rate:,g} Hz; write the same",
                 )
             for module in part.modules:
-                self._holder(part, module)
+                self._add_points(part, module)
         for part in parts:
             for module in part.modules:
                 if module.kind == "PROXY":
-                    self._proxy(part, module)
+                    self._add_proxy(part, module)
         for part in parts:
             for module in part.modules:
-                self._rest(part, module)
+                self._add_link_or_input(part, module)
         for part in parts:
             if part.struck is not None:
-                self._push_all(self.points_by_module[part.name, part.struck], part.name)
+                self._add_force_on(self.points_by_module[part.name, part.struck], part.name)
         for target in struck:
-            self._push(target)
+            self._add_force_input(target)
         for part in parts:
             for output in part.outputs:
-                self._output(part, output)
-        if len(self.to.points) > self.points_max:
+                self._add_output(part, output)
+        if len(self.result.points) > self.points_max:
             self._refuse(
                 parts[0].modules[0].place,
-                f"there are {len(self.to.points):,} masses, and at most {self.points_max:,} are "
-                "written",
+                f"there are {len(self.result.points):,} masses, and at most {self.points_max:,} "
+                "are written",
             )
         if not any(part.outputs for part in parts):
             names = ", ".join(part.name for part in parts)
             self._refuse(parts[0].modules[0].place, f"{names} has no output; add an `out`")
         if self.refused:
             raise refusal(self.refused)
-        self._start()
-        return self.to
+        self._set_first_steps()
+        return self.result
 
     def _refuse(self, place: Place, reason: str) -> None:
         self.refused.append((place, reason))
 
     # --- points ---
 
-    def _holder(self, part: Part, module: Module) -> None:
+    def _add_points(self, part: Part, module: Module) -> None:
         key = (part.name, module.name)
         name = f"{part.name}.{module.name}" if module.name else part.name
         if module.kind in POINTS:
-            point = POINTS[module.kind](module.fields, name, part.ca_rate, self.to.rate)
+            point = POINTS[module.kind](module.fields, name, part.ca_rate, self.result.rate)
             point.is_ca, point.place = (
                 part.ca_rate is not None,
                 module.place,
             )
-            self.points_by_module[key] = [len(self.to.points)]
-            self.to.points.append(point)
+            self.points_by_module[key] = [len(self.result.points)]
+            self.result.points.append(point)
         elif module.kind in GENERATOR_KINDS:
-            self._generator(part, module, name)
+            self._add_generator(part, module, name)
 
-    def _proxy(self, part: Part, module: Module) -> None:
+    def _add_proxy(self, part: Part, module: Module) -> None:
         name, fields = f"{part.name}.{module.name}", module.fields
-        self.points_by_module[part.name, module.name] = [len(self.to.points)]
+        self.points_by_module[part.name, module.name] = [len(self.result.points)]
         shares: list[tuple[int, float]] = []
         if fields["follows"]:
             self._refuse(module.place, f"{name}: a PROXY that follows a MAT is not written yet")
@@ -128,18 +128,18 @@ class _Builder:
             self._refuse(module.place, f"{name}: a PROXY between masses of another part")
         else:
             network = _core.Network()
-            mats: dict[int, int] = {}
+            mat_by_point: dict[int, int] = {}
 
             def members(target: Target) -> list[int]:
                 for point in self._members(target):
-                    mats.setdefault(point, network.sol(f"{point}"))
-                return [mats[point] for point in self._members(target)]
+                    mat_by_point.setdefault(point, network.sol(f"{point}"))
+                return [mat_by_point[point] for point in self._members(target)]
 
             proxy = add_proxy(network, name, fields, members)
-            points = {mat: point for point, mat in mats.items()}
-            shares = [(points[mat], share) for mat, share in network.shares(proxy)]
-        x0 = sum(share * self.to.points[target].x0 for target, share in shares)
-        v0 = sum(share * self.to.points[target].v0 for target, share in shares)
+            point_by_mat = {mat: point for point, mat in mat_by_point.items()}
+            shares = [(point_by_mat[mat], share) for mat, share in network.shares(proxy)]
+        x0 = sum(share * self.result.points[target].x0 for target, share in shares)
+        v0 = sum(share * self.result.points[target].v0 for target, share in shares)
         point = Point(
             name,
             x0,
@@ -148,9 +148,9 @@ class _Builder:
             shares=tuple(shares),
         )
         point.place = module.place
-        self.to.points.append(point)
+        self.result.points.append(point)
 
-    def _generator(self, part: Part, module: Module, name: str) -> None:
+    def _add_generator(self, part: Part, module: Module, name: str) -> None:
         fields, key = (module.fields, (part.name, module.name))
         self.points_by_module[key] = []
         if module.kind == "MODES":
@@ -164,56 +164,63 @@ class _Builder:
         assembly = Assembly()
         assembly.add_part(part.name, [module], ca_rate=part.ca_rate)
         network = assembly.network
-        mass_count, table = network.count(0), network.elements([part.name])
+        n_masses, table = network.count(0), network.elements([part.name])
         if not {*table.kinds} <= {"CEL", "RES", "FRO", "REF"} or (table.stiffness < 0).any():
             self._refuse(module.place, f"{name}: a {module.kind} that hardens, stretches or bends")
             return
-        if mass_count > self.points_max:
+        if n_masses > self.points_max:
             self._refuse(
                 module.place,
-                f"{name}: {mass_count:,} masses, and at most {self.points_max:,} are written",
+                f"{name}: {n_masses:,} masses, and at most {self.points_max:,} are written",
             )
             return
-        first_point = len(self.to.points)
-        self.points_by_module[key] = list(range(first_point, first_point + mass_count))
-        self.centres[key] = first_point + network.centre(0)
-        slot_by_mat = {mat_number: mat_slot for mat_slot, mat_number in enumerate(table.mats)}
-        tie_by_slot = {
+        first_point = len(self.result.points)
+        self.points_by_module[key] = list(range(first_point, first_point + n_masses))
+        self.centre_by_module[key] = first_point + network.centre(0)
+        row_by_mat = {mat: row for row, mat in enumerate(table.mats)}
+        ground_by_row = {
             int(a): (float(k), float(z))
             for kind, a, k, z in zip(
                 table.kinds, table.a, table.stiffness, table.damping, strict=True
             )
             if kind == "CEL"
         }
-        rate = self.to.rate
-        for member in range(mass_count):
-            member_name, slot = f"{name}.{member}", slot_by_mat.get(member)
-            if slot is None:
+        rate = self.result.rate
+        for member in range(n_masses):
+            member_name, mat_row = f"{name}.{member}", row_by_mat.get(member)
+            if mat_row is None:
                 point = Point(member_name, 0.0, f"SOL of {module.kind}")
             else:
-                m = float(table.masses[slot])
-                tie = dict(zip(("K", "Z"), tie_by_slot.get(slot, (None, 0.0)), strict=True))
-                make_point = POINTS["MAS" if slot not in tie_by_slot else "CEL"]
-                point = make_point({"M": m, **tie, **starts}, member_name, part.ca_rate, rate)
+                m = float(table.masses[mat_row])
+                constants = dict(
+                    zip(("K", "Z"), ground_by_row.get(mat_row, (None, 0.0)), strict=True)
+                )
+                make_point = POINTS["MAS" if mat_row not in ground_by_row else "CEL"]
+                point = make_point({"M": m, **constants, **starts}, member_name, part.ca_rate, rate)
             point.is_ca, point.place = (part.ca_rate is not None, module.place)
-            self.to.points.append(point)
-        first_link = len(self.to.links)
+            self.result.points.append(point)
+        first_link = len(self.result.links)
         ground = None
-        points_by_slot = [first_point + mat_number for mat_number in table.mats]
+        point_by_row = [first_point + mat_number for mat_number in table.mats]
         link_rows = zip(table.kinds, table.a, table.b, table.stiffness, table.damping, strict=True)
         for link_number, (link_kind, a, b, k, z) in enumerate(link_rows):
             if link_kind == "CEL":
                 continue
             if ground is None and min(a, b) < 0:
-                ground = len(self.to.points)
-                self.to.points.append(Point(f"{name}.ground", 0.0, f"SOL of {module.kind}"))
-            end_points = [ground if end < 0 else points_by_slot[end] for end in (int(a), int(b))]
-            tie = {"K": float(k), "Z": float(z)}
-            self._join(part, f"{name}.link.{link_number}", end_points, link_kind, tie, module.place)
-        ranges = range(first_point, len(self.to.points)), range(first_link, len(self.to.links))
-        self._body(module, name, mass_count, *ranges)
+                ground = len(self.result.points)
+                self.result.points.append(Point(f"{name}.ground", 0.0, f"SOL of {module.kind}"))
+            end_points = [ground if end < 0 else point_by_row[end] for end in (int(a), int(b))]
+            constants = {"K": float(k), "Z": float(z)}
+            self._add_link(
+                part, f"{name}.link.{link_number}", end_points, link_kind, constants, module.place
+            )
+        ranges = (
+            range(first_point, len(self.result.points)),
+            range(first_link, len(self.result.links)),
+        )
+        self._add_body(module, name, n_masses, *ranges)
 
-    def _body(self, module: Module, name: str, count: int, points: range, links: range) -> None:
+    def _add_body(self, module: Module, name: str, count: int, points: range, links: range) -> None:
         """Add a generator as a whole, if it is one row or one rectangle of equal masses."""
         fields = module.fields
         sides = (count, 1)
@@ -222,33 +229,33 @@ class _Builder:
         elif module.kind != "STRING" or fields["ends"] == "left" or fields.get("stiffness"):
             return
         is_held = fields.get("ends") == "fixed" or fields.get("rim") == "fixed"
-        body_links = [self.to.links[link] for link in links]
-        distinct_masses = {self.to.points[point].mass for point in points[:count]}
+        body_links = [self.result.links[link] for link in links]
+        distinct_masses = {self.result.points[point].mass for point in points[:count]}
         link_constants = {(link.K, link.z) for link in body_links}
-        column_count, row_count = sides
-        expected_links = column_count * (row_count - 1) + row_count * (column_count - 1)
+        n_columns, n_rows = sides
+        n_links = n_columns * (n_rows - 1) + n_rows * (n_columns - 1)
         if is_held:
-            expected_links += 2 if module.kind == "STRING" else 2 * (column_count + row_count)
-        is_tied = any(self.to.points[point].kappa for point in points)
+            n_links += 2 if module.kind == "STRING" else 2 * (n_columns + n_rows)
+        is_tied = any(self.result.points[point].kappa for point in points)
         if (
             len(distinct_masses) == len(link_constants) == 1
-            and len(body_links) == expected_links
+            and len(body_links) == n_links
             and not is_tied
         ):
             (K, z), *_ = link_constants
-            self.to.bodies.append(Body(name, module.kind, is_held, sides, points, links, K, z))
+            self.result.bodies.append(Body(name, module.kind, is_held, sides, points, links, K, z))
 
     # --- links and inputs ---
 
-    def _rest(self, part: Part, module: Module) -> None:
+    def _add_link_or_input(self, part: Part, module: Module) -> None:
         name = f"{part.name}.{module.name}"
         if following.followings(module):
             self._refuse(module.place, f"{name}: what follows a MAT is not written yet")
             return
         if module.kind in ("ENX", "ENF"):
-            self._input(module, name)
+            self._add_input(module, name)
         elif module.kind in LINK_KINDS:
-            if module.kind not in _WRITTEN:
+            if module.kind not in _EXPORTED_LINKS:
                 self._refuse(module.place, f"{name}: {module.kind} is not written yet")
                 return
             if any("noise(" in (module.fields.get(field) or "") for field in ("law", "damping")):
@@ -266,23 +273,25 @@ class _Builder:
                 end.text for end in targets if (end.part, end.module) not in self.points_by_module
             ]
             if missing_ends:
-                self.to.left_out.append(f"{name}, which joins {' and '.join(missing_ends)}")
+                self.result.left_out.append(f"{name}, which joins {' and '.join(missing_ends)}")
                 for end in targets:
-                    self._push(end)
+                    self._add_force_input(end)
                 return
-            first_link = len(self.to.links)
+            first_link = len(self.result.links)
             for single_link in single_links(module):
                 a, b = (self._members(end)[:1] for end in single_link.ends)
                 if a and b:
                     link_name = f"{part.name}.{single_link.name}"
-                    self._join(
+                    self._add_link(
                         part, link_name, [*a, *b], module.kind, single_link.fields, module.place
                     )
             if (module.fields.get("K") or 0.0) < 0 and part.ca_rate is None:
                 self._refuse(module.place, f"{name}: a stiffness below 0")
-            self.links[part.name, module.name] = list(range(first_link, len(self.to.links)))
+            self.links_by_module[part.name, module.name] = list(
+                range(first_link, len(self.result.links))
+            )
 
-    def _join(
+    def _add_link(
         self,
         part: Part,
         name: str,
@@ -292,7 +301,7 @@ class _Builder:
         place: Place,
     ) -> None:
         K, Z = float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0)
-        z = Z * (self.to.rate if part.ca_rate is None else self.to.rate / part.ca_rate)
+        z = Z * (self.result.rate if part.ca_rate is None else self.result.rate / part.ca_rate)
         a, b = (end for end in end_points if end is not None)
         units = ("", "") if part.ca_rate is not None else (" N/m", " N·s/m")
         description = f"{kind}: K = {K!r}{units[0]}, Z = {Z!r}{units[1]}"
@@ -300,7 +309,7 @@ class _Builder:
             law_fields = (
                 fields[field_name] for field_name in ("law", "damping", "constants", "points")
             )
-            law = Law(fields, _core.Law(*law_fields), 1.0 if part.ca_rate else self.to.rate)
+            law = Law(fields, _core.Law(*law_fields), 1.0 if part.ca_rate else self.result.rate)
             offset = float(fields["rest"])
             law_texts = (
                 f"{field_name} = {fields[field_name]}"
@@ -308,7 +317,7 @@ class _Builder:
                 if fields[field_name]
             )
             description = f"LNL: {', '.join([*law_texts, f'rest = {offset!r} m'])}"
-            self.to.links.append(
+            self.result.links.append(
                 Link(
                     name,
                     a,
@@ -325,12 +334,12 @@ class _Builder:
         if kind != "BUT":
             offset = float(fields.get("rest") or 0.0)
             description += f", rest = {offset!r} m"
-            self.to.links.append(Link(name, a, b, K, z, offset, description, place=place))
+            self.result.links.append(Link(name, a, b, K, z, offset, description, place=place))
             return
         gap, exponent, side = float(fields["gap"]), fields["exponent"], fields["side"]
         description += f", gap = {gap!r} m, {side}, exponent = {exponent!r}"
         sign, clamped = 1 if side == "below" else -1, fields["clamp"]
-        self.to.links.append(
+        self.result.links.append(
             Link(
                 name,
                 a,
@@ -350,50 +359,50 @@ class _Builder:
         key = (target.part, target.module)
         points = self.points_by_module.get(key, [])
         if target.first == "centre":
-            return [self.centres[key]] if key in self.centres else []
+            return [self.centre_by_module[key]] if key in self.centre_by_module else []
         return points[target.first : target.first + target.count]
 
-    def _input(self, module: Module, name: str) -> None:
+    def _add_input(self, module: Module, name: str) -> None:
         target = module.driven_mat
         if (target.part, target.module) not in self.points_by_module:
-            self.to.left_out.append(f"{name}, which feeds {target.text}")
+            self.result.left_out.append(f"{name}, which feeds {target.text}")
             return
         source = module.fields["from"]
         take = source if isinstance(source, str) else ""
         if module.kind == "ENF":
             if take or module.fields["at"] is not None:
-                self._push(target, take)
+                self._add_force_input(target, take)
             else:
                 for member in self._members(target):
-                    for mass, share in self.to.points[member].shares or [(member, 1.0)]:
-                        self.to.points[mass].weight += share * float(source)
+                    for mass, share in self.result.points[member].shares or [(member, 1.0)]:
+                        self.result.points[mass].weight += share * float(source)
             return
         for member in self._members(target):
-            point = self.to.points[member]
+            point = self.result.points[member]
             if point.fed is None:
-                point.fed = len(self.to.inputs)
-                self.to.inputs.append(Fed(f"position of {point.name} [m]", take))
+                point.fed = len(self.result.inputs)
+                self.result.inputs.append(Input(f"position of {point.name} [m]", take))
 
-    def _push(self, target: Target, take: str = "") -> None:
-        self._push_all(self._members(target), target.text, take)
+    def _add_force_input(self, target: Target, take: str = "") -> None:
+        self._add_force_on(self._members(target), target.text, take)
 
-    def _push_all(self, points: Sequence[int], target_text: str, take: str = "") -> None:
-        pushed = tuple(points)
+    def _add_force_on(self, points: Sequence[int], target_text: str, take: str = "") -> None:
+        key = tuple(points)
         mobile_points = [
             point_index
-            for point_index in pushed
-            if self.to.points[point_index].mass or self.to.points[point_index].shares
+            for point_index in key
+            if self.result.points[point_index].mass or self.result.points[point_index].shares
         ]
-        if not mobile_points or pushed in self.pushes:
+        if not mobile_points or key in self.input_by_points:
             return
-        input_number = self.pushes[pushed] = len(self.to.inputs)
-        point_name = self.to.points[pushed[0]].name
-        name = f"force on {point_name if len(pushed) == 1 else target_text} [N]"
-        self.to.inputs.append(Fed(name, take))
+        input_index = self.input_by_points[key] = len(self.result.inputs)
+        point_name = self.result.points[key[0]].name
+        name = f"force on {point_name if len(key) == 1 else target_text} [N]"
+        self.result.inputs.append(Input(name, take))
         for point_number in mobile_points:
-            self.to.points[point_number].forces.append(input_number)
+            self.result.points[point_number].forces.append(input_index)
 
-    def _output(self, part: Part, output: Output) -> None:
+    def _add_output(self, part: Part, output: Output) -> None:
         name = f"{part.name}.{output.name}" if output.name else part.name
         if output.nearest:
             reason = f"{name}: an output of which each member goes to its own loudspeaker"
@@ -403,10 +412,10 @@ class _Builder:
         for target in output.targets:
             if output.is_movement:
                 if (target.part, target.module) not in self.points_by_module:
-                    self.to.left_out.append(f"{target.text}, which {name} hears")
+                    self.result.left_out.append(f"{target.text}, which {name} hears")
                 points += self._members(target)
                 continue
-            links_of_target = self.links.get((target.part, target.module), [])
+            links_of_target = self.links_by_module.get((target.part, target.module), [])
             if not links_of_target or target.first == "centre":
                 quantity = "distance" if output.is_distance else facts.quantity
                 reason = f"{name}: the {quantity} of {target.text} is not written yet"
@@ -414,20 +423,22 @@ class _Builder:
                 continue
             links += links_of_target[target.first : target.first + target.count]
         output_name = f"{name} [{facts.unit.replace('²', '^2')}]"
-        self.to.outputs.append(MixedOutput(output_name, points, links, facts.order, output.place))
+        self.result.outputs.append(
+            MixedOutput(output_name, points, links, facts.order, output.place)
+        )
 
     # --- the first step ---
 
-    def _start(self) -> None:
+    def _set_first_steps(self) -> None:
         """Set d0 of every point: the step of its own motion, less half a step of the forces at the
         start.
         """
-        points, period = self.to.points, 1.0 / self.to.rate
+        points, period = self.result.points, 1.0 / self.result.rate
         forces = [0.0] * len(points)
-        for link in self.to.links:
+        for link in self.result.links:
             a, b = points[link.a], points[link.b]
             separation = b.x0 - a.x0
-            force = _pull(link, separation, period * (b.v0 - a.v0))
+            force = _link_force(link, separation, period * (b.v0 - a.v0))
             forces[link.a] += force
             forces[link.b] -= force
         for point, force in zip(points, tuple(forces), strict=True):
@@ -440,7 +451,7 @@ class _Builder:
                 point.d0 -= 0.5 * point.gain * (force + point.weight)
 
 
-def _pull(link: Link, separation: float, step_difference: float) -> float:
+def _link_force(link: Link, separation: float, step_difference: float) -> float:
     """Force on the first point, for x_b - x_a = e with a last step d."""
     if link.law is not None:
         return link.law.compiled.force(

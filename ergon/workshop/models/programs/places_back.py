@@ -9,7 +9,7 @@ from ergon.workshop.models.programs.elements import Body, Point
 _SHARE_TOLERANCE = 1e-12  # tolerance of a share
 
 
-def place_of(
+def position_on_body(
     body: Body, shares: Sequence[tuple[int, float]], point_of: Callable[[int], Point]
 ) -> list[float]:
     """The place on a body that gives these shares, linear along each side; empty if there is none.
@@ -17,16 +17,16 @@ def place_of(
     A fixed point at 0 among them is the end of a held string, beside its first or last mass.
     `point_of` returns the point of a number.
     """
-    (column_count, row_count), is_string = body.sides, body.kind == "STRING"
-    fixed_count = 2 * body.is_held
-    share_by_grid_point: dict[tuple[int, int], float] = {}
-    position_by_mass = {mass: position for position, mass in enumerate(body.points)}
-    row_positions = {position_by_mass[mass] for mass, _ in shares if mass in position_by_mass}
+    (n_columns, n_rows), is_string = body.sides, body.kind == "STRING"
+    n_fixed = 2 * body.is_held
+    weights: dict[tuple[int, int], float] = {}
+    index_by_mass = {mass: position for position, mass in enumerate(body.points)}
+    body_indices = {index_by_mass[mass] for mass, _ in shares if mass in index_by_mass}
     for mass_index, share in shares:
         if not share:
             continue
-        if mass_index in position_by_mass:
-            row_index, column_index = divmod(position_by_mass[mass_index], column_count)
+        if mass_index in index_by_mass:
+            row_index, column_index = divmod(index_by_mass[mass_index], n_columns)
             grid_point = (
                 row_index + body.is_held * (not is_string),
                 column_index + body.is_held,
@@ -35,47 +35,41 @@ def place_of(
             is_string
             and body.is_held
             and _is_still(point_of(mass_index))
-            and len(row_positions) == 1
+            and len(body_indices) == 1
         ):
-            (end_position,) = row_positions
-            grid_point = (0, 0) if end_position == 0 else (0, column_count + 1)
-            if end_position not in (0, column_count - 1) or column_count == 1:
+            (end_index,) = body_indices
+            grid_point = (0, 0) if end_index == 0 else (0, n_columns + 1)
+            if end_index not in (0, n_columns - 1) or n_columns == 1:
                 return []
         else:
             return []
-        share_by_grid_point[grid_point] = share_by_grid_point.get(grid_point, 0.0) + share
-    counts = (
-        [column_count + fixed_count]
-        if is_string
-        else [row_count + fixed_count, column_count + fixed_count]
+        weights[grid_point] = weights.get(grid_point, 0.0) + share
+    points_per_side = (
+        [n_columns + n_fixed] if is_string else [n_rows + n_fixed, n_columns + n_fixed]
     )
     means = [
-        sum(
-            point_share * grid_point[axis]
-            for grid_point, point_share in share_by_grid_point.items()
-        )
-        for axis in (0, 1)
+        sum(weight * grid_point[axis] for grid_point, weight in weights.items()) for axis in (0, 1)
     ]
     if any(
-        abs(_share(grid_point, means) - point_share) > _SHARE_TOLERANCE
-        for grid_point, point_share in share_by_grid_point.items()
+        abs(_bilinear_weight(grid_point, means) - point_share) > _SHARE_TOLERANCE
+        for grid_point, point_share in weights.items()
     ):
         return []
-    if abs(sum(share_by_grid_point.values()) - 1.0) > _SHARE_TOLERANCE:
+    if abs(sum(weights.values()) - 1.0) > _SHARE_TOLERANCE:
         return []
     return [
-        mean / (count - 1) if count > 1 else 0.0
-        for mean, count in zip(means[-len(counts) :], counts, strict=True)
+        mean / (n - 1) if n > 1 else 0.0
+        for mean, n in zip(means[-len(points_per_side) :], points_per_side, strict=True)
     ]
 
 
-def _share(grid_point: tuple[int, int], means: Sequence[float]) -> float:
+def _bilinear_weight(grid_point: tuple[int, int], means: Sequence[float]) -> float:
     """The share of one mass in a place between masses, linear along each side."""
-    row_share, column_share = (
+    row_weight, column_weight = (
         max(0.0, 1.0 - abs(mean - coordinate))
         for mean, coordinate in zip(means, grid_point, strict=True)
     )
-    return row_share * column_share
+    return row_weight * column_weight
 
 
 def _is_still(point: Point) -> bool:

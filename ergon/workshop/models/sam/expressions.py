@@ -47,7 +47,7 @@ class Definition:
     text: str
     line: int
     comment: str = ""
-    before: tuple[str, ...] = ()
+    comments_before: tuple[str, ...] = ()
 
 
 def parse(text: str, line: int) -> Node:
@@ -88,42 +88,42 @@ class _Parser:
     def read_all(self) -> Node:
         if not self.tokens:
             raise ModelError("an expression is missing", self.line)
-        full_node = self.level(0)
+        full_node = self.read_level(0)
         if self.index < len(self.tokens):
-            raise self.wrong()
+            raise self.error()
         return full_node
 
-    def wrong(self) -> ModelError:
+    def error(self) -> ModelError:
         if self.index >= len(self.tokens):
             return ModelError(f"{quote(self.text.strip()[:60])} ends too early", self.line)
         token_text = self.tokens[self.index][1]
         message = f"{quote(token_text)} in {quote(self.text.strip()[:60])} is not read here"
         return ModelError(message, self.line)
 
-    def sign(self) -> str:
+    def next_sign(self) -> str:
         kind, word = self.tokens[self.index] if self.index < len(self.tokens) else ("", "")
         return word if kind == "sign" else ""
 
-    def take(self, expected: str) -> None:
-        if self.sign() != expected:
-            raise self.wrong()
+    def expect(self, expected: str) -> None:
+        if self.next_sign() != expected:
+            raise self.error()
         self.index += 1
 
-    def level(self, level_index: int) -> Node:
+    def read_level(self, level_index: int) -> Node:
         if level_index == len(_LEVELS):
-            return self.primary()
-        operands, operators = [self.level(level_index + 1)], []
-        while self.sign() in _LEVELS[level_index] and self.sign():
-            operators.append(self.sign())
+            return self.read_primary()
+        operands, operators = [self.read_level(level_index + 1)], []
+        while self.next_sign() in _LEVELS[level_index] and self.next_sign():
+            operators.append(self.next_sign())
             self.index += 1
-            operands.append(self.level(level_index + 1))
+            operands.append(self.read_level(level_index + 1))
         if not operators:
             return operands[0]
         return Node("chain", "", tuple(operands), tuple(operators))
 
-    def primary(self) -> Node:
+    def read_primary(self) -> Node:
         if self.index >= len(self.tokens):
-            raise self.wrong()
+            raise self.error()
         kind, word = self.tokens[self.index]
         self.depth += 1
         if self.depth > _DEPTH_MAX:
@@ -135,33 +135,37 @@ class _Parser:
         elif kind == "text":
             node = Node("text", word[1:-1])
         elif kind == "name":
-            node = Node("call", word, self.arguments()) if self.sign() == "(" else Node(kind, word)
+            node = (
+                Node("call", word, self.read_arguments())
+                if self.next_sign() == "("
+                else Node(kind, word)
+            )
         elif word == "_":
             node = Node("input", word)
         elif word == "(":
-            node = self.level(0)
-            self.take(")")
-        elif word in ("+", "-", "*", "/", "^") and self.sign() == "(":
-            node = Node("partial", word, self.arguments())
+            node = self.read_level(0)
+            self.expect(")")
+        elif word in ("+", "-", "*", "/", "^") and self.next_sign() == "(":
+            node = Node("partial", word, self.read_arguments())
         elif word == "-":
-            node = Node("negative", word, (self.primary(),))
+            node = Node("negative", word, (self.read_primary(),))
         else:
             self.index -= 1
-            raise self.wrong()
+            raise self.error()
         self.depth -= 1
         return node
 
-    def arguments(self) -> tuple[Node, ...]:
-        self.take("(")
+    def read_arguments(self) -> tuple[Node, ...]:
+        self.expect("(")
         argument_nodes = []
         while True:
             # A comma separates arguments here, so an argument has no comma outside parentheses.
             first_index = self.index
-            argument_parts, operators = [self.level(2)], []
-            while self.sign() == ":":
+            argument_parts, operators = [self.read_level(2)], []
+            while self.next_sign() == ":":
                 operators.append(":")
                 self.index += 1
-                argument_parts.append(self.level(2))
+                argument_parts.append(self.read_level(2))
             node = (
                 argument_parts[0]
                 if not operators
@@ -169,10 +173,10 @@ class _Parser:
             )
             text = " ".join(word for _, word in self.tokens[first_index : self.index])
             argument_nodes.append(replace(node, text=text))
-            if self.sign() != ",":
+            if self.next_sign() != ",":
                 break
             self.index += 1
-        self.take(")")
+        self.expect(")")
         return tuple(argument_nodes)
 
 
@@ -195,11 +199,14 @@ def definitions(code: Sequence[Code]) -> dict[str, Definition]:
     for code_line in code:
         code_text, comment = _without_comment(code_line.text)
         code_parts = code_text.split(";")
-        for nth, code_part in enumerate(code_parts):
+        for part_index, code_part in enumerate(code_parts):
             if not unread_text.strip():
-                first_line, comments_before = code_line.line, code_line.before if nth == 0 else ()
+                first_line, comments_before = (
+                    code_line.line,
+                    code_line.comments_before if part_index == 0 else (),
+                )
             unread_text += code_part + " "
-            if nth + 1 == len(code_parts):
+            if part_index + 1 == len(code_parts):
                 break
             if not unread_text.strip():
                 continue

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from ergon.workshop.models.sam.words import RATE
 
 # The library takes T60 as 6.9078 time constants; 60 dB are 3·ln 10 of them.
-SIXTY = 3.0 * math.log(10.0) / 6.9078
+T60_RATIO = 3.0 * math.log(10.0) / 6.9078
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Resonance:
     m: float
 
     @property
-    def heavier(self) -> float:
+    def mass_ratio(self) -> float:
         """Factor by which the mass of the score's cell is greater.
 
         A cell x[n+1] = 2r·cos(θ)·x[n] - r²·x[n-1] + F/M takes the force as the library's impulse
@@ -40,7 +40,7 @@ class Resonance:
     @property
     def mobility(self) -> float:
         """1/M [1/kg] of that cell in the units of the discrete network."""
-        return 1.0 / (self.m * RATE * RATE * self.heavier)
+        return 1.0 / (self.m * RATE * RATE * self.mass_ratio)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,40 +63,40 @@ class Link:
     b: str
     k: float
     R: float
-    o: float
+    offset: float
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class InitialState:
     """Where each mass is at sample 0 [m], its last step [m], and strikes there [N in a sample]."""
 
-    places: Mapping[str, float]
+    positions: Mapping[str, float]
     steps: Mapping[str, float]
-    kicks: Mapping[str, float]
+    forces: Mapping[str, float]
 
 
-def start(masses: Mapping[str, Mass], start_links: Sequence[Link]) -> Start:
+def initial_state(masses: Mapping[str, Mass], links: Sequence[Link]) -> InitialState:
     """Where a score begins."""
-    forces_at_start = dict.fromkeys(masses, 0.0)
-    for link in start_links:
-        if link.kind == "link" or link.o < 0.0:
-            _push(forces_at_start, link, -link.o * (link.k + link.R * RATE))
-    places, steps = {}, {}
+    initial_forces = dict.fromkeys(masses, 0.0)
+    for link in links:
+        if link.kind == "link" or link.offset < 0.0:
+            _push(initial_forces, link, -link.offset * (link.k + link.R * RATE))
+    positions, steps = {}, {}
     for name, mass in masses.items():
-        step = forces_at_start[name] * mass.mobility
-        places[name] = mass.x0 + step
+        step = initial_forces[name] * mass.mobility
+        positions[name] = mass.x0 + step
         steps[name] = mass.v0 / RATE + step
-    kicks = dict.fromkeys(masses, 0.0)
-    for link in start_links:
-        length = places[link.a] - places[link.b]
-        if link.kind == "link" or length - link.o > 0.0:
+    damper_forces = dict.fromkeys(masses, 0.0)
+    for link in links:
+        length = positions[link.a] - positions[link.b]
+        if link.kind == "link" or length - link.offset > 0.0:
             _push(
-                kicks,
+                damper_forces,
                 link,
                 link.R * RATE * (length - (steps[link.a] - steps[link.b])),
             )
-    kicks_of_mobile = {name: f for name, f in kicks.items() if f and masses[name].mobility}
-    return Start(places, steps, kicks_of_mobile)
+    forces_on_mobile = {name: f for name, f in damper_forces.items() if f and masses[name].mobility}
+    return InitialState(positions, steps, forces_on_mobile)
 
 
 def _push(forces: dict[str, float], link: Link, force: float) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.sam.words import CODE, LINKS, MASSES, OUTPUTS, REFUSED, WORDS, written
+from ergon.workshop.models.sam.words import CODE, LINKS, MASSES, OUTPUTS, REFUSED, WORDS, usage
 
 LINES_MAX = 200_000  # lines
 _CHARACTERS_MAX = 100_000  # longest line
@@ -19,7 +19,7 @@ _LINE_END = re.compile(r"\r\n|\r|\n")
 _STATEMENT_HEAD = re.compile(r"\s*([A-Za-z]\w*)\s*([(,:])")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 _LAYOUT = re.compile(r"#*\s*(pos\s+-?\d|v\d|$)")  # where a drawing has it; of which version it is
-_DRAWN = re.compile(r'#+\s*comment\("([^"]*)"')  # a text in the drawing
+_DRAWN_COMMENT = re.compile(r'#+\s*comment\("([^"]*)"')  # a text in the drawing
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,8 @@ class Statement:
     name: str
     ends: tuple[str, ...]
     line: int
-    before: tuple[str, ...] = ()
-    behind: str = ""
+    comments_before: tuple[str, ...] = ()
+    comment: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,17 +43,19 @@ class Code:
 
     text: str
     line: int
-    before: tuple[str, ...] = ()
+    comments_before: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
 class Sheet:
-    """The content of a text; `head` are the comments at its beginning, `tail` those at its end."""
+    """The content of a text; `header` are the comments at its beginning, `footer` those
+    at its end.
+    """
 
-    head: list[str] = field(default_factory=list)
+    header: list[str] = field(default_factory=list)
     statements: list[Statement] = field(default_factory=list)
     code: list[Code] = field(default_factory=list)
-    tail: list[str] = field(default_factory=list)
+    footer: list[str] = field(default_factory=list)
 
 
 def ports(sheet: Sheet) -> list[str]:
@@ -61,23 +63,23 @@ def ports(sheet: Sheet) -> list[str]:
     return [statement.name for statement in sheet.statements if statement.word == "port"]
 
 
-def parse(sheet_text: str) -> Sheet:
+def parse(text: str) -> Sheet:
     """The statements of a model. Raises ModelError with the line at fault."""
     sheet = Sheet()
     comments: list[str] = []
-    text_lines = _LINE_END.split(sheet_text)
-    if len(text_lines) > LINES_MAX:
+    lines = _LINE_END.split(text)
+    if len(lines) > LINES_MAX:
         raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
     has_begun = False
     lines_by_name: dict[str, int] = {}
-    for line_number, full_line in enumerate(text_lines, 1):
-        if len(full_line) > _CHARACTERS_MAX:
+    for line_number, line in enumerate(lines, 1):
+        if len(line) > _CHARACTERS_MAX:
             raise ModelError(f"a line has at most {_CHARACTERS_MAX:,} characters", line_number)
-        code_text, comment = _parted(full_line)
+        code_text, comment = _split_comment(line)
         if not code_text.strip():
             comments += _comment_lines(comment)
             if comments and not comment and not has_begun:  # an empty line ends the head
-                sheet.head += [*comments, ""]
+                sheet.header += [*comments, ""]
                 comments = []
             continue
         has_begun = True
@@ -86,25 +88,24 @@ def parse(sheet_text: str) -> Sheet:
             sheet.code.append(Code(code_text[head_match.end() :], line_number, tuple(comments)))
             comments = []
             continue
-        model_statement = _statement(
+        statement = _statement(
             code_text, line_number, tuple(comments), " ".join(_comment_lines(comment))
         )
         comments = []
-        if model_statement.name in lines_by_name:
+        if statement.name in lines_by_name:
             message = (
-                f"{quote(model_statement.name)} is the name of line "
-                f"{lines_by_name[model_statement.name]} too"
+                f"{quote(statement.name)} is the name of line {lines_by_name[statement.name]} too"
             )
             raise ModelError(message, line_number)
-        lines_by_name[model_statement.name] = line_number
-        sheet.statements.append(model_statement)
-    sheet.tail = comments
+        lines_by_name[statement.name] = line_number
+        sheet.statements.append(statement)
+    sheet.footer = comments
     if not sheet.statements:
-        raise ModelError("it has no statement of Synth-A-Modeler", len(text_lines))
+        raise ModelError("it has no statement of Synth-A-Modeler", len(lines))
     return sheet
 
 
-def _parted(sheet_line: str) -> tuple[str, str]:
+def _split_comment(sheet_line: str) -> tuple[str, str]:
     """A line's code, and the comment after it; a `#` within quotes does not begin a comment."""
     is_quoted = False
     for letter_index, letter in enumerate(sheet_line):
@@ -117,7 +118,7 @@ def _parted(sheet_line: str) -> tuple[str, str]:
 
 def _comment_lines(comment: str) -> list[str]:
     """The lines of a comment that a person wrote, without the layout of a drawing."""
-    if drawn := _DRAWN.match(comment):
+    if drawn := _DRAWN_COMMENT.match(comment):
         return [line for line in drawn[1].split("|") if line.strip()]
     if not comment or _LAYOUT.match(comment):
         return []
@@ -134,7 +135,7 @@ def _statement(code_text: str, line: int, before: tuple[str, ...], behind: str) 
         raise ModelError(message, line, nearest(word, WORDS))
     if not code_text.rstrip().endswith(";"):
         raise ModelError("a statement ends with a semicolon", line)
-    form_error = ModelError(f"{word} is written {written(word)}", line)
+    form_error = ModelError(f"{word} is written {usage(word)}", line)
     if head is None or (head[2] == ",") != (word in OUTPUTS) or head[2] == ":":
         raise form_error
     argument_text = code_text.rstrip()[:-1][head.end() :]
@@ -151,24 +152,24 @@ def _statement(code_text: str, line: int, before: tuple[str, ...], behind: str) 
             before,
             behind,
         )
-    values_text, is_closed, names_text = _closed(argument_text)
+    values_text, is_closed, names_text = _split_at_close(argument_text)
     if not is_closed:
         raise ModelError("a parenthesis is not closed", line)
-    values = tuple(_split(values_text)) if values_text.strip() else ()
+    values = tuple(_split_values(values_text)) if values_text.strip() else ()
     form = MASSES.get(word, LINKS.get(word, ()))
     has_all_values = len(values) == len(form)
     if word == "resonators":
         if len(values) == 1:  # a list in parentheses of its own
-            content, _, text_after = _closed(values[0].strip()[1:])
+            content, _, text_after = _split_at_close(values[0].strip()[1:])
             if values[0].strip().startswith("(") and not text_after.strip():
-                values = tuple(_split(content))
+                values = tuple(_split_values(content))
         has_all_values = len(values) > 0 and len(values) % len(form) == 0
-    name_count = 3 if word in LINKS else 1
+    n_names = 3 if word in LINKS else 1
     names = names_text.split(",")
     if "(" in names[-1] and has_all_values:
         message = f"the group {names[-1].strip()} says nothing any more; leave it out"
         raise ModelError(message, line)
-    if not has_all_values or names[0].strip() or len(names) != name_count + 1:
+    if not has_all_values or names[0].strip() or len(names) != n_names + 1:
         raise form_error
     if not all(value.strip() for value in values):
         raise form_error
@@ -193,7 +194,7 @@ def _name(text: str, line_number: int) -> str:
     return stripped_name
 
 
-def _closed(call_text: str) -> tuple[str, bool, str]:
+def _split_at_close(call_text: str) -> tuple[str, bool, str]:
     """The text before the closing parenthesis, whether there is one, and the text after it."""
     depth = 1
     for letter_index, letter in enumerate(call_text):
@@ -203,7 +204,7 @@ def _closed(call_text: str) -> tuple[str, bool, str]:
     return call_text, False, ""
 
 
-def _split(values_text: str) -> Iterator[str]:
+def _split_values(values_text: str) -> Iterator[str]:
     """The values between commas, except commas within parentheses."""
     depth, part_start = 0, 0
     for letter_index, letter in enumerate(values_text):

@@ -21,7 +21,7 @@ _SMOOTHERS = ("onePoleBLT", "smooth", "paramSmooth")
 _LIMITER = "SAMlimiter"
 _STEPS_MAX = 200_000
 _DEPTH_MAX = 150  # parts of expressions inside one another, definitions included
-_NUMBERS: Mapping[str, Callable[[float], float]] = {
+_UNARY_FUNCTIONS: Mapping[str, Callable[[float], float]] = {
     "db2linear": lambda x: 10.0 ** (x / 20.0),
     "mtof": lambda x: 440.0 * 2.0 ** ((x - 69.0) / 12.0),
     "int": lambda x: float(math.trunc(x)),
@@ -31,7 +31,7 @@ _NUMBERS: Mapping[str, Callable[[float], float]] = {
     "log10": math.log10,
     "abs": abs,
 }
-_PAIRS: Mapping[str, Callable[[float, float], float]] = {
+_BINARY_FUNCTIONS: Mapping[str, Callable[[float, float], float]] = {
     "pow": lambda x, y: math.pow(x, y),
     "min": min,
     "max": max,
@@ -62,7 +62,7 @@ class Filter:
 
 
 @dataclass(frozen=True, slots=True)
-class Sound:
+class Mix:
     """A sum of positions and forces by their names, each with a factor; then filters."""
 
     terms: Mapping[str, float]
@@ -70,7 +70,7 @@ class Sound:
     constant: float = 0.0
 
 
-Value = float | Sound | tuple["Value", ...]
+Value = float | Mix | tuple["Value", ...]
 
 
 @dataclass(slots=True)
@@ -78,12 +78,12 @@ class Values:
     """Values by name. `audible` are the names of positions and forces, as sums."""
 
     definitions: Mapping[str, Definition]
-    audible: Mapping[str, Sound] = field(default_factory=dict)
+    audible: Mapping[str, Mix] = field(default_factory=dict)
     overrides: Mapping[str, float] = field(default_factory=dict)
     _trees: dict[str, Node] = field(default_factory=dict)
-    _known: dict[str, Value] = field(default_factory=dict)
-    _open: list[str] = field(default_factory=list)
-    _steps: int = 0
+    _values: dict[str, Value] = field(default_factory=dict)
+    _definitions_open: list[str] = field(default_factory=list)
+    _n_steps: int = 0
     _depth: int = 0
 
     def number(self, text: str, line: int, label: str) -> float:
@@ -93,12 +93,12 @@ class Values:
             raise ModelError(f"{label}: {quote(text[:60])} is not a number", line)
         return number_value
 
-    def sound(self, text: str, line: int) -> Sound:
+    def mix(self, text: str, line: int) -> Mix:
         """The value of an expression that must be a sum. Raises ModelError."""
         sound_value = self._value(parse(text, line), {}, line)
         if isinstance(sound_value, tuple):
             raise ModelError(f"{quote(text[:60])} is a list; an output has one channel", line)
-        return sound_value if isinstance(sound_value, Sound) else Sound({}, (), sound_value)
+        return sound_value if isinstance(sound_value, Mix) else Mix({}, (), sound_value)
 
     def tree(self, name: str) -> Node:
         """The expression of a name. Raises ModelError."""
@@ -107,7 +107,7 @@ class Values:
             self._trees[name] = parse(definition.text, definition.line)
         return self._trees[name]
 
-    def needed(self, name: str) -> set[str]:
+    def names_needed(self, name: str) -> set[str]:
         """The defined names that the definition of a name uses."""
         return names(self.tree(name)) & set(self.definitions)
 
@@ -122,19 +122,19 @@ class Values:
         if value_name not in self.definitions:
             suggestion = nearest(value_name, [*self.definitions, *self.audible])
             raise ModelError(f"nothing is called {quote(value_name)}", line_number, suggestion)
-        if value_name not in self._known:
+        if value_name not in self._values:
             self._enter(value_name, line_number)
-            self._known[value_name] = self._value(
+            self._values[value_name] = self._value(
                 self.tree(value_name), {}, self.definitions[value_name].line
             )
-            self._open.pop()
-        return self._known[value_name]
+            self._definitions_open.pop()
+        return self._values[value_name]
 
     def _enter(self, name: str, line: int) -> None:
         """Begin to read a definition. Raises ModelError."""
-        if name in self._open:
+        if name in self._definitions_open:
             raise ModelError(f"{quote(name)} is defined by itself", line)
-        self._open.append(name)
+        self._definitions_open.append(name)
 
     def _value(self, node: Node, arguments: Mapping[str, Value], line: int) -> Value:
         """The value of an expression; `arguments` are arguments of the function around it."""
@@ -146,8 +146,8 @@ class Values:
 
     def _count(self, line: int) -> None:
         """Raises ModelError if expressions take too many steps, or are nested too deeply."""
-        self._steps += 1
-        if self._steps > _STEPS_MAX or self._depth > _DEPTH_MAX:
+        self._n_steps += 1
+        if self._n_steps > _STEPS_MAX or self._depth > _DEPTH_MAX:
             raise ModelError("its expressions are nested too deeply, or are too many", line)
 
     def _value_of(self, node: Node, arguments: Mapping[str, Value], line: int) -> Value:
@@ -156,7 +156,7 @@ class Values:
         if node.kind == "name":
             return arguments[node.word] if node.word in arguments else self.by_name(node.word, line)
         if node.kind == "negative":
-            return _pair("*", -1.0, self._value(node.parts[0], arguments, line), line)
+            return _combine("*", -1.0, self._value(node.parts[0], arguments, line), line)
         if node.kind == "call":
             return self._call(node, arguments, line)
         if node.kind == "chain" and node.operators[0] == ",":
@@ -165,9 +165,9 @@ class Values:
             value = self._value(node.parts[0], arguments, line)
             for sign, operand in zip(node.operators, node.parts[1:], strict=True):
                 if sign == ":":
-                    value = self._through(operand, value, arguments, line)
+                    value = self._apply_to_input(operand, value, arguments, line)
                 else:
-                    value = _pair(sign, value, self._value(operand, arguments, line), line)
+                    value = _combine(sign, value, self._value(operand, arguments, line), line)
             return value
         raise ModelError(f"{quote(node.word)} has no value by itself", line)
 
@@ -196,7 +196,7 @@ class Values:
             and function_name not in self.definitions
             and len(arguments) == 3
         ):
-            return _row(arguments, line)
+            return _table_value(arguments, line)
         if (definition := self.definitions.get(function_name)) is not None:
             if len(definition.arguments) != len(arguments):
                 message = (
@@ -207,21 +207,21 @@ class Values:
             self._enter(function_name, line)
             arguments_by_name = dict(zip(definition.arguments, arguments, strict=True))
             value = self._value(self.tree(function_name), arguments_by_name, definition.line)
-            self._open.pop()
+            self._definitions_open.pop()
             return value
         numbers = [argument for argument in arguments if isinstance(argument, float)]
-        if len(numbers) == len(arguments) == 1 and function_name in _NUMBERS:
-            return _computed(_NUMBERS[function_name], numbers, line)
-        if len(numbers) == len(arguments) == 2 and function_name in _PAIRS:
-            return _computed(_PAIRS[function_name], numbers, line)
-        known_functions = [*_NUMBERS, *_PAIRS, *SLIDERS, *self.definitions]
+        if len(numbers) == len(arguments) == 1 and function_name in _UNARY_FUNCTIONS:
+            return _apply(_UNARY_FUNCTIONS[function_name], numbers, line)
+        if len(numbers) == len(arguments) == 2 and function_name in _BINARY_FUNCTIONS:
+            return _apply(_BINARY_FUNCTIONS[function_name], numbers, line)
+        known_functions = [*_UNARY_FUNCTIONS, *_BINARY_FUNCTIONS, *SLIDERS, *self.definitions]
         raise ModelError(
             f"of Faust {quote(function_name)} is not read here",
             line,
             nearest(function_name, known_functions),
         )
 
-    def _takes(self, node: Node, arguments: Mapping[str, Value], depth: int = 0) -> bool:
+    def _takes_input(self, node: Node, arguments: Mapping[str, Value], depth: int = 0) -> bool:
         """Whether an expression takes an input."""
         if node.kind in ("input", "partial") or depth > _DEPTH_MAX:
             return True
@@ -234,63 +234,63 @@ class Values:
             if node.word in self.definitions:
                 if self.definitions[node.word].arguments:
                     return False
-                return self._takes(self.tree(node.word), {}, depth + 1)
-            return node.word in (*_NUMBERS, *_SMOOTHERS, _LIMITER)
+                return self._takes_input(self.tree(node.word), {}, depth + 1)
+            return node.word in (*_UNARY_FUNCTIONS, *_SMOOTHERS, _LIMITER)
         if node.kind == "chain" and node.operators[0] == ":":
-            return self._takes(node.parts[0], arguments, depth + 1)
-        return any(self._takes(part, arguments, depth + 1) for part in node.parts)
+            return self._takes_input(node.parts[0], arguments, depth + 1)
+        return any(self._takes_input(part, arguments, depth + 1) for part in node.parts)
 
-    def _through(
+    def _apply_to_input(
         self, node: Node, value: Value, arguments: Mapping[str, Value], line: int
     ) -> Value:
         """The output of an expression for an input value. Raises ModelError."""
         self._count(line)
-        if not self._takes(node, arguments):
+        if not self._takes_input(node, arguments):
             raise ModelError("what stands behind ':' takes nothing in", line)
         if node.kind == "input":
             return value
         if node.kind == "partial":
             if len(node.parts) != 1:
                 raise ModelError(f"{node.word}(...) takes one value here", line)
-            return _pair(node.word, value, self._value(node.parts[0], arguments, line), line)
+            return _combine(node.word, value, self._value(node.parts[0], arguments, line), line)
         if node.kind == "name":
             if node.word in self.definitions:
                 self._enter(node.word, line)
                 self._depth += 1
-                value = self._through(self.tree(node.word), value, {}, line)
+                value = self._apply_to_input(self.tree(node.word), value, {}, line)
                 self._depth -= 1
-                self._open.pop()
+                self._definitions_open.pop()
                 return value
             if node.word in _SMOOTHERS:
                 return _smooth(value, line)
-            if node.word == _LIMITER and isinstance(value, Sound):
-                return Sound(value.terms, (*value.filters, Filter(0, 0.0)), value.constant)
+            if node.word == _LIMITER and isinstance(value, Mix):
+                return Mix(value.terms, (*value.filters, Filter(0, 0.0)), value.constant)
             if not isinstance(value, float) or node.word == _LIMITER:
                 raise ModelError(f"{node.word} of a sound is not built", line)
-            return _computed(_NUMBERS[node.word], [value], line)
+            return _apply(_UNARY_FUNCTIONS[node.word], [value], line)
         if node.kind == "call":
             if node.word in _SMOOTHERS:
                 return _smooth(value, line)
-            return self._filtered(node, value, arguments, line)
+            return self._highpassed(node, value, arguments, line)
         if node.kind == "chain" and node.operators[0] == ":":
             for part in node.parts:
-                value = self._through(part, value, arguments, line)
+                value = self._apply_to_input(part, value, arguments, line)
             return value
-        takes_input = [self._takes(part, arguments) for part in node.parts]
+        takes_input = [self._takes_input(part, arguments) for part in node.parts]
         if sum(takes_input) != 1 or node.kind != "chain" or "," in node.operators:
             raise ModelError("more than one part behind ':' takes a sound in", line)
         operands = [
-            self._through(part, value, arguments, line)
+            self._apply_to_input(part, value, arguments, line)
             if has_input
             else self._value(part, arguments, line)
             for part, has_input in zip(node.parts, takes_input, strict=True)
         ]
         result = operands[0]
         for sign, operand in zip(node.operators, operands[1:], strict=True):
-            result = _pair(sign, result, operand, line)
+            result = _combine(sign, result, operand, line)
         return result
 
-    def _filtered(
+    def _highpassed(
         self, node: Node, value: Value, arguments: Mapping[str, Value], line_number: int
     ) -> Value:
         argument_values = [self._value(part, arguments, line_number) for part in node.parts]
@@ -302,9 +302,9 @@ class Values:
         if not (1.0 <= order <= 64.0 and order == int(order) and 0.0 < cutoff < RATE / 2):
             message = "highpass has an order from 1 to 64 and a frequency between 0 and 22,050 Hz"
             raise ModelError(message, line_number)
-        if not isinstance(value, Sound):
+        if not isinstance(value, Mix):
             return 0.0  # a constant has no filtered part
-        return Sound(value.terms, (*value.filters, Filter(int(order), cutoff)), 0.0)
+        return Mix(value.terms, (*value.filters, Filter(int(order), cutoff)), 0.0)
 
 
 def text_of_slider(slider_node: Node) -> tuple[str, str] | None:
@@ -325,7 +325,7 @@ def _smooth(value: Value, line: int) -> Value:
     raise ModelError("a low-pass of a sound is not built: a route has a high-pass alone", line)
 
 
-def _row(arguments: list[Value], line_number: int) -> Value:
+def _table_value(arguments: list[Value], line_number: int) -> Value:
     """A value of a table."""
     _, table_rows, row_index = arguments
     if (
@@ -343,7 +343,7 @@ def _finite(value: float, line: int) -> float:
     return value
 
 
-def _computed(function: Callable[..., float], values: list[float], line_number: int) -> float:
+def _apply(function: Callable[..., float], values: list[float], line_number: int) -> float:
     try:
         return _finite(float(function(*values)), line_number)
     except (ArithmeticError, ValueError, TypeError):
@@ -352,33 +352,33 @@ def _computed(function: Callable[..., float], values: list[float], line_number: 
         ) from (None)
 
 
-def _pair(sign: str, first_value: Value, second_value: Value, line: int) -> Value:
+def _combine(sign: str, a: Value, b: Value, line: int) -> Value:
     """Two values joined by an operator. Raises ModelError if the result is not a sum."""
-    if isinstance(first_value, tuple) or isinstance(second_value, tuple):
+    if isinstance(a, tuple) or isinstance(b, tuple):
         raise ModelError(f"{sign} of a list is not built", line)
-    if isinstance(first_value, float) and isinstance(second_value, float):
-        return _computed(_OPERATORS[sign], [first_value, second_value], line)
+    if isinstance(a, float) and isinstance(b, float):
+        return _apply(_OPERATORS[sign], [a, b], line)
     if sign in "+-":
         return _sum(
-            first_value,
-            second_value if sign == "+" else _pair("*", -1.0, second_value, line),
+            a,
+            b if sign == "+" else _combine("*", -1.0, b, line),
             line,
         )
-    if sign == "*" and isinstance(first_value, float):
-        first_value, second_value = second_value, first_value
-    if isinstance(first_value, Sound) and isinstance(second_value, float) and sign in "*/":
+    if sign == "*" and isinstance(a, float):
+        a, b = b, a
+    if isinstance(a, Mix) and isinstance(b, float) and sign in "*/":
 
         def scaled(x: float) -> float:
-            return _computed(_OPERATORS[sign], [x, second_value], line)
+            return _apply(_OPERATORS[sign], [x, b], line)
 
-        terms = {name: scaled(factor) for name, factor in first_value.terms.items()}
-        return Sound(terms, first_value.filters, scaled(first_value.constant))
+        terms = {name: scaled(factor) for name, factor in a.terms.items()}
+        return Mix(terms, a.filters, scaled(a.constant))
     raise ModelError("a product of sounds is not built: outputs are sums with factors", line)
 
 
-def _sum(a: Value, b: Value, line_number: int) -> Sound:
+def _sum(a: Value, b: Value, line_number: int) -> Mix:
     sounds = [
-        sound if isinstance(sound, Sound) else Sound({}, (), sound)
+        sound if isinstance(sound, Mix) else Mix({}, (), sound)
         for sound in (a, b)
         if not isinstance(sound, tuple)
     ]
@@ -390,4 +390,4 @@ def _sum(a: Value, b: Value, line_number: int) -> Sound:
         for name, factor in sound.terms.items():
             terms[name] = _finite(terms.get(name, 0.0) + factor, line_number)
     constant = _finite(sum(sound.constant for sound in sounds), line_number)
-    return Sound(terms, chains.pop() if chains else (), constant)
+    return Mix(terms, chains.pop() if chains else (), constant)

@@ -48,7 +48,7 @@ def is_model(text: str) -> bool:
     return False
 
 
-def written(model_word: str) -> str:
+def usage(model_word: str) -> str:
     """A statement as documentation shows it: `link(k, R, o), name, a, b;`."""
     if model_word in OUTPUTS:
         return f"{model_word}, name, expression;"
