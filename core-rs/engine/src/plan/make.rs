@@ -3,6 +3,7 @@
 //! An island that is one linear body becomes a bank of modes (`assembly/body`). All other islands are stepped, as
 //! trials decide.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use crate::assembly::assemble::{Assembled, AssemblyOptions};
@@ -38,9 +39,11 @@ use crate::timeline::Timeline;
 mod drafts;
 mod offers;
 mod pilots;
+mod session_trials;
 mod sort_islands;
 mod unheard;
 
+pub(in crate::plan) use session_trials::SessionTrial;
 use sort_islands::{n_heard_modules, subset_size};
 
 /// A plan in the making.
@@ -56,6 +59,9 @@ struct PlanBuilder<'a> {
     allowance: Allowance,
     /// Results of trials of earlier plans.
     trial_store: Option<&'a dyn TrialStore>,
+    /// What trials of islands of a session decided, for an earlier plan and for this one.
+    earlier_trials: &'a [SessionTrial],
+    session_trials: RefCell<Vec<SessionTrial>>,
     /// The budget of islands that no earlier plan has planned, if they are drafted.
     draft_budget: Option<&'a Budget>,
     /// Parts that are displayed, and the units that are computed only for that.
@@ -99,6 +105,7 @@ pub(super) fn make_plan(
         return Err(refusals);
     }
     builder.pins.check_all_used()?;
+    builder.plan.session_trials = builder.session_trials.into_inner();
     builder.plan.solved_bodies = builder.mode_cache.into_solved();
     (builder.plan.trial_seconds, builder.plan.trial_seconds_max) = (
         builder.trial_seconds_max - builder.trial_seconds_left,
@@ -128,6 +135,8 @@ impl<'a> PlanBuilder<'a> {
             allowance: Allowance::with_total(0.0),
             mode_cache: ModeCache::new(&[]),
             trial_store: None,
+            earlier_trials: &[],
+            session_trials: RefCell::default(),
             draft_budget: None,
             displayed_parts: &[],
             displayed_units: Vec::new(),
@@ -149,6 +158,9 @@ impl<'a> PlanBuilder<'a> {
             trial_seconds_left: work_max,
             draft_budget: context.draft.map(|draft| draft.budget),
             trial_store: context.trial_store,
+            earlier_trials: context
+                .earlier_plan
+                .map_or(&[], |earlier_plan| &earlier_plan.session_trials),
             displayed_parts: context.displayed_parts,
             displayed_frame_interval: context.displayed_frame_interval,
             ..self
@@ -421,6 +433,9 @@ impl<'a> PlanBuilder<'a> {
                         pin,
                     )
                     .ok_or_else(wrong_plan_error)?,
+                    None if island_timeline.timeline.is_open && !matches!(self.budget, Budget::Method(_)) => {
+                        self.choose_for_session(&subset, island_timeline, &assemble)?
+                    }
                     None => self.choose_by_pilot(&subset, island_timeline, &assemble)?,
                 };
                 // At a higher oversampling the island has to be certified again.

@@ -46,13 +46,13 @@ impl PlanBuilder<'_> {
     }
 
     /// The result of a pilot, or the record of an earlier one that would find the same.
-    fn pilot(
+    pub(super) fn pilot(
         &self,
         (subset, island_timeline): (&Subset, &LocalTimeline),
         budget: &Budget,
         assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     ) -> Result<PilotResult, Error> {
-        let is_tried = !matches!(budget, Budget::Method(_)) && !island_timeline.timeline.is_open;
+        let is_tried = !matches!(budget, Budget::Method(_));
         let record_series = self.trial_store.filter(|_| is_tried).map(|store| {
             let content_label = format_args!("pilot {budget:?}");
             TrialSeries::new(

@@ -41,8 +41,8 @@ pub(in crate::plan) fn pilot(
     }
     let island = lowest_stable(assemble)?;
     let timeline = &island.island_plan.timeline;
-    if timeline.is_open || timeline.hands().next().is_some() {
-        // Nobody knows beforehand what a hand or a session will do: nothing is left out.
+    if timeline.hands().next().is_some() {
+        // Nobody knows beforehand what a hand will do: nothing is left out.
         return Ok(ChosenIsland::unmeasured(island).into());
     }
     let excerpt = unless_spent(pilot_excerpt(&island.island_plan, allowance))?;
@@ -365,7 +365,9 @@ fn first_substeps(island: &Assembled, budget: &Budget) -> usize {
 }
 
 /// The island at the lowest oversampling at which it is stable.
-fn lowest_stable(assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>) -> Result<Assembled, Error> {
+pub(in crate::plan) fn lowest_stable(
+    assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
+) -> Result<Assembled, Error> {
     match assemble(AssemblyOptions::between_steps(1, MethodChoice::ByBudget)) {
         // An island that diverges at this rate may be stable at a higher one.
         Err(error @ Error::Unstable { .. }) => {
