@@ -55,6 +55,8 @@ struct PlanBuilder<'a> {
     /// The work that the trials of all islands may take [s], and what is left of it.
     trial_seconds_max: f64,
     trial_seconds_left: f64,
+    /// The part of an allowance that trials may take (0 to 1).
+    allowance_share: f64,
     /// That of the present island.
     allowance: Allowance,
     /// Results of trials of earlier plans.
@@ -132,6 +134,7 @@ impl<'a> PlanBuilder<'a> {
             pins: PinnedChoices::new(None),
             trial_seconds_max: 0.0,
             trial_seconds_left: 0.0,
+            allowance_share: 1.0,
             allowance: Allowance::with_total(0.0),
             mode_cache: ModeCache::new(&[]),
             trial_store: None,
@@ -147,13 +150,12 @@ impl<'a> PlanBuilder<'a> {
 
     /// The same with what is known, and with its share of the allowance of a plan of `n_modules`.
     fn in_context(self, context: PlanContext<'a>, n_modules: usize) -> Self {
-        let work_max = allowance_of_plan(
-            n_modules,
-            context
-                .draft
-                .map_or(context.allowance_share, |draft| draft.allowance_share),
-        );
+        let allowance_share = context
+            .draft
+            .map_or(context.allowance_share, |draft| draft.allowance_share);
+        let work_max = allowance_of_plan(n_modules, allowance_share);
         Self {
+            allowance_share,
             trial_seconds_max: work_max,
             trial_seconds_left: work_max,
             draft_budget: context.draft.map(|draft| draft.budget),
@@ -177,7 +179,10 @@ impl<'a> PlanBuilder<'a> {
         let n_modules = subsets[..n_islands].iter().map(subset_size).sum();
         for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
             let unit_result = if index < n_islands {
-                self.begin_allowance(subset_size(&subset), n_modules);
+                match timeline.is_open {
+                    true => self.begin_session_allowance(subset_size(&subset)),
+                    false => self.begin_allowance(subset_size(&subset), n_modules),
+                }
                 let island_result = self.stored_island(subset, island_timeline);
                 self.trial_seconds_left -= self.allowance.seconds_spent().0;
                 island_result

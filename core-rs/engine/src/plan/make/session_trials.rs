@@ -9,6 +9,8 @@ use crate::content::island::IslandContent;
 use crate::network::{Error, Subset};
 use crate::plan::constants::SPECTRUM_NOISE;
 use crate::plan::row::MeasuredError;
+use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
+use crate::plan::trial::candidates::CostRule;
 use crate::plan::trial::pilot;
 use crate::plan::trial::pilot_result::ChosenIsland;
 
@@ -20,6 +22,16 @@ pub(in crate::plan) struct SessionTrial {
 }
 
 impl PlanBuilder<'_> {
+    /// Gives an island of a session an allowance of its own, so that it is decided the same beside any other island; none
+    /// once the trials of a plan have taken all that they may.
+    pub(super) fn begin_session_allowance(&mut self, n_modules: usize) {
+        let island_work = match self.trial_seconds_left > 0.0 {
+            true => allowance_of_plan(n_modules, self.allowance_share),
+            false => 0.0,
+        };
+        self.allowance = Allowance::with_total(island_work);
+    }
+
     /// Decides an island of a session.
     pub(super) fn choose_for_session(
         &self,
@@ -64,7 +76,7 @@ impl PlanBuilder<'_> {
             island
         };
         let chosen = self
-            .pilot((subset, trial_timeline), self.budget, &assemble)
+            .pilot((subset, trial_timeline), self.budget, CostRule::Busiest, &assemble)
             .ok()?
             .chosen;
         let is_within = |error: MeasuredError| match (self.budget, error.third_octave_db) {

@@ -16,7 +16,7 @@ use crate::network::Error;
 use crate::plan::constants::{FAINT_SHARE, OVERSAMPLING_MAX, PARTED_DB, PILOT_PARTS, SEARCH_COST};
 use crate::plan::row::MeasuredError;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
-use crate::plan::trial::candidates::Candidate;
+use crate::plan::trial::candidates::{Candidate, CostRule};
 use crate::plan::trial::chaos::{ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_result::{ChosenIsland, LongComparison, PilotResult};
@@ -33,6 +33,7 @@ pub(in crate::plan) fn pilot(
     assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     budget: &Budget,
     allowance: &Allowance,
+    cost_rule: CostRule,
 ) -> Result<PilotResult, Error> {
     if let Budget::Method(_) = budget {
         return Ok(
@@ -50,14 +51,14 @@ pub(in crate::plan) fn pilot(
     // Two plain runs of what sticks may agree by chance, both slipping too late.
     if let Some(excerpt) =
         next_excerpt.filter(|_| matches!(budget, Budget::Cents { .. }) && !island.has_sticking_friction())
-        && let Some(pilot) = Pilot::new((assemble, budget, allowance), (&island, 1), excerpt)?
+        && let Some(pilot) = Pilot::new((assemble, budget, allowance, cost_rule), (&island, 1), excerpt)?
         && let Some((result, _)) = pilot.find_without_substeps()?
     {
         return Ok(result);
     }
     let substeps = first_substeps(&island, budget);
     while let Some(excerpt) = next_excerpt {
-        let trial_setup = (assemble, budget, allowance);
+        let trial_setup = (assemble, budget, allowance, cost_rule);
         let Some(pilot) = Pilot::new(trial_setup, (&island, substeps), excerpt)? else {
             break;
         };
@@ -82,6 +83,7 @@ struct Pilot<'a, F> {
     assemble: &'a F,
     budget: &'a Budget,
     allowance: &'a Allowance,
+    cost_rule: CostRule,
     runs: PlayedRuns,
     compared_spans: ComparedSpans,
 }
@@ -90,7 +92,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     /// Chooses what is played of an excerpt, given an island and the contact substeps of its first run; `None` if the
     /// allowance ended first.
     fn new(
-        (assemble, budget, allowance): (&'a F, &'a Budget, &'a Allowance),
+        (assemble, budget, allowance, cost_rule): (&'a F, &'a Budget, &'a Allowance, CostRule),
         first: (&Assembled, usize),
         excerpt: Excerpt,
     ) -> Result<Option<Self>, Error> {
@@ -99,6 +101,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             assemble,
             budget,
             allowance,
+            cost_rule,
             runs,
             compared_spans: spans,
         }))
@@ -111,7 +114,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             return Ok(None);
         };
         let stretches = ComparedStretches::new(&reference.run.sound, &self.compared_spans);
-        let plain_tried = self.search(&reference, None).find_without_substeps()?;
+        let plain_tried = self.search(&reference, None).find_without_substeps(self.cost_rule)?;
         plain_tried
             .map(|plain_tried| self.with_pruned_modes(plain_tried, &stretches))
             .transpose()
