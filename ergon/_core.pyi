@@ -1140,6 +1140,13 @@ class Timeline:
 
         Raises EngineError if the MAT is fixed.
         """
+    def trial_strike(self, mat: int, impulse: float, *, lasts: float | None = ...) -> None:
+        """Declare the hardest strike [N·s] that a MAT may get while the timeline is open; it `lasts`
+        as in `strike`.
+
+        Only trials of plans play it, to choose how finely contacts are computed. Raises EngineError
+        if the MAT is fixed.
+        """
     def sound_in(
         self,
         channel: int,

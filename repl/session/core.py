@@ -103,7 +103,9 @@ class SessionCore:
         running = replace(running, force_bounds=bounds)
         engine.set_faders(fader_ratios(running))
         past = past or PastVersions([PastVersion.from_version(version, "1|1")], 0)
-        self.schedule = Schedule(engine, running, real or {}, int(margin * running.stage.rate))
+        self.schedule = Schedule(
+            engine, running, real or {}, int(margin * running.stage.rate), store
+        )
         self.schedule.past_versions.update(
             (past_version.number, past_version) for past_version in past.versions
         )

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine, EngineEvent
     from ergon.scores.edits.texts import Texts
     from ergon.scores.staging.live import Real
+    from ergon.scores.staging.planning import Store
 
 # A change is handed to the engine this long before the last moment at which it is in time [s].
 _AHEAD_SECONDS = 0.3
@@ -52,17 +53,24 @@ _UNSETTLED_MAX = 256
 class Schedule:
     """What plays and what waits. `lock` guards it; it is held for some milliseconds at most."""
 
-    def __init__(self, engine: Engine, running: RunningVersion, real: Real, margin: int) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        running: RunningVersion,
+        real: Real,
+        margin: int,
+        store: Store | None = None,
+    ) -> None:
         """Begin with a version that plays; a change reaches the engine within `margin` frames.
 
         With real hands that includes the time in which their forces fall to the limit of a
-        stiffer scene.
+        stiffer scene. `store` keeps results of trials.
         """
         rate = running.stage.rate
         self.engine, self.real = engine, real
         margin += int(FORCE_FALL_TIME * rate) if real and margin else 0
         self.timing = timing = Timing(rate, engine.tick_frames)
-        self.makings = Makings(engine, Takeovers(timing, real))
+        self.makings = Makings(engine, Takeovers(timing, real, store))
         self.changes = engine_changes = Changes(engine, running)
         self.lines = WaitingLines(running.version, running.clock, timing)
         self.lock = threading.RLock()

@@ -19,15 +19,19 @@ from ergon.scores.staging.version_glides import glides, leaving_links
 
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
+    from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage
 
 
 @dataclass(frozen=True, slots=True)
 class Takeovers:
-    """Makes running versions; `real` are the players whose hands are real."""
+    """Makes running versions; `real` are the players whose hands are real, and `store` keeps
+    results of trials.
+    """
 
     timing: Timing
     real: Real
+    store: Store | None = None
 
     def stage(
         self, running: RunningVersion, lines: Sequence[WaitingLine], latest: float = math.inf
@@ -81,7 +85,7 @@ class Takeovers:
             running.stage,
             after.start,
             self.real,
-            None,
+            self.store,
             after.glides,
             after.leaving,
             frozen=after.frozen,

@@ -22,6 +22,8 @@ _DRAFT_ERROR_DB = -20.0
 # And the share of the work for its trials: so much shows where contacts hold once a step, which
 # between frames may take ten times as long.
 _DRAFT_WORK_SHARE = 0.05
+# The share of the work for trials of a session, whose lines wait for their plans.
+_SESSION_WORK_SHARE = 0.4
 _NO_TRIAL_REASON = "no trial"  # the reason of a record that holds no result of a trial
 # Methods of meshes, whose errors are known only from trials.
 _TRIAL_METHODS = ("ca", "ca2p", "bm4", "ieq")
@@ -122,7 +124,7 @@ class _Planner:
     ) -> None:
         self._network_and_timeline = network, timeline
         self._watched = watched
-        self._store = _CountedStore(store) if store is not None and earlier_plan is None else None
+        self._store = None if store is None else _CountedStore(store)
         self._like = earlier_plan
 
     def plan(
@@ -186,7 +188,10 @@ def make_plan(
     if is_draft:
         may_recall = recalls_sound and store is not None and old_plan is None and not is_free
         return _draft_plan(planner, accuracy, may_recall=may_recall)
-    plan = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _WORK_SHARE)
+    work_share = 1.0 if accuracy.cpu is None else _WORK_SHARE
+    if not is_foreseen:
+        work_share *= _SESSION_WORK_SHARE
+    plan = planner.plan(accuracy, work_share)
     plan_notes = _plan_notes(plan, accuracy, is_foreseen=is_foreseen)
     cost_factor = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and cost_factor * cost(plan) <= accuracy.cpu):

@@ -23,6 +23,7 @@ from ergon.scores.staging.planning import PlanWithNotes, Store, Watched, make_pl
 from ergon.scores.staging.preparing import PreparedPiece, Span, prepare
 from ergon.scores.staging.refusals import place_of, stage_error
 from ergon.scores.staging.stage_memory import StageMemory
+from ergon.scores.staging.trial_strikes import put_trial_strikes
 from ergon.scores.staging.version_glides import Glide
 
 if TYPE_CHECKING:
@@ -332,6 +333,7 @@ def stage(
     native.speed_up(prepared.network, prepared.n_frames)
     if going.spans is not None:
         prepared.timeline.open()
+        put_trial_strikes(piece, prepared.built.assembly, prepared.timeline)
     _add_glides(piece, prepared, going)
     _add_strike_points(piece, prepared, going)
     plan, planning = None, None

@@ -346,6 +346,15 @@ impl Timeline {
             .map_err(|error| module_error("strike_point", error))
     }
 
+    /// Declare the hardest strike [N·s] that a MAT may get while the timeline is open; only trials of plans play it.
+    #[pyo3(signature = (mat, impulse, *, lasts=Some(0.0)))]
+    fn trial_strike(&mut self, mat: usize, impulse: f64, lasts: Option<f64>) -> PyResult<()> {
+        self.check_mat("strike", mat)?;
+        self.inner
+            .trial_strike(&self.network, mat, impulse, lasts)
+            .map_err(|error| module_error("strike", error))
+    }
+
     /// The timeline without what begins at `frame` or later; it keeps the gestures of these indices.
     #[pyo3(signature = (frame, gestures, *, stops))]
     fn cut(&self, frame: u64, gestures: Vec<usize>, stops: bool) -> Self {

@@ -111,6 +111,8 @@ pub struct Plan {
     choices: Vec<Choice>,
     /// Parts that ask for a rate of their own but are computed at every frame, and why.
     refused_rates: Vec<(String, String)>,
+    /// What trials decided for islands of a session, for the next plan.
+    session_trials: Vec<make::SessionTrial>,
     /// What was computed about its bodies, for the next plan.
     solved_bodies: Vec<Arc<crate::assembly::solved_modes::SolvedBody>>,
     /// Work that its trials took, and their allowance [s].
@@ -281,6 +283,7 @@ impl Plan {
             motionless_mats: Vec::new(),
             choices: Vec::new(),
             refused_rates: Vec::new(),
+            session_trials: Vec::new(),
             solved_bodies: Vec::new(),
             trial_seconds: 0.0,
             trial_seconds_max: 0.0,

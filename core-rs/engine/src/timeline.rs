@@ -139,6 +139,8 @@ pub struct Timeline {
     pub(crate) oversampling: u32,
     /// Whether more events may be added while it plays (a session).
     pub(crate) is_open: bool,
+    /// The hardest strikes that an open timeline may get, all at instant 0: a plan tries them, and nothing plays them.
+    pub(crate) trial_strikes: Vec<Strike>,
     /// Whether frames in which links stiffen too much are stepped like any other.
     pub(crate) is_unguarded: bool,
 }
@@ -169,6 +171,7 @@ impl Timeline {
             leads: Vec::new(),
             oversampling: 1,
             is_open: false,
+            trial_strikes: Vec::new(),
             is_unguarded: false,
         }
     }
@@ -339,6 +342,37 @@ impl Timeline {
             });
         }
         Ok(())
+    }
+
+    /// Declare the hardest strike that a MAT may get while the timeline is open. It is never played: the plan chooses
+    /// by a trial of it how finely contacts are computed. `lasts`: as in [`Timeline::strike`].
+    ///
+    /// # Errors
+    /// As [`Timeline::strike`].
+    pub fn trial_strike(
+        &mut self,
+        network: &Network,
+        mat: usize,
+        impulse: f64,
+        lasts: Option<f64>,
+    ) -> Result<(), StrikeError> {
+        let n_strikes = self.strikes.len();
+        self.strike(network, mat, 0.0, impulse, lasts, 0)?;
+        self.trial_strikes.extend(self.strikes.drain(n_strikes..));
+        Ok(())
+    }
+
+    /// A closed timeline of the trial strikes alone; `None` if there is none, or something else may move the network:
+    /// a hand, a key, an input.
+    pub(crate) fn of_trial_strikes(&self) -> Option<Self> {
+        let is_struck_only = |drive: &Drive| matches!(drive.source, DriveSource::Strikes { .. });
+        let is_tried = !self.trial_strikes.is_empty() && self.keys.is_empty() && self.drives.iter().all(is_struck_only);
+        is_tried.then(|| Self {
+            strikes: self.trial_strikes.clone(),
+            oversampling: self.oversampling,
+            is_unguarded: self.is_unguarded,
+            ..Self::new(self.rate)
+        })
     }
 
     /// How long a strike of `lasts` [s] on a MAT lasts, in 1/44,100 s.

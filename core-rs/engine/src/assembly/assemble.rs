@@ -66,9 +66,41 @@ pub(crate) enum CutShape {
     Meshes,
 }
 
+/// How finely an island is computed, and its bodies by which methods, whatever moves it.
+#[derive(Clone, Debug)]
+pub(crate) struct Stepping {
+    oversampling: u32,
+    contact_substeps: usize,
+    contact_order: ContactOrder,
+    counted_cost: Option<u32>,
+    cut_shape: CutShape,
+    is_once_a_step: bool,
+    mesh_methods: Vec<Option<(MeshMethod, u32)>>,
+}
+
+impl Stepping {
+    /// How an island is to be assembled for it.
+    pub(crate) fn options(&self) -> AssemblyOptions<'_> {
+        AssemblyOptions {
+            oversampling: self.oversampling,
+            body_methods: self.cut_shape.with_methods(&self.mesh_methods),
+            is_plain: self.is_once_a_step,
+        }
+    }
+}
+
 impl CutShape {
     /// In the order of their numbers in records.
     pub(crate) const ALL: [Self; 3] = [Self::Bodies, Self::Stepped, Self::Meshes];
+
+    /// The choice that gives this shape, with these methods of its meshes.
+    fn with_methods(self, methods: &[Option<(MeshMethod, u32)>]) -> MethodChoice<'_> {
+        match (self, methods.iter().flatten().next()) {
+            (Self::Stepped, _) => MethodChoice::Stepped,
+            (Self::Meshes, Some(&method_substeps)) => MethodChoice::Meshes(method_substeps),
+            (Self::Bodies | Self::Meshes, _) => MethodChoice::AsBefore(methods),
+        }
+    }
 
     fn from_choice(choice: MethodChoice<'_>) -> Self {
         match choice {
@@ -112,7 +144,14 @@ impl Assembled {
         // What was decided to be computed once a step stays so.
         let is_single_step = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
         let steps_max = if is_single_step { 1 } else { SUBSTEPS_MAX };
-        let (island_cut, mut because) = ported::cut_bodies(subset, &timeline, budget, pin, method_choice, mode_cache);
+        let (island_cut, mut because) = ported::cut_bodies(
+            subset,
+            &timeline,
+            budget,
+            (pin, is_single_step),
+            method_choice,
+            mode_cache,
+        );
         let mut cut_with_hub = None;
         if let Some(island_cut) = island_cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
@@ -189,16 +228,32 @@ impl Assembled {
         oversampling: u32,
         methods: &'a [Option<(MeshMethod, u32)>],
     ) -> AssemblyOptions<'a> {
-        let bodies = match (self.cut_shape, methods.iter().flatten().next()) {
-            (CutShape::Stepped, _) => MethodChoice::Stepped,
-            (CutShape::Meshes, Some(&method_substeps)) => MethodChoice::Meshes(method_substeps),
-            (CutShape::Bodies | CutShape::Meshes, _) => MethodChoice::AsBefore(methods),
-        };
         AssemblyOptions {
             oversampling,
-            body_methods: bodies,
+            body_methods: self.cut_shape.with_methods(methods),
             is_plain: self.is_once_a_step,
         }
+    }
+
+    /// How finely it is computed.
+    pub(crate) fn stepping(&self) -> Stepping {
+        Stepping {
+            oversampling: self.island_plan.oversampling,
+            contact_substeps: self.island_plan.contact_substeps,
+            contact_order: self.island_plan.contact_order,
+            counted_cost: self.island_plan.counted_cost,
+            cut_shape: self.cut_shape,
+            is_once_a_step: self.is_once_a_step,
+            mesh_methods: self.mesh_methods(),
+        }
+    }
+
+    /// The same island with its contacts computed as finely as `stepping` says, for which it was assembled.
+    pub(crate) fn with_stepping(mut self, stepping: &Stepping) -> Self {
+        self.island_plan.contact_substeps = stepping.contact_substeps;
+        self.island_plan.contact_order = stepping.contact_order;
+        self.island_plan.counted_cost = stepping.counted_cost;
+        self
     }
 
     /// Whether something in it sticks and slips: two runs may then agree by chance, both slipping too late.

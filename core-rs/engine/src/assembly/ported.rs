@@ -55,7 +55,7 @@ pub(crate) fn cut_bodies(
     island: &Subset,
     timeline: &Timeline,
     budget: &Budget,
-    pin: Option<&SteppedChoice>,
+    (pin, is_once_a_step): (Option<&SteppedChoice>, bool),
     choice: MethodChoice<'_>,
     mode_cache: &ModeCache<'_>,
 ) -> (Option<IslandCut>, Option<NoModes>) {
@@ -74,10 +74,11 @@ pub(crate) fn cut_bodies(
         wiring.exclude_mats(&body.mats);
         cut_bodies.push((body, BodyPlan::Slow(slow_plan)));
     }
-    // The certificate for slow parts covers normal modes only. What contacts cost is not known before a trial, and a
-    // session has none: between frames they take up to twice as long on complex modes as on steps.
+    // The certificate for slow parts covers normal modes only. In a session contacts between frames take up to twice
+    // as long on complex modes as on steps, for no mode is left out.
     let has_slow_bodies = !cut_bodies.is_empty();
-    let needs_normal_modes = |body: &Body| has_slow_bodies || (timeline.is_open && body.touches_contact());
+    let is_fine_session = timeline.is_open && !is_once_a_step;
+    let needs_normal_modes = |body: &Body| has_slow_bodies || (is_fine_session && body.touches_contact());
     if budget.allows_modes() && has_bodies && !prefers_meshes {
         let wanted_bodies = match budget.contact_substeps() {
             1 => WantedBodies::Linear,

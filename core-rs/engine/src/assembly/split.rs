@@ -50,6 +50,15 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
             timelines[subset_index].timeline.strikes.push(Strike { mat, ..*strike });
         }
     }
+    for strike in &timeline.trial_strikes {
+        for &(subset_index, mat) in homes_of_mat(strike.mat) {
+            let mat = mat as u32;
+            timelines[subset_index]
+                .timeline
+                .trial_strikes
+                .push(Strike { mat, ..*strike });
+        }
+    }
     for ergon in &timeline.ergons {
         for &(subset_index, mat) in homes_of_mat(ergon.mat) {
             let mat = mat as u32;
@@ -134,7 +143,8 @@ pub(crate) fn local_links(subset: &Subset, links: Range<usize>) -> Option<(usize
 
 /// The homes of every MAT that an event acts on: one if it moves, any number if it is held.
 fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
-    let strike_mats = timeline.strikes.iter().map(|strike| strike.mat);
+    let all_strikes = timeline.strikes.iter().chain(&timeline.trial_strikes);
+    let strike_mats = all_strikes.map(|strike| strike.mat);
     let ergon_mats = timeline.ergons.iter().map(|ergon| ergon.mat);
     let driven_mats = timeline.driven_mats().map(|mat| mat as u32);
     let struck_mats = timeline.keys.iter().map(|key| key.struck_mat as u32);

@@ -29,6 +29,17 @@ pub(super) const MEAN_ROUNDING_SHARE: f64 = 1e-14;
 pub(super) const PARTIALS_MAX: usize = 5;
 /// Time from window to window in which partials are followed [s].
 pub(super) const PARTIALS_HOP: f64 = 5e-3;
+/// Windows that overlap by half, the nearest that say different things, are so many hops apart.
+pub(super) const WINDOWS_APART: usize = 5;
+/// A difference of pitch is one if it exceeds this many of its standard deviations: 95 % of those that chance makes are
+/// smaller.
+pub(super) const SURE_DEVIATIONS: f64 = 2.0;
+/// Angles have a common direction if their number times the square of their mean resultant length is more: that of
+/// chance is in 5 % of cases, -ln 0.05.
+pub(super) const RAYLEIGH_MIN: f64 = 3.0;
+/// What is enough where they are too few for the test, as in a partial that fades within two windows: turns that scatter
+/// by less than 0.5 rad.
+pub(super) const COMMON_ANGLE_SHARE: f64 = 0.8;
 /// A decay is compared only if a straight line fits its level this closely (rms), and the level falls by at least as
 /// much [nepers].
 pub(super) const DECAY_FIT_MAX: f64 = 0.1;

@@ -1,11 +1,12 @@
-//! Pitch and decay of the strongest partials in two runs, by demodulation: both are shifted by −f and smoothed. The
-//! slopes of the argument of their ratio and of their log levels, weighted by power, give the differences of frequency
-//! and decay.
+//! Pitch and decay of the strongest partials in two runs, by demodulation: both are shifted by −f and smoothed. How fast
+//! the argument of their ratio turns, and the slopes of their log levels, weighted by power, give the differences of
+//! frequency and decay.
 
 use std::f64::consts::{PI, TAU};
 
 use crate::hearing::constants::{
-    DECAY_FIT_MAX, PARTIALS_HOP, PARTIALS_MAX, QUIET_POWER_RATIO, SHORTEST_SECONDS, WINDOWS_MIN,
+    COMMON_ANGLE_SHARE, DECAY_FIT_MAX, PARTIALS_HOP, PARTIALS_MAX, QUIET_POWER_RATIO, RAYLEIGH_MIN, SHORTEST_SECONDS,
+    SURE_DEVIATIONS, WINDOWS_APART, WINDOWS_MIN,
 };
 use crate::hearing::third_octaves::{length, powers};
 use crate::maths::{atan2, log, log2, sincos};
@@ -50,19 +51,19 @@ fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
         return None;
     }
     let weights: Vec<f64> = reference_band.iter().map(|[re, im]| re * re + im * im).collect();
-    // ours/theirs: its argument turns little from one window to the next.
-    let phase_ratios = sound_band.iter().zip(&reference_band);
-    let phase_ratios: Vec<[f64; 2]> = phase_ratios.map(|(a, b)| times(*a, [b[0], -b[1]])).collect();
-    let frequency_offset = slope(&unwrapped(&phase_ratios), &weights).0 / (TAU * PARTIALS_HOP);
+    let frequency_offset = sure_drift(&sound_band, &reference_band) / (TAU * PARTIALS_HOP);
     let log_level = |[re, im]: &[f64; 2]| 0.5 * log((re * re + im * im).max(f64::MIN_POSITIVE));
     let log_levels = |baseband_samples: &[[f64; 2]]| -> Vec<f64> { baseband_samples.iter().map(log_level).collect() };
-    let (level_slope, slope_residual) = slope(&log_levels(&reference_band), &weights);
-    let (sound_slope, _) = slope(&log_levels(&sound_band), &weights);
+    let (reference_levels, sound_levels) = (log_levels(&reference_band), log_levels(&sound_band));
+    let reference_line = Line::fitted(&reference_levels, &weights);
+    let level_ratios: Vec<f64> = sound_levels.iter().zip(&reference_levels).map(|(a, b)| a - b).collect();
+    let sound_slope = reference_line.slope + Line::fitted(&level_ratios, &weights).sure_slope();
     let pitch_error = 1200.0 * log2((1.0 + frequency_offset / f).max(f64::MIN_POSITIVE)).abs();
-    let is_decay = slope_residual < DECAY_FIT_MAX && -level_slope * reference_band.len() as f64 > DECAY_FIT_MAX;
+    let level_fall = -reference_line.slope * reference_band.len() as f64;
+    let is_decay = reference_line.residual < DECAY_FIT_MAX && level_fall > DECAY_FIT_MAX;
     // The ratio of the T60s, less 1.
     let decay_error = if is_decay && sound_slope < 0.0 {
-        (level_slope / sound_slope - 1.0).abs()
+        (reference_line.slope / sound_slope - 1.0).abs()
     } else {
         0.0
     };
@@ -112,45 +113,117 @@ fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
 }
 
-/// The arguments, unwrapped.
-fn unwrapped(phasors: &[[f64; 2]]) -> Vec<f64> {
-    let mut last_phasor = [1.0, 0.0];
-    let mut angle_sum = 0.0;
-    let unwrap_next = |phasor: &[f64; 2]| {
-        let turn_ratio = times(*phasor, [last_phasor[0], -last_phasor[1]]);
-        angle_sum += if turn_ratio == [0.0; 2] {
-            0.0
-        } else {
-            atan2(turn_ratio[1], turn_ratio[0])
-        };
-        last_phasor = *phasor;
-        angle_sum
+/// How fast the phase of `sound` leaves that of `reference` [rad from one window to the next], as far as it is sure: the
+/// angle of the mean turn of their ratio, first from window to window, then over half a window, which scatters less.
+/// Where a partial passes through zero its phase is chance and may slip by a cycle; its turn hardly counts there.
+///
+/// The pulse-pair estimate and its deviation: Miller & Rochwarger, IEEE Trans. Inf. Theory 18 (1972); Zrnić, IEEE Trans.
+/// Aerosp. Electron. Syst. 13 (1977), eq. 11. The turns of noise have no common angle, by Rayleigh's test (Mardia & Jupp,
+/// Directional Statistics, 2000, 6.3.1), and no drift is sure.
+fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]]) -> f64 {
+    let ratio = |(a, b): (&[f64; 2], &[f64; 2])| -> [f64; 2] {
+        let [re, im] = times(*a, [b[0], -b[1]]);
+        match modulus(*a) {
+            0.0 => [0.0; 2],
+            size => [re / size, im / size],
+        }
     };
-    phasors.iter().map(unwrap_next).collect()
+    let ratios: Vec<[f64; 2]> = sound.iter().zip(reference).map(ratio).collect();
+    let turns = |lag: usize| -> Vec<[f64; 2]> {
+        let pairs = ratios.iter().zip(ratios.iter().skip(lag));
+        pairs
+            .map(|(before, after)| times(*after, [before[0], -before[1]]))
+            .collect()
+    };
+    let sum = |turns: &[[f64; 2]]| {
+        turns
+            .iter()
+            .fold([0.0; 2], |sum, turn| [sum[0] + turn[0], sum[1] + turn[1]])
+    };
+    let coarse_drift = angle(sum(&turns(1)));
+    let lag = WINDOWS_APART;
+    let (sin, cos) = sincos(-coarse_drift * lag as f64);
+    let lag_turns = turns(lag);
+    let drift = coarse_drift + angle(times(sum(&lag_turns), [cos, sin])) / lag as f64;
+    let sizes: Vec<f64> = lag_turns.iter().map(|turn| modulus(*turn)).collect();
+    // Not a number where one of the two is silent.
+    let coherence = modulus(sum(&lag_turns)) / sizes.iter().sum::<f64>();
+    let (n_turns, share) = (n_independent(&sizes), coherence * coherence);
+    let deviation = ((1.0 - share).max(0.0) / (2.0 * share * n_turns)).sqrt() / lag as f64;
+    match share > (RAYLEIGH_MIN / n_turns).min(COMMON_ANGLE_SHARE) {
+        true => sure_part(drift, deviation),
+        false => 0.0,
+    }
 }
 
-/// The straight line that fits best by weighted least squares: its slope from one value to the next, and its residual
-/// (rms).
-fn slope(values: &[f64], weights: &[f64]) -> (f64, f64) {
-    let weight_sum: f64 = weights.iter().sum();
-    if weight_sum <= 0.0 {
-        return (0.0, 0.0);
+fn angle([re, im]: [f64; 2]) -> f64 {
+    if (re, im) == (0.0, 0.0) { 0.0 } else { atan2(im, re) }
+}
+
+fn modulus([re, im]: [f64; 2]) -> f64 {
+    (re * re + im * im).sqrt()
+}
+
+/// The straight line that fits best by weighted least squares.
+struct Line {
+    /// From one value to the next.
+    slope: f64,
+    /// What is left (rms).
+    residual: f64,
+    /// The standard deviation of the slope.
+    deviation: f64,
+}
+
+impl Line {
+    fn fitted(values: &[f64], weights: &[f64]) -> Self {
+        let weight_sum: f64 = weights.iter().sum();
+        let weighted_mean = |value_of: &dyn Fn(usize) -> f64| -> f64 {
+            let indexed_weights = weights.iter().enumerate();
+            indexed_weights.map(|(i, weight)| weight * value_of(i)).sum::<f64>() / weight_sum
+        };
+        let (index_mean, value_mean) = (weighted_mean(&|i| i as f64), weighted_mean(&|i| values[i]));
+        let index_variance = weighted_mean(&|i| (i as f64 - index_mean) * (i as f64 - index_mean));
+        if !(weight_sum > 0.0 && index_variance > 0.0) {
+            return Self {
+                slope: 0.0,
+                residual: 0.0,
+                deviation: 0.0,
+            };
+        }
+        let line_slope = weighted_mean(&|i| (i as f64 - index_mean) * (values[i] - value_mean)) / index_variance;
+        let mean_square = weighted_mean(&|i| {
+            let residual = values[i] - value_mean - line_slope * (i as f64 - index_mean);
+            residual * residual
+        });
+        Self {
+            slope: line_slope,
+            residual: mean_square.sqrt(),
+            deviation: (mean_square / (index_variance * n_independent(weights))).sqrt(),
+        }
     }
-    let weighted_mean = |value_of: &dyn Fn(usize) -> f64| -> f64 {
-        let indexed_weights = weights.iter().enumerate();
-        indexed_weights.map(|(i, weight)| weight * value_of(i)).sum::<f64>() / weight_sum
-    };
-    let (index_mean, value_mean) = (weighted_mean(&|i| i as f64), weighted_mean(&|i| values[i]));
-    let index_variance = weighted_mean(&|i| (i as f64 - index_mean) * (i as f64 - index_mean));
-    if index_variance <= 0.0 {
-        return (0.0, 0.0);
+
+    /// The slope as far as it is more than chance.
+    fn sure_slope(&self) -> f64 {
+        sure_part(self.slope, self.deviation)
     }
-    let line_slope = weighted_mean(&|i| (i as f64 - index_mean) * (values[i] - value_mean)) / index_variance;
-    let mean_square = weighted_mean(&|i| {
-        let residual = values[i] - value_mean - line_slope * (i as f64 - index_mean);
-        residual * residual
+}
+
+/// How many windows that say different things count as much as all of these, by their weights.
+fn n_independent(weights: &[f64]) -> f64 {
+    let (sum, square_sum) = weights.iter().fold((0.0, 0.0), |(sum, square_sum), weight| {
+        (sum + weight, square_sum + weight * weight)
     });
-    (line_slope, mean_square.sqrt())
+    (sum * sum / square_sum / WINDOWS_APART as f64).max(1.0)
+}
+
+/// A value less what chance may make of it; 0 if either is not a number.
+fn sure_part(value: f64, deviation: f64) -> f64 {
+    let sure_size = value.abs() - SURE_DEVIATIONS * deviation;
+    if sure_size > 0.0 {
+        sure_size.copysign(value)
+    } else {
+        0.0
+    }
 }
 
 #[cfg(test)]
@@ -190,6 +263,33 @@ mod tests {
         let detuned = sound((110.0, 20.0), (450.0 * 1.002_892, 60.0));
         let (pitch_error, _) = pitch_errors(&detuned, &reference, RATE, 5_000.0);
         assert!((pitch_error - 5.0).abs() < 0.2, "{pitch_error}");
+    }
+
+    #[test]
+    fn pitch_errors_of_a_beating_partial() {
+        // Two partials 10 Hz apart are one band, whose level passes through zero every 0.1 s. In the second sound the
+        // weaker one is 1 dB stronger and then the stronger: the phase slips by a cycle at each zero, and the pitch of
+        // neither has changed.
+        let beat = |second: f64| -> Vec<f64> {
+            let instants = (0..13_230).map(|n| f64::from(n) / RATE);
+            instants
+                .map(|t| exp(-5.0 * t) * (sincos(TAU * 235.0 * t).0 + second * sincos(TAU * 245.0 * t).0))
+                .collect()
+        };
+        let (pitch_error, _) = pitch_errors(&beat(1.02), &beat(0.98), RATE, 5_000.0);
+        assert!(pitch_error < 3.0, "{pitch_error}");
+    }
+
+    #[test]
+    fn pitch_errors_of_noise() {
+        // The strongest peaks of two noises are no partials, and their pitches cannot differ.
+        let noise = |seed: u32| -> Vec<f64> {
+            let mut chance = crate::chance::Chance::new(seed.into(), "noise", "", 0, 0);
+            (0..13_230).map(|_| chance.uniform(-1.0, 1.0)).collect()
+        };
+        let pitch_error = |seed: u32| pitch_errors(&noise(seed), &noise(100 + seed), RATE, 5_000.0).0;
+        let n_sure = (0..20).filter(|&seed| pitch_error(seed) > 3.0).count();
+        assert!(n_sure <= 2, "{n_sure} of 20");
     }
 
     #[test]

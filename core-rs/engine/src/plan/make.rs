@@ -3,6 +3,7 @@
 //! An island that is one linear body becomes a bank of modes (`assembly/body`). All other islands are stepped, as
 //! trials decide.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use crate::assembly::assemble::{Assembled, AssemblyOptions};
@@ -38,9 +39,11 @@ use crate::timeline::Timeline;
 mod drafts;
 mod offers;
 mod pilots;
+mod session_trials;
 mod sort_islands;
 mod unheard;
 
+pub(in crate::plan) use session_trials::SessionTrial;
 use sort_islands::{n_heard_modules, subset_size};
 
 /// A plan in the making.
@@ -52,10 +55,15 @@ struct PlanBuilder<'a> {
     /// The work that the trials of all islands may take [s], and what is left of it.
     trial_seconds_max: f64,
     trial_seconds_left: f64,
+    /// The part of an allowance that trials may take (0 to 1).
+    allowance_share: f64,
     /// That of the present island.
     allowance: Allowance,
     /// Results of trials of earlier plans.
     trial_store: Option<&'a dyn TrialStore>,
+    /// What trials of islands of a session decided, for an earlier plan and for this one.
+    earlier_trials: &'a [SessionTrial],
+    session_trials: RefCell<Vec<SessionTrial>>,
     /// The budget of islands that no earlier plan has planned, if they are drafted.
     draft_budget: Option<&'a Budget>,
     /// Parts that are displayed, and the units that are computed only for that.
@@ -99,6 +107,7 @@ pub(super) fn make_plan(
         return Err(refusals);
     }
     builder.pins.check_all_used()?;
+    builder.plan.session_trials = builder.session_trials.into_inner();
     builder.plan.solved_bodies = builder.mode_cache.into_solved();
     (builder.plan.trial_seconds, builder.plan.trial_seconds_max) = (
         builder.trial_seconds_max - builder.trial_seconds_left,
@@ -125,9 +134,12 @@ impl<'a> PlanBuilder<'a> {
             pins: PinnedChoices::new(None),
             trial_seconds_max: 0.0,
             trial_seconds_left: 0.0,
+            allowance_share: 1.0,
             allowance: Allowance::with_total(0.0),
             mode_cache: ModeCache::new(&[]),
             trial_store: None,
+            earlier_trials: &[],
+            session_trials: RefCell::default(),
             draft_budget: None,
             displayed_parts: &[],
             displayed_units: Vec::new(),
@@ -138,17 +150,19 @@ impl<'a> PlanBuilder<'a> {
 
     /// The same with what is known, and with its share of the allowance of a plan of `n_modules`.
     fn in_context(self, context: PlanContext<'a>, n_modules: usize) -> Self {
-        let work_max = allowance_of_plan(
-            n_modules,
-            context
-                .draft
-                .map_or(context.allowance_share, |draft| draft.allowance_share),
-        );
+        let allowance_share = context
+            .draft
+            .map_or(context.allowance_share, |draft| draft.allowance_share);
+        let work_max = allowance_of_plan(n_modules, allowance_share);
         Self {
+            allowance_share,
             trial_seconds_max: work_max,
             trial_seconds_left: work_max,
             draft_budget: context.draft.map(|draft| draft.budget),
             trial_store: context.trial_store,
+            earlier_trials: context
+                .earlier_plan
+                .map_or(&[], |earlier_plan| &earlier_plan.session_trials),
             displayed_parts: context.displayed_parts,
             displayed_frame_interval: context.displayed_frame_interval,
             ..self
@@ -165,7 +179,10 @@ impl<'a> PlanBuilder<'a> {
         let n_modules = subsets[..n_islands].iter().map(subset_size).sum();
         for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
             let unit_result = if index < n_islands {
-                self.begin_allowance(subset_size(&subset), n_modules);
+                match timeline.is_open {
+                    true => self.begin_session_allowance(subset_size(&subset)),
+                    false => self.begin_allowance(subset_size(&subset), n_modules),
+                }
                 let island_result = self.stored_island(subset, island_timeline);
                 self.trial_seconds_left -= self.allowance.seconds_spent().0;
                 island_result
@@ -421,6 +438,9 @@ impl<'a> PlanBuilder<'a> {
                         pin,
                     )
                     .ok_or_else(wrong_plan_error)?,
+                    None if island_timeline.timeline.is_open && !matches!(self.budget, Budget::Method(_)) => {
+                        self.choose_for_session(&subset, island_timeline, &assemble)?
+                    }
                     None => self.choose_by_pilot(&subset, island_timeline, &assemble)?,
                 };
                 // At a higher oversampling the island has to be certified again.

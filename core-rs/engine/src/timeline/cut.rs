@@ -63,6 +63,7 @@ impl Timeline {
             leads: running_leads.cloned().collect(),
             oversampling: self.oversampling,
             is_open: self.is_open,
+            trial_strikes: self.trial_strikes.clone(),
             is_unguarded: self.is_unguarded,
         }
     }

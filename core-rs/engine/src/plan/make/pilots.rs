@@ -8,6 +8,7 @@ use crate::assembly::split::LocalTimeline;
 use crate::content::island::IslandContent;
 use crate::network::{Error, Subset};
 use crate::plan::row::MeasuredError;
+use crate::plan::trial::candidates::CostRule;
 use crate::plan::trial::pilot;
 use crate::plan::trial::pilot_result::{ChosenIsland, PilotResult};
 use crate::plan::trial::record::TrialSeries;
@@ -22,13 +23,13 @@ impl PlanBuilder<'_> {
         assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     ) -> Result<ChosenIsland, Error> {
         let trial_context = (&self.allowance, self.trial_store);
-        let pilot_result = self.pilot((subset, island_timeline), self.budget, assemble)?;
+        let pilot_result = self.pilot((subset, island_timeline), self.budget, CostRule::Mean, assemble)?;
         let first_error = pilot_result.chosen.measured_error;
         let chosen = pilot_result.extend_error(self.budget, trial_context)?;
         let Some(stricter_budget) = chosen.stricter_budget(first_error, self.budget) else {
             return Ok(chosen);
         };
-        let pilot_result = self.pilot((subset, island_timeline), &stricter_budget, assemble)?;
+        let pilot_result = self.pilot((subset, island_timeline), &stricter_budget, CostRule::Mean, assemble)?;
         let stricter_island = pilot_result.extend_error(&stricter_budget, trial_context)?;
         let is_within = |error: MeasuredError| match self.budget {
             Budget::Cents { .. } => error.budget_excess(self.budget) <= 1.0,
@@ -46,15 +47,16 @@ impl PlanBuilder<'_> {
     }
 
     /// The result of a pilot, or the record of an earlier one that would find the same.
-    fn pilot(
+    pub(super) fn pilot(
         &self,
         (subset, island_timeline): (&Subset, &LocalTimeline),
         budget: &Budget,
+        cost_rule: CostRule,
         assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     ) -> Result<PilotResult, Error> {
-        let is_tried = !matches!(budget, Budget::Method(_)) && !island_timeline.timeline.is_open;
+        let is_tried = !matches!(budget, Budget::Method(_));
         let record_series = self.trial_store.filter(|_| is_tried).map(|store| {
-            let content_label = format_args!("pilot {budget:?}");
+            let content_label = format_args!("pilot {budget:?} {cost_rule:?}");
             TrialSeries::new(
                 store,
                 IslandContent::new(&subset.network, &island_timeline.timeline, content_label),
@@ -75,7 +77,7 @@ impl PlanBuilder<'_> {
             return Ok(pilot_result);
         }
         let allowance_left = self.allowance.begin();
-        let pilot_result = pilot::pilot(assemble, budget, &self.allowance)?;
+        let pilot_result = pilot::pilot(assemble, budget, &self.allowance, cost_rule)?;
         if let Some(record_series) = &record_series {
             record_series.keep(&self.allowance, allowance_left, pilot_result.record());
         }

@@ -21,6 +21,16 @@ const MESH_METHODS: [(MeshMethod, u32); 6] = [
     (MeshMethod::Bm4, 4),
 ];
 
+/// Which cost of an island counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::plan) enum CostRule {
+    /// The mean over all frames.
+    Mean,
+    /// That of the busiest frames, as each block of a session has to be in time: steps cost the same at any time, what is
+    /// computed between frames costs most while contacts are closed.
+    Busiest,
+}
+
 /// A way to compute an island.
 #[derive(Clone)]
 pub(in crate::plan) struct Candidate {

@@ -16,7 +16,7 @@ use crate::network::Error;
 use crate::plan::constants::{FAINT_SHARE, OVERSAMPLING_MAX, PARTED_DB, PILOT_PARTS, SEARCH_COST};
 use crate::plan::row::MeasuredError;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
-use crate::plan::trial::candidates::Candidate;
+use crate::plan::trial::candidates::{Candidate, CostRule};
 use crate::plan::trial::chaos::{ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_result::{ChosenIsland, LongComparison, PilotResult};
@@ -33,6 +33,7 @@ pub(in crate::plan) fn pilot(
     assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     budget: &Budget,
     allowance: &Allowance,
+    cost_rule: CostRule,
 ) -> Result<PilotResult, Error> {
     if let Budget::Method(_) = budget {
         return Ok(
@@ -41,8 +42,8 @@ pub(in crate::plan) fn pilot(
     }
     let island = lowest_stable(assemble)?;
     let timeline = &island.island_plan.timeline;
-    if timeline.is_open || timeline.hands().next().is_some() {
-        // Nobody knows beforehand what a hand or a session will do: nothing is left out.
+    if timeline.hands().next().is_some() {
+        // Nobody knows beforehand what a hand will do: nothing is left out.
         return Ok(ChosenIsland::unmeasured(island).into());
     }
     let excerpt = unless_spent(pilot_excerpt(&island.island_plan, allowance))?;
@@ -50,14 +51,14 @@ pub(in crate::plan) fn pilot(
     // Two plain runs of what sticks may agree by chance, both slipping too late.
     if let Some(excerpt) =
         next_excerpt.filter(|_| matches!(budget, Budget::Cents { .. }) && !island.has_sticking_friction())
-        && let Some(pilot) = Pilot::new((assemble, budget, allowance), (&island, 1), excerpt)?
+        && let Some(pilot) = Pilot::new((assemble, budget, allowance, cost_rule), (&island, 1), excerpt)?
         && let Some((result, _)) = pilot.find_without_substeps()?
     {
         return Ok(result);
     }
     let substeps = first_substeps(&island, budget);
     while let Some(excerpt) = next_excerpt {
-        let trial_setup = (assemble, budget, allowance);
+        let trial_setup = (assemble, budget, allowance, cost_rule);
         let Some(pilot) = Pilot::new(trial_setup, (&island, substeps), excerpt)? else {
             break;
         };
@@ -82,6 +83,7 @@ struct Pilot<'a, F> {
     assemble: &'a F,
     budget: &'a Budget,
     allowance: &'a Allowance,
+    cost_rule: CostRule,
     runs: PlayedRuns,
     compared_spans: ComparedSpans,
 }
@@ -90,7 +92,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     /// Chooses what is played of an excerpt, given an island and the contact substeps of its first run; `None` if the
     /// allowance ended first.
     fn new(
-        (assemble, budget, allowance): (&'a F, &'a Budget, &'a Allowance),
+        (assemble, budget, allowance, cost_rule): (&'a F, &'a Budget, &'a Allowance, CostRule),
         first: (&Assembled, usize),
         excerpt: Excerpt,
     ) -> Result<Option<Self>, Error> {
@@ -99,6 +101,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             assemble,
             budget,
             allowance,
+            cost_rule,
             runs,
             compared_spans: spans,
         }))
@@ -111,7 +114,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             return Ok(None);
         };
         let stretches = ComparedStretches::new(&reference.run.sound, &self.compared_spans);
-        let plain_tried = self.search(&reference, None).find_without_substeps()?;
+        let plain_tried = self.search(&reference, None).find_without_substeps(self.cost_rule)?;
         plain_tried
             .map(|plain_tried| self.with_pruned_modes(plain_tried, &stretches))
             .transpose()
@@ -365,7 +368,9 @@ fn first_substeps(island: &Assembled, budget: &Budget) -> usize {
 }
 
 /// The island at the lowest oversampling at which it is stable.
-fn lowest_stable(assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>) -> Result<Assembled, Error> {
+pub(in crate::plan) fn lowest_stable(
+    assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
+) -> Result<Assembled, Error> {
     match assemble(AssemblyOptions::between_steps(1, MethodChoice::ByBudget)) {
         // An island that diverges at this rate may be stable at a higher one.
         Err(error @ Error::Unstable { .. }) => {

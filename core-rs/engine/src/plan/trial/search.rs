@@ -19,7 +19,7 @@ use crate::plan::constants::{
     CREATED_SHARE_MAX, EQUAL_ERRORS_DB, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX, SPECTRUM_NOISE,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
-use crate::plan::trial::candidates::{Candidate, candidates, has_fine_links};
+use crate::plan::trial::candidates::{Candidate, CostRule, candidates, has_fine_links};
 use crate::plan::trial::chaos::{ChaoticComparison, ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{EnergyGains, PilotRun, is_affordable};
@@ -70,15 +70,15 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     }
 
     /// The cheapest candidate within the budget whose contacts and laws are computed once a step, or one step a frame
-    /// with contacts between frames, if that is within the budget too and costs less than several steps.
-    pub(in crate::plan) fn find_without_substeps(&self) -> Result<Option<TriedCandidate>, Error> {
+    /// with contacts between frames, if that is within the budget too and costs less than several steps in the mean.
+    pub(in crate::plan) fn find_without_substeps(&self, cost_rule: CostRule) -> Result<Option<TriedCandidate>, Error> {
         let (cheapest, _) = self.try_candidates(|candidate| candidate.contact_substeps == 1)?;
         let Some(plain_tried) = cheapest else {
             return Ok(None);
         };
-        let between_frames = match plain_tried.candidate.island.island_plan.oversampling {
-            1 => None,
-            _ => unless_spent(self.with_contacts_between_frames(&plain_tried))?.flatten(),
+        let between_frames = match (plain_tried.candidate.island.island_plan.oversampling, cost_rule) {
+            (1, _) | (_, CostRule::Busiest) => None,
+            (_, CostRule::Mean) => unless_spent(self.with_contacts_between_frames(&plain_tried))?.flatten(),
         };
         Ok(Some(between_frames.unwrap_or(plain_tried)))
     }

@@ -1,0 +1,90 @@
+//! Islands of a session. What will strike them is not known, so no mode is left out; how finely contacts are computed is
+//! decided by a trial of their hardest strikes.
+
+use super::PlanBuilder;
+use crate::assembly::assemble::{Assembled, AssemblyOptions, Stepping};
+use crate::assembly::budget::Budget;
+use crate::assembly::split::LocalTimeline;
+use crate::content::island::IslandContent;
+use crate::network::{Error, Subset};
+use crate::plan::constants::SPECTRUM_NOISE;
+use crate::plan::row::MeasuredError;
+use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
+use crate::plan::trial::candidates::CostRule;
+use crate::plan::trial::pilot;
+use crate::plan::trial::pilot_result::ChosenIsland;
+
+/// What the trial of an island decided, for the next plan of the session; `None` if no way was within the budget.
+#[derive(Clone, Debug)]
+pub(in crate::plan) struct SessionTrial {
+    content: String,
+    stepping: Option<Stepping>,
+}
+
+impl PlanBuilder<'_> {
+    /// Gives an island of a session an allowance of its own, so that it is decided the same beside any other island; none
+    /// once the trials of a plan have taken all that they may.
+    pub(super) fn begin_session_allowance(&mut self, n_modules: usize) {
+        let island_work = match self.trial_seconds_left > 0.0 {
+            true => allowance_of_plan(n_modules, self.allowance_share),
+            false => 0.0,
+        };
+        self.allowance = Allowance::with_total(island_work);
+    }
+
+    /// Decides an island of a session.
+    pub(super) fn choose_for_session(
+        &self,
+        subset: &Subset,
+        island_timeline: &LocalTimeline,
+        assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
+    ) -> Result<ChosenIsland, Error> {
+        let tried_island = self
+            .session_stepping(subset, island_timeline)
+            .and_then(|stepping| Some(assemble(stepping.options()).ok()?.with_stepping(&stepping)));
+        let island = match tried_island {
+            Some(island) => island,
+            None => pilot::lowest_stable(assemble)?,
+        };
+        Ok(ChosenIsland::unmeasured(island))
+    }
+
+    /// What a trial of the hardest strikes decides, or decided for an earlier plan.
+    fn session_stepping(&self, subset: &Subset, island_timeline: &LocalTimeline) -> Option<Stepping> {
+        let trial_timeline = LocalTimeline {
+            timeline: island_timeline.timeline.of_trial_strikes()?,
+            keys: Vec::new(),
+            gestures: Vec::new(),
+        };
+        let content_label = format_args!("session {:?}", self.budget);
+        let content = IslandContent::new(&subset.network, &trial_timeline.timeline, content_label).until(0);
+        let earlier_trial = self.earlier_trials.iter().find(|trial| trial.content == content);
+        let trial = earlier_trial.cloned().unwrap_or_else(|| SessionTrial {
+            stepping: self.try_strikes(subset, &trial_timeline),
+            content,
+        });
+        let stepping = trial.stepping.clone();
+        self.session_trials.borrow_mut().push(trial);
+        stepping
+    }
+
+    /// The cheapest way that is within the budget when the strikes of a closed timeline are played.
+    fn try_strikes(&self, subset: &Subset, trial_timeline: &LocalTimeline) -> Option<Stepping> {
+        let assemble = |options: AssemblyOptions<'_>| {
+            let island = Assembled::new(subset, trial_timeline, self.budget, options, None, &self.mode_cache);
+            self.allowance.spend_regardless(self.mode_cache.take_seconds());
+            island
+        };
+        let chosen = self
+            .pilot((subset, trial_timeline), self.budget, CostRule::Busiest, &assemble)
+            .ok()?
+            .chosen;
+        let is_within = |error: MeasuredError| match (self.budget, error.third_octave_db) {
+            (Budget::Cents { .. }, Some(third_octave_db)) => third_octave_db <= SPECTRUM_NOISE,
+            (Budget::Cents { .. }, None) => error.audible.is_some() && error.budget_excess(self.budget) <= 1.0,
+            (_, third_octave_db) => third_octave_db.is_none() && error.waveform_db <= self.budget.waveform_error_db(),
+        };
+        let is_chosen = !chosen.has_diverged && chosen.measured_error.is_some_and(is_within);
+        is_chosen.then(|| chosen.island.stepping())
+    }
+}
