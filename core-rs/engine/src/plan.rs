@@ -114,7 +114,7 @@ pub struct Plan {
     /// What trials decided for islands of a session, for the next plan.
     session_trials: Vec<make::SessionTrial>,
     /// What was computed about its bodies, for the next plan.
-    solved_bodies: Vec<Arc<crate::assembly::solved_modes::SolvedBody>>,
+    solved_modes: crate::assembly::solved_modes::SolvedModes,
     /// Work that its trials took, and their allowance [s].
     trial_seconds: f64,
     trial_seconds_max: f64,
@@ -284,7 +284,7 @@ impl Plan {
             choices: Vec::new(),
             refused_rates: Vec::new(),
             session_trials: Vec::new(),
-            solved_bodies: Vec::new(),
+            solved_modes: Default::default(),
             trial_seconds: 0.0,
             trial_seconds_max: 0.0,
             network,

@@ -20,11 +20,19 @@ pub(crate) struct SolvedBody {
 }
 
 /// The complex modes of one body, which are the same at every rate, or why it has none.
+#[derive(Debug)]
 struct SolvedComplex {
     network: Network,
     outputs: Vec<Sum>,
     struck_mats: Vec<usize>,
     modes: Result<Arc<ComplexModes>, NoModes>,
+}
+
+/// The bodies that a plan has solved.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SolvedModes {
+    normal: Vec<Arc<SolvedBody>>,
+    complex: Vec<Arc<SolvedComplex>>,
 }
 
 /// Where complex modes are kept from one plan to the next, of a network that some outputs hear and that is struck at
@@ -39,9 +47,8 @@ pub(crate) trait ModeStore {
 
 /// Bodies known from an earlier plan, and those that the present plan has solved.
 pub(crate) struct ModeCache<'a> {
-    earlier_bodies: &'a [Arc<SolvedBody>],
-    solved_bodies: RefCell<Vec<Arc<SolvedBody>>>,
-    complex_solutions: RefCell<Vec<SolvedComplex>>,
+    earlier: Option<&'a SolvedModes>,
+    solved: RefCell<SolvedModes>,
     /// Where complex modes are kept from one plan to the next.
     store: Option<&'a dyn ModeStore>,
     /// Bodies whose solution has been counted for this island. A solution known from elsewhere counts too, so that the
@@ -52,11 +59,11 @@ pub(crate) struct ModeCache<'a> {
 }
 
 impl<'a> ModeCache<'a> {
-    pub(crate) fn new(known: &'a [Arc<SolvedBody>]) -> Self {
+    /// `earlier`: what an earlier plan has solved.
+    pub(crate) fn new(earlier: Option<&'a SolvedModes>) -> Self {
         Self {
-            earlier_bodies: known,
-            solved_bodies: RefCell::default(),
-            complex_solutions: RefCell::default(),
+            earlier,
+            solved: RefCell::default(),
             store: None,
             counted_networks: RefCell::default(),
             untaken_seconds: Cell::default(),
@@ -69,8 +76,8 @@ impl<'a> ModeCache<'a> {
     }
 
     /// The solved bodies, for the next plan.
-    pub(crate) fn into_solved(self) -> Vec<Arc<SolvedBody>> {
-        self.solved_bodies.into_inner()
+    pub(crate) fn into_solved(self) -> SolvedModes {
+        self.solved.into_inner()
     }
 
     /// Begins another island.
@@ -106,8 +113,9 @@ impl<'a> ModeCache<'a> {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
                 && solved.network.is_same_from_start(network)
         };
-        let solved_in_plan = self.solved_bodies.borrow().iter().find(is_same_problem).cloned();
-        let already_solved = solved_in_plan.or_else(|| self.earlier_bodies.iter().find(is_same_problem).cloned());
+        let solved_in_plan = self.solved.borrow().normal.iter().find(is_same_problem).cloned();
+        let solved_before = || self.earlier?.normal.iter().find(is_same_problem).cloned();
+        let already_solved = solved_in_plan.or_else(solved_before);
         let row_index = |solved: &SolvedBody, row: &Row| solved.rows.iter().position(|solved_row| solved_row == row);
         if let Some(solved) = &already_solved {
             let row_indices: Option<Vec<usize>> = rows.iter().map(|row| row_index(solved, row)).collect();
@@ -144,12 +152,20 @@ impl<'a> ModeCache<'a> {
         struck: &[usize],
         rate: Rate,
     ) -> Result<Arc<ComplexModes>, NoModes> {
-        let mut solved_cache = self.complex_solutions.borrow_mut();
-        let is_same_problem = |solved: &&SolvedComplex| {
+        let solutions = &mut self.solved.borrow_mut().complex;
+        let is_same_problem = |solved: &&Arc<SolvedComplex>| {
             solved.outputs == outputs && solved.struck_mats == struck && solved.network.is_same_from_start(network)
         };
-        let complex_modes = match solved_cache.iter().find(is_same_problem) {
-            Some(solved) => solved.modes.clone()?,
+        let solved_before = || self.earlier?.complex.iter().find(is_same_problem);
+        let solved_now = solutions.iter().find(is_same_problem).cloned();
+        let complex_modes = match solved_now.or_else(|| solved_before().cloned()) {
+            Some(solved) => {
+                let modes = solved.modes.clone();
+                if !solutions.iter().any(|other| Arc::ptr_eq(other, &solved)) {
+                    solutions.push(solved);
+                }
+                modes?
+            }
             None => {
                 let solve = || ComplexModes::new(network, outputs, struck, rate);
                 let stored_modes = self.store.and_then(|store| store.get(network, outputs, struck));
@@ -164,12 +180,12 @@ impl<'a> ModeCache<'a> {
                     Ok,
                 );
                 let complex_modes = complex_modes.map(Arc::new);
-                solved_cache.push(SolvedComplex {
+                solutions.push(Arc::new(SolvedComplex {
                     network: network.clone(),
                     outputs: outputs.to_vec(),
                     struck_mats: struck.to_vec(),
                     modes: complex_modes.clone(),
-                });
+                }));
                 complex_modes?
             }
         };
@@ -180,9 +196,9 @@ impl<'a> ModeCache<'a> {
     }
 
     fn store_solution(&self, solved: Arc<SolvedBody>) {
-        let mut solved_cache = self.solved_bodies.borrow_mut();
-        solved_cache.retain(|other| !solved.network.is_same_from_start(&other.network));
-        solved_cache.push(solved);
+        let solutions = &mut self.solved.borrow_mut().normal;
+        solutions.retain(|other| !solved.network.is_same_from_start(&other.network));
+        solutions.push(solved);
     }
 }
 
@@ -200,7 +216,7 @@ mod tests {
             network.spring(&spring_name, last_mat, next_mat, 1e3, 0.0, 0.0).unwrap();
             last_mat = next_mat;
         }
-        let mode_cache = ModeCache::new(&[]);
+        let mode_cache = ModeCache::new(None);
         let solve = |hertz: f64| {
             let rate = Rate::new(hertz).unwrap();
             let cached_modes = mode_cache.normal_modes(&network, &[vec![(last_mat, 1.0)]], rate);

@@ -118,7 +118,7 @@ fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 /// Where a partial passes through zero its phase is chance and may slip by a cycle; its turn hardly counts there.
 ///
 /// The pulse-pair estimate and its deviation: Miller & Rochwarger, IEEE Trans. Inf. Theory 18 (1972); Zrnić, IEEE Trans.
-/// Aerosp. Electron. Syst. 13 (1977), eq. 11. The turns of noise have no common angle, by Rayleigh's test (Mardia & Jupp,
+/// Aerosp. Electron. Syst. 13 (1977). The turns of noise have no common angle, by Rayleigh's test (Mardia & Jupp,
 /// Directional Statistics, 2000, 6.3.1), and no drift is sure.
 fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]]) -> f64 {
     let ratio = |(a, b): (&[f64; 2], &[f64; 2])| -> [f64; 2] {

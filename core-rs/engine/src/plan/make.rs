@@ -97,7 +97,7 @@ pub(super) fn make_plan(
     let mode_store = context.trial_store.map(StoredModes);
     let mut builder = PlanBuilder {
         pins: PinnedChoices::new(pins),
-        mode_cache: ModeCache::new(context.earlier_plan.map_or(&[], |like| &like.solved_bodies))
+        mode_cache: ModeCache::new(context.earlier_plan.map(|like| &like.solved_modes))
             .with_store(mode_store.as_ref().map(|store| store as &dyn ModeStore)),
         ..PlanBuilder::new(&network, timeline, budget).in_context(context, n_heard_modules(&all_islands))
     };
@@ -108,7 +108,7 @@ pub(super) fn make_plan(
     }
     builder.pins.check_all_used()?;
     builder.plan.session_trials = builder.session_trials.into_inner();
-    builder.plan.solved_bodies = builder.mode_cache.into_solved();
+    builder.plan.solved_modes = builder.mode_cache.into_solved();
     (builder.plan.trial_seconds, builder.plan.trial_seconds_max) = (
         builder.trial_seconds_max - builder.trial_seconds_left,
         builder.trial_seconds_max,
@@ -136,7 +136,7 @@ impl<'a> PlanBuilder<'a> {
             trial_seconds_left: 0.0,
             allowance_share: 1.0,
             allowance: Allowance::with_total(0.0),
-            mode_cache: ModeCache::new(&[]),
+            mode_cache: ModeCache::new(None),
             trial_store: None,
             earlier_trials: &[],
             session_trials: RefCell::default(),
@@ -289,7 +289,7 @@ impl<'a> PlanBuilder<'a> {
             return None;
         }
         let probed_subset = seen::with_probe_output(subset.clone(), &subset.mats).ok()?;
-        let empty_memo = ModeCache::new(&[]);
+        let empty_memo = ModeCache::new(None);
         let solve_bank = |chosen_modes| {
             body::bank(
                 &probed_subset,
