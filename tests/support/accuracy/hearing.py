@@ -105,16 +105,17 @@ def _partials(y: np.ndarray, x: np.ndarray, rate: float) -> tuple[float, float]:
 
 def _drift(ours: np.ndarray, theirs: np.ndarray, rate: float) -> float:
     """How much higher a partial is [Hz]: the smaller of two estimates, in both of which an error of
-    a pitch shows.
+    a pitch shows, and with the same sign.
 
     Where partials beat, a slip of the phase as the level dips upsets the slope of all of the phase,
-    and a level that is off the mean turn from frame to frame (Miller and Rochwarger, 1972).
+    and a level that is off the mean turn from frame to frame (Miller and Rochwarger, 1972). Where
+    noise lies in the band, one says higher and the other lower.
     """
     turned = ours * np.conj(theirs)
     t = np.arange(len(theirs)) / rate
     slope = float(np.polyfit(t, np.unwrap(np.angle(turned)), 1, w=np.abs(theirs))[0])
     turn = rate * float(np.angle(np.sum(turned[1:] * np.conj(turned[:-1]))))
-    return min(slope, turn, key=abs) / (2.0 * np.pi)
+    return 0.0 if slope * turn < 0.0 else min(slope, turn, key=abs) / (2.0 * np.pi)
 
 
 def _window(n_frames: int, rate: float) -> np.ndarray:
