@@ -202,7 +202,7 @@ parts: {ada: [{at: 0, play: soft}, {at: 8, play: LATER}]}
 def test_plan_states_later_harder_key_stroke(later: str, stated_db: float | None):
     """Its trials play on, and may not come so far."""
     _, plan = planned(KEYED.replace("LATER", later))
-    (row,) = plan.rows()
-    assert row.error_s is not None
-    assert row.error_s < 8.0
-    assert row.harder_at == stated_db
+    for row in plan.rows():
+        assert row.error_s is not None
+        assert row.error_s < 8.0
+        assert row.harder_at == stated_db
