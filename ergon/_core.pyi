@@ -1141,8 +1141,9 @@ class Timeline:
         Raises EngineError if the MAT is fixed.
         """
     def trial_strike(self, mat: int, impulse: float, *, lasts: float | None = ...) -> None:
-        """Declare the hardest strike [N·s] that a MAT may get while the timeline is open; it `lasts`
-        as in `strike`.
+        """Declare the hardest strike [N·s] that a MAT may get while the timeline is open.
+
+        It `lasts` as in `strike`.
 
         Only trials of plans play it, to choose how finely contacts are computed. Raises EngineError
         if the MAT is fixed.
@@ -1567,7 +1568,8 @@ class Simulation:
         EngineError if the impulse is not finite.
         """
     def tell(self, number: int, value: float) -> bool:
-        """Let an input of Timeline.told_in go to a value, full scale 1, from the next frame on.
+        """Let an input of Timeline.controlled_input go to a value, a part of full scale, from the
+        next frame on.
 
         False if the simulation has no such input. Raises EngineError if the value is not finite.
         """
@@ -2327,7 +2329,7 @@ class Performance:
         lacks the point or too many strikes came at once. Raises EngineError.
         """
     def tell(self, number: int, value: float) -> int | None:
-        """Let an input of Timeline.told_in go to a value, full scale 1, at the next tick.
+        """Let an input of Timeline.controlled_input go to a value, full scale 1, at the next tick.
 
         Returns a ticket, as `strike`. Raises EngineError.
         """

@@ -346,14 +346,14 @@ def stage(
                 piece.accuracy,
                 pins,
                 store,
-                old_stage.plan if old_stage is not None else None,
+                prepared.memory.plan,
                 is_foreseen=going.spans is None and not real_hands,
                 correction=correction,
                 is_draft=is_draft,
                 recalls_sound=recalls_sound,
                 watched=Watched(seen=all_parts, seen_every=piece.motion_every),
             )
-            plan = planning.plan
+            plan = prepared.memory.plan = planning.plan
             _report_planning(piece, planning, prepared.collector, is_seen=is_seen)
         elif fine_contacts:
             plan = _core.Plan.with_fine_contacts(prepared.network, prepared.timeline)

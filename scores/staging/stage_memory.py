@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from ergon import _core
 from ergon.notation.clock.meter import Meter
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
@@ -62,8 +63,12 @@ def _end_beat(strikes: Strikes, tempo: TempoMap) -> float:
 
 @dataclass(slots=True)
 class StageMemory:
-    """The memory of a chain of stages, each of which takes over from the one before."""
+    """The memory of a chain of stages, each of which takes over from the one before.
+
+    `plan` is the last plan, of which the next reuses what it found about bodies and contacts.
+    """
 
     automation: KnownAutomation = field(default_factory=KnownAutomation)
     strikes: KnownStrikes = field(default_factory=KnownStrikes)
     plays: NotOver[Played] = field(default_factory=NotOver)
+    plan: _core.Plan | None = None

@@ -364,7 +364,7 @@ impl Timeline {
 
     /// A closed timeline of the trial strikes alone; `None` if there is none, or something else may move the network:
     /// a hand, a key, an input.
-    pub(crate) fn of_trial_strikes(&self) -> Option<Self> {
+    pub(crate) fn closed_for_trial(&self) -> Option<Self> {
         let is_struck_only = |drive: &Drive| matches!(drive.source, DriveSource::Strikes { .. });
         let is_tried = !self.trial_strikes.is_empty() && self.keys.is_empty() && self.drives.iter().all(is_struck_only);
         is_tried.then(|| Self {

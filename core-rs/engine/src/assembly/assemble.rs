@@ -125,7 +125,7 @@ impl Assembled {
     ) -> Result<Self, Error> {
         let AssemblyOptions {
             oversampling,
-            body_methods: method_choice,
+            body_methods: choice,
             is_plain,
         } = options;
         let timeline = if oversampling == 1 {
@@ -144,16 +144,9 @@ impl Assembled {
         // What was decided to be computed once a step stays so.
         let is_single_step = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
         let steps_max = if is_single_step { 1 } else { SUBSTEPS_MAX };
-        let (island_cut, mut because) = ported::cut_bodies(
-            subset,
-            &timeline,
-            budget,
-            (pin, is_single_step),
-            method_choice,
-            mode_cache,
-        );
+        let (cut, mut because) = ported::cut_bodies(subset, &timeline, budget, (pin, steps_max), choice, mode_cache);
         let mut cut_with_hub = None;
-        if let Some(island_cut) = island_cut {
+        if let Some(island_cut) = cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
             // faster than a frame, that coupling would oscillate and grow.
             let steps_over = |ported_body: &PortedBody| match &ported_body.plan {
@@ -204,7 +197,7 @@ impl Assembled {
             certificate,
             modes_refusal: because,
             can_solve_laws_between_steps: may_collocate,
-            cut_shape: CutShape::from_choice(method_choice),
+            cut_shape: CutShape::from_choice(choice),
             is_once_a_step: is_plain,
         })
     }

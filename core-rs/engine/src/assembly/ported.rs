@@ -50,12 +50,12 @@ pub(crate) struct PortedBody {
 }
 
 /// Cuts bodies out of an island: linear ones by their modes, other meshes by a method of their own. Returns `None` if
-/// no body is worth it, and why some bodies have no modes.
+/// no body is worth it, and why some bodies have no modes. `steps_max`: most contact substeps a step.
 pub(crate) fn cut_bodies(
     island: &Subset,
     timeline: &Timeline,
     budget: &Budget,
-    (pin, is_once_a_step): (Option<&SteppedChoice>, bool),
+    (pin, steps_max): (Option<&SteppedChoice>, usize),
     choice: MethodChoice<'_>,
     mode_cache: &ModeCache<'_>,
 ) -> (Option<IslandCut>, Option<NoModes>) {
@@ -77,7 +77,7 @@ pub(crate) fn cut_bodies(
     // The certificate for slow parts covers normal modes only. In a session contacts between frames take up to twice
     // as long on complex modes as on steps, for no mode is left out.
     let has_slow_bodies = !cut_bodies.is_empty();
-    let is_fine_session = timeline.is_open && !is_once_a_step;
+    let is_fine_session = timeline.is_open && steps_max > 1;
     let needs_normal_modes = |body: &Body| has_slow_bodies || (is_fine_session && body.touches_contact());
     if budget.allows_modes() && has_bodies && !prefers_meshes {
         let wanted_bodies = match budget.contact_substeps() {

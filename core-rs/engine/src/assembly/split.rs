@@ -44,21 +44,12 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
             gestures: Vec::new(),
         })
         .collect();
-    for strike in &timeline.strikes {
-        for &(subset_index, mat) in homes_of_mat(strike.mat) {
-            let mat = mat as u32;
-            timelines[subset_index].timeline.strikes.push(Strike { mat, ..*strike });
-        }
-    }
-    for strike in &timeline.trial_strikes {
-        for &(subset_index, mat) in homes_of_mat(strike.mat) {
-            let mat = mat as u32;
-            timelines[subset_index]
-                .timeline
-                .trial_strikes
-                .push(Strike { mat, ..*strike });
-        }
-    }
+    share_strikes(&timeline.strikes, &homes, &mut timelines, |timeline| {
+        &mut timeline.strikes
+    });
+    share_strikes(&timeline.trial_strikes, &homes, &mut timelines, |timeline| {
+        &mut timeline.trial_strikes
+    });
     for ergon in &timeline.ergons {
         for &(subset_index, mat) in homes_of_mat(ergon.mat) {
             let mat = mat as u32;
@@ -129,6 +120,21 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
         }
     }
     subsets.into_iter().zip(timelines).collect()
+}
+
+/// Adds strikes to a list of the timeline of each subset that has their MAT.
+fn share_strikes(
+    strikes: &[Strike],
+    homes: &HashMap<u32, Vec<Home>>,
+    timelines: &mut [LocalTimeline],
+    strike_list: impl Fn(&mut Timeline) -> &mut Vec<Strike>,
+) {
+    for strike in strikes {
+        for &(subset_index, mat) in homes.get(&strike.mat).map_or(&[][..], Vec::as_slice) {
+            let mat = mat as u32;
+            strike_list(&mut timelines[subset_index].timeline).push(Strike { mat, ..*strike });
+        }
+    }
 }
 
 /// The links of a range that are in a subset: the first, and how many. Links rise, so these lie together.

@@ -3,7 +3,7 @@
 //! An island that is one linear body becomes a bank of modes (`assembly/body`). All other islands are stepped, as
 //! trials decide.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
 use crate::assembly::assemble::{Assembled, AssemblyOptions};
@@ -64,6 +64,8 @@ struct PlanBuilder<'a> {
     /// What trials of islands of a session decided, for an earlier plan and for this one.
     earlier_trials: &'a [SessionTrial],
     session_trials: RefCell<Vec<SessionTrial>>,
+    /// Work that those of this plan took [s].
+    session_trial_seconds: Cell<f64>,
     /// The budget of islands that no earlier plan has planned, if they are drafted.
     draft_budget: Option<&'a Budget>,
     /// Parts that are displayed, and the units that are computed only for that.
@@ -107,7 +109,7 @@ pub(super) fn make_plan(
         return Err(refusals);
     }
     builder.pins.check_all_used()?;
-    builder.plan.session_trials = builder.session_trials.into_inner();
+    builder.plan.session_trials = builder.take_session_trials();
     builder.plan.solved_modes = builder.mode_cache.into_solved();
     (builder.plan.trial_seconds, builder.plan.trial_seconds_max) = (
         builder.trial_seconds_max - builder.trial_seconds_left,
@@ -140,6 +142,7 @@ impl<'a> PlanBuilder<'a> {
             trial_store: None,
             earlier_trials: &[],
             session_trials: RefCell::default(),
+            session_trial_seconds: Cell::default(),
             draft_budget: None,
             displayed_parts: &[],
             displayed_units: Vec::new(),

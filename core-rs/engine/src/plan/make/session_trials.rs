@@ -21,15 +21,24 @@ pub(in crate::plan) struct SessionTrial {
     stepping: Option<Stepping>,
 }
 
+/// Most trials that a plan hands on: those of all instruments that a session has tried, and a bound.
+const TRIALS_MAX: usize = 1_024;
+
 impl PlanBuilder<'_> {
-    /// Gives an island of a session an allowance of its own, so that it is decided the same beside any other island; none
-    /// once the trials of a plan have taken all that they may.
+    /// The trials of this plan, then those of earlier ones that it did not need: a line may wait while others are planned.
+    pub(super) fn take_session_trials(&self) -> Vec<SessionTrial> {
+        let mut trials = self.session_trials.take();
+        for earlier_trial in self.earlier_trials {
+            if trials.len() < TRIALS_MAX && !trials.iter().any(|trial| trial.content == earlier_trial.content) {
+                trials.push(earlier_trial.clone());
+            }
+        }
+        trials
+    }
+
+    /// Gives an island of a session an allowance of its own, so that it is decided the same beside any other island.
     pub(super) fn begin_session_allowance(&mut self, n_modules: usize) {
-        let island_work = match self.trial_seconds_left > 0.0 {
-            true => allowance_of_plan(n_modules, self.allowance_share),
-            false => 0.0,
-        };
-        self.allowance = Allowance::with_total(island_work);
+        self.allowance = Allowance::with_total(allowance_of_plan(n_modules, self.allowance_share));
     }
 
     /// Decides an island of a session.
@@ -49,20 +58,25 @@ impl PlanBuilder<'_> {
         Ok(ChosenIsland::unmeasured(island))
     }
 
-    /// What a trial of the hardest strikes decides, or decided for an earlier plan.
+    /// What a trial of the hardest strikes decides, or decided for an earlier plan. Once the trials of a plan have taken
+    /// all that they may, the next plan goes on with them.
     fn session_stepping(&self, subset: &Subset, island_timeline: &LocalTimeline) -> Option<Stepping> {
         let trial_timeline = LocalTimeline {
-            timeline: island_timeline.timeline.of_trial_strikes()?,
+            timeline: island_timeline.timeline.closed_for_trial()?,
             keys: Vec::new(),
             gestures: Vec::new(),
         };
         let content_label = format_args!("session {:?}", self.budget);
         let content = IslandContent::new(&subset.network, &trial_timeline.timeline, content_label).until(0);
         let earlier_trial = self.earlier_trials.iter().find(|trial| trial.content == content);
-        let trial = earlier_trial.cloned().unwrap_or_else(|| SessionTrial {
-            stepping: self.try_strikes(subset, &trial_timeline),
-            content,
-        });
+        let trial = match earlier_trial {
+            Some(earlier_trial) => earlier_trial.clone(),
+            None if self.session_trial_seconds.get() >= self.trial_seconds_max => return None,
+            None => SessionTrial {
+                stepping: self.try_strikes(subset, &trial_timeline),
+                content,
+            },
+        };
         let stepping = trial.stepping.clone();
         self.session_trials.borrow_mut().push(trial);
         stepping
@@ -75,10 +89,12 @@ impl PlanBuilder<'_> {
             self.allowance.spend_regardless(self.mode_cache.take_seconds());
             island
         };
-        let chosen = self
-            .pilot((subset, trial_timeline), self.budget, CostRule::Busiest, &assemble)
-            .ok()?
-            .chosen;
+        let (spent_before, _) = self.allowance.seconds_spent();
+        let pilot_result = self.pilot((subset, trial_timeline), self.budget, CostRule::Busiest, &assemble);
+        let trial_seconds = self.allowance.seconds_spent().0 - spent_before;
+        self.session_trial_seconds
+            .set(self.session_trial_seconds.get() + trial_seconds);
+        let chosen = pilot_result.ok()?.chosen;
         let is_within = |error: MeasuredError| match (self.budget, error.third_octave_db) {
             (Budget::Cents { .. }, Some(third_octave_db)) => third_octave_db <= SPECTRUM_NOISE,
             (Budget::Cents { .. }, None) => error.audible.is_some() && error.budget_excess(self.budget) <= 1.0,
