@@ -54,8 +54,8 @@ BREAKS = {
     ),
     "repl/test_journal_hostile.py::test_replay_of_python_lines": (
         "repl/session/replay.py",
-        '    commands = reparse(line_event.get("line", str), version_before)\n',
-        '    commands = reparse(line_event.get("line", str), version_before)\n'
+        '    commands = reparse(line_event.get("line", str), old_version)\n',
+        '    commands = reparse(line_event.get("line", str), old_version)\n'
         '    [exec(getattr(command, "expression", "")) for command in commands]\n',
     ),
     "scores/test_take_files.py::test_npz_with_pickled_objects_is_refused": (
@@ -170,7 +170,7 @@ BREAKS = {
     "repl/test_repl_socket.py::test_hostile_bytes_leave_other_clients_served": (
         "repl/wire/serve.py",
         "        except ProtocolError as error:\n"
-        "            prompt.send(id=request_number, error=str(error))\n",
+        "            prompt.send(id=request_id, error=str(error))\n",
         "        except ProtocolError as error:\n            self._end(str(error))\n",
     ),
     "live/test_live_osc.py::test_osc_parse_address_default_host": (
