@@ -34,8 +34,11 @@ Door = Callable[[Stepped, Path], contextlib.AbstractContextManager[Enter]]
 
 
 def events(stepped: Stepped, name: str = "") -> list[dict[str, Any]]:
-    """The events of a session's journal, or those of a name."""
-    rows = [json.loads(row) for row in stepped.journal.read_text().splitlines()]
+    """The events of a session's journal, or those of a name; a line that another thread is writing
+    is not read.
+    """
+    complete_lines, _, _ = stepped.journal.read_text().rpartition("\n")
+    rows = [json.loads(row) for row in complete_lines.splitlines()]
     return [event for event in rows if name in ("", event["event"])]
 
 
