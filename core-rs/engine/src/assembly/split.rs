@@ -44,10 +44,10 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
             gestures: Vec::new(),
         })
         .collect();
-    share_strikes(&timeline.strikes, &homes, &mut timelines, |timeline| {
+    share_strikes(&timeline.strikes, &homes_of_mat, &mut timelines, |timeline| {
         &mut timeline.strikes
     });
-    share_strikes(&timeline.trial_strikes, &homes, &mut timelines, |timeline| {
+    share_strikes(&timeline.trial_strikes, &homes_of_mat, &mut timelines, |timeline| {
         &mut timeline.trial_strikes
     });
     for ergon in &timeline.ergons {
@@ -123,14 +123,14 @@ pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, L
 }
 
 /// Adds strikes to a list of the timeline of each subset that has their MAT.
-fn share_strikes(
+fn share_strikes<'a>(
     strikes: &[Strike],
-    homes: &HashMap<u32, Vec<Home>>,
+    homes_of_mat: &impl Fn(u32) -> &'a [Home],
     timelines: &mut [LocalTimeline],
     strike_list: impl Fn(&mut Timeline) -> &mut Vec<Strike>,
 ) {
     for strike in strikes {
-        for &(subset_index, mat) in homes.get(&strike.mat).map_or(&[][..], Vec::as_slice) {
+        for &(subset_index, mat) in homes_of_mat(strike.mat) {
             let mat = mat as u32;
             strike_list(&mut timelines[subset_index].timeline).push(Strike { mat, ..*strike });
         }

@@ -122,7 +122,7 @@ fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 /// Directional Statistics, 2000, 6.3.1), and no drift is sure.
 fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]]) -> f64 {
     let ratio = |(a, b): (&[f64; 2], &[f64; 2])| -> [f64; 2] {
-        let [re, im] = times(*a, [b[0], -b[1]]);
+        let [re, im] = turn(*b, *a);
         match modulus(*a) {
             0.0 => [0.0; 2],
             size => [re / size, im / size],
@@ -131,9 +131,7 @@ fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]]) -> f64 {
     let ratios: Vec<[f64; 2]> = sound.iter().zip(reference).map(ratio).collect();
     let turns = |lag: usize| -> Vec<[f64; 2]> {
         let pairs = ratios.iter().zip(ratios.iter().skip(lag));
-        pairs
-            .map(|(before, after)| times(*after, [before[0], -before[1]]))
-            .collect()
+        pairs.map(|(before, after)| turn(*before, *after)).collect()
     };
     let sum = |turns: &[[f64; 2]]| {
         turns
@@ -154,6 +152,11 @@ fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]]) -> f64 {
         true => sure_part(drift, deviation),
         false => 0.0,
     }
+}
+
+/// The product whose angle is that from one phasor to another.
+fn turn(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+    times(to, [from[0], -from[1]])
 }
 
 fn angle([re, im]: [f64; 2]) -> f64 {

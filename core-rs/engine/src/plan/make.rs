@@ -413,6 +413,19 @@ impl<'a> PlanBuilder<'a> {
         Ok(())
     }
 
+    /// An island assembled within the budget; the work of solving its bodies is taken from the allowance.
+    fn assembled(
+        &self,
+        subset: &Subset,
+        island_timeline: &LocalTimeline,
+        options: AssemblyOptions<'_>,
+        pin: Option<&SteppedChoice>,
+    ) -> Result<Assembled, Error> {
+        let island = Assembled::new(subset, island_timeline, self.budget, options, pin, &self.mode_cache);
+        self.allowance.spend_regardless(self.mode_cache.take_seconds());
+        island
+    }
+
     /// Decides how an island is computed, with those of its slow parts slow that may be.
     fn choose_stepping(
         &self,
@@ -422,11 +435,7 @@ impl<'a> PlanBuilder<'a> {
     ) -> Result<PlannedIsland, Error> {
         let (mut subset, mut refused_slow) = multirate::without_refused_slow(subset, island_timeline, self.budget);
         let (chosen_island, growth) = loop {
-            let assemble = |options: AssemblyOptions<'_>| {
-                let island = Assembled::new(&subset, island_timeline, self.budget, options, pin, &self.mode_cache);
-                self.allowance.spend_regardless(self.mode_cache.take_seconds());
-                island
-            };
+            let assemble = |options: AssemblyOptions<'_>| self.assembled(&subset, island_timeline, options, pin);
             // An island that is unstable at once is not worth a pilot.
             let has_slow_parts = subset.network.has_slow_parts();
             let first_try = has_slow_parts.then(|| assemble(AssemblyOptions::between_steps(1, MethodChoice::ByBudget)));

@@ -75,6 +75,15 @@ impl MeasuredError {
         self.audible.map_or(0.0, |audible| budget.excess_ratio(&audible))
     }
 
+    /// Whether runs do not part, and the error is within a budget.
+    pub(in crate::plan) fn is_regular_within(&self, budget: &Budget) -> bool {
+        let is_within = match budget {
+            Budget::Cents { .. } => self.budget_excess(budget) <= 1.0,
+            Budget::Error(_) | Budget::Method(_) => self.waveform_db <= budget.waveform_error_db(),
+        };
+        self.third_octave_db.is_none() && is_within
+    }
+
     /// Adds the doubt of an estimate, but not beyond `asked_db`: the budget has margins of its own.
     pub(in crate::plan) fn with_estimate_margin(self, asked_db: f64) -> Self {
         Self {

@@ -178,12 +178,8 @@ impl PlannedIsland {
 
     /// Whether its error, and the one that slow parts add, are known to be within the budget.
     fn is_within_budget(&self, budget: &Budget) -> bool {
-        let is_within = |error: MeasuredError| match budget {
-            Budget::Cents { .. } => error.budget_excess(budget) <= 1.0,
-            Budget::Error(_) | Budget::Method(_) => error.waveform_db <= budget.waveform_error_db(),
-        };
-        let is_known = |error: MeasuredError| error.third_octave_db.is_none() && is_within(error);
-        self.chosen.measured_error.is_some_and(is_known) && self.slow_error.is_none_or(is_known)
+        let is_within = |error: MeasuredError| error.is_regular_within(budget);
+        self.chosen.measured_error.is_some_and(is_within) && self.slow_error.is_none_or(is_within)
     }
 
     /// Whether the error that slow parts add stays within their share of what is allowed.

@@ -33,9 +33,7 @@ impl PlanBuilder<'_> {
         let stricter_island = pilot_result.extend_error(&stricter_budget, trial_context)?;
         let is_within = |error: MeasuredError| match self.budget {
             Budget::Cents { .. } => error.budget_excess(self.budget) <= 1.0,
-            Budget::Error(_) | Budget::Method(_) => {
-                error.third_octave_db.is_none() && error.waveform_db <= self.budget.waveform_error_db()
-            }
+            Budget::Error(_) | Budget::Method(_) => error.is_regular_within(self.budget),
         };
         let is_exact = stricter_island.island.is_discrete_reference() && stricter_island.measured_error.is_none();
         Ok(

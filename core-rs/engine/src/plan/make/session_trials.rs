@@ -83,24 +83,18 @@ impl PlanBuilder<'_> {
 
     /// The cheapest way that is within the budget when the strikes of a closed timeline are played.
     fn try_strikes(&self, subset: &Subset, trial_timeline: &LocalTimeline) -> Option<Stepping> {
-        let assemble = |options: AssemblyOptions<'_>| {
-            let island = Assembled::new(subset, trial_timeline, self.budget, options, None, &self.mode_cache);
-            self.allowance.spend_regardless(self.mode_cache.take_seconds());
-            island
-        };
+        let assemble = |options: AssemblyOptions<'_>| self.assembled(subset, trial_timeline, options, None);
         let (spent_before, _) = self.allowance.seconds_spent();
         let pilot_result = self.pilot((subset, trial_timeline), self.budget, CostRule::Busiest, &assemble);
         let trial_seconds = self.allowance.seconds_spent().0 - spent_before;
         self.session_trial_seconds
             .set(self.session_trial_seconds.get() + trial_seconds);
         let chosen = pilot_result.ok()?.chosen;
-        let is_within = |error: MeasuredError| match self.budget {
-            Budget::Cents { .. } => error.audible.is_some() && error.budget_excess(self.budget) <= 1.0,
-            Budget::Error(_) | Budget::Method(_) => error.waveform_db <= self.budget.waveform_error_db(),
-        };
         // Of a chaotic motion the trial knows spectra alone, and those of softer strikes may be others: a way that the
         // hardest strike of the bundled tamtam allows makes a soft one 12 dB too loud.
-        let is_known = |error: MeasuredError| error.third_octave_db.is_none() && is_within(error);
+        let is_by_ear = matches!(self.budget, Budget::Cents { .. });
+        let is_known =
+            |error: MeasuredError| (error.audible.is_some() || !is_by_ear) && error.is_regular_within(self.budget);
         let is_chosen = !chosen.has_diverged && chosen.measured_error.is_some_and(is_known);
         is_chosen.then(|| chosen.island.stepping())
     }
