@@ -356,31 +356,18 @@ def _lattice_springs(
 
 def _runs_of_equal_springs(springs: Iterable[Spring], net_fields: NetFields) -> Iterator[Run]:
     """Springs with K and Z as runs of consecutive ones."""
-    first_spring, n_springs = (0, 0, 0.0), 0
-    for first_index, second_index, rest_length in springs:
-        if n_springs and (first_index, second_index, rest_length) == (
-            first_spring[0] + n_springs,
-            first_spring[1] + n_springs,
-            first_spring[2],
-        ):
-            n_springs += 1
-            continue
-        if n_springs:
-            yield Run(
-                first_spring[0],
-                first_spring[1],
-                n_springs,
-                first_spring[2],
-                net_fields["K"],
-                net_fields["Z"],
-            )
-        first_spring, n_springs = (first_index, second_index, rest_length), 1
-    if n_springs:
+    # Along a run both ends rise by one with the number of the spring.
+    runs = itertools.groupby(
+        enumerate(springs), lambda item: (item[1][0] - item[0], item[1][1] - item[0], item[1][2])
+    )
+    for (first_offset, second_offset, rest_length), run_springs in runs:
+        number, _ = next(run_springs)
+        n_springs = 1 + sum(1 for _ in run_springs)
         yield Run(
-            first_spring[0],
-            first_spring[1],
+            first_offset + number,
+            second_offset + number,
             n_springs,
-            first_spring[2],
+            rest_length,
             net_fields["K"],
             net_fields["Z"],
         )
