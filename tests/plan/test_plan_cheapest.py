@@ -5,6 +5,7 @@ import pytest
 from accuracy import audit, random_scenes
 from planned_sound import planned, played
 from sweep import few
+from trial_store import TrialStore
 
 from ergon import _core
 from ergon.scores.reading.load import load
@@ -102,21 +103,6 @@ def test_search_by_ear_stops_for_costly_contacts(seed: int):
     assert by_ear.cost < 0.1 * asked.cost
 
 
-class Store:
-    """Records in memory; how many were found."""
-
-    def __init__(self) -> None:
-        self.records: dict[str, _core.TrialRecord] = {}
-        self.n_found = 0
-
-    def get(self, key: str) -> _core.TrialRecord | None:
-        self.n_found += key in self.records
-        return self.records.get(key)
-
-    def put(self, key: str, record: _core.TrialRecord) -> None:
-        self.records[key] = record
-
-
 def row_values(plan: _core.Plan) -> list[tuple[object, ...]]:
     """What its rows say."""
     return [
@@ -157,7 +143,7 @@ def test_plan_choices_pinned_and_recalled_same_sound(family: str, seed: int, err
     sound = played(text, error_db=error)
     pinned = played(text, error_db=error, pins=plan.choices())
     assert np.array_equal(sound, pinned)
-    store = Store()
+    store = TrialStore()
     for n_least in (0, 1):
         built = _core.Plan(stage.network, stage.timeline, error_db=error, store=store)
         assert store.n_found >= n_least

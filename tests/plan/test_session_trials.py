@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from trial_store import TrialStore
 
 from ergon import _core
 from ergon.scores.reading.load import load
@@ -149,21 +150,8 @@ def test_session_sound_by_trial_over_all_strengths(impulse: str):
     assert np.abs(fine_db - tried_db)[is_strong].max() < 1.0
 
 
-class _Store:
-    def __init__(self) -> None:
-        self.records: dict[str, _core.TrialRecord] = {}
-        self.n_found = 0
-
-    def get(self, key: str) -> _core.TrialRecord | None:
-        self.n_found += key in self.records
-        return self.records.get(key)
-
-    def put(self, key: str, record: _core.TrialRecord) -> None:
-        self.records[key] = record
-
-
 def test_session_trial_from_a_store():
-    store, prepared = _Store(), _open(_piece(1))
+    store, prepared = TrialStore(), _open(_piece(1))
     first, second = (
         _core.Plan(prepared.network, prepared.timeline, cents=3.0, store=store) for _ in range(2)
     )
