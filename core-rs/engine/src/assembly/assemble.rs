@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::assembly::budget::Budget;
 use crate::assembly::choice::SteppedChoice;
 use crate::assembly::constants::SUBSTEPS_MAX;
+use crate::assembly::cost;
 use crate::assembly::mesh::MethodChoice;
 use crate::assembly::ported::{self, PortedBody};
 use crate::assembly::solved_modes::ModeCache;
@@ -32,6 +33,8 @@ pub(crate) struct Assembled {
     pub(crate) cut_shape: CutShape,
     /// Contacts and laws are computed once a step, although they might be computed finer.
     pub(crate) is_once_a_step: bool,
+    /// Cost of a step of the whole island without bodies [ns]; 0 where slow parts make it less.
+    pub(crate) stepped_ns: f64,
 }
 
 /// How an island is to be assembled.
@@ -141,6 +144,10 @@ impl Assembled {
             ..subset.clone()
         });
         let subset = faster_subset.as_ref().unwrap_or(subset);
+        let stepped_ns = match subset.network.has_slow_parts() {
+            true => 0.0,
+            false => cost::stepped_ns(&subset.network, &timeline),
+        };
         // What was decided to be computed once a step stays so.
         let is_single_step = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
         let steps_max = if is_single_step { 1 } else { SUBSTEPS_MAX };
@@ -199,6 +206,7 @@ impl Assembled {
             can_solve_laws_between_steps: may_collocate,
             cut_shape: CutShape::from_choice(choice),
             is_once_a_step: is_plain,
+            stepped_ns,
         })
     }
 

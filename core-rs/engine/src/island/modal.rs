@@ -513,10 +513,8 @@ impl RunningModal {
             free_frames.clamp(1, FRAMES_AHEAD as u64) as usize
         };
         self.absorb_window_forces();
-        if frames_ahead > 1 {
-            self.furthest_motions
-                .iter_mut()
-                .for_each(GroupMotion::clear_signs_of_zeros);
+        for &group in &self.script.groups_with_changing_zeros {
+            self.furthest_motions[group].clear_signs_of_zeros();
         }
         self.window_start_motions.clone_from_slice(&self.furthest_motions);
         // Close together: a row of `FRAMES_AHEAD` sums is a page of memory.

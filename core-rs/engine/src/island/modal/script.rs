@@ -9,6 +9,8 @@ pub(super) struct Script {
     pub(super) plan: Modal,
     /// (n_groups)
     pub(super) coefficients: Vec<GroupCoefficients>,
+    /// Groups with a mode above a quarter of the rate: at rest its zeros change their signs.
+    pub(super) groups_with_changing_zeros: Vec<usize>,
     /// Weights of each group's modes in each row: ports first, then outputs   (n_groups, n_rows)
     pub(super) row_shapes: Vec<Vec<Lanes>>,
     /// Displacement of each group by 1 N at each port: at the next frame   (n_groups, n_ports)
@@ -68,6 +70,7 @@ impl Script {
         } else {
             0
         };
+        let is_above_quarter = |mode: &Mode| mode.a < 0.0;
         Self {
             coefficients: group_range
                 .clone()
@@ -75,6 +78,9 @@ impl Script {
                     a: lanes(modes, group, |mode| modes[mode].a),
                     b: lanes(modes, group, |mode| modes[mode].b),
                 })
+                .collect(),
+            groups_with_changing_zeros: (modes.chunks(LANES).enumerate())
+                .filter_map(|(group, modes)| modes.iter().any(is_above_quarter).then_some(group))
                 .collect(),
             row_shapes: group_range.clone().map(group_rows).collect(),
             port_gains: group_range.map(|group| group_gains(group, 0)).collect(),

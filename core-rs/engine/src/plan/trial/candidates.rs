@@ -21,6 +21,9 @@ const MESH_METHODS: [(MeshMethod, u32); 6] = [
     (MeshMethod::Bm4, 4),
 ];
 
+/// How many numbers of steps a frame candidates have: 1, 2, 4 … `OVERSAMPLING_MAX`.
+const STEP_CHOICES: usize = OVERSAMPLING_MAX.ilog2() as usize + 1;
+
 /// Which cost of an island counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::plan) enum CostRule {
@@ -87,45 +90,139 @@ pub(in crate::plan) fn has_fine_links(island: &Assembled) -> bool {
     !island.is_once_a_step && (island.can_solve_laws_between_steps || island.island_plan.contact_substeps > 1)
 }
 
-/// All candidates for an island, in rising order of cost. What contacts and laws cost between frames is taken from the
+/// The candidates for an island, in rising order of cost. What contacts and laws cost between frames is taken from the
 /// run of the reference, in proportion to the substeps.
-pub(in crate::plan) fn candidates<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>>(
-    assemble: &F,
-    reference: (&Candidate, &PilotRun),
-) -> Vec<Candidate> {
-    let mesh_choices = MESH_METHODS.into_iter().map(MethodChoice::Meshes);
-    let bodies = [MethodChoice::ByBudget, MethodChoice::Stepped];
-    let steps = (0..=OVERSAMPLING_MAX.ilog2()).map(|doublings| 1 << doublings);
-    let choice_groups = bodies
-        .into_iter()
-        .chain(mesh_choices)
-        .flat_map(|bodies| steps.clone().map(move |steps| (bodies, steps)));
-    let mut candidates: Vec<Candidate> = Vec::new();
-    for (group, (bodies, steps)) in choice_groups.enumerate() {
-        for is_plain in [true, false] {
-            let family = Family {
-                body_methods: bodies,
-                is_once_a_step: is_plain,
+///
+/// Assembling an island takes longer than playing a small one. So a candidate is assembled only once those of lower cost
+/// had their turn.
+pub(in crate::plan) struct Candidates<'a, F> {
+    assemble: &'a F,
+    reference: (&'a Candidate, &'a PilotRun),
+    waiting: Vec<Waiting>,
+    /// Those that had their turn.
+    earlier: Vec<Candidate>,
+}
+
+enum Waiting {
+    Candidate(Candidate),
+    /// Candidates that are not assembled yet, and a lower bound of their cost [ns].
+    Steps(GroupSteps, f64),
+}
+
+/// Steps a frame of one family of candidates.
+#[derive(Clone, Copy)]
+struct GroupSteps {
+    /// The position of its methods of bodies among all.
+    methods_index: usize,
+    family: Family,
+    steps: u32,
+}
+
+impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, F> {
+    /// All candidates, or only those whose contacts and laws are computed once a step.
+    pub(in crate::plan) fn new(
+        assemble: &'a F,
+        reference: (&'a Candidate, &'a PilotRun),
+        is_once_a_step_only: bool,
+    ) -> Self {
+        let contact_choices: &[bool] = if is_once_a_step_only { &[true] } else { &[true, false] };
+        let mesh_choices = MESH_METHODS.into_iter().map(MethodChoice::Meshes);
+        let other_choices = [MethodChoice::ByBudget, MethodChoice::Stepped];
+        let waiting_steps = |(methods_index, body_methods): (usize, MethodChoice<'static>)| {
+            // Meshes cost more than steps of CA.
+            let cost_min = match body_methods {
+                MethodChoice::ByBudget => 0.0,
+                _ => reference.0.island.stepped_ns,
             };
-            let Ok(island) = assemble(family.with_steps(steps)) else {
-                continue;
-            };
-            for substeps in substeps_to_try(&island) {
-                let candidate = Candidate::new(island.clone(), substeps, Some(reference));
-                if !candidates.iter().any(|earlier| earlier.is_same(&candidate)) {
-                    candidates.push(Candidate {
-                        group_index: group,
-                        ..candidate
-                    });
+            contact_choices.iter().map(move |&is_once_a_step| {
+                let family = Family {
+                    body_methods,
+                    is_once_a_step,
+                };
+                let group_steps = GroupSteps {
+                    methods_index,
+                    family,
+                    steps: 1,
+                };
+                Waiting::Steps(group_steps, cost_min)
+            })
+        };
+        Self {
+            assemble,
+            reference,
+            waiting: (other_choices.into_iter().chain(mesh_choices).enumerate())
+                .flat_map(waiting_steps)
+                .collect(),
+            earlier: Vec::new(),
+        }
+    }
+
+    /// The next candidate, if there is one that costs less than `cost_limit` [ns].
+    pub(in crate::plan) fn next_below(&mut self, cost_limit: f64) -> Option<Candidate> {
+        loop {
+            let order = |index: usize| self.waiting[index].order();
+            let first = (0..self.waiting.len()).min_by(|&i, &j| {
+                let (left, right) = (order(i), order(j));
+                left.0.total_cmp(&right.0).then(left.1.cmp(&right.1))
+            })?;
+            if order(first).0 >= cost_limit {
+                return None;
+            }
+            match self.waiting.swap_remove(first) {
+                Waiting::Steps(group_steps, _) => self.assemble_steps(group_steps),
+                Waiting::Candidate(candidate) => {
+                    if !self.earlier.iter().any(|earlier| earlier.is_same(&candidate)) {
+                        self.earlier.push(candidate.clone());
+                        return Some(candidate);
+                    }
                 }
             }
         }
     }
-    candidates.sort_by(|left, right| {
-        let cost_order = left.frame_ns.total_cmp(&right.frame_ns);
-        cost_order.then(left.contact_substeps.cmp(&right.contact_substeps))
-    });
-    candidates
+
+    /// Assembles the candidates of these steps. More steps cost more, unless the budget chooses the methods of meshes:
+    /// it may then choose a simpler one.
+    fn assemble_steps(&mut self, group_steps: GroupSteps) {
+        let GroupSteps {
+            methods_index,
+            family,
+            steps,
+        } = group_steps;
+        let mut cost_min = 0.0;
+        if let Ok(island) = (self.assemble)(family.with_steps(steps)) {
+            let candidates = substeps_to_try(&island).into_iter().map(|substeps| Candidate {
+                group_index: methods_index * STEP_CHOICES + steps.ilog2() as usize,
+                ..Candidate::new(island.clone(), substeps, Some(self.reference))
+            });
+            let first_waiting = self.waiting.len();
+            self.waiting.extend(candidates.map(Waiting::Candidate));
+            let is_chosen_by_budget = matches!(family.body_methods, MethodChoice::ByBudget);
+            if !is_chosen_by_budget || island.mesh_methods().iter().all(Option::is_none) {
+                cost_min = self.waiting[first_waiting].order().0;
+            }
+        }
+        if 2 * steps <= OVERSAMPLING_MAX {
+            let more_steps = GroupSteps {
+                steps: 2 * steps,
+                ..group_steps
+            };
+            self.waiting.push(Waiting::Steps(more_steps, cost_min));
+        }
+    }
+}
+
+impl Waiting {
+    /// What decides when its turn is: its cost [ns], and among equal ones the substeps and the position in the table.
+    fn order(&self) -> (f64, [usize; 3]) {
+        match self {
+            Self::Steps(_, cost_min) => (*cost_min, [0; 3]),
+            Self::Candidate(candidate) => {
+                let is_between_steps = usize::from(!candidate.island.is_once_a_step);
+                let position = [candidate.contact_substeps, candidate.group_index, is_between_steps];
+                (candidate.frame_ns, position)
+            }
+        }
+    }
 }
 
 /// Contact substeps a step that are worth trying.

@@ -154,7 +154,8 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
         allowance: &Allowance,
     ) -> Result<Option<Reference>, TrialError> {
         let mut best_reference: Option<Reference> = None;
-        let mut last_run: Option<Rc<PilotRun>> = None;
+        // The last two runs.
+        let mut last_runs: [Option<Rc<PilotRun>>; 2] = [None, None];
         let mut previous_change_db: Option<f64> = None;
         let mut work_spent = 0.0;
         let is_coarse = family.is_once_a_step && step_range.contains(&1);
@@ -180,27 +181,34 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
             };
             work_spent = allowance.seconds_spent().0 - spent_before;
             if run.is_unusable {
-                last_run = None;
+                last_runs = [None, None];
                 continue;
             }
-            let Some(coarser_run) = last_run.replace(run.clone()) else {
+            let [coarsest_run, coarser_run] = last_runs;
+            last_runs = [coarser_run.clone(), Some(run.clone())];
+            let Some(coarser_run) = coarser_run else {
                 continue;
             };
             let run_change = difference_db(&coarser_run.sound, &run.sound, self.spans);
-            let new_reference = Reference {
-                candidate: candidate.with_counted_cost(&run),
-                error_db: error_of_finer(run_change, previous_change_db),
-                audible_error: self.spans.audible_error(self.budget, (&coarser_run.sound, &run.sound)),
-                run,
-            };
-            let gains_nothing =
-                previous_change_db.is_some_and(|change_before| run_change > change_before - EQUAL_ERRORS_DB);
-            let is_alone = is_coarse && previous_change_db.is_none();
-            let is_last_run = gains_nothing || (new_reference.is_exact_enough(self.budget) && !is_alone);
-            previous_change_db = Some(run_change);
-            if is_alone {
+            let change_before = previous_change_db.replace(run_change);
+            if is_coarse && change_before.is_none() {
                 continue;
             }
+            let new_reference = Reference {
+                candidate: candidate.with_counted_cost(&run),
+                error_db: error_of_finer(run_change, change_before),
+                audible_error: self.audible_change(&coarser_run, &run),
+                run,
+            };
+            let gains_by_ear = || {
+                let coarser_change = self.audible_change(coarsest_run.as_ref()?, &coarser_run)?;
+                let [ratio, ratio_before] =
+                    [new_reference.audible_error?, coarser_change].map(|audible| self.budget.excess_ratio(&audible));
+                Some(ratio < ratio_before / amplitude_ratio(EQUAL_ERRORS_DB))
+            };
+            let gains_nothing = change_before.is_some_and(|change_before| run_change > change_before - EQUAL_ERRORS_DB)
+                && !gains_by_ear().unwrap_or(false);
+            let is_last_run = gains_nothing || new_reference.is_exact_enough(self.budget);
             if best_reference
                 .as_ref()
                 .is_none_or(|best_reference| new_reference.is_better(best_reference, self.budget))
@@ -212,6 +220,10 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
             }
         }
         Ok(best_reference)
+    }
+
+    fn audible_change(&self, coarser_run: &PilotRun, run: &PilotRun) -> Option<Audible> {
+        self.spans.audible_error(self.budget, (&coarser_run.sound, &run.sound))
     }
 }
 

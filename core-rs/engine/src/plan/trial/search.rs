@@ -19,7 +19,7 @@ use crate::plan::constants::{
     CREATED_SHARE_MAX, EQUAL_ERRORS_DB, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX, SPECTRUM_NOISE,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
-use crate::plan::trial::candidates::{Candidate, CostRule, candidates, has_fine_links};
+use crate::plan::trial::candidates::{Candidate, Candidates, CostRule, has_fine_links};
 use crate::plan::trial::chaos::{ChaoticComparison, ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{EnergyGains, PilotRun, is_affordable};
@@ -58,7 +58,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// The cheapest candidate within the budget, or the best of those tried; without any, the reference if a plan may
     /// choose it.
     pub(in crate::plan) fn find(&self) -> Result<Option<TriedCandidate>, Error> {
-        let (cheapest, nearest) = self.try_candidates(|_| true)?;
+        let (cheapest, nearest) = self.try_candidates(false)?;
         let cheapest = match cheapest {
             Some(tried) => {
                 let lower_order = unless_spent(self.with_lower_order(&tried))?.flatten();
@@ -72,7 +72,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// The cheapest candidate within the budget whose contacts and laws are computed once a step, or one step a frame
     /// with contacts between frames, if that is within the budget too and costs less than several steps in the mean.
     pub(in crate::plan) fn find_without_substeps(&self, cost_rule: CostRule) -> Result<Option<TriedCandidate>, Error> {
-        let (cheapest, _) = self.try_candidates(|candidate| candidate.contact_substeps == 1)?;
+        let (cheapest, _) = self.try_candidates(true)?;
         let Some(plain_tried) = cheapest else {
             return Ok(None);
         };
@@ -137,25 +137,25 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         Ok(None)
     }
 
-    /// The cheapest candidate within the budget of those that are offered, and the nearest that is not within it.
+    /// The cheapest candidate within the budget, and the nearest that is not within it, of all or of those whose
+    /// contacts and laws are computed once a step.
     fn try_candidates(
         &self,
-        is_offered: impl Fn(&Candidate) -> bool,
+        is_once_a_step_only: bool,
     ) -> Result<(Option<TriedCandidate>, Option<TriedCandidate>), Error> {
         let reference = (&self.reference.candidate, &*self.reference.run);
         let (mut cheapest, mut nearest): (Option<TriedCandidate>, Option<TriedCandidate>) = (None, None);
         let mut gains = SubstepGains::default();
-        let all_candidates = candidates(self.assemble, reference);
-        for candidate in all_candidates.into_iter().filter(is_offered) {
-            // Candidates that were played may have cost more than was estimated; with more substeps they cost still
-            // more.
-            if let Some(cheapest) = &cheapest {
-                if candidate.frame_ns >= cheapest.candidate.frame_ns {
-                    break;
-                }
-                if candidate.is_finer_than(&cheapest.candidate) {
-                    continue;
-                }
+        let mut candidates = Candidates::new(self.assemble, reference, is_once_a_step_only);
+        // Candidates that were played may have cost more than was estimated; with more substeps they cost still more.
+        let cost_limit = |cheapest: &Option<TriedCandidate>| {
+            cheapest
+                .as_ref()
+                .map_or(f64::INFINITY, |tried| tried.candidate.frame_ns)
+        };
+        while let Some(candidate) = candidates.next_below(cost_limit(&cheapest)) {
+            if (cheapest.iter()).any(|cheapest| candidate.is_finer_than(&cheapest.candidate)) {
+                continue;
             }
             let n_frames = self.runs.excerpt().n_frames;
             let fits_work_limit = is_affordable(&candidate.island.island_plan, n_frames);
