@@ -159,7 +159,7 @@ fn setup(
 /// The view of a simulation that pages get while it is played: one end for the physics thread, one for the pages.
 /// Changes no sample.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct Window(Mutex<Option<(perform::Window, perform::WindowReader)>>);
+pub(crate) struct Window(Mutex<Option<(perform::DisplayWindow, perform::WindowReader)>>);
 
 #[pymethods]
 impl Window {
@@ -186,7 +186,7 @@ impl Window {
 
 impl Window {
     /// Its two ends; EngineError at the second call.
-    pub(crate) fn ends(&self) -> PyResult<(perform::Window, perform::WindowReader)> {
+    pub(crate) fn ends(&self) -> PyResult<(perform::DisplayWindow, perform::WindowReader)> {
         let mut window_ends = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         window_ends
             .take()

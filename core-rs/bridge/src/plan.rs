@@ -277,7 +277,7 @@ impl PlanRow {
                 (what, Some(mode_count), left_out)
             }
             Computation::LeftOut(LeftOutReason::Unheard) => ("unheard", None, None),
-            Computation::LeftOut(LeftOutReason::Still) => ("still", None, None),
+            Computation::LeftOut(LeftOutReason::Motionless) => ("still", None, None),
         };
         Self {
             parts: row.parts.clone(),

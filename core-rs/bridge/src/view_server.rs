@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use ergon_live::perform::Showing;
+use ergon_live::perform::WindowServer;
 use ergon_view::serve::{Key, Limits, Options, PageKey, Server};
 use pyo3::prelude::*;
 
@@ -22,7 +22,7 @@ pub(crate) struct ViewServer(Mutex<Option<Open>>);
 /// Fields are dropped in this order: `showing`, which uses the server, before the server.
 struct Open {
     /// Present from the first performance on.
-    showing: Option<Showing>,
+    showing: Option<WindowServer>,
     server: Arc<Server>,
 }
 
@@ -82,7 +82,7 @@ impl ViewServer {
         self.with(|open| {
             let showing = match open.showing.take() {
                 Some(showing) => showing,
-                None => Showing::start(open.server.clone()).map_err(plain_error)?,
+                None => WindowServer::start(open.server.clone()).map_err(plain_error)?,
             };
             showing.show(scene_pages, times_heard);
             open.showing = Some(showing);
@@ -99,7 +99,7 @@ impl ViewServer {
     fn tally(&self) -> PyResult<BTreeMap<&'static str, u64>> {
         self.with(|open| {
             let server_tally = open.server.tally();
-            let skipped = open.showing.as_ref().map_or(0, Showing::skipped);
+            let skipped = open.showing.as_ref().map_or(0, WindowServer::skipped);
             BTreeMap::from([
                 ("skipped", skipped),
                 ("served", server_tally.served.load(Ordering::Relaxed)),

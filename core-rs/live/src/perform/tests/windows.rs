@@ -21,7 +21,7 @@ use tungstenite::protocol::Role;
 use tungstenite::{Message, WebSocket};
 
 use super::super::player::Player;
-use super::super::window::{HeardTimes, Relay, Window, WindowReader, window_pair};
+use super::super::window::{DisplayWindow, PlaybackTimes, WindowReader, WindowRelay, window_pair};
 use super::*;
 
 mod rig;
@@ -152,11 +152,11 @@ fn window_changes_no_sample() {
     let file_config = |wav_path: &PathBuf| config(&format!("file:{}", wav_path.display()));
     let wav_paths = ["none", "shown", "stalled"].map(wav_path);
 
-    let stage = a_stage(&simulation, false);
-    let (performance, mut player) = Performance::prepare(stage, Vec::new(), file_config(&wav_paths[0])).unwrap();
-    player.begin();
+    let piece = a_stage(&simulation, false);
+    let (performance, mut player) = Performance::prepare(piece, Vec::new(), file_config(&wav_paths[0])).unwrap();
+    player.receive_first_positions();
     (0..1_000).for_each(|_| assert!(player.tick()));
-    player.connections.feed.close();
+    player.connections.ring_writer.close();
     drop(player);
     performance.close(PATIENCE).unwrap();
     let mut skipped = Vec::new();
@@ -170,7 +170,7 @@ fn window_changes_no_sample() {
         }
         shown.relay.poll();
         skipped.push(shown.relay.skipped());
-        shown.player.connections.feed.close();
+        shown.player.connections.ring_writer.close();
         drop(shown.player);
         shown.this.close(PATIENCE).unwrap();
     }

@@ -116,7 +116,7 @@ pub(super) fn strikes() -> Vec<f64> {
 }
 
 /// A window as a performance has it, with the manifest that a reader needs.
-pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &str) -> (Window, WindowReader) {
+pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &str) -> (DisplayWindow, WindowReader) {
     let look = simulation.make_look();
     let part_list: Vec<_> = runs(&look)
         .into_iter()
@@ -145,12 +145,12 @@ pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &st
     window_pair(simulation, look, window_setup).unwrap()
 }
 
-pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
-    Stage {
+pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> PreparedPiece {
+    PreparedPiece {
         simulation: simulation.fork(),
         hands: Vec::new(),
-        is_seen,
-        ..stage()
+        is_displayed: is_seen,
+        ..piece()
     }
 }
 
@@ -171,8 +171,8 @@ pub(super) struct Shown {
     pub(super) this: Performance,
     pub(super) player: Player,
     pub(super) server: Arc<Server>,
-    pub(super) relay: Relay,
-    pub(super) reader_sender: Sender<(WindowReader, HeardTimes)>,
+    pub(super) relay: WindowRelay,
+    pub(super) reader_sender: Sender<(WindowReader, PlaybackTimes)>,
 }
 
 impl Shown {
@@ -184,14 +184,14 @@ impl Shown {
 
     pub(super) fn new(simulation: &Simulation, timeline: &Timeline, config: PlaybackConfig, limits: Limits) -> Self {
         let (window, scene) = window_on(simulation, timeline, "first");
-        let stage = a_stage(simulation, true);
-        let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
-        player.begin();
+        let piece = a_stage(simulation, true);
+        let (mut this, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
+        player.receive_first_positions();
         assert!(this.open(window));
         let server = served(limits);
         let (reader_sender, new_readers) = channel();
         reader_sender.send((scene, this.output_times())).unwrap();
-        let relay = Relay::new(server.clone(), new_readers);
+        let relay = WindowRelay::new(server.clone(), new_readers);
         Self {
             this,
             player,
