@@ -3,7 +3,7 @@
 mod contact_history;
 
 use crate::maths::Mixing;
-use crate::scheme::{Kind, Scheme};
+use crate::scheme::{LinkRunKind, Scheme};
 pub(crate) use contact_history::ContactHistory;
 
 /// The state of MATs and links, and their forces.
@@ -20,7 +20,7 @@ pub(crate) struct Body {
     /// State of each LIA [m]: the bending of its bristles, or the yielded part of its rest length (infinite if it is
     /// broken); empty if no LIA has a state   (n_lia)
     pub(crate) memory: Vec<f64>,
-    /// Friction states of touching points, for each pairwise run, indexed by `Kind::Pairwise::slot`.
+    /// Friction states of touching points, for each pairwise run, indexed by `LinkRunKind::Pairwise::slot`.
     pub(crate) histories: Vec<ContactHistory>,
     /// Part of `force` from contacts between all pairs [N]   (n_mat; empty if there are none)
     pub(crate) pair_force: Vec<f64>,
@@ -132,7 +132,7 @@ impl Body {
 fn histories(scheme: &Scheme) -> Vec<ContactHistory> {
     let mut histories = Vec::new();
     for run in &scheme.runs {
-        if let Kind::Pairwise { pairs, slot } = &run.kind {
+        if let LinkRunKind::Pairwise { pairs, slot } = &run.kind {
             let room_count = histories.len().max(slot + 1);
             histories.resize_with(room_count, ContactHistory::default);
             if pairs.friction > 0.0 {

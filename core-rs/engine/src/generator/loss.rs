@@ -9,7 +9,7 @@
 use super::fit::{least_squares, polynomial};
 use super::sparse::Sparse;
 use super::tune::Tuned;
-use super::{GeneratorError, LinkRun, Topology, count, positive};
+use super::{GeneratorError, Topology, TopologyRun, count, positive};
 use crate::cell::{self, decay};
 use crate::maths::{cos, exp, log, log1p};
 use crate::units::{LN_1000, Rate};
@@ -38,7 +38,7 @@ pub struct Losses {
     /// Damper from each MAT of mean mass to the ground [N·s/m].
     pub ground: f64,
     /// Dampers without springs, whose factors are [N·s/m].
-    pub dampers: Vec<LinkRun>,
+    pub dampers: Vec<TopologyRun>,
 }
 
 /// Most masses whose decays are fitted.
@@ -342,7 +342,7 @@ impl<'a> Fit<'a> {
         )
     }
 
-    fn dampers(&self, fitted: &[f64], mass: f64) -> Vec<LinkRun> {
+    fn dampers(&self, fitted: &[f64], mass: f64) -> Vec<TopologyRun> {
         let base_matrix = Sparse::stiffness(self.base);
         let mut damper_matrix = Sparse::zero(self.base.n_mat);
         let mut matrix_power = base_matrix.clone();

@@ -11,7 +11,7 @@ mod decays;
 
 /// Links one by one, each from its lower point.
 fn links(topology: &Topology) -> Vec<(usize, usize)> {
-    let run_links = |link_run: &LinkRun| {
+    let run_links = |link_run: &TopologyRun| {
         let link_run = *link_run;
         (0..link_run.len).map(move |i| {
             (

@@ -25,7 +25,7 @@ use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::{self, KernelScratch};
 use crate::network::{Error, Network, Term};
-use crate::scheme::{Run, Scheme};
+use crate::scheme::{LinkRun, Scheme};
 use crate::state::{Body, PreviousState};
 use crate::timeline::{Drive, Ergon, Timeline, strike_forces, with_first_factors, with_greatest_factors};
 
@@ -178,7 +178,11 @@ fn refuse_ledger_of_hands(timeline: &Timeline, options: Options) -> Result<(), E
 }
 
 /// The numbers of the island, and the links that are computed finer than a frame.
-fn island_scheme(network: &Network, timeline: &Timeline, contact_substeps: usize) -> Result<(Scheme, Vec<Run>), Error> {
+fn island_scheme(
+    network: &Network,
+    timeline: &Timeline,
+    contact_substeps: usize,
+) -> Result<(Scheme, Vec<LinkRun>), Error> {
     let mut scheme = Scheme::new(network, timeline.rate)?;
     assign_gates(&mut scheme, timeline);
     let fine_links = if contact_substeps < FINE_SUBSTEPS_MIN {
@@ -195,10 +199,10 @@ fn start_matter(
     timeline: &Timeline,
     plans: &[BodyPlan],
     scheme: &Scheme,
-    mut fine_runs: Vec<Run>,
+    mut fine_runs: Vec<LinkRun>,
     steps: StepNumbers,
 ) -> Result<Matter, Error> {
-    let link_acts = |first: usize| interrupt::each(&fine_runs).all(|run| run.first != first);
+    let link_acts = |first: usize| interrupt::each(&fine_runs).all(|run| run.first_link != first);
     let led_start = match &timeline.leads[..] {
         [] if network.following_masses().is_empty() => None,
         leads => {
@@ -217,7 +221,7 @@ fn start_matter(
     let mut bodies = start_bodies(plans, start_network, timeline, &mut body, &link_acts)?;
     for run in &mut fine_runs {
         interrupt::poll();
-        if is_led(timeline, run.first) {
+        if is_led(timeline, run.first_link) {
             run.make_adjustable();
         }
     }
@@ -267,13 +271,18 @@ fn build_guard(
 fn build_energy_gains(
     timeline: &Timeline,
     scheme: &Scheme,
-    mut springs: Vec<Run>,
+    mut springs: Vec<LinkRun>,
     options: Options,
 ) -> Option<Box<EnergyGains>> {
     if options.unchecked {
         return None; // the run has to show what really happens
     }
-    springs.retain(|run| scheme.runs.iter().all(|scheme_run| scheme_run.first != run.first));
+    springs.retain(|run| {
+        scheme
+            .runs
+            .iter()
+            .all(|scheme_run| scheme_run.first_link != run.first_link)
+    });
     EnergyGains::new(scheme, &springs, |link| is_led(timeline, link))
 }
 
@@ -315,7 +324,7 @@ fn ergons_by_frame(timeline: &Timeline) -> Vec<(u64, Ergon)> {
 fn assign_gates(scheme: &mut Scheme, timeline: &Timeline) {
     for (gate_index, gate) in timeline.gates.iter().enumerate() {
         let scheme_runs = scheme.runs.iter_mut().chain(&mut scheme.exact_runs);
-        for run in scheme_runs.filter(|run| gate.links().contains(&run.first)) {
+        for run in scheme_runs.filter(|run| gate.links().contains(&run.first_link)) {
             run.gate = Some(gate_index);
         }
     }
@@ -345,7 +354,7 @@ fn fuse_springs(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript],
 
 /// Contacts and laws that are computed finer than a frame.
 fn build_fine_links(
-    fine_runs: Vec<Run>,
+    fine_runs: Vec<LinkRun>,
     scheme: &Scheme,
     network: &Network,
     bodies: &mut [bodies::RunningBody],

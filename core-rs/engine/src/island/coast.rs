@@ -14,7 +14,7 @@ use super::{Island, Players, Script, bodies, energy_rise};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::But;
-use crate::scheme::{Kind, Run, Scheme};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 use crate::state::Body;
 use crate::timeline::{Drive, DriveSource};
 
@@ -160,9 +160,9 @@ pub(super) fn steps_to_event(script: &Script, players: &Players, step_now: u64) 
 }
 
 /// The contact that the links of a run are, if they are contacts.
-fn contact_law(run: &Run) -> Option<&But> {
+fn contact_law(run: &LinkRun) -> Option<&But> {
     match &run.kind {
-        Kind::But(but) => Some(but),
+        LinkRunKind::But(but) => Some(but),
         _ => None,
     }
 }

@@ -14,7 +14,7 @@ use super::pair_gain::PairEnergyGains;
 use super::{Fault, Island, OnFault};
 use crate::law::Law;
 use crate::network::SpaceLaw;
-use crate::scheme::{Kind, Run, Scheme};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 use crate::state::{Body, Target};
 use link_account::{CheckedLink, LinkAccount};
 
@@ -24,7 +24,7 @@ pub(super) const ACCOUNTED_LAWS_MAX: usize = 32;
 const DAMPING_TEST_MAX: (f64, f64) = (1e-2, 10.0);
 
 /// Hardening springs, if they are few; what makes many create energy is how stiff they become, which the guard bounds.
-pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<Run> {
+pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<LinkRun> {
     let springs = scheme.runs.iter().filter(|run| run.is_hardening());
     let are_few = springs.clone().map(|run| run.len).sum::<usize>() <= ACCOUNTED_LAWS_MAX;
     springs.filter(|_| are_few).cloned().collect()
@@ -54,33 +54,33 @@ crate::archive::state!(EnergyGains {
 impl EnergyGains {
     /// `None` if nothing can create energy. `fused_runs`: hardening springs that are computed in one pass; `is_led`:
     /// whether K and Z of a link change in time.
-    pub(super) fn new(scheme: &Scheme, fused_runs: &[Run], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
-        let may_gain = |run: &&Run| {
+    pub(super) fn new(scheme: &Scheme, fused_runs: &[LinkRun], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
+        let may_gain = |run: &&LinkRun| {
             let kind_may_gain = match &run.kind {
-                Kind::Ref | Kind::Followed { .. } | Kind::Dry { .. } => false,
-                Kind::Pairwise { .. } => false, // all contacts of pairs share one account
-                Kind::Hardening(_) => run.len == 1,
-                Kind::Bristle { .. } => run.bristle().is_some_and(|(bristle, _)| bristle.is_passive()),
-                Kind::But(_) => true,
-                Kind::Space(space) => match &space.law {
+                LinkRunKind::Ref | LinkRunKind::Followed { .. } | LinkRunKind::Dry { .. } => false,
+                LinkRunKind::Pairwise { .. } => false, // all contacts of pairs share one account
+                LinkRunKind::Hardening(_) => run.len == 1,
+                LinkRunKind::Bristle { .. } => run.bristle().is_some_and(|(bristle, _)| bristle.is_passive()),
+                LinkRunKind::But(_) => true,
+                LinkRunKind::Space(space) => match &space.law {
                     law if law.is_contact() => true,
                     SpaceLaw::Lnl { law, .. } => !is_active(law),
                     _ => run.len <= ACCOUNTED_LAWS_MAX,
                 },
-                Kind::Lnl { law, .. } => run.len <= ACCOUNTED_LAWS_MAX && !law.is_shared() && !is_active(law),
+                LinkRunKind::Lnl { law, .. } => run.len <= ACCOUNTED_LAWS_MAX && !law.is_shared() && !is_active(law),
             };
-            let is_contact = matches!(run.kind, Kind::But(_));
+            let is_contact = matches!(run.kind, LinkRunKind::But(_));
             // The energy of other links does not change with K alone, or is not that of one link.
-            let is_constant = !is_led(run.first);
-            let has_energy = matches!(run.kind, Kind::But(_) | Kind::Lnl { .. });
+            let is_constant = !is_led(run.first_link);
+            let has_energy = matches!(run.kind, LinkRunKind::But(_) | LinkRunKind::Lnl { .. });
             kind_may_gain && (is_constant || is_contact) && (run.gate.is_none() || has_energy)
         };
-        let single_links = |run: &Run| {
+        let single_links = |run: &LinkRun| {
             let run = run.clone();
-            (0..run.len).map(move |i| Run {
+            (0..run.len).map(move |i| LinkRun {
                 a: run.a + i,
                 b: run.b + i,
-                first: run.first + i,
+                first_link: run.first_link + i,
                 len: 1,
                 ..run.clone()
             })
@@ -91,8 +91,8 @@ impl EnergyGains {
         let link_account = checked_links.iter().map(|CheckedLink { run, .. }| {
             let is_fused = fused_runs
                 .iter()
-                .any(|fused_run| fused_run.links().contains(&run.first));
-            LinkAccount::new(run, is_fused, run.gate.is_some() || is_led(run.first))
+                .any(|fused_run| fused_run.links().contains(&run.first_link));
+            LinkAccount::new(run, is_fused, run.gate.is_some() || is_led(run.first_link))
         });
         let link_accounts = link_account.collect();
         let pair_gains = PairEnergyGains::new(scheme).filter(|pairs| !is_led(pairs.first_link()));
@@ -193,7 +193,7 @@ impl Island {
             .energy_gains
             .iter()
             .flat_map(|gains| &gains.checked_links);
-        let watched_links = checked_links.filter_map(|link| Some((link.run.first, link.worst_gain?)));
+        let watched_links = checked_links.filter_map(|link| Some((link.run.first_link, link.worst_gain?)));
         let pair_gains = state.monitors.energy_gains.iter().filter_map(|gains| {
             let pair_gains = gains.pair_gains.as_ref()?;
             Some((pair_gains.first_link(), pair_gains.worst_gain()?))
@@ -260,7 +260,7 @@ impl Island {
             let watched_links = gains.link_accounts.iter().zip(&gains.checked_links);
             watched_links.map(move |(link_account, link)| {
                 let gain = link_account.energy_gain(link, &state.matter.body, (energy_now, imposed_work), 0);
-                (matches!(link.run.kind, Kind::But(_)), gain)
+                (matches!(link.run.kind, LinkRunKind::But(_)), gain)
             })
         });
         let reported = self.energy_gains().map(|(_, gain)| (false, gain));

@@ -11,7 +11,7 @@ use super::fine::FineLinks;
 use super::{Island, energy_gain};
 use crate::cell::Cell;
 use crate::network::{Contact, MatKind, Network};
-use crate::scheme::{Kind, Run, Scheme, Spring};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme, Spring};
 use crate::state::Body;
 use crate::units::Rate;
 
@@ -103,7 +103,7 @@ impl EnergyRise {
             && !mat_parts.clone().any(is_discrete)
             && bodies.iter().all(has_energy)
             && all_runs().all(is_dissipative)
-            && all_runs().any(|run| !matches!(run.kind, Kind::Ref))
+            && all_runs().any(|run| !matches!(run.kind, LinkRunKind::Ref))
             && n_springs <= energy_gain::ACCOUNTED_LAWS_MAX;
         if !is_known {
             return None;
@@ -186,19 +186,19 @@ impl EnergyRise {
 }
 
 /// Whether a run can only lose energy, and stores what its elongation says.
-fn is_dissipative(run: &Run) -> bool {
+fn is_dissipative(run: &LinkRun) -> bool {
     match &run.kind {
-        Kind::Ref | Kind::Hardening(_) | Kind::Dry { .. } => true,
-        Kind::But(but) => but.contact != Contact::Magic,
-        Kind::Bristle { .. } => run.bristle().is_some_and(|(bristle, _)| bristle.is_passive()),
-        Kind::Lnl { law, .. } => !law.is_shared() && !energy_gain::is_active(law),
-        Kind::Followed { .. } | Kind::Space(_) | Kind::Pairwise { .. } => false,
+        LinkRunKind::Ref | LinkRunKind::Hardening(_) | LinkRunKind::Dry { .. } => true,
+        LinkRunKind::But(but) => but.contact != Contact::Magic,
+        LinkRunKind::Bristle { .. } => run.bristle().is_some_and(|(bristle, _)| bristle.is_passive()),
+        LinkRunKind::Lnl { law, .. } => !law.is_shared() && !energy_gain::is_active(law),
+        LinkRunKind::Followed { .. } | LinkRunKind::Space(_) | LinkRunKind::Pairwise { .. } => false,
     }
 }
 
 /// Energy of a link between two steps [J], from its elongation at both [m]: what leapfrog steps keep, but for terms of
 /// their fourth order.
-fn midpoint_energy(run: &Run, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
+fn midpoint_energy(run: &LinkRun, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
     let (middle_elongation, stretch) = (
         0.5 * (elongation_now + elongation_before),
         elongation_now - elongation_before,
@@ -291,21 +291,21 @@ impl Island {
         for modal in state.matter.bodies.iter().filter_map(RunningBody::modal) {
             modal.visit_energies(|mode_energy| energy_total.add(mode_energy));
         }
-        let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| state.parameters.gate_openings[gate]);
+        let gate_opening = |run: &LinkRun| run.gate.map_or(1.0, |gate| state.parameters.gate_openings[gate]);
         if let Some(fine_state) = &state.matter.fine_links {
             fine_state.report_energies(body, gate_opening, |link_energy| energy_total.add(link_energy));
         }
         for run in frame_scheme.runs.iter().chain(&frame_scheme.exact_runs) {
-            let is_exact = matches!(&run.kind, Kind::But(but) if but.contact == Contact::Exact);
+            let is_exact = matches!(&run.kind, LinkRunKind::But(but) if but.contact == Contact::Exact);
             for i in 0..run.len {
                 let elongation_now = run.elongation(i, |mat| body.x[mat]);
                 let stretch = body.d[run.b + i] - body.d[run.a + i];
                 let elongation_pair = [elongation_now, elongation_now - stretch];
-                if matches!(run.kind, Kind::Ref) {
+                if matches!(run.kind, LinkRunKind::Ref) {
                     energy_total.add(-0.25 * run.z * stretch * stretch);
                 }
                 let link_energy = match run.bristle() {
-                    Some((bristle, _)) => bristle.energy(body.memory[run.first + i]),
+                    Some((bristle, _)) => bristle.energy(body.memory[run.first_link + i]),
                     None if is_exact => 0.5 * elongation_pair.map(|e| run.potential_energy(e)).iter().sum::<f64>(),
                     None => midpoint_energy(run, elongation_pair),
                 };
@@ -346,8 +346,8 @@ impl Island {
         let fine_runs = state.matter.fine_links.iter().flat_map(FineLinks::links);
         let all_runs = scheme.runs.iter().chain(&scheme.exact_runs).chain(fine_runs);
         let link_ends = all_runs
-            .filter(|run| !matches!(run.kind, Kind::Ref))
-            .flat_map(|run| (0..run.len).map(move |i| (run.first + i, [run.a + i, run.b + i])));
+            .filter(|run| !matches!(run.kind, LinkRunKind::Ref))
+            .flat_map(|run| (0..run.len).map(move |i| (run.first_link + i, [run.a + i, run.b + i])));
         let push_strength = |pushing_link: usize| state.matter.body.link[pushing_link].abs();
         let stronger_of_two = |strongest: (usize, [usize; 2]), link_push: (usize, [usize; 2])| {
             if push_strength(link_push.0) > push_strength(strongest.0) {

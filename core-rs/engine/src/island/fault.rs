@@ -185,7 +185,7 @@ impl Island {
                 .any(|&mat| is_muted[mat..mat + len].contains(&true))
         };
         let mut is_link_cut = vec![false; scheme.n_lia];
-        let run_touches_part = |run: &crate::scheme::Run| {
+        let run_touches_part = |run: &crate::scheme::LinkRun| {
             if let Some(pairs) = run.pairwise() {
                 return pairs.point_ranges().any(|range| is_muted[range].contains(&true));
             }

@@ -210,7 +210,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
     for lead in &timeline.leads {
         for run in network.runs().iter().filter(|run| lead.links().contains(&run.first)) {
             let find_run =
-                |runs: &[crate::scheme::Run]| runs.iter().position(|scheme_run| scheme_run.first == run.first);
+                |runs: &[crate::scheme::LinkRun]| runs.iter().position(|scheme_run| scheme_run.first_link == run.first);
             let location = if let Some(index) = find_run(&scheme.runs) {
                 scheme.runs[index].make_adjustable();
                 RunLocation::Run(index)

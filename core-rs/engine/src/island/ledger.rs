@@ -7,7 +7,7 @@ use crate::island::followed_energy::{self, FrameEnergies, following_law};
 use crate::island::pair_energy;
 use crate::kernel::{self, Neighbours};
 use crate::law::Law;
-use crate::scheme::{Kind, Run, Scheme, tension_energy};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme, tension_energy};
 use crate::state::{Body, Target};
 use crate::timeline::Gate;
 
@@ -111,7 +111,7 @@ crate::archive::state!(Ledger {
 });
 
 /// Elongation of the i-th link of a run: now, and one step ago.
-fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
+fn elongation(run: &LinkRun, body: &Body, i: usize) -> (f64, f64) {
     let elongation_now = run.elongation(i, |mat| body.x[mat]);
     if run.n_axes() > 1 {
         let permanent_stretch = permanent_stretch(run, body, i);
@@ -125,13 +125,13 @@ fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
 }
 
 /// How much the rest length of the i-th link of a run has grown.
-fn permanent_stretch(run: &Run, body: &Body, i: usize) -> f64 {
-    let memory = run.has_permanent_stretch().then(|| body.memory[run.first + i]);
+fn permanent_stretch(run: &LinkRun, body: &Body, i: usize) -> f64 {
+    let memory = run.has_permanent_stretch().then(|| body.memory[run.first_link + i]);
     memory.unwrap_or(0.0)
 }
 
 /// The stiffness that the links of a run share: now, and one step ago.
-fn shared_stiffnesses(run: &Run, body: &Body) -> [f64; 2] {
+fn shared_stiffnesses(run: &LinkRun, body: &Body) -> [f64; 2] {
     [
         run.shared_stiffness(|i| elongation(run, body, i).0),
         run.shared_stiffness(|i| elongation(run, body, i).1),
@@ -139,15 +139,15 @@ fn shared_stiffnesses(run: &Run, body: &Body) -> [f64; 2] {
 }
 
 /// Energy of one link [J].
-fn link_energy(run: &Run, tension: f64, e: f64) -> f64 {
+fn link_energy(run: &LinkRun, tension: f64, e: f64) -> f64 {
     run.potential_energy(e) + tension_energy(tension, e)
 }
 
-fn is_spring(run: &Run) -> bool {
-    matches!(run.kind, Kind::Ref) && run.gate.is_none()
+fn is_spring(run: &LinkRun) -> bool {
+    matches!(run.kind, LinkRunKind::Ref) && run.gate.is_none()
 }
 
-fn all_runs(scheme: &Scheme) -> impl Iterator<Item = &Run> {
+fn all_runs(scheme: &Scheme) -> impl Iterator<Item = &LinkRun> {
     scheme.runs.iter().chain(&scheme.exact_runs)
 }
 
@@ -163,13 +163,13 @@ impl Ledger {
             holding_forces: Vec::new(),
             link_energies: vec![0.0; scheme.n_lia],
             neighbour_buffers: all_runs(scheme)
-                .filter_map(Run::pairwise)
+                .filter_map(LinkRun::pairwise)
                 .map(|pair_run| Neighbours::new(&pair_run))
                 .collect(),
             law_buffers: followed_energy::law_buffers(scheme),
             previous_inverse_masses: inverse_masses(scheme).collect(),
         };
-        let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].opening(0));
+        let gate_opening = |run: &LinkRun| run.gate.map_or(1.0, |gate| gates[gate].opening(0));
         let mut neighbour_buffers = ledger.neighbour_buffers.iter_mut();
         let mut law_buffers = ledger.law_buffers.iter_mut();
         for run in all_runs(scheme).filter(|run| !is_spring(run)) {
@@ -186,21 +186,21 @@ impl Ledger {
                         [elongation_before, elongation_now, elongation_now],
                         0.0,
                     );
-                    ledger.link_energies[run.first + i] = frame_energies.stored_before;
+                    ledger.link_energies[run.first_link + i] = frame_energies.stored_before;
                 }
                 continue;
             }
             if let Some(pair_run) = run.pairwise() {
                 if let Some(pair_buffer) = neighbour_buffers.next() {
                     let [energy_now, energy_before] = pair_energy::potentials(&pair_run, run.k, pair_buffer, body);
-                    ledger.link_energies[run.first] = 0.5 * gate_opening(run) * (energy_now + energy_before);
+                    ledger.link_energies[run.first_link] = 0.5 * gate_opening(run) * (energy_now + energy_before);
                 }
                 continue;
             }
             let tensions = shared_stiffnesses(run, body);
             for i in 0..run.len {
                 let (elongation_now, elongation_before) = elongation(run, body, i);
-                ledger.link_energies[run.first + i] = 0.5
+                ledger.link_energies[run.first_link + i] = 0.5
                     * gate_opening(run)
                     * (link_energy(run, tensions[0], elongation_now)
                         + link_energy(run, tensions[1], elongation_before));
@@ -275,11 +275,12 @@ impl Ledger {
             if let Some((bristle_law, _)) = run.bristle() {
                 // Work on the bristles that is not stored is lost: their bend between frames is exact.
                 for i in 0..run.len {
-                    let stored_energy = open_next * bristle_law.energy(body.memory[run.first + i]);
-                    let energy_rise = stored_energy - self.link_energies[run.first + i];
-                    self.link_energies[run.first + i] = stored_energy;
+                    let stored_energy = open_next * bristle_law.energy(body.memory[run.first_link + i]);
+                    let energy_rise = stored_energy - self.link_energies[run.first_link + i];
+                    self.link_energies[run.first_link + i] = stored_energy;
                     let stretch = s(run.b + i) - s(run.a + i);
-                    self.lost.add(0.5 * stretch * body.link[run.first + i] - energy_rise);
+                    self.lost
+                        .add(0.5 * stretch * body.link[run.first_link + i] - energy_rise);
                 }
                 continue;
             }
@@ -289,8 +290,8 @@ impl Ledger {
                 };
                 let [potential_next, potential_now] = pair_energy::potentials(&pair_run, run.k, pair_buffer, body);
                 let stored_energy = 0.5 * (open_next * potential_next + open_now * potential_now);
-                let energy_rise = stored_energy - self.link_energies[run.first];
-                self.link_energies[run.first] = stored_energy;
+                let energy_rise = stored_energy - self.link_energies[run.first_link];
+                self.link_energies[run.first_link] = stored_energy;
                 let k_and_z = [open_now * run.k, open_now * run.z];
                 let steps_before = if finer_travel.is_some() { &body.d } else { &d };
                 let frame_steps: [&[f64]; 2] = [steps_before, &body.d];
@@ -314,7 +315,8 @@ impl Ledger {
                     let e_before = run.elongation(i, |mat| position_at_force(mat) - d[mat]);
                     let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
                     let energy = FrameEnergies::new(law_buffer, rate, [e_before, e, e_next], frame_stretch);
-                    let energy_before = std::mem::replace(&mut self.link_energies[run.first + i], energy.stored_after);
+                    let energy_before =
+                        std::mem::replace(&mut self.link_energies[run.first_link + i], energy.stored_after);
                     self.injected.add(energy.stored_before - energy_before); // the law has changed
                     if finer_travel.is_some() {
                         self.lost.add(energy.damping_force * frame_stretch);
@@ -322,7 +324,7 @@ impl Ledger {
                     }
                     let stretch = 0.5 * run.stretch(i, position_at_force, s);
                     let elastic_work = stretch * energy.elastic_force;
-                    self.lost.add(stretch * body.link[run.first + i] - elastic_work);
+                    self.lost.add(stretch * body.link[run.first_link + i] - elastic_work);
                     self.produced
                         .add(energy.stored_after - energy.stored_before - elastic_work);
                 }
@@ -340,8 +342,8 @@ impl Ledger {
                 let energy_next = open_next * link_energy(run, tension_next, e_next);
                 let stored_energy = 0.5 * (energy_next + open_now * link_energy(run, tension_now, e));
                 if permanent_stretch(run, body, i).is_infinite() {
-                    self.lost.add(self.link_energies[run.first + i]);
-                    self.link_energies[run.first + i] = 0.0;
+                    self.lost.add(self.link_energies[run.first_link + i]);
+                    self.link_energies[run.first_link + i] = 0.0;
                     continue;
                 }
                 if run.has_permanent_stretch() {
@@ -350,18 +352,18 @@ impl Ledger {
                     let e_before = run.elongation(i, position_before) - permanent_stretch(run, body, i);
                     let [potential_now, potential_before] = [e, e_before].map(|e| run.potential_energy(e));
                     let energy_left = 0.5 * open_now * (potential_now + potential_before);
-                    self.lost.add(self.link_energies[run.first + i] - energy_left);
-                    self.link_energies[run.first + i] = energy_left;
+                    self.lost.add(self.link_energies[run.first_link + i] - energy_left);
+                    self.link_energies[run.first_link + i] = energy_left;
                 }
-                let energy_rise = stored_energy - self.link_energies[run.first + i];
-                self.link_energies[run.first + i] = stored_energy;
+                let energy_rise = stored_energy - self.link_energies[run.first_link + i];
+                self.link_energies[run.first_link + i] = stored_energy;
                 if finer_travel.is_some() {
                     let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
                     let damping_force = open_now * run.damping_force(e, frame_stretch);
                     self.lost.add(damping_force * frame_stretch);
                     continue;
                 }
-                let link_work = 0.5 * stretch * body.link[run.first + i];
+                let link_work = 0.5 * stretch * body.link[run.first_link + i];
                 if is_exact(run) && run.z != 0.0 {
                     self.lost.add(link_work - energy_rise);
                 } else {
@@ -401,7 +403,7 @@ impl Ledger {
                     0.5 * run.k * elongation_now * elongation_before
                         - 0.25 * run.z * (elongation_now - elongation_before) * (elongation_now - elongation_before)
                 } else {
-                    self.link_energies[run.first + i]
+                    self.link_energies[run.first_link + i]
                 });
             }
         }
@@ -429,6 +431,6 @@ fn inverse_masses(scheme: &Scheme) -> impl Iterator<Item = f64> + '_ {
     following_masses.map(|mass| scheme.w[mass.mat])
 }
 
-fn is_exact(run: &Run) -> bool {
-    matches!(&run.kind, Kind::But(but) if but.contact == crate::network::Contact::Exact)
+fn is_exact(run: &LinkRun) -> bool {
+    matches!(&run.kind, LinkRunKind::But(but) if but.contact == crate::network::Contact::Exact)
 }

@@ -62,7 +62,7 @@ impl PairEnergyGains {
         let pair_contacts: Vec<PairContacts> = pair_runs
             .clone()
             .map(|(scheme_run, run)| PairContacts {
-                first_link: scheme_run.first,
+                first_link: scheme_run.first_link,
                 history_slot: scheme_run.slot(),
                 stiffness: scheme_run.k,
                 neighbours: Neighbours::new(&run),

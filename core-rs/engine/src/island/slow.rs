@@ -263,7 +263,7 @@ impl RunningSlow {
             .iter_mut()
             .zip(&self.x)
             .zip(&plan.rest_positions);
-        state_pairs.for_each(|((u, x), rest)| *u = x - rest);
+        state_pairs.for_each(|((u, x), rest_position)| *u = x - rest_position);
         spring_block.set_velocities(&self.v[..mat_count]);
         spring_block.begin();
         self.read_block();
@@ -368,12 +368,12 @@ impl RunningSlow {
         old_block.end_at_present();
         let block_state = spring_block.state_mut();
         block_state.copy_from_slice(old_block.state());
-        for ((u, old_rest_position), rest) in block_state
+        for ((u, old_rest_position), rest_position) in block_state
             .iter_mut()
             .zip(&old.plan.rest_positions)
             .zip(&self.plan.rest_positions)
         {
-            *u += old_rest_position - rest;
+            *u += old_rest_position - rest_position;
         }
         spring_block.begin();
         self.read_block();

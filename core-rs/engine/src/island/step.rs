@@ -93,11 +93,11 @@ impl Island {
         let strikes_applied = frame.apply_strikes(links_applied);
         let forces_complete = frame.solve_contacts(strikes_applied);
         frame.observe(&forces_complete, outputs);
-        let moved = frame.advance(forces_complete);
-        frame.account(&moved);
+        let move_result = frame.advance(forces_complete);
+        frame.account(&move_result);
         state.parameters.changing_scheme = changing_scheme;
         state.frame += 1;
-        if !moved.is_plausible {
+        if !move_result.is_plausible {
             return self.handle_fault();
         }
         if n.is_multiple_of(energy_account::CHECK_STEPS) {

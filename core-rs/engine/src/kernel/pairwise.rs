@@ -17,7 +17,7 @@ pub(crate) use contact::TouchingPair;
 pub(crate) use neighbours::Neighbours;
 
 use crate::network::{AXES_MAX, PairRun};
-use crate::scheme::Run;
+use crate::scheme::LinkRun;
 use crate::state::Body;
 
 /// Coordinates of a point, or components of a force, and one more number, so that a single vector load takes all.
@@ -29,7 +29,7 @@ type Pair = [u32; 2];
 /// Add the forces of all pairs to the coordinates of the points. Also store the sum of the pair forces on each point of
 /// the second group [N].
 pub(super) fn add_pair_forces(
-    run: &Run,
+    run: &LinkRun,
     pair_run: &PairRun,
     gates: &[f64],
     body: &mut Body,
@@ -45,7 +45,7 @@ pub(super) fn add_pair_forces(
         histories,
         ..
     } = body;
-    let run_forces = &mut link[run.first..run.first + run.len];
+    let run_forces = &mut link[run.first_link..run.first_link + run.len];
     let history = &mut histories[history_index];
     history.begin_pass();
     if pair_run.pairs.is_searched() {

@@ -4,7 +4,7 @@
 use super::pull::pull;
 use crate::maths::wide::wide;
 use crate::network::{AXES_MAX, SpaceLaw, SpaceLink, length_and_unit_vector};
-use crate::scheme::{Kind, Run, Scheme};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 use crate::state::Body;
 
 /// Scratch memory for a run of links in space   (longest run each).
@@ -21,7 +21,7 @@ pub(crate) struct SpaceScratch {
 impl SpaceScratch {
     pub(super) fn new(scheme: &Scheme) -> Self {
         let space_runs = scheme.runs.iter();
-        let space_runs = space_runs.filter(|run| matches!(run.kind, Kind::Space(_)));
+        let space_runs = space_runs.filter(|run| matches!(run.kind, LinkRunKind::Space(_)));
         let scratch_row = vec![0.0; space_runs.map(|run| run.len).max().unwrap_or(0)];
         Self {
             directions: [scratch_row.clone(), scratch_row.clone(), scratch_row.clone()],
@@ -33,7 +33,7 @@ impl SpaceScratch {
 
 /// Add the forces of a run to the coordinates of its ends, and store the force along each link [N].
 pub(super) fn add_space_forces(
-    run: &Run,
+    run: &LinkRun,
     link: &SpaceLink,
     gates: &[f64],
     body: &mut Body,
@@ -58,7 +58,7 @@ pub(super) fn add_space_forces(
         memory,
         ..
     } = body;
-    let link_force = &mut link_force[run.first..run.first + link_count];
+    let link_force = &mut link_force[run.first_link..run.first_link + link_count];
     let axis_ends: [(usize, usize); AXES_MAX] = std::array::from_fn(|axis| run.pair(0, axis.min(link.n_axes - 1)));
     let end_motion = SpaceEndMotions::new(link.n_axes, &axis_ends, [x, d], link_count);
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
@@ -76,7 +76,7 @@ pub(super) fn add_space_forces(
         let (e, step) = (&mut elongations[..link_count], &mut elongation_steps[..link_count]);
         set_directions_and_elongations(run.rest, &end_motion, e, step, direction_x, direction_y, direction_z);
         if link.law.yields() {
-            let memory = &mut memory[run.first..run.first + link_count];
+            let memory = &mut memory[run.first_link..run.first_link + link_count];
             for (e, memory) in e.iter_mut().zip(memory) {
                 *e = update_rest(link, run.k, *e, memory);
             }
@@ -139,19 +139,19 @@ fn update_rest(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
 }
 
 /// [`add_space_forces`] of a run of one link, for which separate passes would cost ten times as much.
-fn add_single_link(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
+fn add_single_link(run: &LinkRun, link: &SpaceLink, gates: &[f64], body: &mut Body) {
     let link_ends = (run.a, run.b);
     let (link_length, direction) = link.length_and_direction(link_ends, |mat| body.x[mat]);
     let length_step = link.length_step(link_ends, direction, |mat| body.d[mat]);
     let mut elongation = link_length - run.rest;
     if link.law.yields() {
-        elongation = update_rest(link, run.k, elongation, &mut body.memory[run.first]);
+        elongation = update_rest(link, run.k, elongation, &mut body.memory[run.first_link]);
     }
     let mut link_force = link.law.force([run.k, run.z], elongation, length_step);
     if let Some(gate) = run.gate {
         link_force *= gates[gate];
     }
-    body.link[run.first] = link_force;
+    body.link[run.first_link] = link_force;
     for ((a, b), direction) in run.pairs(0).zip(direction) {
         body.force[a] += link_force * direction;
         body.force[b] -= link_force * direction;

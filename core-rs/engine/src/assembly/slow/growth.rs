@@ -15,7 +15,7 @@ use crate::interrupt;
 use crate::island::bodies::BodyPlan;
 use crate::island::modal::Modal;
 use crate::island::slow::{RunningSlow, Slow};
-use crate::scheme::{Kind, Run, Scheme};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 use crate::state::Body;
 
 /// Work that a frame adds to the counter of interruptions, for each number of the state.
@@ -396,11 +396,11 @@ impl<'a> KickMap<'a> {
 
 /// A run as linear links; `None` if it is open, is computed finer than a frame, or has no linear form.
 fn linear_links(
-    run: &Run,
+    run: &LinkRun,
     are_contacts_closed: bool,
     is_fine: bool,
 ) -> Option<impl Iterator<Item = LinearLink> + use<>> {
-    let is_contact = matches!(run.kind, Kind::But(_));
+    let is_contact = matches!(run.kind, LinkRunKind::But(_));
     if is_contact && (!are_contacts_closed || (is_fine && run.can_substep())) {
         return None;
     }

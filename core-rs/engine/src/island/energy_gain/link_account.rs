@@ -2,7 +2,7 @@
 
 use crate::island::energy_account::{EnergyAccount, EnergyGain};
 use crate::network::{AXES_MAX, SpaceLink};
-use crate::scheme::{Kind, Run, Scheme, Spring};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme, Spring};
 use crate::state::Body;
 
 /// The account of one link, added to at every step.
@@ -75,7 +75,7 @@ impl SpaceWork {
 #[derive(Clone, Debug)]
 pub(super) struct CheckedLink {
     /// A run of only this link.
-    pub(super) run: Run,
+    pub(super) run: LinkRun,
     /// Elongations [m] when the account began, and a step before; of bristles, their bend, twice.
     start_elongations: [f64; 2],
     /// Whether the account counts the energy that was stored when it began; that is computed only when needed.
@@ -90,7 +90,7 @@ crate::archive::state!(CheckedLink {
 });
 
 impl CheckedLink {
-    pub(super) fn new(run: Run) -> Self {
+    pub(super) fn new(run: LinkRun) -> Self {
         Self {
             run,
             start_elongations: [0.0; 2],
@@ -130,16 +130,16 @@ impl CheckedLink {
 impl LinkAccount {
     /// The account of a run of one link; `is_fused`: it is computed in one pass with others; `strength_varies`: its
     /// strength changes in time.
-    pub(super) fn new(run: &Run, is_fused: bool, strength_varies: bool) -> Self {
+    pub(super) fn new(run: &LinkRun, is_fused: bool, strength_varies: bool) -> Self {
         Self {
             a: run.a,
             b: run.b,
-            link: run.first,
+            link: run.first_link,
             previous_stretch: 0.0,
             previous_force: 0.0,
             energy_account: EnergyAccount::default(),
             space_work: match &run.kind {
-                Kind::Space(link) => Some(SpaceWork::new(link.clone())),
+                LinkRunKind::Space(link) => Some(SpaceWork::new(link.clone())),
                 _ => None,
             },
             fused_spring: is_fused.then(|| run.spring()).flatten(),
@@ -227,7 +227,7 @@ impl LinkAccount {
 
     /// The energy that its link stored between the two frames up to which the account goes: MATs have moved on since
     /// [J].
-    fn stored_energy(&self, run: &Run, body: &Body) -> f64 {
+    fn stored_energy(&self, run: &LinkRun, body: &Body) -> f64 {
         let [elongation_next, elongation_now] = elongations(run, body);
         let elongation_pair = if run.n_axes() > 1 || run.bristle().is_some() {
             [elongation_next, elongation_now]
@@ -251,10 +251,10 @@ impl LinkAccount {
 }
 
 /// The strength of a link in this step, as a factor of what it is as written.
-fn strength_factor(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
+fn strength_factor(run: &LinkRun, scheme: &Scheme, gates: &[f64]) -> f64 {
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let mut scheme_runs = scheme.runs.iter().chain(&scheme.exact_runs);
-    let run_now = scheme_runs.find(|scheme_run| scheme_run.links().contains(&run.first));
+    let run_now = scheme_runs.find(|scheme_run| scheme_run.links().contains(&run.first_link));
     let stiffness_ratio = run_now.map_or(1.0, |run_now| run_now.k / run.k);
     if stiffness_ratio.is_finite() {
         gate_opening * stiffness_ratio
@@ -264,14 +264,14 @@ fn strength_factor(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
 }
 
 /// Elongations of a link now and a step before [m]; of bristles, their bend.
-fn elongations(run: &Run, body: &Body) -> [f64; 2] {
+fn elongations(run: &LinkRun, body: &Body) -> [f64; 2] {
     if run.bristle().is_some() {
-        return [body.memory[run.first]; 2];
+        return [body.memory[run.first_link]; 2];
     }
     let elongation_now = run.elongation(0, |mat| body.x[mat]);
     if run.n_axes() > 1 {
         let permanent_stretch = if run.has_permanent_stretch() {
-            body.memory[run.first]
+            body.memory[run.first_link]
         } else {
             0.0
         };
@@ -285,7 +285,7 @@ fn elongations(run: &Run, body: &Body) -> [f64; 2] {
 }
 
 /// Energy of a link in space that rounding alone explains [J]: its elongation is a difference of coordinates.
-fn rounding_energy(run: &Run, body: &Body) -> f64 {
+fn rounding_energy(run: &LinkRun, body: &Body) -> f64 {
     /// Error of the elongation in units of the last digit: rounding adds up from step to step.
     const ELONGATION_ERROR_ULP: f64 = 1e4;
     if run.n_axes() == 1 {
@@ -297,7 +297,7 @@ fn rounding_energy(run: &Run, body: &Body) -> f64 {
 }
 
 /// Energy of a link between two steps [J].
-fn link_energy(run: &Run, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
+fn link_energy(run: &LinkRun, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
     match run.bristle() {
         Some((bristle, _)) => bristle.energy(elongation_now),
         None => 0.5 * (run.potential_energy(elongation_now) + run.potential_energy(elongation_before)),

@@ -14,13 +14,13 @@ use crate::island::StepNumbers;
 use crate::island::bodies::RunningBody;
 use crate::island::modal::RunningModal;
 use crate::network::Network;
-use crate::scheme::{Run, Scheme};
+use crate::scheme::{LinkRun, Scheme};
 use crate::timeline::{DriveKind, Timeline};
 
 impl FineLinks {
     /// `links` were taken out of the scheme: single contacts and laws whose ends are masses or ports.
     pub(in crate::island) fn new(
-        links: Vec<Run>,
+        links: Vec<LinkRun>,
         network: &Network,
         scheme: &Scheme,
         bodies: &[RunningBody],
@@ -31,7 +31,7 @@ impl FineLinks {
         let mut joint_mats: Vec<usize> = links.iter().flat_map(|run| [run.a, run.b]).collect();
         joint_mats.sort_unstable();
         joint_mats.dedup();
-        let fit_error = match links.iter().any(Run::is_dry) {
+        let fit_error = match links.iter().any(LinkRun::is_dry) {
             true => RELATIVE_ERROR_OF_FRICTION,
             false => RELATIVE_ERROR,
         };

@@ -13,7 +13,7 @@ use crate::kernel::bank::SUM_LANES;
 use crate::kernel::pushed_modes::{
     ModeTables, ModeValues, PushedGroup, add_all_impulses, move_to_instant, point_motion, push_point,
 };
-use crate::scheme::{Kind, Run};
+use crate::scheme::{LinkRun, LinkRunKind};
 use crate::units::Rate;
 
 /// Share of the joints that push at once, as a bridge or a fret that a string wraps.
@@ -47,13 +47,13 @@ pub(super) struct CrowdedMotion {
 
 /// All bodies of which the modes are to be pushed.
 pub(super) fn crowded_bodies(
-    links: &[Run],
+    links: &[LinkRun],
     joints: &[Joint],
     bodies: &[RunningBody],
     (basis, rate): (&Basis, Rate),
 ) -> Vec<CrowdedBody> {
     // Laws and friction are solved from the responses of pairs.
-    if !links.iter().all(|run| matches!(run.kind, Kind::But(_))) {
+    if !links.iter().all(|run| matches!(run.kind, LinkRunKind::But(_))) {
         return Vec::new();
     }
     let body_indices = 0..bodies.len();

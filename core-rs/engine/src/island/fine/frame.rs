@@ -30,7 +30,7 @@ impl FineLinks {
             let may_close = penetration_bound(run, distance_now - run.rest, distance_next - run.rest) > 0.0;
             self.may_close[link_index] = may_close;
             any_may_close |= may_close;
-            body.link[run.first] = 0.0;
+            body.link[run.first_link] = 0.0;
         }
         if !any_may_close && self.frictions.is_empty() {
             self.is_resting.fill(false);
@@ -99,10 +99,11 @@ impl FineLinks {
         let is_moved_by = |pushing_link: usize, moved_link: usize| {
             let n_joints = script.joints.len();
             let both_ends = |(a, b): (usize, usize)| [a, b];
-            let is_coupled = |from: usize, to: usize| {
+            let is_coupled = |source_joint: usize, target_joint: usize| {
                 let crowded_body = |joint: usize| script.crowded_rows[joint].map(|(body, _)| body);
-                let on_same_body = crowded_body(from).is_some() && crowded_body(from) == crowded_body(to);
-                on_same_body || !script.path_responses[from * n_joints + to].is_empty()
+                let on_same_body =
+                    crowded_body(source_joint).is_some() && crowded_body(source_joint) == crowded_body(target_joint);
+                on_same_body || !script.path_responses[source_joint * n_joints + target_joint].is_empty()
             };
             let (mover_joints, moved_joints) = (
                 both_ends(script.link_joints[pushing_link]),

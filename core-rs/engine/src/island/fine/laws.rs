@@ -344,7 +344,7 @@ impl FineLinks {
     /// Write the force of each law at the start of the frame into `body.link`.
     pub(super) fn write_start_forces(&self, script: &Script, laws: &LawScript, body: &mut Body) {
         for (state, &link) in self.laws.iter().zip(&laws.links) {
-            body.link[script.links[link].first] = state.start_force;
+            body.link[script.links[link].first_link] = state.start_force;
         }
     }
 

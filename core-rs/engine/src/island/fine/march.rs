@@ -13,7 +13,7 @@ use super::{FineLinks, Script};
 use crate::kernel::ExactContact;
 use crate::maths::{expm1, sqrt};
 use crate::network::ContactLaw;
-use crate::scheme::Kind;
+use crate::scheme::LinkRunKind;
 use crate::state::Body;
 
 /// Most steps that are tried in a frame, before a step that is stable at any length takes the rest.
@@ -121,7 +121,7 @@ impl FineLinks {
             let is_pushing = contact.pushing_criterion(contact_state) > 0.0;
             (self.is_pushing[index], self.is_resting[index]) = (is_pushing, is_pushing);
             if is_pushing {
-                body.link[script.links[index].first] =
+                body.link[script.links[index].first_link] =
                     contact.side * contact.law.unlimited(contact_state[0], contact_state[1]);
                 rests_fast |= has_rested && contact.rate_bound(contact_state, script.rate.step()) > STEP_PHASE_MAX;
             }
@@ -154,7 +154,7 @@ impl FineLinks {
     /// The contact `index` at the instant `s` of this frame; `None` if it cannot be closed in this frame.
     fn contact_at(&self, script: &Script, gates: &[f64], (index, s): (usize, f64)) -> Option<LinkContact> {
         let link_run = &script.links[index];
-        let Kind::But(but) = &link_run.kind else {
+        let LinkRunKind::But(but) = &link_run.kind else {
             return None;
         };
         let gate_opening = link_run.gate.map_or(1.0, |gate| gates[gate]);

@@ -4,7 +4,7 @@ use super::ContactOrder;
 use super::basis::{Basis, Instant, add_rows};
 use super::crowded::CrowdedBody;
 use super::joint::Joint;
-use crate::scheme::Run;
+use crate::scheme::LinkRun;
 use crate::units::Rate;
 
 /// Links whose pushes change each other's velocity by less than this part of their own are not coupled.
@@ -19,7 +19,7 @@ pub(super) struct Script {
     pub(super) contact_order: ContactOrder,
     pub(super) rate: Rate,
     pub(super) basis: Basis,
-    pub(super) links: Vec<Run>,
+    pub(super) links: Vec<LinkRun>,
     /// The two joints of each link.
     pub(super) link_joints: Vec<(usize, usize)>,
     pub(super) joints: Vec<Joint>,
@@ -51,7 +51,9 @@ impl Script {
     /// Change of the rate of elongation of the second link, given by its joints, by an impulse of the first [m/frame
     /// per N·s].
     pub(super) fn velocity_step_between(&self, (a, b): (usize, usize), (c, d): (usize, usize)) -> f64 {
-        let jump = |from: usize, to: usize| self.velocity_steps[from * self.joints.len() + to];
+        let jump = |pushed_joint: usize, moved_joint: usize| {
+            self.velocity_steps[pushed_joint * self.joints.len() + moved_joint]
+        };
         jump(a, c) + jump(b, d) - jump(a, d) - jump(b, c)
     }
 

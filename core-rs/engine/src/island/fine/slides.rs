@@ -206,7 +206,7 @@ impl FineLinks {
             let link_run = &script.links[link];
             (slide.has_held, slide.start_positions) =
                 (slide.direction == 0.0, [body.x[link_run.a], body.x[link_run.b]]);
-            body.link[link_run.first] = dot(&lagrange_weights(0.0), &slide.stage_forces);
+            body.link[link_run.first_link] = dot(&lagrange_weights(0.0), &slide.stage_forces);
         }
     }
 

@@ -75,7 +75,7 @@ impl SteppedPoints {
             Some(Point {
                 joint: index,
                 mat: joint.mat,
-                worst_link: script.links[link_index].first,
+                worst_link: script.links[link_index].first_link,
                 free_motion: [0.0; 2],
                 impulse_force: 0.0,
                 last_step: 0.0,

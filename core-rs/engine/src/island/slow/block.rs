@@ -102,8 +102,8 @@ impl Block {
         self.is_pushed[input] = true;
         self.inputs[input * n_frames + frame_index] += value;
         let responses = self.flow.inputs[input].observed_response.chunks_exact(n_frames);
-        for (seen, response) in self.observed.chunks_exact_mut(n_frames + 1).zip(responses) {
-            for (seen, response) in seen[frame_index + 1..].iter_mut().zip(response) {
+        for (observed_row, response) in self.observed.chunks_exact_mut(n_frames + 1).zip(responses) {
+            for (seen, response) in observed_row[frame_index + 1..].iter_mut().zip(response) {
                 *seen += value * response;
             }
         }

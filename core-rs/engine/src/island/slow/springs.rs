@@ -66,7 +66,7 @@ impl RunningSprings {
         match self {
             Self::Exact(block) => {
                 let pairs = slow.x0.iter().zip(&slow.rest_positions);
-                let displacements: Vec<f64> = pairs.map(|(x, rest)| x - rest).collect();
+                let displacements: Vec<f64> = pairs.map(|(x, rest_position)| x - rest_position).collect();
                 block.flow().flow.start_velocities(&displacements, &slow.v0)
             }
             Self::Stepped(stepped) => {

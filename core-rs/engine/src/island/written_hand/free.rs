@@ -9,7 +9,7 @@ use crate::island::slow::{self, Slow};
 use crate::kernel;
 use crate::kernel::KernelScratch;
 use crate::kernel::thread_team::ThreadTeam;
-use crate::scheme::{Kind, Scheme};
+use crate::scheme::{LinkRunKind, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::Drive;
 use frame_powers::FramePowers;
@@ -202,7 +202,7 @@ impl FreeKey {
     pub(crate) fn layer_key(&self) -> Self {
         let mut scheme = (*self.scheme).clone();
         scheme.rest.fill(0.0);
-        scheme.runs.retain(|run| !matches!(run.kind, Kind::But(_)));
+        scheme.runs.retain(|run| !matches!(run.kind, LinkRunKind::But(_)));
         scheme.exact_runs.clear();
         scheme.runs.iter_mut().for_each(|run| run.rest = 0.0);
         Self {

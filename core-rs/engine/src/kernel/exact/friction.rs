@@ -2,7 +2,7 @@
 
 use super::super::{force_to_reach, predict_position};
 use crate::dry::Turned;
-use crate::scheme::{Kind, Run, Scheme};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 use crate::state::{Body, Target};
 
 /// Two ends with given positions slide if the distance between them changes by more than this in a frame [m]; less is
@@ -12,8 +12,8 @@ pub(crate) const SLIDE_DISTANCE_MIN: f64 = 1e-14;
 const REST_STEP_RATIO: f64 = 1e-12;
 
 /// Force of one friction, given all other forces [N].
-pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
-    let Kind::Dry { law: dry_law, rate } = &run.kind else {
+pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &LinkRun) -> f64 {
+    let LinkRunKind::Dry { law: dry_law, rate } = &run.kind else {
         return 0.0;
     };
     let (first_mat, second_mat) = (run.a, run.b);

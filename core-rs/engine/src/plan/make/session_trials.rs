@@ -37,7 +37,7 @@ impl PlanBuilder<'_> {
 
     /// Gives an island of a session an allowance of its own, so that it is decided the same beside any other island.
     pub(super) fn begin_session_allowance(&mut self, n_modules: usize) {
-        self.allowance = Allowance::with_total(allowance_of_plan(n_modules, self.allowance_share));
+        self.allowance = Allowance::with_seconds(allowance_of_plan(n_modules, self.allowance_share));
     }
 
     /// Decides an island of a session.
@@ -72,7 +72,7 @@ impl PlanBuilder<'_> {
             Some(earlier_trial) => earlier_trial.clone(),
             None if self.session_trial_seconds.get() >= self.trial_seconds_max => return None,
             None => SessionTrial {
-                stepping: self.try_strikes(subset, &trial_timeline),
+                stepping: self.try_trial_strikes(subset, &trial_timeline),
                 content,
             },
         };
@@ -82,7 +82,7 @@ impl PlanBuilder<'_> {
     }
 
     /// The cheapest way that is within the budget when the strikes of a closed timeline are played.
-    fn try_strikes(&self, subset: &Subset, trial_timeline: &LocalTimeline) -> Option<Stepping> {
+    fn try_trial_strikes(&self, subset: &Subset, trial_timeline: &LocalTimeline) -> Option<Stepping> {
         let assemble = |options: AssemblyOptions<'_>| self.assembled(subset, trial_timeline, options, None);
         let (spent_before, _) = self.allowance.seconds_spent();
         let pilot_result = self.pilot((subset, trial_timeline), self.budget, CostRule::Busiest, &assemble);

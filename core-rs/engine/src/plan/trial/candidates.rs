@@ -45,39 +45,39 @@ pub(in crate::plan) struct Candidate {
 
 /// How a family of candidates computes its bodies, contacts and laws; its members differ in their steps alone.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::plan) struct Family {
+pub(in crate::plan) struct CandidateFamily {
     pub(in crate::plan) body_methods: MethodChoice<'static>,
-    pub(in crate::plan) is_once_a_step: bool,
+    pub(in crate::plan) links_once_per_step: bool,
 }
 
-impl Family {
+impl CandidateFamily {
     /// All contacts and laws are computed once a step.
-    pub(in crate::plan) const ONCE_A_STEP: Self = Self {
+    pub(in crate::plan) const ONCE_PER_STEP: Self = Self {
         body_methods: MethodChoice::ByBudget,
-        is_once_a_step: true,
+        links_once_per_step: true,
     };
     /// The families among which a reference is looked for, those of the highest order first, and last the one that is
     /// needed where friction holds all that is heard.
     pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 4] = [
         Self::between_steps(MethodChoice::ByBudget),
         Self::between_steps(MethodChoice::All((MeshMethod::Bm4, 1))),
-        Self::ONCE_A_STEP,
+        Self::ONCE_PER_STEP,
         Self::between_steps(MethodChoice::Stepped),
     ];
 
     const fn between_steps(bodies: MethodChoice<'static>) -> Self {
         Self {
             body_methods: bodies,
-            is_once_a_step: false,
+            links_once_per_step: false,
         }
     }
 
     /// How a member of the family is assembled.
-    pub(in crate::plan) fn with_steps(self, oversampling: u32) -> AssemblyOptions<'static> {
+    pub(in crate::plan) fn options_for_steps(self, oversampling: u32) -> AssemblyOptions<'static> {
         AssemblyOptions {
             oversampling,
             body_methods: self.body_methods,
-            is_plain: self.is_once_a_step,
+            is_plain: self.links_once_per_step,
         }
     }
 }
@@ -103,16 +103,16 @@ pub(in crate::plan) fn candidates<F: Fn(AssemblyOptions<'_>) -> Result<Assembled
     let mut candidates: Vec<Candidate> = Vec::new();
     for (group, (bodies, steps)) in choice_groups.enumerate() {
         for is_plain in [true, false] {
-            let family = Family {
+            let family = CandidateFamily {
                 body_methods: bodies,
-                is_once_a_step: is_plain,
+                links_once_per_step: is_plain,
             };
-            let Ok(island) = assemble(family.with_steps(steps)) else {
+            let Ok(island) = assemble(family.options_for_steps(steps)) else {
                 continue;
             };
             for substeps in substeps_to_try(&island) {
                 let candidate = Candidate::new(island.clone(), substeps, Some(reference));
-                if !candidates.iter().any(|earlier| earlier.is_same(&candidate)) {
+                if !candidates.iter().any(|earlier| earlier.is_same_method(&candidate)) {
                     candidates.push(Candidate {
                         group_index: group,
                         ..candidate
@@ -165,7 +165,7 @@ impl Candidate {
     }
 
     /// Whether an allowance pays for playing `n_frames` of it, as far as its cost is known; nothing is taken.
-    pub(in crate::plan) fn is_within(&self, allowance: &Allowance, n_frames: usize) -> bool {
+    pub(in crate::plan) fn is_affordable(&self, allowance: &Allowance, n_frames: usize) -> bool {
         allowance.share_left(1e-9 * self.frame_ns * n_frames as f64) >= 1.0
     }
 
@@ -190,7 +190,7 @@ impl Candidate {
     }
 
     /// Whether both compute the same under two names.
-    fn is_same(&self, other: &Self) -> bool {
+    fn is_same_method(&self, other: &Self) -> bool {
         let [first_plan, other_plan] = [self, other].map(|candidate| &candidate.island.island_plan);
         self.frame_ns.to_bits() == other.frame_ns.to_bits()
             && self.contact_substeps == other.contact_substeps

@@ -6,7 +6,7 @@ use crate::island::fine::Script;
 use crate::island::fine::basis::{Instant, dot};
 use crate::island::fine::laws::{GAUSS_POINTS, GAUSS_WEIGHTS, STAGES, StageMatrix, lagrange_weights};
 use crate::network::Dry;
-use crate::scheme::{Kind, Run};
+use crate::scheme::{LinkRun, LinkRunKind};
 
 #[derive(Clone, Debug)]
 pub(in crate::island::fine) struct SlideScript {
@@ -33,8 +33,8 @@ pub(super) struct EvenSteps {
 
 impl SlideScript {
     pub(super) fn new(script: &Script) -> Self {
-        let dry_friction = |(link, run): (usize, &Run)| match &run.kind {
-            Kind::Dry { law: friction, rate } => Some((link, (*friction, *rate))),
+        let dry_friction = |(link, run): (usize, &LinkRun)| match &run.kind {
+            LinkRunKind::Dry { law: friction, rate } => Some((link, (*friction, *rate))),
             _ => None,
         };
         let dry_links = script.links.iter().enumerate().filter_map(dry_friction);

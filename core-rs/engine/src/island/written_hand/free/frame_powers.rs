@@ -110,12 +110,12 @@ impl FramePowers {
     /// Apply the map to the state.
     fn apply_map(&mut self) {
         let state_size = self.size();
-        for (moved, row) in self
+        for (next_state, row) in self
             .state_change
             .iter_mut()
             .zip(self.frame_change.chunks_exact(state_size))
         {
-            *moved = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
+            *next_state = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
         }
         for (state, moved) in self.state.iter_mut().zip(&self.state_change) {
             *state += moved;
