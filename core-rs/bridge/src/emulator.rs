@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::time::Duration;
 
 use ergon_engine::key_model::KeyModel;
-use ergon_engine::simulation::Motor;
+use ergon_engine::simulation::KeyMotor;
 use ergon_live::emulate::{
     BoardConfig, EmulatedHand, EmulationOptions, KeyConstants, Protocol, ServeEvent, ServeSummary, Transport, serve,
 };
@@ -13,14 +13,14 @@ use pyo3::prelude::*;
 
 use crate::error::{module_error, word};
 use crate::network::Network;
-use crate::words::Words;
+use crate::words::WordTable;
 
-pub(crate) const PROTOCOLS: Words<Protocol> = &[
+pub(crate) const PROTOCOLS: WordTable<Protocol> = &[
     ("firefader", Protocol::FireFader),
     ("frame", Protocol::Frame),
     ("haply", Protocol::Haply),
 ];
-const TRANSPORTS: Words<fn(u16) -> Transport> = &[
+const TRANSPORTS: WordTable<fn(u16) -> Transport> = &[
     ("pty", |_| Transport::Terminal),
     ("udp", Transport::Udp),
     ("ws", Transport::WebSocket),
@@ -88,7 +88,7 @@ pub(crate) fn emulate(
         key,
         model,
         network: network.map(|(network, struck, constant_force, delay)| {
-            (network.0.clone(), struck, Motor { delay, constant_force })
+            (network.0.clone(), struck, KeyMotor { delay, constant_force })
         }),
         rate,
         hands: paths.iter().map(|path| hand_on_path(path, hand)).collect(),

@@ -26,7 +26,7 @@ pub use plate::{Rim, Shape, plate};
 pub use round_membrane::round_membrane;
 pub use stiff_string::stiff_string;
 pub use string::{Ends, string};
-pub use tune::{Tuned, tune};
+pub use tune::{TunedLinks, tune};
 
 use crate::maths::wide::wide;
 

@@ -14,7 +14,7 @@ pub(crate) mod flow;
 mod ieq;
 mod local;
 mod mesh;
-mod mesh_stage;
+mod mesh_system;
 mod method;
 mod passes;
 pub(crate) mod square;

@@ -39,8 +39,8 @@ impl TimingCheck {
     }
 }
 
-/// Wake `ticks` times, a `tick_period` [s] apart, as the physics thread does; with a device, send zero forces and wait for
-/// each reply. Ends early when `stop` is set. This thread keeps the priority of the physics thread, so call it in a
+/// Wake `ticks` times, a `tick_period` [s] apart, as the physics thread does; with a device, send zero forces and wait
+/// for each reply. Ends early when `stop` is set. This thread keeps the priority of the physics thread, so call it in a
 /// thread of its own.
 ///
 /// # Errors

@@ -15,8 +15,8 @@ use crate::safety::{GuardedDevice, SafetyLimits, TripCause};
 
 /// Time over which the velocity of a key is averaged [s], because one step of a coarse sensor is not a speed.
 const VELOCITY_WINDOW: f64 = 5e-3;
-/// As parts of `Guide::half_travel`: the position at which the brake takes over, the predicted stopping position at which it
-/// takes over, and the position at which it lets go.
+/// As parts of `Guide::half_travel`: the position at which the brake takes over, the predicted stopping position at
+/// which it takes over, and the position at which it lets go.
 const BRAKE_POSITION: f64 = 0.6;
 const BRAKE_STOP_POSITION: f64 = 0.75;
 const RELEASE_POSITION: f64 = 0.3;
@@ -119,8 +119,8 @@ pub struct ExcitationResult {
     pub end: ExcitationEnd,
 }
 
-/// Push an axis with the forces of an excitation, then release it. Every row also goes into `row_sink`. This thread keeps
-/// the priority of the physics thread, so call it in a thread of its own.
+/// Push an axis with the forces of an excitation, then release it. Every row also goes into `row_sink`. This thread
+/// keeps the priority of the physics thread, so call it in a thread of its own.
 pub fn excite<D: Device>(
     device: D,
     excitation: &Excitation<'_>,

@@ -1,9 +1,9 @@
 //! Everything between the forces that physics asks for and a motor under a finger.
 //!
-//! [`GuardedDevice`] owns a device, and only this module can make a [`SafeForce`] that is not zero. For a device in lockstep,
-//! time is counted in ticks, so that the same positions give the same forces. For any other device, time is read from a
-//! clock, because the device keeps running while the host is stopped. A stopped host cannot guard anything; a device
-//! has its own watchdog for that. When the host continues, the clock shows that it was stopped.
+//! [`GuardedDevice`] owns a device, and only this module can make a [`SafeForce`] that is not zero. For a device in
+//! lockstep, time is counted in ticks, so that the same positions give the same forces. For any other device, time is
+//! read from a clock, because the device keeps running while the host is stopped. A stopped host cannot guard anything;
+//! a device has its own watchdog for that. When the host continues, the clock shows that it was stopped.
 
 mod clock;
 pub mod contract;
@@ -56,8 +56,8 @@ pub struct GuardedDevice<D: Device = Box<dyn Device>> {
     /// Why each axis is tripped, if it is; and which only the player can let push again.
     trips: [Option<TripCause>; MAX_AXES],
     latches: [TripLatch; MAX_AXES],
-    /// Whether [`GuardedDevice::stop`] stopped the forces; and whether the pipeline is stopped, by that call or by the stop
-    /// of the process.
+    /// Whether [`GuardedDevice::stop`] stopped the forces; and whether the pipeline is stopped, by that call or by the
+    /// stop of the process.
     is_stopped: bool,
     is_pipeline_stopped: bool,
     clock: SafetyClock,

@@ -15,7 +15,7 @@ use super::{Fault, Island, OnFault};
 use crate::law::Law;
 use crate::network::SpaceLaw;
 use crate::scheme::{LinkRun, LinkRunKind, Scheme};
-use crate::state::{Body, Target};
+use crate::state::{ImposedTarget, ModuleState};
 use link_account::{CheckedLink, LinkAccount};
 
 /// Longest run of laws with accounts: a longer one would take more time for its accounts than for its steps.
@@ -138,27 +138,27 @@ impl EnergyGains {
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
     #[inline(never)]
-    pub(super) fn step(&mut self, scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body) {
-        self.imposed_work.step(scheme, targets, body);
+    pub(super) fn step(&mut self, scheme: &Scheme, gates: &[f64], targets: &[ImposedTarget], modules: &ModuleState) {
+        self.imposed_work.step(scheme, targets, modules);
         if self.begins_at_next_step {
-            self.begin(scheme, gates, body);
+            self.begin(scheme, gates, modules);
             return;
         }
         for (link_account, link) in self.link_accounts.iter_mut().zip(&self.checked_links) {
-            link_account.step(link, scheme, gates, body);
+            link_account.step(link, scheme, gates, modules);
         }
         if let Some(pair_gains) = &mut self.pair_gains {
-            pair_gains.step(body);
+            pair_gains.step(modules);
         }
     }
 
     #[cold]
-    fn begin(&mut self, scheme: &Scheme, gates: &[f64], body: &Body) {
+    fn begin(&mut self, scheme: &Scheme, gates: &[f64], modules: &ModuleState) {
         for (link_account, link) in self.link_accounts.iter_mut().zip(&mut self.checked_links) {
-            link_account.begin(link, scheme, gates, body);
+            link_account.begin(link, scheme, gates, modules);
         }
         if let Some(pair_gains) = &mut self.pair_gains {
-            pair_gains.begin(body);
+            pair_gains.begin(modules);
         }
         self.begins_at_next_step = false;
     }
@@ -170,9 +170,9 @@ pub(super) fn is_active(law: &Law) -> bool {
 }
 
 /// Energy of all MATs, of what ties them to the ground, and of bodies by their modes [J].
-fn motion_energy(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
+fn motion_energy(scheme: &Scheme, bodies: &[RunningBody], modules: &ModuleState) -> f64 {
     let mat_energy = |i: usize| {
-        let (x, d) = (body.x[i] - scheme.rest[i], body.d[i]);
+        let (x, d) = (modules.x[i] - scheme.rest[i], modules.d[i]);
         0.5 * (d * d + scheme.kappa[i] * (x * (x - d))) / scheme.w[i]
     };
     let moving_mats = (0..scheme.n_mat()).filter(|&i| scheme.w[i] > 0.0);
@@ -199,7 +199,7 @@ impl Island {
             Some((pair_gains.first_link(), pair_gains.worst_gain()?))
         });
         let fine_gain = state
-            .matter
+            .mechanics
             .fine_links
             .iter()
             .filter_map(|fine_links| fine_links.stepped_points().worst_gain());
@@ -219,7 +219,7 @@ impl Island {
     pub(crate) fn energy_gains(&self) -> impl Iterator<Item = (String, EnergyGain)> {
         let link_gains = self.link_gains();
         let link_gains = link_gains.map(|(link, gain)| (self.network.link_name(link), gain));
-        let bodies = self.state.matter.bodies.iter();
+        let bodies = self.state.mechanics.bodies.iter();
         link_gains.chain(bodies.filter_map(|body| Some((body.first_moving_mat()?.0, body.energy_gain()?))))
     }
 
@@ -227,7 +227,7 @@ impl Island {
     /// it.
     pub(crate) fn has_energy_risen(&self) -> bool {
         let state = &self.state;
-        let fine_state = state.matter.fine_links.as_ref();
+        let fine_state = state.mechanics.fine_links.as_ref();
         let energy_rise = state.monitors.energy_rise.as_ref();
         fine_state.is_some_and(|fine_state| fine_state.stepped_points().worst_gain().is_some())
             || energy_rise.is_some_and(|energy_rise| energy_rise.worst_gain().is_some())
@@ -235,7 +235,7 @@ impl Island {
 
     /// Number of links and bodies that created energy.
     pub(crate) fn n_energy_gains(&self) -> usize {
-        let bodies = self.state.matter.bodies.iter();
+        let bodies = self.state.mechanics.bodies.iter();
         self.link_gains().count() + bodies.filter(|body| body.energy_gain().is_some()).count()
     }
 
@@ -254,12 +254,12 @@ impl Island {
             .changing_scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
-        let energy_now = motion_energy(frame_scheme, &state.matter.bodies, &state.matter.body);
+        let energy_now = motion_energy(frame_scheme, &state.mechanics.bodies, &state.mechanics.modules);
         let watched_links = state.monitors.energy_gains.iter().flat_map(|gains| {
             let imposed_work = gains.imposed_work.work_max();
             let watched_links = gains.link_accounts.iter().zip(&gains.checked_links);
             watched_links.map(move |(link_account, link)| {
-                let gain = link_account.energy_gain(link, &state.matter.body, (energy_now, imposed_work), 0);
+                let gain = link_account.energy_gain(link, &state.mechanics.modules, (energy_now, imposed_work), 0);
                 (matches!(link.run.kind, LinkRunKind::But(_)), gain)
             })
         });
@@ -288,7 +288,7 @@ impl Island {
             .changing_scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
-        let (body, bodies) = (&state.matter.body, &state.matter.bodies);
+        let (body, bodies) = (&state.mechanics.modules, &state.mechanics.bodies);
         let energy_now = || motion_energy(frame_scheme, bodies, body);
         let hand_bindings = &self.script.hand_bindings;
         // A part that a hand plays is not silenced where another one can be: its key would jump.
@@ -320,7 +320,7 @@ impl Island {
                 gain_faults.push((self.network.link_name(pair_gains.first_link()), part, gain));
             }
         }
-        if let Some(fine_state) = &mut state.matter.fine_links
+        if let Some(fine_state) = &mut state.mechanics.fine_links
             && let Some((gained_link, moved_mat, gain)) = fine_state
                 .stepped_points_mut()
                 .check_energy((energy_now, imposed_work), island_step)
@@ -332,7 +332,7 @@ impl Island {
                 gain,
             ));
         }
-        for body in &mut self.state.matter.bodies {
+        for body in &mut self.state.mechanics.bodies {
             if let Some(gain) = body.check_energy_gain(island_step).filter(EnergyGain::is_fault)
                 && let Some((module_name, part)) = body.first_moving_mat()
             {

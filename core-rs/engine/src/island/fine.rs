@@ -24,13 +24,13 @@ use std::sync::Arc;
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
 use crate::scheme::{LinkRun, LinkRunKind, Scheme};
-use crate::state::Body;
+use crate::state::ModuleState;
 use crowded::CrowdedMotion;
 use joint::Joint;
 use laws::{LawScript, LawState};
 pub(crate) use order::ContactOrder;
 use order::Stages;
-use script::Script;
+use script::FineScript;
 use slides::Frictions;
 use stepped_points::SteppedPoints;
 
@@ -44,7 +44,7 @@ pub(super) const OPEN_MARGIN: f64 = 1e-9;
 /// Running contacts and laws.
 #[derive(Clone, Debug)]
 pub(crate) struct FineLinks {
-    script: Arc<Script>,
+    script: Arc<FineScript>,
     law_script: Arc<LawScript>,
     /// Each law   (n_laws)
     laws: Vec<LawState>,
@@ -307,7 +307,7 @@ impl FineLinks {
     /// gate is open.
     pub(super) fn report_energies(
         &self,
-        body: &Body,
+        modules: &ModuleState,
         gate_opening: impl Fn(&LinkRun) -> f64,
         mut report_energy: impl FnMut(f64),
     ) {
@@ -318,7 +318,7 @@ impl FineLinks {
                 }
                 _ => {
                     let stiffness_ratio = if run.k == 0.0 { 1.0 } else { k / run.k };
-                    stiffness_ratio * run.potential_energy(run.elongation(0, |mat| body.x[mat]))
+                    stiffness_ratio * run.potential_energy(run.elongation(0, |mat| modules.x[mat]))
                 }
             };
             report_energy(gate_opening(run) * link_energy);
@@ -339,10 +339,10 @@ impl FineLinks {
     }
 
     /// Whether every contact stays open in this frame, with a margin of `OPEN_MARGIN`, if its points move freely.
-    pub(super) fn stays_open(&self, scheme: &Scheme, body: &Body) -> bool {
+    pub(super) fn stays_open(&self, scheme: &Scheme, modules: &ModuleState) -> bool {
         let is_open = |run: &LinkRun| {
-            let next_position = |mat: usize| kernel::predict_position(scheme, body, mat);
-            let distance_now = body.x[run.b] - body.x[run.a];
+            let next_position = |mat: usize| kernel::predict_position(scheme, modules, mat);
+            let distance_now = modules.x[run.b] - modules.x[run.a];
             let distance_next = next_position(run.b) - next_position(run.a);
             penetration_bound(run, distance_now - run.rest, distance_next - run.rest) < -OPEN_MARGIN
         };
@@ -370,28 +370,29 @@ impl FineLinks {
     }
 
     /// Set the state that frames with open contacts leave.
-    pub(super) fn set_open(&mut self, body: &mut Body) {
+    pub(super) fn set_open(&mut self, modules: &mut ModuleState) {
         self.may_close.fill(false);
         self.is_resting.fill(false);
         for run in &self.script.links {
-            body.link[run.first_link] = 0.0;
+            modules.link_forces[run.first_link] = 0.0;
         }
     }
 
     /// Record the forces that act over the whole frame: those of links and drives, before strikes are added.
-    pub(super) fn record_steady_forces(&mut self, scheme: &Scheme, body: &Body) {
-        self.stepped_points.count_step_work(scheme, body);
+    pub(super) fn record_steady_forces(&mut self, scheme: &Scheme, modules: &ModuleState) {
+        self.stepped_points.count_step_work(scheme, modules);
         for (joint, steady) in self.script.joints.iter().zip(&mut self.steady_forces) {
-            *steady = body.force[joint.mat];
+            *steady = modules.force[joint.mat];
         }
     }
 
     /// Add the forces that impulses of the previous frame carry over into this frame.
-    pub(super) fn apply_carried_forces(&mut self, body: &mut Body) {
-        self.stepped_points.record_carried_forces(&self.next_frame_forces, body);
+    pub(super) fn apply_carried_forces(&mut self, modules: &mut ModuleState) {
+        self.stepped_points
+            .record_carried_forces(&self.next_frame_forces, modules);
         for (joint, next_frame_force) in self.script.joints.iter().zip(&mut self.next_frame_forces) {
             if *next_frame_force != 0.0 {
-                body.push(joint.mat, std::mem::take(next_frame_force));
+                modules.push(joint.mat, std::mem::take(next_frame_force));
             }
         }
     }

@@ -13,7 +13,7 @@
 //! Each phase takes a value that only the phase before it returns, so no other order compiles. A step does not lock or
 //! panic, and it allocates only to record ergons.
 
-use super::phases::{Frame, set_inputs};
+use super::phases::{StepInProgress, set_inputs};
 use super::{Fault, Island, energy_account};
 use crate::interrupt;
 use crate::kernel::thread_team::ThreadTeam;
@@ -82,7 +82,7 @@ impl Island {
         let n = state.frame;
         let mut changing_scheme = state.parameters.changing_scheme.take();
         set_inputs(script, state, changing_scheme.as_deref_mut(), n);
-        let mut frame = Frame {
+        let mut frame = StepInProgress {
             n,
             script,
             scheme: changing_scheme.as_deref().unwrap_or(&script.scheme),

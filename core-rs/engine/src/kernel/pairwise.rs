@@ -18,7 +18,7 @@ pub(crate) use neighbours::Neighbours;
 
 use crate::network::{AXES_MAX, PairRun};
 use crate::scheme::LinkRun;
-use crate::state::Body;
+use crate::state::ModuleState;
 
 /// Coordinates of a point, or components of a force, and one more number, so that a single vector load takes all.
 type Quad = [f64; AXES_MAX + 1];
@@ -32,19 +32,19 @@ pub(super) fn add_pair_forces(
     run: &LinkRun,
     pair_run: &PairRun,
     gates: &[f64],
-    body: &mut Body,
+    modules: &mut ModuleState,
     (history_index, neighbours): (usize, &mut Neighbours),
 ) {
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let gated_k_and_z = [gate_opening * run.k, gate_opening * run.z];
-    let Body {
+    let ModuleState {
         x,
         d,
-        pair_force,
-        link,
-        histories,
+        pair_forces: pair_force,
+        link_forces: link,
+        contact_histories: histories,
         ..
-    } = body;
+    } = modules;
     let run_forces = &mut link[run.first_link..run.first_link + run.len];
     let history = &mut histories[history_index];
     history.begin_pass();

@@ -81,8 +81,8 @@ pub(in crate::plan) const CONVERGENCE_ORDERS: [f64; 2] = [0.5, 1.0];
 pub(in crate::plan) const ESTIMATE_MARGIN_DB: f64 = 3.5;
 /// A candidate may create this share of the energy that is there: half of what is reported.
 pub(in crate::plan) const CREATED_ENERGY_SHARE_MAX: f64 = 0.005;
-/// A run is first compared after one part in `EARLY_COMPARISON.0` of its first span; its difference there exceeds the final
-/// one by at most `EARLY_COMPARISON.1` [dB].
+/// A run is first compared after one part in `EARLY_COMPARISON.0` of its first span; its difference there exceeds the
+/// final one by at most `EARLY_COMPARISON.1` [dB].
 pub(in crate::plan) const EARLY_COMPARISON: (usize, f64) = (4, 12.0);
 /// Most steps a frame of a candidate that a plan may choose.
 pub(in crate::plan) const OVERSAMPLING_MAX: u32 = 8;

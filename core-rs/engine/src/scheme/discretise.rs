@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{FusedSprings, LinkRun, LinkRunKind, Scheme};
-use crate::cell::{self, Cell, Ratios};
+use crate::cell::{self, Cell, CellRatios};
 use crate::law::Law;
 use crate::network::forest::Forest;
 use crate::network::{But, Contact, Error, LinkKind, MatKind, Network, Run as NetworkRun};
@@ -77,7 +77,7 @@ fn set_masses(
         (scheme.w[i], cell_ratios) = match ca_rate(network, mats.part[i] as usize) {
             None if tie_discretisation == TieDiscretisation::Physical || has_negative_stiffness[i] => {
                 let w = rate.step() * rate.step() / m;
-                let cell_ratios = Ratios {
+                let cell_ratios = CellRatios {
                     kappa: k * w,
                     zeta: z * rate.step() / m,
                 };
@@ -91,7 +91,7 @@ fn set_masses(
             Some(design_rate) => {
                 // The number is M at the part's own rate, so m = M·T²; if `rate` is that rate, the factor is exactly 1.
                 let rate_ratio = design_rate.hertz() / rate.hertz();
-                let design_ratios = Ratios {
+                let design_ratios = CellRatios {
                     kappa: k / m,
                     zeta: z / m,
                 };
@@ -274,14 +274,14 @@ fn check_below_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Opt
 
 /// κ and ζ of a discrete CEL at another rate: from its poles if they have a pitch and a decay, else by M = m/T², Z =
 /// z/T.
-fn resampled(ratios: Ratios, design_rate: Rate, rate: Rate) -> Ratios {
+fn resampled(ratios: CellRatios, design_rate: Rate, rate: Rate) -> CellRatios {
     if design_rate.hertz() == rate.hertz() {
         return ratios;
     }
     let rate_ratio = design_rate.hertz() / rate.hertz();
     match ratios.pitch(design_rate) {
         Some((f, t60)) => cell::tune(f, t60.is_finite().then_some(t60), rate),
-        None => Ratios {
+        None => CellRatios {
             kappa: ratios.kappa * rate_ratio * rate_ratio,
             zeta: ratios.zeta * rate_ratio,
         },

@@ -280,7 +280,7 @@ impl InputState {
         drop(converter.map(rate::Converter::stop));
     }
 
-    /// Open the input again, at the rate that it had; otherwise return the feed.
+    /// Open the input again, at the rate that it had; otherwise return the ring writer.
     fn reopen(&self, ring_writer: RingWriter) -> Result<Box<dyn Source>, Option<Box<RingWriter>>> {
         let source_rate = self.report().0.rate;
         match connect(&self.spec, self.channels, &self.stream_state) {

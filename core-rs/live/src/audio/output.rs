@@ -181,7 +181,7 @@ impl Output {
         &self.state.stream_state
     }
 
-    /// Wait until the feed is closed and all of it was heard; false if `limit` passes first.
+    /// Wait until the ring writer is closed and all of it was heard; false if `limit` passes first.
     #[must_use]
     pub fn wait(&self, limit: Duration) -> bool {
         let deadline = Instant::now() + limit;

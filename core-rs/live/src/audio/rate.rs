@@ -23,8 +23,8 @@ pub(super) struct Converter {
     pub(super) latency: usize,
 }
 
-/// Put a converter from rate `input_rate` to rate `output_rate` behind the ring `inner`, for a reader that takes `block` frames at a
-/// time; returns the drain for that reader.
+/// Put a converter from rate `input_rate` to rate `output_rate` behind the ring `inner`, for a reader that takes
+/// `block` frames at a time; returns the ring reader for that reader.
 pub(super) fn convert_rate(
     mut inner: RingReader,
     input_rate: u32,
@@ -62,7 +62,7 @@ impl Converter {
         self.ring_thread.is_alive()
     }
 
-    /// Stop, and return the inner drain.
+    /// Stop, and return the inner ring reader.
     pub(super) fn stop(self) -> Option<RingReader> {
         let (mut ring_reader, _) = Box::new(self.ring_thread).stop();
         if let Some(ring_reader) = &mut ring_reader {

@@ -36,7 +36,7 @@ pub struct RingReader {
     silence_reported: bool,
     /// Frames that waited when a panic ended: they are dropped.
     outdated_frames: usize,
-    /// Whether this drain feeds the loudspeakers; the inner drain of a rate converter reports nothing.
+    /// Whether this reader feeds the loudspeakers; the inner ring reader of a rate converter reports nothing.
     feeds_device: bool,
     frame_counts: FrameCounts,
     /// Rate of the frames that are handed out [Hz].
@@ -209,7 +209,7 @@ impl RingReader {
         self.rate = rate.max(1);
     }
 
-    /// Say whether this drain feeds the loudspeakers; if not, it stands before another ring and reports nothing.
+    /// Say whether this reader feeds the loudspeakers; if not, it stands before another ring and reports nothing.
     pub(super) fn set_feeds_device(&mut self, outermost: bool) {
         self.feeds_device = outermost;
         self.start_counting(self.stream_state.played(), 1, 1);
@@ -225,7 +225,7 @@ impl RingReader {
         };
     }
 
-    /// The card behind this drain changed: the next frames rise from silence, if anything was heard before.
+    /// The card behind this ring reader changed: the next frames rise from silence, if anything was heard before.
     pub(super) fn restart_after_card_change(&mut self) {
         if self.phase != PlaybackPhase::Waiting {
             self.phase = PlaybackPhase::Underrun;
@@ -239,7 +239,7 @@ impl RingReader {
         self.samples.slots() / self.channels
     }
 
-    /// Whether the feed was closed and all frames were handed out.
+    /// Whether the ring writer was closed and all frames were handed out.
     #[must_use]
     pub fn has_ended(&self) -> bool {
         // `closed` is read first, so that everything pushed before closing is counted.
@@ -289,10 +289,10 @@ impl RingReader {
         self.fades.apply_mute(out);
     }
 
-    /// Drop what waits except for the last `kept_frames` frames; the next frames rise from silence.
-    pub(super) fn discard_excess(&mut self, kept_frames: usize) {
+    /// Drop what waits except for the last `frames_to_keep` frames; the next frames rise from silence.
+    pub(super) fn discard_excess(&mut self, frames_to_keep: usize) {
         let waiting = self.waiting_frames();
-        self.discard(waiting.saturating_sub(kept_frames));
+        self.discard(waiting.saturating_sub(frames_to_keep));
         self.fades.restart();
     }
 

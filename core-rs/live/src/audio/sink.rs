@@ -1,5 +1,5 @@
-//! What all outputs have in common: they are opened, started with a drain, and stopped; and the thread that some of
-//! them run.
+//! What all outputs have in common: they are opened, started with a ring reader, and stopped; and the thread that some
+//! of them run.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,7 +28,7 @@ pub(super) struct OpenedOutput {
 
 pub(super) type StartOutput = Box<dyn FnOnce(RingReader) -> Result<Box<dyn Sink>, OutputFailure> + Send>;
 
-/// The error of an output that did not start, with the drain if it comes back.
+/// The error of an output that did not start, with the ring reader if it comes back.
 pub(super) type OutputFailure = (Option<Box<RingReader>>, AudioError);
 
 /// An output that plays.
@@ -36,11 +36,11 @@ pub(super) trait Sink: Send {
     /// Whether it still takes frames; also updates its timing. Called a few times a second.
     fn is_alive(&mut self) -> bool;
 
-    /// Stop and give the drain back; the sentence says what went wrong, if anything.
+    /// Stop and give the ring reader back; the sentence says what went wrong, if anything.
     fn stop(self: Box<Self>) -> (Option<RingReader>, Option<String>);
 }
 
-/// A thread that works on one end of a ring: a drain or a feed.
+/// A thread that works on one end of a ring: a ring reader or a ring writer.
 pub(super) struct RingThread<R> {
     stop: Arc<AtomicBool>,
     thread: JoinHandle<(R, Option<String>)>,

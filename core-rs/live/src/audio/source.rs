@@ -1,4 +1,4 @@
-//! What all inputs have in common: they are opened, started with a feed, and stopped.
+//! What all inputs have in common: they are opened, started with a ring writer, and stopped.
 
 use super::AudioError;
 use super::ring::RingWriter;
@@ -15,7 +15,7 @@ pub(super) struct OpenedInput {
 
 pub(super) type StartInput = Box<dyn FnOnce(RingWriter) -> Result<Box<dyn Source>, InputFailure> + Send>;
 
-/// The error of an input that did not start, with the feed if it comes back.
+/// The error of an input that did not start, with the ring writer if it comes back.
 pub(super) type InputFailure = (Option<Box<RingWriter>>, AudioError);
 
 /// A running input.
@@ -26,6 +26,6 @@ pub(super) trait Source: Send {
     /// Frames from the microphone to the ring, as far as the server reports them.
     fn latency(&self) -> u32;
 
-    /// Stop, and give the feed back.
+    /// Stop, and give the ring writer back.
     fn stop(self: Box<Self>) -> Option<RingWriter>;
 }

@@ -120,7 +120,7 @@ impl StreamState {
         self.freewheel.store(is_on, Ordering::Release);
     }
 
-    /// Whether the feed was closed and its last frame went to the card.
+    /// Whether the ring writer was closed and its last frame went to the card.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.finished.load(Ordering::Acquire)
@@ -200,7 +200,7 @@ impl StreamState {
             .collect()
     }
 
-    /// Add an edge. Only the drain that feeds the loudspeakers calls this, so there is one writer.
+    /// Add an edge. Only the ring reader that feeds the loudspeakers calls this, so there is one writer.
     pub(super) fn add_edge(&self, frame: u64, silent: bool) {
         let edge_count = self.n_edges.load(Ordering::Relaxed);
         let packed_edge = frame << 1 | u64::from(silent);

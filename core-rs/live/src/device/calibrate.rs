@@ -183,9 +183,9 @@ pub enum DirectionError {
     SameDirection,
 }
 
-/// The directions in which positive forces move `axes`: 1 or -1 each, for [`AxisCalibration::sign`]. All axes are pushed at the
-/// same time, so that they take no longer than one. Exchanges every `period` [s]; once `stop` is set, the device counts
-/// as closed.
+/// The directions in which positive forces move `axes`: 1 or -1 each, for [`AxisCalibration::sign`]. All axes are
+/// pushed at the same time, so that they take no longer than one. Exchanges every `period` [s]; once `stop` is set, the
+/// device counts as closed.
 ///
 /// # Errors
 /// [`DeviceLoss`] when the device goes away; for an axis [`DirectionError`] if it does not move both ways.

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use ergon_engine::key_model::KeyModel;
 use ergon_engine::network::Network;
-use ergon_engine::simulation::{EmulatedKey, Motor};
+use ergon_engine::simulation::{EmulatedKey, KeyMotor};
 use ergon_engine::units::Rate;
 
 use super::firmware::{BoardConfig, Firmware};
@@ -30,7 +30,7 @@ pub struct EmulationOptions {
     /// The model by which the keys move, if they are not CELs.
     pub model: Option<KeyModel>,
     /// The network by which the keys move instead, as the key of a score, the MAT that takes the forces, and its motor.
-    pub network: Option<(Network, usize, Motor)>,
+    pub network: Option<(Network, usize, KeyMotor)>,
     /// Rate of the periods [Hz].
     pub rate: f64,
     /// Hands on the keys; keys beyond the end are free.
@@ -81,7 +81,8 @@ pub struct ServeSummary {
     pub hash: u64,
 }
 
-/// Serve until `seconds` are over, `should_continue` (called every 50 ms) returns false, or the host has gone and `once` is set.
+/// Serve until `seconds` are over, `should_continue` (called every 50 ms) returns false, or the host has gone and
+/// `once` is set.
 ///
 /// # Errors
 /// [`EmulateError`] if the device is impossible, or no port could be opened.

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
-use ergon_view::serve::{PageKey, PagePoints};
+use ergon_view::serve::{KeyPoints, PageKey};
 
 use super::arrival::{ArrivalHistograms, ArrivalTimes};
 use super::finger::{FIRMNESS_MAX, FingerConstants, HeldKey};
@@ -341,7 +341,7 @@ impl PageKey for PointerStream {
         self.options.key.range
     }
 
-    fn hold(&self) -> bool {
+    fn acquire(&self) -> bool {
         !self.is_present.swap(true, Ordering::AcqRel)
     }
 
@@ -349,11 +349,11 @@ impl PageKey for PointerStream {
         self.is_present()
     }
 
-    fn leave(&self) {
+    fn release(&self) {
         self.set_present(false);
     }
 
-    fn place(&self, age: f64, x: f64, pressure: Option<f64>) -> bool {
+    fn add_position(&self, age: f64, x: f64, pressure: Option<f64>) -> bool {
         let pointer_place = PointerPosition {
             time: self.now() - age,
             x,
@@ -363,14 +363,14 @@ impl PageKey for PointerStream {
         self.add_position(pointer_place).is_ok()
     }
 
-    fn refuse(&self) {
+    fn count_refused(&self) {
         self.feeder().tally.refused += 1;
     }
 
-    fn points(&self) -> PagePoints {
+    fn points(&self) -> KeyPoints {
         let [pointer, finger, key, force] =
             [0, 1, 2, 3].map(|point_index| f64::from_bits(self.points[point_index].load(Ordering::Relaxed)));
-        PagePoints {
+        KeyPoints {
             pointer,
             finger,
             key,
@@ -472,11 +472,11 @@ mod tests {
     #[test]
     fn page_holds_a_free_key() {
         let lead = lead("page:held", false);
-        lead.leave();
-        assert!(lead.hold() && !lead.hold());
+        lead.release();
+        assert!(lead.acquire() && !lead.acquire());
         assert!(lead.is_held());
-        lead.leave();
+        lead.release();
         assert!(!lead.is_held());
-        assert!(lead.hold() && !lead.hold());
+        assert!(lead.acquire() && !lead.acquire());
     }
 }

@@ -79,8 +79,8 @@ const DELAY_TOLERANCE: f64 = 0.05;
 
 /// The key of a device without hand or piece, in ticks of `tick_period` [s].
 ///
-/// If both the device and `measured_key` give a value, the less stable one counts (smaller mass and damping, longer delay):
-/// a calibration cannot make a key look safer than its device reports.
+/// If both the device and `measured_key` give a value, the less stable one counts (smaller mass and damping, longer
+/// delay): a calibration cannot make a key look safer than its device reports.
 pub(super) fn bare_key(
     spec: &crate::device::DeviceSpec,
     measured: Option<MeasuredKey>,

@@ -163,7 +163,7 @@ impl Player {
             tap: None,
             window: None,
             next_window: None,
-            piece: piece,
+            piece,
             slots,
             connections,
             clock,

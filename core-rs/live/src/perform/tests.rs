@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{OnFault, Options};
+use ergon_engine::simulation::{OnFault, SimulationOptions};
 use ergon_engine::timeline::{HandInterpolation, Timeline};
 use ergon_engine::units::Rate;
 
@@ -47,7 +47,7 @@ fn taken(path: &Path, n: usize) -> Vec<u32> {
     samples.map(|x| u32::from_le_bytes(x.try_into().unwrap())).collect()
 }
 
-const OPTIONS: Options = Options {
+const OPTIONS: SimulationOptions = SimulationOptions {
     ledger: false,
     record: false,
     on_fault: OnFault::Mute,

@@ -1,9 +1,9 @@
 //! What pages see of a performance while it plays.
 //!
-//! Once per video frame the physics thread copies the moving points into a picture (`DisplayWindow`). An ordinary thread makes
-//! chunks of the picture and gives them to the server of the pages (`WindowServer`), with the instant at which its frame is
-//! heard (`PlaybackTimes`). The physics thread never waits: while a picture has not been fetched, the next one is skipped
-//! and counted, and its contacts and levels are added to the one after.
+//! Once per video frame the physics thread copies the moving points into a picture (`DisplayWindow`). An ordinary
+//! thread makes chunks of the picture and gives them to the server of the pages (`WindowServer`), with the instant at
+//! which its frame is heard (`PlaybackTimes`). The physics thread never waits: while a picture has not been fetched,
+//! the next one is skipped and counted, and its contacts and levels are added to the one after.
 
 mod output_times;
 mod showing;
@@ -11,8 +11,8 @@ mod showing;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ergon_engine::simulation::{Glance, Look, Simulation};
-use ergon_view::record::{Recorder, Setup, add_squares};
+use ergon_engine::simulation::{MotionLook, MotionSnapshot, Simulation};
+use ergon_view::record::{Recorder, RecordingSetup, add_square_sums};
 use triple_buffer::{Input, Output, triple_buffer};
 
 pub use output_times::PlaybackTimes;
@@ -54,7 +54,7 @@ impl UnreportedStrikes {
 /// What the physics thread copies for pages.
 #[derive(Clone)]
 struct DisplayFrame {
-    glance: Glance,
+    glance: MotionSnapshot,
     /// Strikes since the previous picture: the first `n_strikes` entries are valid   (STRIKES_MAX)
     strikes: Vec<LiveStrike>,
     n_strikes: usize,
@@ -67,7 +67,7 @@ struct DisplayFrame {
 
 /// The physics thread's end of a window.
 pub struct DisplayWindow {
-    look: Look,
+    look: MotionLook,
     /// Pictures per audio frame.
     display_frames_per_frame: f64,
     /// Number of the last video frame for which a picture was due.
@@ -90,9 +90,13 @@ pub struct WindowReader {
 ///
 /// # Errors
 /// A sentence if there is too much to show.
-pub fn window_pair(simulation: &Simulation, look: Look, setup: Setup) -> Result<(DisplayWindow, WindowReader), String> {
+pub fn window_pair(
+    simulation: &Simulation,
+    look: MotionLook,
+    setup: RecordingSetup,
+) -> Result<(DisplayWindow, WindowReader), String> {
     let picture = DisplayFrame {
-        glance: Glance::new(simulation, &look),
+        glance: MotionSnapshot::new(simulation, &look),
         strikes: vec![LiveStrike::default(); STRIKES_MAX],
         n_strikes: 0,
         squares: vec![0.0; setup.n_speakers],
@@ -102,7 +106,7 @@ pub fn window_pair(simulation: &Simulation, look: Look, setup: Setup) -> Result<
     let (picture_input, pictures) = triple_buffer(&picture);
     let skipped = Arc::new(AtomicU64::new(0));
     let window = DisplayWindow {
-        display_frames_per_frame: setup.fps / simulation.rate(),
+        display_frames_per_frame: setup.looks_per_second / simulation.rate(),
         last_display_frame: None,
         squares: picture.squares,
         n_heard: 0,
@@ -123,7 +127,7 @@ impl DisplayWindow {
     /// (n_frames · n_speakers)
     pub(super) fn add_levels(&mut self, mixed: &[f64], is_heard: bool) {
         if is_heard {
-            self.n_heard += add_squares(&mut self.squares, mixed);
+            self.n_heard += add_square_sums(&mut self.squares, mixed);
         } else {
             self.n_heard += (mixed.len() / self.squares.len().max(1)) as u64;
         }
@@ -147,7 +151,7 @@ impl DisplayWindow {
             return;
         }
         let picture = self.display_frames.input_buffer_mut();
-        simulation.fill_glance(&self.look, &mut picture.glance);
+        simulation.fill_snapshot(&self.look, &mut picture.glance);
         picture.n_strikes = strikes.0.len();
         picture.strikes[..strikes.0.len()].copy_from_slice(&strikes.0);
         strikes.0.clear();

@@ -4,11 +4,11 @@
 //! A hand may push against a force at any time, and a hand that holds still looks like a frozen sensor. So watching
 //! alone proves nothing: the force is changed for some milliseconds, and the answer of the key decides. There are two
 //! ways. [`confirmation`] asks faint questions all the time, which hold for every hand but take 56 ms; [`lateness`]
-//! says how much depends on their being in time. [`observations`] watches for a key that runs away, or rests at a stop that
-//! the force pulls it away from, and a [`probe`] decides within 8 ms or 40 ms; only `WRONG_ANSWERS_MAX` wrong answers
-//! without a right one between them end the force, and questions without any other force then decide. Two observations
-//! count without an answer: a force of newtons that pushes a resting key further into its stop, and, where no questions
-//! are asked, a position that keeps its last bit while the force changes by newtons.
+//! says how much depends on their being in time. [`observations`] watches for a key that runs away, or rests at a stop
+//! that the force pulls it away from, and a [`probe`] decides within 8 ms or 40 ms; only `WRONG_ANSWERS_MAX` wrong
+//! answers without a right one between them end the force, and questions without any other force then decide. Two
+//! observations count without an answer: a force of newtons that pushes a resting key further into its stop, and, where
+//! no questions are asked, a position that keeps its last bit while the force changes by newtons.
 //!
 //! Time is counted in steps of about a millisecond, without a clock. But for pulses and probes the force is unchanged,
 //! to the last bit.

@@ -9,7 +9,7 @@ use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, new_joint, path_respo
 use super::laws::LawScript;
 use super::slides::Frictions;
 use super::stepped_points::SteppedPoints;
-use super::{FineLinks, FineWork, Script};
+use super::{FineLinks, FineScript, FineWork};
 use crate::island::StepNumbers;
 use crate::island::bodies::RunningBody;
 use crate::island::modal::RunningModal;
@@ -81,7 +81,7 @@ impl FineLinks {
         let products = |joint_responses: &[Vec<f64>]| joint_responses.iter().map(Vec::len).sum::<usize>() as u64;
         let impulse_products = path_responses.chunks(n_joints.max(1)).map(products).collect();
         let start_responses = start_responses(&path_responses, &joints, &basis);
-        let mut script = Script {
+        let mut script = FineScript {
             is_coupled: false,
             steps_min: steps.contact_substeps,
             contact_order: steps.contact_order,

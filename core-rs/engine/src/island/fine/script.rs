@@ -12,7 +12,7 @@ const UNCOUPLED_SHARE_MAX: f64 = 1e-6;
 
 /// The constant data of links and their points.
 #[derive(Clone, Debug)]
-pub(super) struct Script {
+pub(super) struct FineScript {
     /// Least number of steps a frame, and of steps per radian of a contact's own oscillation, for splitting of order 4.
     pub(super) steps_min: usize,
     /// The order of the splitting that steps closed contacts.
@@ -42,7 +42,7 @@ pub(super) struct Script {
     pub(super) free_path_products: u64,
 }
 
-impl Script {
+impl FineScript {
     /// Change of a link's rate of elongation by an impulse of the link [m/frame per N·s].
     pub(super) fn velocity_step(&self, a: usize, b: usize) -> f64 {
         self.velocity_step_between((a, b), (a, b))

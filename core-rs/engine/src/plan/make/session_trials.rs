@@ -1,5 +1,5 @@
-//! Islands of a session. What will strike them is not known, so no mode is left out; how finely contacts are computed is
-//! decided by a trial of their hardest strikes.
+//! Islands of a session. What will strike them is not known, so no mode is left out; how finely contacts are computed
+//! is decided by a trial of their hardest strikes.
 
 use super::PlanBuilder;
 use crate::assembly::assemble::{Assembled, AssemblyOptions, Stepping};
@@ -24,7 +24,8 @@ pub(in crate::plan) struct SessionTrial {
 const TRIALS_MAX: usize = 1_024;
 
 impl PlanBuilder<'_> {
-    /// The trials of this plan, then those of earlier ones that it did not need: a line may wait while others are planned.
+    /// The trials of this plan, then those of earlier ones that it did not need: a line may wait while others are
+    /// planned.
     pub(super) fn take_session_trials(&self) -> Vec<SessionTrial> {
         let mut trials = self.session_trials.take();
         for earlier_trial in self.earlier_trials {
@@ -57,8 +58,8 @@ impl PlanBuilder<'_> {
         Ok(ChosenIsland::unmeasured(island))
     }
 
-    /// What a trial of the hardest strikes decides, or decided for an earlier plan. Once the trials of a plan have taken
-    /// all that they may, the next plan goes on with them.
+    /// What a trial of the hardest strikes decides, or decided for an earlier plan. Once the trials of a plan have
+    /// taken all that they may, the next plan goes on with them.
     fn session_stepping(&self, subset: &Subset, island_timeline: &LocalTimeline) -> Option<Stepping> {
         let trial_timeline = LocalTimeline {
             timeline: island_timeline.timeline.closed_for_trial()?,

@@ -133,8 +133,8 @@ impl PlanBuilder<'_> {
         self.plan.refused_rates.truncate(stay_count);
     }
 
-    /// Sets what was just planned to be computed once in `frame_interval` frames. Returns false if it would then still take as
-    /// many steps as frames.
+    /// Sets what was just planned to be computed once in `frame_interval` frames. Returns false if it would then still
+    /// take as many steps as frames.
     fn set_frame_interval(&mut self, [first_unit, first_row, ..]: [usize; 4], frame_interval: u32) -> bool {
         for unit in &mut self.plan.units[first_unit..] {
             if let ComputationUnit::IslandPlan(island_plan) = unit {

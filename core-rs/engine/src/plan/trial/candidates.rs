@@ -26,8 +26,8 @@ const MESH_METHODS: [(MeshMethod, u32); 6] = [
 pub(in crate::plan) enum CostRule {
     /// The mean over all frames.
     Mean,
-    /// That of the busiest frames, as each block of a session has to be in time: steps cost the same at any time, what is
-    /// computed between frames costs most while contacts are closed.
+    /// That of the busiest frames, as each block of a session has to be in time: steps cost the same at any time, what
+    /// is computed between frames costs most while contacts are closed.
     Busiest,
 }
 

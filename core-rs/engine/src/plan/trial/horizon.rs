@@ -55,8 +55,8 @@ pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timelin
     harder_events.into_iter().flatten().reduce(f64::min)
 }
 
-/// The first instant after `measured_until` whose strength exceeds all until then by more than `HARDER_EVENT_RATIO`, of pairs
-/// (instant [s], strength); `None` if there is none, or nothing until then.
+/// The first instant after `measured_until` whose strength exceeds all until then by more than `HARDER_EVENT_RATIO`, of
+/// pairs (instant [s], strength); `None` if there is none, or nothing until then.
 fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, measured_until: f64) -> Option<f64> {
     let tried_events = events.clone().filter(|event| event.0 <= measured_until);
     let hardest = tried_events.map(|event| event.1).reduce(f64::max)?;

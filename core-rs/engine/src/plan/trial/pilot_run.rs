@@ -5,7 +5,7 @@ use crate::assembly::cost;
 use crate::assembly::cost_table::Costs;
 use crate::assembly::unit::IslandPlan;
 use crate::derivative::Derivatives;
-use crate::island::{Island, OnFault, Options, StepNumbers};
+use crate::island::{Island, OnFault, SimulationOptions, StepNumbers};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::plan::constants::{ENERGY_CHECKS_PER_RUN, EXCERPT_SECONDS_MAX, PILOT_SECONDS};
@@ -55,18 +55,18 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) is_unusable: bool,
     /// The largest share that an output hears of what it would hear if no motion were cancelled.
     pub(in crate::plan) loudest_share: f64,
-    pub(in crate::plan) energy_gains: EnergyGains,
+    pub(in crate::plan) energy_gains: EnergyGainShares,
 }
 
 /// The largest gain of energy by the errors of one link, relative to the energy of the island.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::plan) struct EnergyGains {
+pub(in crate::plan) struct EnergyGainShares {
     pub(in crate::plan) contact_share: f64,
     /// In the first half of the run, and in all of it.
     pub(in crate::plan) law_shares: [f64; 2],
 }
 
-impl EnergyGains {
+impl EnergyGainShares {
     fn update(&mut self, island: &Island, is_first_half: bool) {
         let [contacts, law_share] = island.created_shares();
         self.contact_share = self.contact_share.max(contacts);
@@ -293,7 +293,7 @@ impl<'a> WorkMeter<'a> {
 }
 
 fn started_island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         record: false,
         on_fault: OnFault::Mute,
@@ -327,8 +327,8 @@ pub(in crate::plan) fn play(
     play_perturbed(played_plan, excerpt, (excerpt.n_frames, 1.0), allowance)
 }
 
-/// The same, but stops as soon as `should_continue`, given the frames played and their sound, is false; `None` if it was
-/// stopped.
+/// The same, but stops as soon as `should_continue`, given the frames played and their sound, is false; `None` if it
+/// was stopped.
 ///
 /// # Errors
 ///
@@ -342,8 +342,8 @@ pub(in crate::plan) fn play_while(
     play_perturbed_while(played, excerpt, (excerpt.n_frames, 1.0), allowance, should_continue)
 }
 
-/// Plays an excerpt to its end; in the block that begins at frame `perturbation.0` all motion fades by the factor `perturbation.1` at
-/// each step.
+/// Plays an excerpt to its end; in the block that begins at frame `perturbation.0` all motion fades by the factor
+/// `perturbation.1` at each step.
 ///
 /// # Errors
 ///
@@ -384,7 +384,7 @@ fn play_perturbed_while(
         .map(|body| vec![0.0; body.n_modes()])
         .collect();
     let (mut touched_from, mut silence) = (None, SilentOutputs::new(island_plan, &island));
-    let mut created = EnergyGains::default();
+    let mut created = EnergyGainShares::default();
     let look_frames = (n_frames / ENERGY_CHECKS_PER_RUN).max(1);
     for first_frame in (0..n_frames).step_by(BLOCK_FRAMES) {
         if first_frame == nudge_frame {

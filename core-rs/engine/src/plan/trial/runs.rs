@@ -72,8 +72,8 @@ impl RunCache {
         Ok(full_run.unwrap_or_else(|| unreachable!("nothing ends it")))
     }
 
-    /// The same, but stops as soon as `should_continue`, given the frames played and their sound, is false; `None` if it was
-    /// stopped.
+    /// The same, but stops as soon as `should_continue`, given the frames played and their sound, is false; `None` if
+    /// it was stopped.
     ///
     /// # Errors
     ///

@@ -22,7 +22,7 @@ use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::candidates::{Candidate, CostRule, candidates, has_fine_links};
 use crate::plan::trial::chaos::{ChaoticComparison, ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{EnergyGains, PilotRun, is_affordable};
+use crate::plan::trial::pilot_run::{EnergyGainShares, PilotRun, is_affordable};
 use crate::plan::trial::reference::Reference;
 use crate::plan::trial::runs::RunCache;
 use crate::plan::trial::waveform_error::{
@@ -240,7 +240,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_,
         let [start_time, played_time] = [excerpt.first_frame, excerpt.n_frames].map(|n| n as f64 / self.spans.rate);
         let time_to_end = horizon::end_seconds(&self.reference.candidate.island.island_plan) - start_time;
         let length_ratio = (time_to_end / played_time).max(1.0);
-        let EnergyGains {
+        let EnergyGainShares {
             contact_share: contacts,
             law_shares: laws,
         } = run.energy_gains;

@@ -104,7 +104,8 @@ pub fn serve() -> io::Result<()> {
 fn guard_until_closed(line: &mut GuardianLine, service: &mut Service, lockstep: bool) {
     let mut rules = GuardianRules::new(lockstep, Instant::now());
     if !lockstep {
-        // A force that a former host left may still act. If this fails, the service is gone, which `pass_messages` detects.
+        // A force that a former host left may still act. If this fails, the service is gone, which `pass_messages`
+        // detects.
         let _ = service.command([0.0; 3]);
     }
     let Err(gone_cause) = pass_messages(line, service, &mut rules) else {

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use ergon_engine::maths;
 use ergon_engine::network::{Network, Tie};
-use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 
 use super::*;
@@ -39,7 +39,7 @@ fn emulated_key_equals_a_cel_bitwise() {
     network
         .spring("tie", cel_mat, other_mat, link_stiffness, 0.0, 0.0)
         .unwrap();
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         record: false,
         on_fault: OnFault::Stop,

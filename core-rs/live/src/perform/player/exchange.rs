@@ -27,7 +27,8 @@ impl Player {
         }
     }
 
-    /// Send the forces of the previous tick and receive positions; in the first tick `receive_first_positions` received them.
+    /// Send the forces of the previous tick and receive positions; in the first tick `receive_first_positions` received
+    /// them.
     pub(super) fn exchange_forces(&mut self) {
         if std::mem::take(&mut self.has_positions) {
             return;

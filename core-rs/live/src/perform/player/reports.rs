@@ -49,8 +49,8 @@ impl Player {
         }
     }
 
-    /// Note the load of the tick, which `tick_duration` this long, and report parts that were newly muted or computed finer, or
-    /// created energy.
+    /// Note the load of the tick, which `tick_duration` this long, and report parts that were newly muted or computed
+    /// finer, or created energy.
     pub(super) fn update_load(&mut self, tick_duration: Duration) {
         let tick_period = self.clock.period();
         let tick_load = tick_duration.as_secs_f64() / tick_period;

@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use ergon_view::payload::{Bytes, kind, put};
-use ergon_view::serve::{Keep, Server};
+use ergon_view::payload::{ByteWriter, kind, write_chunk};
+use ergon_view::serve::{Retention, Server};
 
 use super::{PlaybackTimes, WindowReader};
 use crate::safety;
@@ -136,20 +136,24 @@ impl WindowRelay {
         }
         recorder.record(&picture.glance);
         if !self.is_greeted {
-            hub.greet(&recorder.take());
+            hub.set_greeting(&recorder.take_bytes());
             self.is_greeted = true;
         }
         let mut live_chunks = recorder.take_live();
         if let Some(instant) = instant {
-            let mut clock_bytes = Bytes::default();
+            let mut clock_bytes = ByteWriter::default();
             clock_bytes.f64(instant);
             clock_bytes.f64(1.0);
-            put(&mut live_chunks.latest, kind::CLOCK, seconds, &clock_bytes.0);
+            write_chunk(&mut live_chunks.latest, kind::CLOCK, seconds, &clock_bytes.0);
         }
         if !live_chunks.events.is_empty() {
-            let keep_rule = if live_chunks.is_key { Keep::Key } else { Keep::All };
+            let keep_rule = if live_chunks.is_key {
+                Retention::KeyState
+            } else {
+                Retention::All
+            };
             hub.publish(&live_chunks.events, keep_rule);
         }
-        hub.publish(&live_chunks.latest, Keep::Latest);
+        hub.publish(&live_chunks.latest, Retention::Latest);
     }
 }

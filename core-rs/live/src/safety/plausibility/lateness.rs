@@ -41,8 +41,8 @@ pub(super) struct Lateness {
 }
 
 impl Lateness {
-    /// For steps of `step_seconds` [s] of a device that reports a `delay` [s], and the `work_max` [J] and `power` [W] that its
-    /// motor may give to a hand at once and for long.
+    /// For steps of `step_seconds` [s] of a device that reports a `delay` [s], and the `work_max` [J] and `power` [W]
+    /// that its motor may give to a hand at once and for long.
     pub(super) fn new(step: f64, delay: f64, energy: f64, power: f64) -> Self {
         let lag_steps = |lag: f64| (((lag + delay) / step).round() as usize).min(FORCES_STORED - 1);
         Self {

@@ -75,7 +75,7 @@ impl Probe {
     pub(super) fn new(
         kind: Suspicion,
         direction: f64,
-        signs: &AxisObservations,
+        observations: &AxisObservations,
         force: f64,
         axis: &AxisParameters,
     ) -> Self {
@@ -97,7 +97,7 @@ impl Probe {
             free_velocity: 0.0,
             free_displacement: 0.0,
         };
-        probe.begin(signs, force, axis);
+        probe.begin(observations, force, axis);
         probe
     }
 
@@ -114,28 +114,33 @@ impl Probe {
         }
     }
 
-    fn begin(&mut self, signs: &AxisObservations, force: f64, axis: &AxisParameters) {
-        let (v, a) = (signs.velocity(axis), signs.acceleration(axis));
+    fn begin(&mut self, observations: &AxisObservations, force: f64, axis: &AxisParameters) {
+        let (v, a) = (observations.velocity(axis), observations.acceleration(axis));
         self.unprobed_course = match self.suspicion {
             // The mean velocity over `VELOCITY_STEPS` steps is the velocity of half as many steps ago.
             Suspicion::Runaway => [
-                signs.positions[0],
+                observations.positions[0],
                 v + 0.5 * VELOCITY_STEPS as f64 * axis.step_seconds * a,
                 a,
             ],
-            Suspicion::PulledFromStop => [signs.positions[0], 0.0, 0.0],
+            Suspicion::PulledFromStop => [observations.positions[0], 0.0, 0.0],
         };
         (self.steps, self.initial_force) = (0, force);
         (self.free_velocity, self.free_displacement) = (0.0, 0.0);
     }
 
-    /// Advance by a step: `signs` has the position of the key, `sent_force` is the force sent.
-    pub(super) fn step(&mut self, signs: &AxisObservations, sent_force: f64, axis: &AxisParameters) -> ProbeAnswer {
+    /// Advance by a step: `observations` has the position of the key, `sent_force` is the force sent.
+    pub(super) fn step(
+        &mut self,
+        observations: &AxisObservations,
+        sent_force: f64,
+        axis: &AxisParameters,
+    ) -> ProbeAnswer {
         if self.steps_to_settle > 0 {
             self.steps_to_settle -= 1;
             if self.steps_to_settle == 0 {
-                self.direction = if signs.velocity(axis) < 0.0 { -1.0 } else { 1.0 };
-                self.begin(signs, sent_force, axis);
+                self.direction = if observations.velocity(axis) < 0.0 { -1.0 } else { 1.0 };
+                self.begin(observations, sent_force, axis);
             }
             return ProbeAnswer::Waiting;
         }
@@ -151,7 +156,7 @@ impl Probe {
         self.free_velocity += pushing_force / axis.mass * axis.step_seconds;
         self.free_displacement += self.free_velocity * axis.step_seconds;
         let [x, v, a] = self.unprobed_course;
-        let deviation = signs.positions[0] - (x + (v + 0.5 * a * t) * t);
+        let deviation = observations.positions[0] - (x + (v + 0.5 * a * t) * t);
         let least_deviation = ANSWER_DEVIATION_MIN.max(3.0 * axis.resolution);
         // Nothing can be told if the force hardly changed, if the sensor does not change, or if the deviation is a
         // small part of the displacement of a free key: a hand moves that much meanwhile.
@@ -161,7 +166,7 @@ impl Probe {
         } else {
             ANSWER_SHARES.0
         };
-        let is_clear = deviation.abs() >= least_deviation.max(path_share * free_path.abs()) && !signs.is_still();
+        let is_clear = deviation.abs() >= least_deviation.max(path_share * free_path.abs()) && !observations.is_still();
         if is_clear && deviation * free_path > 0.0 && free_path.abs() >= 0.3 * least_deviation {
             return ProbeAnswer::Right;
         }

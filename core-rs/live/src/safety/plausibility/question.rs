@@ -131,8 +131,8 @@ pub(super) struct Questions {
 }
 
 impl Questions {
-    /// For steps of `step_seconds` [s] and an axis of `mass` [kg] whose sensor has steps of `resolution` [m] and whose device
-    /// reports a `delay` [s].
+    /// For steps of `step_seconds` [s] and an axis of `mass` [kg] whose sensor has steps of `resolution` [m] and whose
+    /// device reports a `delay` [s].
     pub(super) fn new(step: f64, mass: f64, resolution: f64, delay: f64) -> Self {
         Self {
             step_seconds: step,
@@ -174,8 +174,8 @@ impl Questions {
         self.is_idle() && self.quiet_steps > WEIGHTED_POSITIONS + CALM_STEPS
     }
 
-    /// Begin a question with at most `force` [N], if the part `pass_share` of a force reaches the key. Where `is_doubtful`,
-    /// its sign is drawn.
+    /// Begin a question with at most `force` [N], if the part `pass_share` of a force reaches the key. Where
+    /// `is_doubtful`, its sign is drawn.
     pub(super) fn begin(&mut self, force: f64, pass_share: f64, is_doubtful: bool) {
         let [least_pulse, greatest_pulse] = PULSE_FORCE_RANGE;
         let clear_force =
@@ -215,8 +215,8 @@ impl Questions {
             .max(NOISE_FACTOR * self.noise_sum)
     }
 
-    /// Take the position of a step [m], and the force `sent_range` before it [N]; returns the answer when a question is over.
-    /// Where `is_doubtful`, a right answer has to be greater than what comes later.
+    /// Take the position of a step [m], and the force `sent_range` before it [N]; returns the answer when a question is
+    /// over. Where `is_doubtful`, a right answer has to be greater than what comes later.
     pub(super) fn add_step(&mut self, x: f64, sent_force: f64, is_doubtful: bool) -> Option<QuestionAnswer> {
         if self.quiet_steps == 0 && self.active_question.is_none() {
             self.positions = [x; WEIGHTED_POSITIONS];

@@ -23,8 +23,8 @@ const PUSH_FORCE_MIN: f64 = 2.0;
 /// Time for which a position keeps its last bit before a question is asked [s], and least force for that [N].
 const STILL_SECONDS: f64 = 0.09;
 const STILL_FORCE_MIN: f64 = 0.3;
-/// Where no questions are asked, a position that keeps its last bit is a fault after `FORCE_CHANGE_SECONDS` [s] if the force,
-/// averaged over `FORCE_SMOOTHING_SECONDS` [s], changed by `FORCE_CHANGE_MIN` [N] meanwhile.
+/// Where no questions are asked, a position that keeps its last bit is a fault after `FORCE_CHANGE_SECONDS` [s] if the
+/// force, averaged over `FORCE_SMOOTHING_SECONDS` [s], changed by `FORCE_CHANGE_MIN` [N] meanwhile.
 const FORCE_SMOOTHING_SECONDS: f64 = 0.02;
 const FORCE_CHANGE_MIN: f64 = 1.0;
 const FORCE_CHANGE_SECONDS: f64 = 0.05;

@@ -2,7 +2,7 @@
 
 use super::tables::{Division, LawScript, MotionWeights};
 use super::{GAUSS_WEIGHTS, STAGES, StageMatrix, StageValues, inverse};
-use crate::island::fine::Script;
+use crate::island::fine::FineScript;
 use crate::island::fine::basis::dot;
 use crate::law::{PLACES, Places, TangentScratch};
 use crate::network::Bristle;
@@ -123,7 +123,7 @@ impl InstantLaw<'_> {
 }
 
 impl LawScript {
-    pub(in crate::island::fine) fn build_states(&self, script: &Script) -> Vec<LawState> {
+    pub(in crate::island::fine) fn build_states(&self, script: &FineScript) -> Vec<LawState> {
         let state = |&link: &usize| {
             let mut state = LawState {
                 relative_path: vec![0.0; script.basis.n_polynomials()],

@@ -1,7 +1,7 @@
 //! Constant tables of laws between frames: the response of each law's elongation to the forces of the others.
 
 use super::{DEVIATION_MAX, GAUSS_POINTS, GAUSS_WEIGHTS, PARTS_UNSCALED_MAX, STAGES, StageMatrix, StageValues};
-use crate::island::fine::Script;
+use crate::island::fine::FineScript;
 use crate::island::fine::basis::{Instant, POLYNOMIALS_MAX, dot};
 use crate::scheme::LinkRunKind;
 
@@ -51,7 +51,7 @@ pub(in crate::island::fine) struct LawScript {
 }
 
 impl LawScript {
-    pub(in crate::island::fine) fn new(script: &Script) -> Self {
+    pub(in crate::island::fine) fn new(script: &FineScript) -> Self {
         let is_law =
             |index: &usize| !matches!(script.links[*index].kind, LinkRunKind::But(_) | LinkRunKind::Dry { .. });
         let links: Vec<usize> = (0..script.links.len()).filter(is_law).collect();
@@ -92,7 +92,7 @@ impl LawScript {
 }
 
 impl Division {
-    fn new(script: &Script, pairs: &[[(usize, usize); 2]], parts: usize) -> Self {
+    fn new(script: &FineScript, pairs: &[[(usize, usize); 2]], parts: usize) -> Self {
         let (n_instants, part_length) = (script.basis.n_polynomials(), 1.0 / parts as f64);
         let gauss_instants: Vec<f64> = (0..parts)
             .flat_map(|part| GAUSS_POINTS.map(|c| (part as f64 + c) * part_length))
@@ -174,7 +174,7 @@ fn lagrange<const N: usize>(s: f64, points: [f64; N]) -> [f64; N] {
     point_shares
 }
 
-impl Script {
+impl FineScript {
     /// Response of the elongation between `moved_ends`, and of its rate, to the force of a law between `pushed_ends`,
     /// at the Gauss points of a part of `h` frames.
     fn force_response(&self, [moved_ends, pushed_ends]: [(usize, usize); 2], h: f64) -> [StageMatrix; 2] {
@@ -199,7 +199,8 @@ impl Script {
         coefficients
     }
 
-    /// Response of the elongation between `moved_end` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law between
+    /// Response of the elongation between `moved_end` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law
+    /// between
     /// `pushed_end`.
     pub(in crate::island::fine) fn elongation_response(
         &self,
