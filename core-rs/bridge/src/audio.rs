@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use ergon_live::audio::{self, AudioError, Feed, Info, Output, Spec};
+use ergon_live::audio::{self, AudioError, AudioSpec, Output, OutputInfo, RingWriter};
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -25,7 +25,7 @@ fn failed(error: AudioError) -> PyErr {
 #[pyclass(module = "ergon._core")]
 pub(crate) struct AudioOut {
     /// Only accessed through `&mut self`, never locked; the mutex only makes the type `Sync`.
-    feed: Mutex<Feed>,
+    ring_writer: Mutex<RingWriter>,
     output: Output,
     n_channels: usize,
 }
@@ -35,7 +35,7 @@ impl AudioOut {
     #[new]
     #[pyo3(signature = (spec, rate, n_channels, capacity = 4096))]
     fn new(py: Python<'_>, spec: &str, rate: u32, n_channels: usize, capacity: usize) -> PyResult<Self> {
-        let spec: Spec = spec.parse().map_err(failed)?;
+        let spec: AudioSpec = spec.parse().map_err(failed)?;
         if !(1..=audio::CHANNELS_MAX).contains(&n_channels) || rate == 0 {
             let channel_limit = audio::CHANNELS_MAX;
             return Err(plain_error(format!(
@@ -43,10 +43,10 @@ impl AudioOut {
             )));
         }
         py.detach(|| {
-            let (frame_feed, frame_drain) = audio::ring(n_channels, capacity);
-            let output = audio::open(&spec, rate, n_channels, frame_drain)?;
+            let (frame_writer, frame_reader) = audio::ring(n_channels, capacity);
+            let output = audio::open(&spec, rate, n_channels, frame_reader)?;
             Ok(Self {
-                feed: Mutex::new(frame_feed),
+                ring_writer: Mutex::new(frame_writer),
                 output,
                 n_channels,
             })
@@ -57,26 +57,26 @@ impl AudioOut {
     /// Free frames of the ring.
     #[getter]
     fn room(&mut self) -> usize {
-        self.feed().room()
+        self.ring_writer().free_frames()
     }
 
     /// Begin, and begin again after an underrun, once the ring holds `n_frames`.
     fn set_prefill(&mut self, n_frames: usize) {
-        self.feed().set_prefill(n_frames);
+        self.ring_writer().set_prefill(n_frames);
     }
 
     /// Write frames (n_frames, n_channels) without waiting; the number of frames that were taken.
     fn push(&mut self, frames: PyReadonlyArray2<'_, f32>) -> PyResult<usize> {
         let frames = rows(&frames, "frames", self.n_channels)?;
-        Ok(self.feed().push(frames))
+        Ok(self.ring_writer().push(frames))
     }
 
     /// Write all frames (n_frames, n_channels), waiting for room.
     fn play(&mut self, py: Python<'_>, frames: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
         let mut frames = rows(&frames, "frames", self.n_channels)?;
         while !frames.is_empty() {
-            let frame_feed = self.feed();
-            frames = py.detach(|| pushed(frame_feed, frames));
+            let frame_writer = self.ring_writer();
+            frames = py.detach(|| pushed(frame_writer, frames));
             py.check_signals()?;
         }
         Ok(())
@@ -84,7 +84,7 @@ impl AudioOut {
 
     /// Mark the end and wait until all frames were heard; False if `limit` [s] passes first.
     fn finish(&mut self, py: Python<'_>, limit: f64) -> PyResult<bool> {
-        self.feed().close();
+        self.ring_writer().close();
         let deadline = Instant::now() + Duration::from_secs_f64(limit.clamp(0.0, 1e6));
         loop {
             let audio_output = &self.output;
@@ -106,24 +106,24 @@ impl AudioOut {
 
     /// Silence within 5 ms, until `release`.
     fn panic(&self) {
-        self.output.shared().panic();
+        self.output.stream_state().panic();
     }
 
     /// Sound again, faded in.
     fn release(&self) {
-        self.output.shared().release();
+        self.output.stream_state().release();
     }
 
     /// Where the frames go.
     #[getter]
     fn info(&self) -> AudioInfo {
-        let Info {
+        let OutputInfo {
             backend,
             device,
             rate,
             block,
             latency_s,
-            sentence,
+            description: sentence,
             ..
         } = self.output.info();
         AudioInfo {
@@ -152,60 +152,60 @@ impl AudioOut {
     /// Whether a card or server takes frames.
     #[getter]
     fn alive(&self) -> bool {
-        self.output.shared().is_alive()
+        self.output.stream_state().is_alive()
     }
 
     /// Whether the JACK server runs as fast as it can.
     #[getter]
     fn freewheeling(&self) -> bool {
-        self.output.shared().freewheeling()
+        self.output.stream_state().freewheeling()
     }
 
     /// Number of underruns.
     #[getter]
     fn underruns(&self) -> u64 {
-        self.output.shared().underruns()
+        self.output.stream_state().underruns()
     }
 
     /// Frames of silence that underruns put in.
     #[getter]
     fn missing(&self) -> u64 {
-        self.output.shared().missing()
+        self.output.stream_state().missing_frames()
     }
 
     /// Frames of the score that went to the card.
     #[getter]
     fn played(&self) -> u64 {
-        self.output.shared().played()
+        self.output.stream_state().played()
     }
 
     /// Frames that a panic threw away.
     #[getter]
     fn discarded(&self) -> u64 {
-        self.output.shared().discarded()
+        self.output.stream_state().discarded_frames()
     }
 
     /// Late cycles that the server, the card or the silent clock reported.
     #[getter]
     fn xruns(&self) -> u64 {
-        self.output.shared().xruns()
+        self.output.stream_state().xruns()
     }
 }
 
 impl AudioOut {
-    fn feed(&mut self) -> &mut Feed {
-        let lock_result = self.feed.get_mut();
+    fn ring_writer(&mut self) -> &mut RingWriter {
+        let lock_result = self.ring_writer.get_mut();
         lock_result.unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// Push frames for at most `CHECK_INTERVAL`; returns those that are left.
-fn pushed<'a>(feed: &mut Feed, mut frames: &'a [f32]) -> &'a [f32] {
+fn pushed<'a>(ring_writer: &mut RingWriter, mut frames: &'a [f32]) -> &'a [f32] {
     let deadline = Instant::now() + CHECK_INTERVAL;
     while !frames.is_empty() && Instant::now() < deadline {
-        match feed.push(frames) {
+        match ring_writer.push(frames) {
             0 => std::thread::sleep(POLL_INTERVAL),
-            taken => frames = &frames[taken * feed.channels()..],
+            taken => frames = &frames[taken * ring_writer.channels()..],
         }
     }
     frames
@@ -225,7 +225,7 @@ pub(crate) fn play_frames(
     audio_output.play(py, frames)?;
     let seconds = n_frames as f64 / f64::from(rate);
     let is_complete = audio_output.finish(py, seconds + 10.0)?;
-    let sentence = audio_output.output.info().sentence;
+    let sentence = audio_output.output.info().description;
     audio_output.close(py)?;
     if is_complete {
         Ok(sentence)

@@ -11,7 +11,7 @@ use crate::words;
 #[pyfunction]
 pub(crate) fn path_values(points: Vec<(f64, f64, String)>, instants: Vec<f64>) -> PyResult<Vec<f64>> {
     let read_point = |(t, x, curve): &(f64, f64, String)| {
-        let Approach::Path(curve) = word("curve", curve, words::WAYS)? else {
+        let Approach::Path(curve) = word("curve", curve, words::APPROACHES)? else {
             return Err(module_error(
                 "path_values",
                 "a throw has no path of its own; choose smooth, line or hold",

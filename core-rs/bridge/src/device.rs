@@ -5,12 +5,12 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use ergon_live::device::calibrate::{self, Axis, DirectionError, Pulse};
+use ergon_live::device::calibrate::{self, AxisCalibration, DirectionError, TestPulse};
 use ergon_live::device::ports;
-use ergon_live::device::{self as live, Device as _, Gone, Stats, Unit, Url};
-use ergon_live::doctor::{self, Checkup as Measured};
-use ergon_live::realtime::Granted;
-use ergon_live::safety::{Guarded, Limits};
+use ergon_live::device::{self as live, Device as _, DeviceLoss, DeviceUrl, Unit, WireStats};
+use ergon_live::doctor::{self, TimingCheck as Measured};
+use ergon_live::realtime::GrantedScheduling;
+use ergon_live::safety::{GuardedDevice, SafetyLimits};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
@@ -28,7 +28,7 @@ pub(crate) type AxisTuple = (usize, f64, f64, f64, (f64, f64), f64);
 pub(crate) type BoxedDevice = Box<dyn live::Device>;
 
 /// The calibration of an axis; EngineError if its values are impossible.
-pub(crate) fn axis(calibration: AxisTuple) -> PyResult<(usize, Axis)> {
+pub(crate) fn axis(calibration: AxisTuple) -> PyResult<(usize, AxisCalibration)> {
     let (axis_number, sign, offset, gain, (range_low, range_high), force_max) = calibration;
     let is_possible = sign.abs() == 1.0
         && [offset, gain, range_low, range_high, force_max]
@@ -41,7 +41,7 @@ pub(crate) fn axis(calibration: AxisTuple) -> PyResult<(usize, Axis)> {
         return Err(module_error("calibration", "the calibration of an axis is impossible"));
     }
     let range = [range_low, range_high];
-    let calibrated_axis = Axis {
+    let calibrated_axis = AxisCalibration {
         sign,
         offset,
         gain,
@@ -129,15 +129,17 @@ pub(crate) fn serial_identity(py: Python<'_>, path: &str) -> Option<String> {
 #[pyfunction]
 pub(crate) fn checkup(py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
     let ticks = ticks(seconds, period)?;
-    let checkup = run_in_thread(py, |stop| doctor::checkup::<BoxedDevice>(None, period, ticks, stop))?;
-    Ok(Checkup::new(checkup.map_err(plain_error)?, Stats::default()))
+    let checkup = run_in_thread(py, |stop| {
+        doctor::check_timing::<BoxedDevice>(None, period, ticks, stop)
+    })?;
+    Ok(Checkup::new(checkup.map_err(plain_error)?, WireStats::default()))
 }
 
 /// An open device, for tests and calibration.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Device {
     device: Mutex<Option<BoxedDevice>>,
-    spec: live::Spec,
+    spec: live::DeviceSpec,
 }
 
 #[pymethods]
@@ -145,7 +147,7 @@ impl Device {
     #[new]
     #[pyo3(signature = (url, calibration = Vec::new()))]
     fn new(py: Python<'_>, url: &str, calibration: Vec<AxisTuple>) -> PyResult<Self> {
-        let url = Url::parse(url).map_err(plain_error)?;
+        let url = DeviceUrl::parse(url).map_err(plain_error)?;
         guardian::register_guardian(py);
         let calibrated_axes = calibration.into_iter().map(axis).collect::<PyResult<Vec<_>>>()?;
         let opened_device = py
@@ -232,11 +234,11 @@ impl Device {
     /// Send zero forces every `period` [s] for `seconds` [s], and time the replies.
     fn checkup(&self, py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
         let ticks = ticks(seconds, period)?;
-        let (checkup, device_stats) = self.with(py, |device, stop| -> (Result<_, Gone>, Stats) {
-            let device_limits = Limits::from_spec(device.spec());
-            let mut guarded = Guarded::new(device, device_limits, period);
-            let checkup = doctor::checkup(Some(&mut guarded), period, ticks, stop);
-            (checkup, guarded.device().stats())
+        let (checkup, device_stats) = self.with(py, |device, stop| -> (Result<_, DeviceLoss>, WireStats) {
+            let device_limits = SafetyLimits::from_spec(device.spec());
+            let mut guarded_device = GuardedDevice::new(device, device_limits, period);
+            let checkup = doctor::check_timing(Some(&mut guarded_device), period, ticks, stop);
+            (checkup, guarded_device.device().stats())
         })?;
         Ok(Checkup::new(checkup.map_err(plain_error)?, device_stats))
     }
@@ -275,9 +277,9 @@ impl Device {
         for &axis in axes {
             self.check_axis(axis)?;
         }
-        let test_pulse = Pulse::from_spec(&self.spec);
+        let test_pulse = TestPulse::from_spec(&self.spec);
         self.with(py, |device, stop| {
-            calibrate::directions(device, axes, test_pulse, period, stop)
+            calibrate::find_directions(device, axes, test_pulse, period, stop)
         })?
         .map_err(plain_error)
     }
@@ -297,11 +299,11 @@ impl Device {
     }
 }
 
-/// Timings that `checkup` measured.
+/// Timings that `check_timing` measured.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Checkup {
     measured: Measured,
-    stats: Stats,
+    stats: WireStats,
 }
 
 #[pymethods]
@@ -309,13 +311,16 @@ impl Checkup {
     /// SCHED_FIFO priority that the thread got; None: no real-time priority.
     #[getter]
     fn priority(&self) -> Option<i32> {
-        self.measured.granted.fifo
+        self.measured.granted.fifo_priority
     }
 
     /// Whether memory is locked in RAM.
     #[getter]
     fn locked(&self) -> bool {
-        let Granted { locked, .. } = self.measured.granted;
+        let GrantedScheduling {
+            is_memory_locked: locked,
+            ..
+        } = self.measured.granted;
         locked
     }
 
@@ -355,7 +360,7 @@ impl Checkup {
 }
 
 impl Checkup {
-    fn new(measured: Measured, stats: Stats) -> Self {
+    fn new(measured: Measured, stats: WireStats) -> Self {
         Self { measured, stats }
     }
 }

@@ -4,21 +4,23 @@ use std::cell::RefCell;
 use std::time::Duration;
 
 use ergon_engine::key_model::KeyModel;
-use ergon_engine::simulation::Motor;
-use ergon_live::emulate::{BoardConfig, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
+use ergon_engine::simulation::KeyMotor;
+use ergon_live::emulate::{
+    BoardConfig, EmulatedHand, EmulationOptions, KeyConstants, Protocol, ServeEvent, ServeSummary, Transport, serve,
+};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::error::{module_error, word};
 use crate::network::Network;
-use crate::words::Words;
+use crate::words::WordTable;
 
-pub(crate) const PROTOCOLS: Words<Protocol> = &[
+pub(crate) const PROTOCOLS: WordTable<Protocol> = &[
     ("firefader", Protocol::FireFader),
     ("frame", Protocol::Frame),
     ("haply", Protocol::Haply),
 ];
-const TRANSPORTS: Words<fn(u16) -> Transport> = &[
+const TRANSPORTS: WordTable<fn(u16) -> Transport> = &[
     ("pty", |_| Transport::Terminal),
     ("udp", Transport::Udp),
     ("ws", Transport::WebSocket),
@@ -61,13 +63,13 @@ pub(crate) fn emulate(
     let model = model.map(|row| KeyModel::from_row(&row.as_array().to_vec()));
     let model = model.transpose().map_err(|error| module_error("emulate", error))?;
     let watchdog = Duration::try_from_secs_f64(watchdog);
-    let key = Key {
+    let key = KeyConstants {
         mass,
         stiffness,
         damping,
         range: [-0.5 * travel, 0.5 * travel],
     };
-    let options = Options {
+    let options = EmulationOptions {
         board: BoardConfig {
             protocol: word("protocol", protocol, PROTOCOLS)?,
             lockstep,
@@ -78,7 +80,7 @@ pub(crate) fn emulate(
             seed,
             force_step,
             watchdog: watchdog.map_err(|_| module_error("watchdog", "must be a time of at least zero"))?,
-            reported: [mass, damping],
+            reported_constants: [mass, damping],
             range: key.range,
         },
         transport: word("transport", transport, TRANSPORTS)?(port),
@@ -86,7 +88,7 @@ pub(crate) fn emulate(
         key,
         model,
         network: network.map(|(network, struck, constant_force, delay)| {
-            (network.0.clone(), struck, Motor { delay, constant_force })
+            (network.0.clone(), struck, KeyMotor { delay, constant_force })
         }),
         rate,
         hands: paths.iter().map(|path| hand_on_path(path, hand)).collect(),
@@ -97,19 +99,19 @@ pub(crate) fn emulate(
 }
 
 /// The hand that follows `path`; an empty path is a resting finger.
-fn hand_on_path(path: &PyReadonlyArray1<'_, f64>, (stiffness, damping): (f64, f64)) -> Hand {
+fn hand_on_path(path: &PyReadonlyArray1<'_, f64>, (stiffness, damping): (f64, f64)) -> EmulatedHand {
     let path = path.as_array().to_vec();
     if path.is_empty() {
-        return Hand::Resting;
+        return EmulatedHand::Resting;
     }
-    Hand::OnPath {
+    EmulatedHand::OnPath {
         path,
         stiffness,
         damping,
     }
 }
 
-fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
+fn run(py: Python<'_>, options: EmulationOptions, tell: &Py<PyAny>) -> PyResult<()> {
     let (outcome, error) = py.detach(|| {
         // A signal handler's exception appears at the next run of Python code: a call of `tell`, or `check_signals`.
         // The first one is kept.
@@ -120,18 +122,18 @@ fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
             }
             error.borrow().is_none()
         };
-        let mut report_event = |event: Event| {
+        let mut report_event = |event: ServeEvent| {
             let event_words = match event {
-                Event::Ready(address) => ("ready", address),
-                Event::LetGo => ("let-go", String::new()),
-                Event::HostGone => ("host-gone", String::new()),
+                ServeEvent::Ready(address) => ("ready", address),
+                ServeEvent::LetGo => ("let-go", String::new()),
+                ServeEvent::HostGone => ("host-gone", String::new()),
             };
             run_python(&|py| tell.call1(py, event_words.clone()).map(drop));
         };
         let outcome = serve(options, &mut report_event, &mut || run_python(&|py| py.check_signals()));
         (outcome, error.into_inner())
     });
-    let Outcome { periods, packets, hash } = outcome.map_err(|error| module_error("emulate", error))?;
+    let ServeSummary { periods, packets, hash } = outcome.map_err(|error| module_error("emulate", error))?;
     // The summary is also sent after Ctrl-C.
     let summary_line = format!("{periods} {packets} {hash:016x}");
     tell.call1(py, ("over", summary_line))?;

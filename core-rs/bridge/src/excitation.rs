@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use ergon_engine::key_model::KeyModel;
-use ergon_live::device::calibrate::{self, Axis, Calibrated};
-use ergon_live::device::{self as live, Device as _, Gone};
-use ergon_live::emulate::{BoardConfig, Hand, Key, Options, Protocol};
-use ergon_live::metrology::{self, End, Excitation, Guide, Row, SpringDamper};
+use ergon_live::device::calibrate::{self, AxisCalibration, CalibratedDevice};
+use ergon_live::device::{self as live, Device as _, DeviceLoss};
+use ergon_live::emulate::{BoardConfig, EmulatedHand, EmulationOptions, KeyConstants, Protocol};
+use ergon_live::metrology::{self, Excitation, ExcitationEnd, ExcitationRow, Guide, SpringDamper};
 use ergon_live::recording::{self, Header, Recorder};
 use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -53,22 +53,22 @@ pub(crate) fn excite(
     let excitation = Excitation {
         axis,
         forces: force.as_slice()?,
-        still,
+        unguided_ticks: still,
         period: f64::from(frames) / rate,
         guide: Guide {
             centre,
-            half,
+            half_travel: half,
             guide: spring_damper(guide_spring),
             brake: spring_damper(brake_spring),
             deceleration,
         },
         force_step,
-        tells_touch,
+        reports_touch: tells_touch,
         is_gated,
     };
     device.check_axis(axis)?;
     let recorder = record.map(|(path, axes, about)| {
-        let axis = |(player, key)| recording::Axis { player, key };
+        let axis = |(player, key)| recording::RecordedAxis { player, key };
         let take_header = Header {
             rate,
             frames,
@@ -79,14 +79,19 @@ pub(crate) fn excite(
     });
     let (mut record_sink, record_handle) = recorder.transpose()?.unzip();
     let excited_rows = device.with(py, |port, stop| {
-        let turned_axis = Axis {
+        let turned_axis = AxisCalibration {
             sign: f64::from(sign),
             range: port.range(axis),
-            ..Axis::plain(port.spec())
+            ..AxisCalibration::plain(port.spec())
         };
-        let mut axes = vec![Axis::plain(port.spec()); port.spec().dof];
+        let mut axes = vec![AxisCalibration::plain(port.spec()); port.spec().dof];
         axes[axis] = turned_axis;
-        metrology::excite(Calibrated::new(port, axes), &excitation, record_sink.as_mut(), stop)
+        metrology::excite(
+            CalibratedDevice::new(port, axes),
+            &excitation,
+            record_sink.as_mut(),
+            stop,
+        )
     });
     drop(record_sink);
     let stopped = record_handle.map(|record_handle| py.detach(|| record_handle.stop()));
@@ -105,26 +110,26 @@ impl Excited {
     #[getter]
     fn end(&self) -> &'static str {
         match self.0.end {
-            End::Done => "done",
-            End::Touched => "touched",
-            End::GateClosed => "gate closed",
-            End::NotFinite => "not finite",
-            End::Tripped(why) => tripped(why),
-            End::Gone(Gone::Silent) => "silent",
-            End::Gone(Gone::Shared) => "shared",
-            End::Gone(_) => "unplugged",
-            End::Stopped => "stopped",
+            ExcitationEnd::Done => "done",
+            ExcitationEnd::Touched => "touched",
+            ExcitationEnd::GateClosed => "gate closed",
+            ExcitationEnd::NotFinite => "not finite",
+            ExcitationEnd::Tripped(why) => tripped(why),
+            ExcitationEnd::Gone(DeviceLoss::Silent) => "silent",
+            ExcitationEnd::Gone(DeviceLoss::Shared) => "shared",
+            ExcitationEnd::Gone(_) => "unplugged",
+            ExcitationEnd::Stopped => "stopped",
         }
     }
 
     /// Forces that were asked for, with those of guide and brake (n,) [N].
     fn asked<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |row| row.asked)
+        self.column(py, |row| row.requested_force)
     }
 
     /// Forces as they went over the wire, after all safety stages (n,) [N].
     fn sent<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |row| row.sent)
+        self.column(py, |row| row.sent_force)
     }
 
     /// Positions of the replies to the forces (n,) [m].
@@ -149,7 +154,7 @@ impl Excited {
 }
 
 impl Excited {
-    fn column<'py, T: Element>(&self, py: Python<'py>, value: fn(&Row) -> T) -> Bound<'py, PyArray1<T>> {
+    fn column<'py, T: Element>(&self, py: Python<'py>, value: fn(&ExcitationRow) -> T) -> Bound<'py, PyArray1<T>> {
         PyArray1::from_iter(py, self.0.rows.iter().map(value))
     }
 }
@@ -180,7 +185,7 @@ pub(crate) fn emulated_device(
     let model = model.map_err(|error| module_error("emulated_device", error))?;
     let protocol = word("protocol", protocol, PROTOCOLS)?;
     let half_travel = 0.5 * travel;
-    let key = Key {
+    let key = KeyConstants {
         mass: model.mass,
         stiffness: model.stiffness,
         damping: model.damping,
@@ -188,13 +193,13 @@ pub(crate) fn emulated_device(
     };
     let hands = path.map_or(Vec::new(), |path| {
         let (stiffness, damping) = hand;
-        vec![Hand::OnPath {
+        vec![EmulatedHand::OnPath {
             path: path.as_array().to_vec(),
             stiffness,
             damping,
         }]
     });
-    let options = Options {
+    let options = EmulationOptions {
         board: BoardConfig {
             protocol,
             lockstep: true,
@@ -205,7 +210,7 @@ pub(crate) fn emulated_device(
             seed,
             force_step,
             watchdog: Duration::from_secs(1),
-            reported: [key.mass, key.damping],
+            reported_constants: [key.mass, key.damping],
             range: key.range,
         },
         transport: ergon_live::emulate::Transport::Udp(0),

@@ -1,6 +1,6 @@
 //! Faults made on emulated devices, and the time until the force is zero.
 
-use ergon_live::faults::{self, Measurement, Outcome};
+use ergon_live::faults::{self, FaultOutcome};
 use pyo3::prelude::*;
 
 use crate::error::module_error;
@@ -15,7 +15,7 @@ pub(crate) fn measure_faults(py: Python<'_>) -> PyResult<Vec<FaultMeasurement>> 
 
 /// One fault on one emulated device.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct FaultMeasurement(Measurement);
+pub(crate) struct FaultMeasurement(faults::FaultMeasurement);
 
 #[pymethods]
 impl FaultMeasurement {
@@ -35,42 +35,42 @@ impl FaultMeasurement {
     #[getter]
     fn seconds(&self) -> Option<f64> {
         match self.0.outcome {
-            Outcome::Zero(seconds) => Some(seconds),
-            Outcome::Persists | Outcome::Excluded(_) => None,
+            FaultOutcome::Zero(seconds) => Some(seconds),
+            FaultOutcome::Persists | FaultOutcome::Excluded(_) => None,
         }
     }
 
     /// Longest time allowed [s]; None: no bound is set.
     #[getter]
     fn bound(&self) -> Option<f64> {
-        self.0.bound.ok()
+        self.0.time_limit.ok()
     }
 
     /// Why the fault is not made on this device.
     #[getter]
     fn excluded(&self) -> Option<&'static str> {
         match self.0.outcome {
-            Outcome::Excluded(why) => Some(why),
-            Outcome::Zero(_) | Outcome::Persists => None,
+            FaultOutcome::Excluded(why) => Some(why),
+            FaultOutcome::Zero(_) | FaultOutcome::Persists => None,
         }
     }
 
     /// Why no bound is set.
     #[getter]
     fn unbounded(&self) -> Option<&'static str> {
-        self.0.bound.err()
+        self.0.time_limit.err()
     }
 
     /// Greatest force from the fault on [N].
     #[getter]
     fn force(&self) -> f64 {
-        self.0.greatest[0]
+        self.0.peak_force_and_limit[0]
     }
 
     /// Fastest growth of the force from the fault on [N/ms].
     #[getter]
     fn rise(&self) -> f64 {
-        self.0.rise[0]
+        self.0.force_rise_and_limit[0]
     }
 
     /// Whether time, force or growth exceeds its bound.

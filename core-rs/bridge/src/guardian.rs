@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Once;
 
-use ergon_live::device::guardian::{self, Program};
+use ergon_live::device::guardian::{self, GuardianProgram};
 use pyo3::prelude::*;
 
 use crate::error::plain_error;
@@ -36,7 +36,7 @@ pub(crate) fn register_guardian(py: Python<'_>) {
     }
 }
 
-fn program(py: Python<'_>) -> Option<Program> {
+fn program(py: Python<'_>) -> Option<GuardianProgram> {
     let sys_module = py.import("sys").ok()?;
     if sys_module.hasattr("frozen").ok()? {
         return None;
@@ -46,5 +46,5 @@ fn program(py: Python<'_>) -> Option<Program> {
     let core_file: PathBuf = core_file.extract().ok()?;
     let mut arguments: Vec<OsString> = ["-I", "-S", "-c", LOAD].map(Into::into).into();
     arguments.push(core_file.into());
-    path.is_file().then_some(Program { path, arguments })
+    path.is_file().then_some(GuardianProgram { path, arguments })
 }

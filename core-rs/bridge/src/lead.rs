@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ergon_live::lead::path::{PathReader, PointerPosition};
-use ergon_live::lead::{Finger, HeldKey, Lead as Stream, LeadOptions, TRACE_COLUMNS};
+use ergon_live::lead::{FingerConstants, HeldKey, PointerStream as Stream, PointerStreamOptions, TRACE_COLUMNS};
 use ergon_view::serve::PageKey;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -34,7 +34,7 @@ impl Lead {
         traced_ticks: usize,
     ) -> PyResult<Self> {
         let (stiffness, damping, mass) = finger;
-        let finger = Finger {
+        let finger = FingerConstants {
             stiffness,
             damping,
             mass,
@@ -48,7 +48,7 @@ impl Lead {
         if !(finger.is_possible() && key.is_possible() && delay.is_finite() && delay >= 0.0) {
             return Err(module_error("finger", IMPOSSIBLE));
         }
-        let options = LeadOptions {
+        let options = PointerStreamOptions {
             address: name,
             finger,
             delay,
@@ -88,13 +88,13 @@ impl Lead {
     #[pyo3(signature = (time, x, firmness=1.0))]
     fn place(&self, time: f64, x: f64, firmness: f64) -> bool {
         let firmness = Some(firmness);
-        self.0.feed(PointerPosition { time, x, firmness }).is_ok()
+        self.0.add_position(PointerPosition { time, x, firmness }).is_ok()
     }
 
     /// The pointer was lifted at `time` [s].
     fn lift(&self, time: f64) -> bool {
         let (x, firmness) = (0.0, None);
-        self.0.feed(PointerPosition { time, x, firmness }).is_ok()
+        self.0.add_position(PointerPosition { time, x, firmness }).is_ok()
     }
 
     /// Whether a player is there.

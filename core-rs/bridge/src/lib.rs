@@ -126,9 +126,9 @@ mod _core {
     #[pymodule_export]
     const FADE: f64 = ergon_engine::timeline::FADE_SECONDS;
     #[pymodule_export]
-    const FORCE_FALL_TIME: f64 = ergon_live::perform::FALL_TIME;
+    const FORCE_FALL_TIME: f64 = ergon_live::perform::FALL_SECONDS;
     #[pymodule_export]
-    const FORCE_SCALE_MIN: f64 = ergon_live::perform::SCALE_MIN;
+    const FORCE_SCALE_MIN: f64 = ergon_live::perform::FORCE_SCALE_MIN;
     #[pymodule_export]
     const GRID: u64 = ergon_engine::timeline::GRID_FRAMES;
     #[pymodule_export]

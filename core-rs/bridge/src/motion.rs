@@ -5,11 +5,11 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use ergon_engine::simulation::Look;
+use ergon_engine::simulation;
 use ergon_live::{perform, regular};
-use ergon_view::packed::BOUND;
+use ergon_view::packed::ERROR_BOUNDS;
 use ergon_view::read::{MotionFile, ReadError};
-use ergon_view::record::{self, Recorder, Setup};
+use ergon_view::record::{self, Recorder, RecordingSetup};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -23,7 +23,7 @@ use crate::timeline::Timeline;
 
 /// What can be seen of a simulation: every mass, whatever computes it.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct MotionLook(Look, Vec<String>);
+pub(crate) struct MotionLook(simulation::MotionLook, Vec<String>);
 
 #[pymethods]
 impl MotionLook {
@@ -47,18 +47,18 @@ impl MotionLook {
 
     /// The points in runs of one kind.
     fn runs(&self) -> Vec<LookRun> {
-        let run = |run: record::Run| {
+        let run = |run: record::PointRun| {
             let body = run.body.map(|body| &self.0.bodies[body]);
             LookRun {
                 part: self.1[run.part].clone(),
                 first: run.points.start,
                 count: run.points.len(),
                 kind: run.kind,
-                why: run.why,
+                why: run.skip_reason,
                 modes: body.map(|body| (body.first_mode, body.modes.len(), body.n_modes)),
             }
         };
-        record::runs(&self.0).into_iter().map(run).collect()
+        record::point_runs(&self.0).into_iter().map(run).collect()
     }
 
     /// Links that open and close, with their MATs.
@@ -123,7 +123,7 @@ impl MotionRecorder {
 
     /// The bytes that were completed since the last call.
     fn take<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.recorder.take())
+        PyBytes::new(py, &self.recorder.take_bytes())
     }
 
     /// The last bytes of the file.
@@ -140,26 +140,26 @@ fn setup(
     keys: Vec<usize>,
     n_speakers: usize,
     fps: f64,
-) -> PyResult<Setup> {
+) -> PyResult<RecordingSetup> {
     if !(fps >= 1.0 && fps <= simulation.rate()) {
         return Err(plain_error(format!("fps is {fps}: it must be from 1 to the rate")));
     }
     let places = rows(places, "places", 3)?;
-    Ok(Setup {
+    Ok(RecordingSetup {
         manifest,
-        places: places.chunks(3).map(|at| [at[0], at[1], at[2]]).collect(),
+        point_positions: places.chunks(3).map(|at| [at[0], at[1], at[2]]).collect(),
         ergons: simulation.written_ergons(&timeline.inner),
         strike_points: timeline.inner.strike_points().collect(),
-        keys,
+        key_mats: keys,
         n_speakers,
-        fps,
+        looks_per_second: fps,
     })
 }
 
 /// The view of a simulation that pages get while it is played: one end for the physics thread, one for the pages.
 /// Changes no sample.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct Window(Mutex<Option<(perform::Window, perform::WindowReader)>>);
+pub(crate) struct Window(Mutex<Option<(perform::DisplayWindow, perform::WindowReader)>>);
 
 #[pymethods]
 impl Window {
@@ -186,7 +186,7 @@ impl Window {
 
 impl Window {
     /// Its two ends; EngineError at the second call.
-    pub(crate) fn ends(&self) -> PyResult<(perform::Window, perform::WindowReader)> {
+    pub(crate) fn ends(&self) -> PyResult<(perform::DisplayWindow, perform::WindowReader)> {
         let mut window_ends = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         window_ends
             .take()
@@ -202,10 +202,10 @@ pub(crate) struct Motion(MotionFile);
 #[pyfunction]
 pub(crate) fn motion_bound() -> BTreeMap<&'static str, f64> {
     BTreeMap::from([
-        ("amplitude", BOUND.amplitude),
-        ("rest", BOUND.rest),
-        ("least", BOUND.least),
-        ("flight", BOUND.flight),
+        ("amplitude", ERROR_BOUNDS.amplitude_share),
+        ("rest", ERROR_BOUNDS.resting_metres),
+        ("least", ERROR_BOUNDS.metres_min),
+        ("flight", ERROR_BOUNDS.flight_share),
     ])
 }
 
@@ -237,12 +237,12 @@ impl Motion {
 
     #[getter]
     fn is_whole(&self) -> bool {
-        self.0.is_whole
+        self.0.is_complete
     }
 
     #[getter]
     fn is_cut(&self) -> bool {
-        self.0.is_cut()
+        self.0.is_truncated()
     }
 
     #[getter]
@@ -252,12 +252,12 @@ impl Motion {
 
     #[getter]
     fn names(&self) -> Vec<String> {
-        self.0.names.clone()
+        self.0.point_names.clone()
     }
 
     /// x, y, z and rest position of each point [m], (n_points, 4).
     fn places<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let point_places = self.0.places.concat();
+        let point_places = self.0.point_positions.concat();
         let place_array = Array2::from_shape_vec((self.0.n_points, 4), point_places).map_err(plain_error)?;
         Ok(place_array.into_pyarray(py))
     }
@@ -269,7 +269,7 @@ impl Motion {
             .map(|chunk| MotionChunk {
                 kind: chunk.kind,
                 seconds: chunk.seconds,
-                size: chunk.len,
+                size: chunk.n_bytes,
             })
             .collect()
     }

@@ -7,14 +7,14 @@ use pyo3::types::IntoPyDict;
 use crate::arrays::{Complexes, Numbers};
 
 /// The class of a named tuple.
-struct Class {
+struct NamedTupleClass {
     name: &'static str,
     doc: &'static str,
     fields: &'static [&'static str],
     class: PyOnceLock<Py<PyAny>>,
 }
 
-impl Class {
+impl NamedTupleClass {
     const fn new(name: &'static str, doc: &'static str, fields: &'static [&'static str]) -> Self {
         Self {
             name,
@@ -45,9 +45,9 @@ macro_rules! results {
             pub(crate) struct $name { $(pub(crate) $field: $type),+ }
 
             impl $name {
-                fn class() -> &'static Class {
-                    static CLASS: Class =
-                        Class::new(stringify!($name), concat!($($doc),+), &[$(stringify!($field)),+]);
+                fn class() -> &'static NamedTupleClass {
+                    static CLASS: NamedTupleClass =
+                        NamedTupleClass::new(stringify!($name), concat!($($doc),+), &[$(stringify!($field)),+]);
                     &CLASS
                 }
             }
@@ -63,7 +63,7 @@ macro_rules! results {
             }
         )+
 
-        fn result_classes() -> Vec<&'static Class> {
+        fn result_classes() -> Vec<&'static NamedTupleClass> {
             vec![$($name::class()),+]
         }
     };
@@ -179,43 +179,43 @@ results! {
 }
 
 /// Classes of arguments; the bridge reads them as plain tuples.
-static ARGUMENTS: [Class; 8] = [
-    Class::new(
+static ARGUMENTS: [NamedTupleClass; 8] = [
+    NamedTupleClass::new(
         "AxisCalibration",
         "What is known of an axis of a device.",
         &["number", "sign", "zero", "gain", "range", "force_max"],
     ),
-    Class::new(
+    NamedTupleClass::new(
         "LiveHand",
         "A hand of a performance.",
         &["standin", "reach", "guidance", "response", "measured", "forces"],
     ),
-    Class::new(
+    NamedTupleClass::new(
         "GuidanceSpring",
         "The spring and damper that lead a hand.",
         &["K", "Z", "follows_steps"],
     ),
-    Class::new(
+    NamedTupleClass::new(
         "LiveBoard",
         "A device of a performance.",
         &["url", "axes", "force_max", "calibration"],
     ),
-    Class::new(
+    NamedTupleClass::new(
         "RecordTarget",
         "Where a performance records its hands.",
         &["path", "axes", "about"],
     ),
-    Class::new(
+    NamedTupleClass::new(
         "FrozenStem",
         "A frozen part of a performance.",
         &["path", "offset", "n_frames", "outputs"],
     ),
-    Class::new(
+    NamedTupleClass::new(
         "MatValues",
         "K, Z and M of a MAT at one moment.",
         &["mat", "K", "Z", "M"],
     ),
-    Class::new(
+    NamedTupleClass::new(
         "ModuleRange",
         "A range of modules in an output, and its weight.",
         &["first", "n", "weight"],

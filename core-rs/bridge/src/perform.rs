@@ -8,12 +8,12 @@ use ergon_engine::mix::limiter::Limiter;
 use ergon_engine::mix::silence_detector::SilenceDetector;
 use ergon_engine::simulation::Takeover;
 use ergon_live::audio::{self, AudioError};
-use ergon_live::device::{Url, WaitCanceller};
+use ergon_live::device::{DeviceUrl, WaitCanceller};
 use ergon_live::perform::{
-    self, Bound, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, Hand, InputConfig, Keyboard, MeasuredKey,
-    PlaybackConfig, Stage, Stem,
+    self, DeviceConfig, Guidance, GuidanceShare, GuidanceStep, InputConfig, Keyboard, LiveHand, MeasuredKey,
+    PlaybackConfig, PreparedPiece, ScaleBound, Stem,
 };
-use ergon_live::recording::{Axis, Header};
+use ergon_live::recording::{Header, RecordedAxis};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -88,14 +88,14 @@ impl Performance {
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
         let hand = |(standin, reach, guidance, response, measured, forces): &HandTuple<'_>| {
-            Ok(Hand {
+            Ok(LiveHand {
                 standin_positions: standin.as_slice()?.to_vec(),
                 forces: forces.as_slice()?.to_vec(),
                 travel_ratio: *reach,
                 guidance: guidance.map(|(k, z, follows_steps)| Guidance { k, z, follows_steps }),
-                response: response.as_slice()?.to_vec(),
-                measured: measured.map(|(mass, damping, delay)| MeasuredKey { mass, damping, delay }),
-                ..Hand::default()
+                piece_response: response.as_slice()?.to_vec(),
+                measured_key: measured.map(|(mass, damping, delay)| MeasuredKey { mass, damping, delay }),
+                ..LiveHand::default()
             })
         };
         let n_channels = mixer.0.n_channels();
@@ -108,32 +108,32 @@ impl Performance {
             )));
         }
         let output_channels = fold.map_or(n_channels, |fold| fold.0.n_out());
-        let stage = Stage {
+        let stage = PreparedPiece {
             simulation: simulation.0.fork(),
             mixer: mixer.0.clone(),
             gain,
             fold: fold.map(|fold| fold.0.clone()),
             limiter: Limiter::new(rate, output_channels, limit).map_err(plain_error)?,
             n_frames,
-            fades: fades_from.map(|from| SilenceDetector::new(rate, n_channels, from)),
+            silence_detector: fades_from.map(|from| SilenceDetector::new(rate, n_channels, from)),
             tick_frames: tick_frames.max(1),
             hands: hands.iter().map(hand).collect::<PyResult<_>>()?,
             bars,
-            frozen: stems(frozen, simulation.0.n_out())?,
-            is_seen: seen,
+            frozen_stems: stems(frozen, simulation.0.n_out())?,
+            is_displayed: seen,
         };
         let playback_config = PlaybackConfig {
             audio: audio.parse().map_err(plain_error)?,
             input: InputConfig {
-                from: match audio_in {
+                source: match audio_in {
                     "none" => None,
                     other => Some(other.parse().map_err(plain_error)?),
                 },
                 record: record_in,
             },
-            ahead,
-            record: record.map(|(path, axes, about)| {
-                let recorded_axis = |(player, key)| Axis { player, key };
+            frames_ahead: ahead,
+            recording: record.map(|(path, axes, about)| {
+                let recorded_axis = |(player, key)| RecordedAxis { player, key };
                 let take_header = Header {
                     rate,
                     frames: tick_frames as u32,
@@ -176,7 +176,7 @@ impl Performance {
 
     /// Events of the sound output and input so far.
     fn sound_events(&self) -> PyResult<Vec<SoundEvent>> {
-        let sound_event = |event: &audio::Event| SoundEvent {
+        let sound_event = |event: &audio::AudioEvent| SoundEvent {
             time: event.time,
             sentence: event.sentence.clone(),
         };
@@ -185,12 +185,12 @@ impl Performance {
 
     /// Edges of the silence of panics, from number `since` on.
     fn silences(&self, since: u64) -> PyResult<Vec<SilenceEdge>> {
-        let silence_edge = |edge: audio::Edge| SilenceEdge {
+        let silence_edge = |edge: audio::SilenceEdge| SilenceEdge {
             frame: edge.frame,
             begins: edge.silent,
         };
         self.with(|performance| {
-            let silence_edges = performance.output().shared().edges(since);
+            let silence_edges = performance.output().stream_state().edges(since);
             silence_edges.into_iter().map(silence_edge).collect()
         })
     }
@@ -215,24 +215,25 @@ impl Performance {
 
     /// The sound output, as a sentence.
     fn output(&self) -> PyResult<String> {
-        self.with(|performance| performance.output().info().sentence)
+        self.with(|performance| performance.output().info().description)
     }
 
     /// The sound input, and what is missing of it.
     fn sound_input(&self) -> PyResult<SoundInput> {
         self.with(|performance| {
             let input_state = performance.input();
-            let shared_state = input_state.input.as_ref().map(audio::Input::shared);
-            let shared_count = |of: fn(&audio::Shared) -> u64| shared_state.map_or(0, |shared_state| of(shared_state));
-            let tap_status = input_state.recorded.as_ref().map(audio::TapHandle::status);
+            let shared_state = input_state.input.as_ref().map(audio::Input::stream_state);
+            let shared_count =
+                |of: fn(&audio::StreamState) -> u64| shared_state.map_or(0, |shared_state| of(shared_state));
+            let tap_status = input_state.recording.as_ref().map(audio::TapHandle::status);
             SoundInput {
-                sentence: input_state.sentence.clone(),
+                sentence: input_state.description.clone(),
                 live: shared_state.is_some(),
-                gaps: shared_count(audio::Shared::underruns),
-                missing: shared_count(audio::Shared::missing),
-                discarded: shared_count(audio::Shared::discarded),
+                gaps: shared_count(audio::StreamState::underruns),
+                missing: shared_count(audio::StreamState::missing_frames),
+                discarded: shared_count(audio::StreamState::discarded_frames),
                 recorded: tap_status.as_ref().map(|tap_status| tap_status.frames),
-                lost: tap_status.as_ref().map_or(0, |tap_status| tap_status.missing),
+                lost: tap_status.as_ref().map_or(0, |tap_status| tap_status.missing_frames),
                 error: tap_status.and_then(|tap_status| tap_status.error),
             }
         })
@@ -273,10 +274,10 @@ impl Performance {
     fn audio_recorded(&self) -> PyResult<Option<AudioRecorded>> {
         let tap_status = self.with(|performance| performance.audio_recorded())?;
         Ok(tap_status.map(|tap_status| AudioRecorded {
-            first: tap_status.first,
+            first: tap_status.first_frame,
             frames: tap_status.frames,
-            missing: tap_status.missing,
-            ended: tap_status.ended,
+            missing: tap_status.missing_frames,
+            ended: tap_status.has_ended,
             error: tap_status.error,
         }))
     }
@@ -301,7 +302,7 @@ impl Performance {
         self.with(|performance| performance.part_gain(group, gain))
     }
 
-    /// Make a change at frame `frame`, the first of a tick; returns the ticket of the event "changed" or "late".
+    /// Make a change at frame `tick`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
     #[pyo3(signature = (frame, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, forces=Vec::new(), guidance=None, bounds=None, damp=None))]
@@ -335,11 +336,11 @@ impl Performance {
             gains,
             gain,
             bars,
-            standins: standins.as_ref().map(copied_lists).transpose()?,
+            standin_positions: standins.as_ref().map(copied_lists).transpose()?,
             forces: copied_lists(&forces)?,
             guidance_steps: guidance.map(|all| all.into_iter().map(steps).collect()),
-            bounds: bounds.map(|all| all.into_iter().map(limits).collect()),
-            damp: match damp {
+            scale_bounds: bounds.map(|all| all.into_iter().map(limits).collect()),
+            decay_time: match damp {
                 Some(0.0) => Some(None),
                 damp => damping(damp)?.map(Some),
             },
@@ -354,7 +355,7 @@ impl Performance {
         })
     }
 
-    /// Withdraw the changes of the simulation that are due at `frame` or later; an event "late" reports each of them.
+    /// Withdraw the changes of the simulation that are due at `tick` or later; an event "late" reports each of them.
     fn revoke(&self, frame: u64) -> PyResult<()> {
         self.with(|performance| performance.revoke(frame))?.map_err(plain_error)
     }
@@ -410,20 +411,20 @@ impl Performance {
 
 fn steps(all: Vec<StepTuple>) -> Vec<GuidanceStep> {
     let guidance_step = |(frame, k, z)| GuidanceStep {
-        frame,
+        tick: frame,
         share: GuidanceShare { k, z },
     };
     all.into_iter().map(guidance_step).collect()
 }
 
-fn limits(all: Vec<BoundTuple>) -> Vec<Bound> {
-    let tick_bound = |(tick, scale)| Bound { tick, scale };
+fn limits(all: Vec<BoundTuple>) -> Vec<ScaleBound> {
+    let tick_bound = |(tick, scale)| ScaleBound { tick, scale };
     all.into_iter().map(tick_bound).collect()
 }
 
 fn open((url, axes, force_limit, calibrated): BoardTuple, period: f64) -> PyResult<Keyboard> {
     let device_config = DeviceConfig {
-        url: Url::parse(&url).map_err(plain_error)?,
+        url: DeviceUrl::parse(&url).map_err(plain_error)?,
         calibration: calibrated.into_iter().map(device::axis).collect::<PyResult<_>>()?,
         force_limit,
         period,

@@ -17,16 +17,16 @@ use crate::words;
 use crate::work::computing;
 
 /// The fields of a `TrialRecord`: (numbers, counts, reason).
-type Record = (Vec<Option<f64>>, Vec<Vec<u32>>, Option<String>);
+type PythonRecord = (Vec<Option<f64>>, Vec<Vec<u32>>, Option<String>);
 
 /// A store of trial records that a Python object implements.
-struct Store {
+struct PythonStore {
     object: Py<PyAny>,
     /// The exception of the object, which ended the planning.
     raised: Mutex<Option<PyErr>>,
 }
 
-impl Store {
+impl PythonStore {
     fn call<T: Default>(&self, call: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>) -> T {
         let call_outcome = Python::attach(|py| call(self.object.bind(py)));
         call_outcome.unwrap_or_else(|error| {
@@ -36,9 +36,9 @@ impl Store {
     }
 }
 
-impl TrialStore for Store {
+impl TrialStore for PythonStore {
     fn get(&self, key: &str) -> Option<plan::TrialRecord> {
-        let stored_record: Option<Record> = self.call(|store| store.call_method1("get", (key,))?.extract());
+        let stored_record: Option<PythonRecord> = self.call(|store| store.call_method1("get", (key,))?.extract());
         stored_record.map(|(numbers, counts, reason)| plan::TrialRecord {
             numbers,
             counts,
@@ -90,7 +90,7 @@ impl Plan {
             .map(|pins| pins.into_iter().map(Choice::from_numbers).collect())
             .transpose()
             .map_err(from_engine)?;
-        let store = store.map(|object| Store {
+        let store = store.map(|object| PythonStore {
             object,
             raised: Mutex::default(),
         });
@@ -182,7 +182,7 @@ fn budget(method: Option<&str>, error: Option<f64>, cents: Option<f64>, upto: Op
     };
     match (method, error, cents, upto) {
         (None, None, None, None) => Ok(Budget::default()),
-        (Some(method), None, None, None) => Ok(Budget::Method(word("method", method, words::METHODS)?)),
+        (Some(method), None, None, None) => Ok(Budget::Method(word("method", method, words::PLAN_METHODS)?)),
         (None, Some(db), None, None) => Ok(Budget::Error(check_number("error_db", db, db < 0.0)?)),
         (None, None, Some(cents), upto) => {
             let cents = check_number("cents", cents, cents > 0.0)?;
@@ -277,7 +277,7 @@ impl PlanRow {
                 (what, Some(mode_count), left_out)
             }
             Computation::LeftOut(LeftOutReason::Unheard) => ("unheard", None, None),
-            Computation::LeftOut(LeftOutReason::Still) => ("still", None, None),
+            Computation::LeftOut(LeftOutReason::Motionless) => ("still", None, None),
         };
         Self {
             parts: row.parts.clone(),

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use ergon_live::recording::{self, Axis, Header, RecordingError, Sample};
+use ergon_live::recording::{self, Header, RecordedSample, RecordingError};
 use numpy::ndarray::Array2;
 use numpy::{Element, IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -44,11 +44,14 @@ impl Recording {
         ticks: PyReadonlyArray1<'_, u64>,
         positions: PyReadonlyArray2<'_, f64>,
     ) -> PyResult<Self> {
-        let axes: Vec<_> = axes.into_iter().map(|(player, key)| Axis { player, key }).collect();
+        let axes: Vec<_> = axes
+            .into_iter()
+            .map(|(player, key)| recording::RecordedAxis { player, key })
+            .collect();
         let positions = rows(&positions, "positions", axes.len())?;
-        let position_sample = |&position| Sample {
+        let position_sample = |&position| RecordedSample {
             position,
-            ..Sample::default()
+            ..RecordedSample::default()
         };
         let take_header = Header {
             rate,
@@ -76,7 +79,7 @@ impl Recording {
     fn axes(&self) -> Vec<RecordedAxis> {
         let header_axes = self.0.header.axes.iter().cloned();
         header_axes
-            .map(|Axis { player, key }| RecordedAxis { player, key })
+            .map(|recording::RecordedAxis { player, key }| RecordedAxis { player, key })
             .collect()
     }
 
@@ -148,7 +151,7 @@ impl Recording {
 
     /// Forces sent to the devices, after the safety stages [N], (n_ticks, n_axes).
     fn sent<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f32>> {
-        self.column(py, |sample| sample.sent)
+        self.column(py, |sample| sample.sent_force)
     }
 
     /// Sums of 1 fresh, 2 touch, 4 force enabled, 8 stand-in, 16 tripped, (n_ticks, n_axes).
@@ -176,7 +179,7 @@ impl Recording {
 }
 
 impl Recording {
-    fn column<'py, T: Element>(&self, py: Python<'py>, value: fn(&Sample) -> T) -> Bound<'py, PyArray2<T>> {
+    fn column<'py, T: Element>(&self, py: Python<'py>, value: fn(&RecordedSample) -> T) -> Bound<'py, PyArray2<T>> {
         self.shaped(py, self.0.samples.iter().map(value).collect())
     }
 

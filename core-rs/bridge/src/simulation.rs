@@ -44,8 +44,8 @@ impl Simulation {
         start: u64,
     ) -> PyResult<Self> {
         timeline.check_network(network)?;
-        let on_fault = word("on_fault", on_fault, words::ON_FAULT)?;
-        let options = simulation::Options {
+        let on_fault = word("on_fault", on_fault, words::FAULT_RESPONSES)?;
+        let options = simulation::SimulationOptions {
             ledger,
             record,
             on_fault,
@@ -142,7 +142,8 @@ impl Simulation {
         Ok(self.0.strike(point, strike_impulse(impulse)?))
     }
 
-    /// Let an input of `Timeline.controlled_input` go to a value from the next frame on; False if there is no such input.
+    /// Let an input of `Timeline.controlled_input` go to a value from the next frame on; False if there is no such
+    /// input.
     fn tell(&mut self, number: u64, value: f64) -> PyResult<bool> {
         Ok(self.0.set_input(number, finite_input(value)?))
     }

@@ -1,40 +1,40 @@
 //! The state and the events of a performance, as Python sees them.
 
 use ergon_live::perform::{self, EventKind};
-use ergon_live::safety::Trip;
+use ergon_live::safety::TripCause;
 use pyo3::prelude::*;
 
 use crate::named::PerformanceEvent;
 
-pub(crate) fn tripped(why: Trip) -> &'static str {
+pub(crate) fn tripped(why: TripCause) -> &'static str {
     match why {
-        Trip::NotFinite => "tripped: not finite",
-        Trip::Speed => "tripped: speed",
-        Trip::WrongWay => "tripped: wrong way",
-        Trip::AtStop => "tripped: at stop",
-        Trip::Frozen => "tripped: frozen",
-        Trip::Unanswered => "tripped: unanswered",
-        Trip::Late => "tripped: late",
-        Trip::OutsideTravel => "tripped: outside travel",
-        Trip::Jump => "tripped: jump",
+        TripCause::NotFinite => "tripped: not finite",
+        TripCause::Speed => "tripped: speed",
+        TripCause::WrongWay => "tripped: wrong way",
+        TripCause::AtStop => "tripped: at stop",
+        TripCause::Frozen => "tripped: frozen",
+        TripCause::Unanswered => "tripped: unanswered",
+        TripCause::Late => "tripped: late",
+        TripCause::OutsideTravel => "tripped: outside travel",
+        TripCause::Jump => "tripped: jump",
     }
 }
 
-pub(crate) fn named_event(event: perform::Event) -> PerformanceEvent {
+pub(crate) fn named_event(event: perform::PerformanceEvent) -> PerformanceEvent {
     let (what, number) = match event.kind {
-        EventKind::Gone(board) => ("gone", board as f64),
-        EventKind::Back(board) => ("back", board as f64),
-        EventKind::TookOver(hand) => ("took over", hand as f64),
-        EventKind::Lost(late) => ("lost", late.as_secs_f64()),
-        EventKind::Tripped(hand, why) => (tripped(why), hand as f64),
-        EventKind::Muted => ("muted", 0.0),
-        EventKind::Finer => ("finer", 0.0),
-        EventKind::Gained => ("gained", 0.0),
-        EventKind::Changed(ticket) => ("changed", ticket as f64),
-        EventKind::Late(ticket) => ("late", ticket as f64),
-        EventKind::Acted(ticket) => ("acted", ticket as f64),
-        EventKind::Missed(ticket) => ("missed", ticket as f64),
-        EventKind::Ended => ("ended", 0.0),
+        EventKind::KeyboardLost(board) => ("gone", board as f64),
+        EventKind::KeyboardReturned(board) => ("back", board as f64),
+        EventKind::HandTakenOver(hand) => ("took over", hand as f64),
+        EventKind::ClockReset(late) => ("lost", late.as_secs_f64()),
+        EventKind::AxisTripped(hand, why) => (tripped(why), hand as f64),
+        EventKind::PartMuted => ("muted", 0.0),
+        EventKind::PartRefined => ("finer", 0.0),
+        EventKind::EnergyCreated => ("gained", 0.0),
+        EventKind::ChangeDone(ticket) => ("changed", ticket as f64),
+        EventKind::ChangeMissed(ticket) => ("late", ticket as f64),
+        EventKind::ActionDone(ticket) => ("acted", ticket as f64),
+        EventKind::ActionMissed(ticket) => ("missed", ticket as f64),
+        EventKind::PieceEnded => ("ended", 0.0),
     };
     PerformanceEvent {
         frame: event.frame,
@@ -73,29 +73,33 @@ pub(crate) struct Status {
 impl Status {
     pub(crate) fn new(performance: &mut perform::Performance) -> Self {
         let play_status = performance.status();
-        let output_state = performance.output().shared();
+        let output_state = performance.output().stream_state();
         let output_info = performance.output().info();
         let (_, latency) = output_state.timing();
-        let input_state = performance.input().input.as_ref().map(ergon_live::audio::Input::shared);
+        let input_state = performance
+            .input()
+            .input
+            .as_ref()
+            .map(ergon_live::audio::Input::stream_state);
         Self {
             frame: play_status.frame,
             ticks: play_status.ticks,
             late: play_status.late_ticks,
-            latest: play_status.max_lateness.as_secs_f64(),
+            latest: play_status.lateness_max.as_secs_f64(),
             lost: play_status.clock_resets,
-            dropped: play_status.dropped,
-            missed: play_status.missed,
+            dropped: play_status.dropped_frames,
+            missed: play_status.missed_frozen_frames,
             load: play_status.load,
-            busiest: play_status.busiest,
-            filled: play_status.filled,
+            busiest: play_status.load_max,
+            filled: play_status.ring_frames,
             underruns: output_state.underruns(),
             input_gaps: input_state.map_or(0, |shared| shared.underruns()),
             xruns: output_state.xruns(),
             played: output_state.played(),
             alive: output_state.is_alive(),
             done: performance.is_done(),
-            panicked: output_state.panicked(),
-            sounding: output_state.sounding().map(|since| since.as_secs_f64()),
+            panicked: output_state.is_panicking(),
+            sounding: output_state.first_frame_age().map(|since| since.as_secs_f64()),
             latency: f64::from(latency) / f64::from(output_info.rate.max(1)),
             paced: output_info.paced,
             peaks: play_status.peaks[..performance.n_channels()].to_vec(),
@@ -126,13 +130,13 @@ impl HandStatus {
         Self {
             position: hand.position,
             force: hand.force,
-            sent: hand.sent,
-            scale: hand.scale,
-            real: hand.real,
-            touch: hand.touch,
-            enabled: hand.enabled,
-            tripped: hand.tripped,
-            hot: hand.hot,
+            sent: hand.sent_force,
+            scale: hand.force_scale,
+            real: hand.is_real,
+            touch: hand.is_touched,
+            enabled: hand.is_motor_enabled,
+            tripped: hand.is_tripped,
+            hot: hand.is_hot,
             let_go: hand.let_go,
             stalls: hand.stalls,
         }
@@ -152,7 +156,7 @@ impl HandLimit {
     pub(crate) fn new(limit: &perform::HandLimit) -> Self {
         Self {
             hand: limit.hand,
-            scale: limit.scale,
+            scale: limit.force_scale,
             stiffness: limit.stiffness,
             limit: limit.stable_stiffness,
         }

@@ -1,7 +1,7 @@
 //! The stop of the whole process: by signals, or by letting go of every hand.
 
 use ergon_live::safety;
-use ergon_live::stop::{self, Stop};
+use ergon_live::stop::{self, StopScope};
 use pyo3::prelude::*;
 
 /// Let signals act at once, before their Python handlers run.
@@ -12,9 +12,9 @@ use pyo3::prelude::*;
 #[pyo3(signature = (signals, *, ends))]
 pub(crate) fn stop_on_signals(signals: Vec<i32>, ends: Option<bool>) {
     let stop_scope = match ends {
-        Some(true) => Stop::All,
-        Some(false) => Stop::Forces,
-        None => Stop::Nothing,
+        Some(true) => StopScope::All,
+        Some(false) => StopScope::Forces,
+        None => StopScope::Nothing,
     };
     for signal in signals {
         safety::watch(signal, stop_scope);
@@ -24,13 +24,13 @@ pub(crate) fn stop_on_signals(signals: Vec<i32>, ends: Option<bool>) {
 /// Set every force of the process to zero, until `Performance.release`.
 #[pyfunction]
 pub(crate) fn let_go() {
-    stop::stop(Stop::Forces);
+    stop::stop(StopScope::Forces);
 }
 
 /// Whether every force is zero, by `let_go` or by a signal.
 #[pyfunction]
 pub(crate) fn has_let_go() -> bool {
-    stop::has_let_go()
+    stop::are_forces_stopped()
 }
 
 /// Allow forces and sound again, in a process that continues after a signal.

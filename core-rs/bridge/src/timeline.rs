@@ -72,7 +72,7 @@ impl Timeline {
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let approaches = curve
             .iter()
-            .map(|curve| word("curve", curve, words::WAYS))
+            .map(|curve| word("curve", curve, words::APPROACHES))
             .collect::<PyResult<Vec<Approach>>>()?;
         let written = WrittenPoints {
             t: &t,
@@ -305,7 +305,7 @@ impl Timeline {
         acts_on_free_key: bool,
     ) -> PyResult<()> {
         self.check_mat("drive", mat)?;
-        let kind = word("kind", kind, words::DRIVES)?;
+        let kind = word("kind", kind, words::DRIVE_KINDS)?;
         let drive_source = match (constant, take, sound) {
             (None, None, Some(sound)) => {
                 let drive_outcome = self.inner.drive_by_sound(mat, kind, sound, scale);
@@ -380,7 +380,7 @@ impl Timeline {
         positions: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<usize> {
         self.check_mat("hand", mat)?;
-        let interpolation = word("interpolation", interpolation, words::HAND_WAYS)?;
+        let interpolation = word("interpolation", interpolation, words::HAND_INTERPOLATIONS)?;
         let positions = positions.as_ref().map(|x| x.as_slice()).transpose()?;
         self.inner
             .hand(
@@ -436,8 +436,8 @@ fn manner(
     limit: Option<f64>,
     is_layer: bool,
 ) -> PyResult<Manner> {
-    let touch = word("touch", touch, words::TOUCHES)?;
-    let ergons = word("ergons", ergons, words::ERGONS)?;
+    let touch = word("touch", touch, words::GESTURE_TOUCHES)?;
+    let ergons = word("ergons", ergons, words::ERGON_KINDS)?;
     Ok(Manner {
         touch,
         ergon_kind: ergons,

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use ergon_live::perform::Showing;
-use ergon_view::serve::{Key, Limits, Options, PageKey, Server};
+use ergon_live::perform::WindowServer;
+use ergon_view::serve::{AccessKey, ConnectionLimits, PageKey, Server, ServerOptions};
 use pyo3::prelude::*;
 
 use crate::error::plain_error;
@@ -17,21 +17,21 @@ use crate::perform::Performance;
 
 /// Serves the page, with a `.motion` file or what is played, until it is closed.
 #[pyclass(module = "ergon._core", frozen)]
-pub(crate) struct ViewServer(Mutex<Option<Open>>);
+pub(crate) struct ViewServer(Mutex<Option<OpenServer>>);
 
 /// Fields are dropped in this order: `showing`, which uses the server, before the server.
-struct Open {
+struct OpenServer {
     /// Present from the first performance on.
-    showing: Option<Showing>,
+    showing: Option<WindowServer>,
     server: Arc<Server>,
 }
 
 impl ViewServer {
-    fn lock_server(&self) -> MutexGuard<'_, Option<Open>> {
+    fn lock_server(&self) -> MutexGuard<'_, Option<OpenServer>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn with<T>(&self, look: impl FnOnce(&mut Open) -> T) -> PyResult<T> {
+    fn with<T>(&self, look: impl FnOnce(&mut OpenServer) -> T) -> PyResult<T> {
         let mut server_lock = self.lock_server();
         server_lock
             .as_mut()
@@ -55,19 +55,19 @@ impl ViewServer {
         let no_place = || plain_error(format!("{address} is not an address of this machine; write HOST:PORT"));
         let address_lookup = py.detach(|| address.to_socket_addrs());
         let socket_address = address_lookup.ok().and_then(|mut all| all.next());
-        let key = Key::new(key).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))?;
-        let options = Options {
+        let key = AccessKey::new(key).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))?;
+        let options = ServerOptions {
             address: socket_address.ok_or_else(no_place)?,
-            key,
-            file: path,
-            sound,
-            keys: leads.iter().map(|lead| lead.0.clone() as Arc<dyn PageKey>).collect(),
-            limits: Limits::default(),
+            access_key: key,
+            motion_file: path,
+            sound_file: sound,
+            page_keys: leads.iter().map(|lead| lead.0.clone() as Arc<dyn PageKey>).collect(),
+            limits: ConnectionLimits::default(),
         };
         let server = Server::start(options).map_err(plain_error)?;
         let server = Arc::new(server);
         let showing = None;
-        Ok(Self(Mutex::new(Some(Open { showing, server }))))
+        Ok(Self(Mutex::new(Some(OpenServer { showing, server }))))
     }
 
     #[getter]
@@ -82,7 +82,7 @@ impl ViewServer {
         self.with(|open| {
             let showing = match open.showing.take() {
                 Some(showing) => showing,
-                None => Showing::start(open.server.clone()).map_err(plain_error)?,
+                None => WindowServer::start(open.server.clone()).map_err(plain_error)?,
             };
             showing.show(scene_pages, times_heard);
             open.showing = Some(showing);
@@ -98,8 +98,8 @@ impl ViewServer {
     #[getter]
     fn tally(&self) -> PyResult<BTreeMap<&'static str, u64>> {
         self.with(|open| {
-            let server_tally = open.server.tally();
-            let skipped = open.showing.as_ref().map_or(0, Showing::skipped);
+            let server_tally = open.server.counts();
+            let skipped = open.showing.as_ref().map_or(0, WindowServer::skipped);
             BTreeMap::from([
                 ("skipped", skipped),
                 ("served", server_tally.served.load(Ordering::Relaxed)),

@@ -10,13 +10,14 @@ use ergon_engine::simulation::OnFault;
 use ergon_engine::timeline::{DriveKind, HandInterpolation};
 
 /// A table of words.
-pub(crate) type Words<T> = &'static [(&'static str, T)];
+pub(crate) type WordTable<T> = &'static [(&'static str, T)];
 
-pub(crate) const ENDS: Words<Ends> = &[("fixed", Ends::Fixed), ("free", Ends::Free), ("left", Ends::Left)];
-pub(crate) const SHAPES: Words<Shape> = &[("hex", Shape::Hex), ("square", Shape::Square), ("disc", Shape::Disc)];
-pub(crate) const RIMS: Words<Rim> = &[("free", Rim::Free), ("fixed", Rim::Fixed)];
-pub(crate) const SPREADS: Words<Spread> = &[("even", Spread::Even), ("random", Spread::Random)];
-pub(crate) const PLACES: Words<Place> = &[
+pub(crate) const STRING_ENDS: WordTable<Ends> = &[("fixed", Ends::Fixed), ("free", Ends::Free), ("left", Ends::Left)];
+pub(crate) const PLATE_SHAPES: WordTable<Shape> =
+    &[("hex", Shape::Hex), ("square", Shape::Square), ("disc", Shape::Disc)];
+pub(crate) const PLATE_RIMS: WordTable<Rim> = &[("free", Rim::Free), ("fixed", Rim::Fixed)];
+pub(crate) const BANK_SPREADS: WordTable<Spread> = &[("even", Spread::Even), ("random", Spread::Random)];
+pub(crate) const BANK_PLACES: WordTable<Place> = &[
     ("line", Place::Line),
     ("spiral", Place::Spiral),
     (
@@ -27,26 +28,26 @@ pub(crate) const PLACES: Words<Place> = &[
         },
     ),
 ];
-pub(crate) const ANGLES: Words<Angles> = &[("even", Angles::Even), ("random", Angles::Random)];
-pub(crate) const SIDES: Words<Side> = &[("below", Side::Below), ("above", Side::Above)];
-pub(crate) const CONTACTS: Words<Contact> = &[
+pub(crate) const BANK_ANGLES: WordTable<Angles> = &[("even", Angles::Even), ("random", Angles::Random)];
+pub(crate) const CONTACT_SIDES: WordTable<Side> = &[("below", Side::Below), ("above", Side::Above)];
+pub(crate) const CONTACT_METHODS: WordTable<Contact> = &[
     ("plain", Contact::Plain),
     ("exact", Contact::Exact),
     ("magic", Contact::Magic),
 ];
-pub(crate) const WAYS: Words<Approach> = &[
+pub(crate) const APPROACHES: WordTable<Approach> = &[
     ("smooth", Approach::Path(Curve::Smooth)),
     ("line", Approach::Path(Curve::Line)),
     ("hold", Approach::Path(Curve::Hold)),
     ("throw", Approach::Throw),
 ];
-pub(crate) const TOUCHES: Words<Touch> = &[("open", Touch::Open), ("tracked", Touch::Tracked)];
-pub(crate) const ERGONS: Words<ErgonKind> = &[("event", ErgonKind::Event), ("particle", ErgonKind::Particle)];
-pub(crate) const HAND_WAYS: Words<HandInterpolation> =
+pub(crate) const GESTURE_TOUCHES: WordTable<Touch> = &[("open", Touch::Open), ("tracked", Touch::Tracked)];
+pub(crate) const ERGON_KINDS: WordTable<ErgonKind> = &[("event", ErgonKind::Event), ("particle", ErgonKind::Particle)];
+pub(crate) const HAND_INTERPOLATIONS: WordTable<HandInterpolation> =
     &[("hold", HandInterpolation::Hold), ("line", HandInterpolation::Line)];
-pub(crate) const DRIVES: Words<DriveKind> = &[("position", DriveKind::Position), ("force", DriveKind::Force)];
-pub(crate) const ON_FAULT: Words<OnFault> = &[("stop", OnFault::Stop), ("mute", OnFault::Mute)];
-pub(crate) const METHODS: Words<Method> = &[
+pub(crate) const DRIVE_KINDS: WordTable<DriveKind> = &[("position", DriveKind::Position), ("force", DriveKind::Force)];
+pub(crate) const FAULT_RESPONSES: WordTable<OnFault> = &[("stop", OnFault::Stop), ("mute", OnFault::Mute)];
+pub(crate) const PLAN_METHODS: WordTable<Method> = &[
     ("ca", Method::Ca),
     ("modal", Method::Modal),
     ("ca2p", Method::Ca2p),

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use ergon_engine::interrupt::{self, Ask};
+use ergon_engine::interrupt::{self, StopQuery};
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
@@ -22,7 +22,7 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(20);
 
 /// A limit on the work of a thread: a number of steps ([`interrupt::spend`]), or a cancellation.
 #[derive(Debug)]
-struct Limit {
+struct WorkLimit {
     steps_max: Option<u64>,
     /// The steps of computations that have ended, and of Python.
     spent: AtomicU64,
@@ -30,7 +30,7 @@ struct Limit {
     is_cancelled: Arc<AtomicBool>,
 }
 
-impl Limit {
+impl WorkLimit {
     /// Why the work must end, of which a computation has `next_steps` steps; None if it may go on.
     fn why(&self, next_steps: u64) -> Option<&'static str> {
         if self.is_cancelled.load(Ordering::Relaxed) {
@@ -45,16 +45,16 @@ impl Limit {
 
 thread_local! {
     /// The limits of this thread, the innermost last.
-    static LIMITS: RefCell<Vec<Arc<Limit>>> = const { RefCell::new(Vec::new()) };
+    static WORK_LIMITS: RefCell<Vec<Arc<WorkLimit>>> = const { RefCell::new(Vec::new()) };
 }
 
 /// Why the work of a thread must end, of which a computation has `next_steps` steps; None if it may go on.
-fn stop_reason(limits: &[Arc<Limit>], next_steps: u64) -> Option<&'static str> {
+fn stop_reason(limits: &[Arc<WorkLimit>], next_steps: u64) -> Option<&'static str> {
     limits.iter().find_map(|limit| limit.why(next_steps))
 }
 
 /// Count steps of work that is done.
-fn count(limits: &[Arc<Limit>], steps: u64) {
+fn count(limits: &[Arc<WorkLimit>], steps: u64) {
     for limit in limits {
         limit.spent.fetch_add(steps, Ordering::Relaxed);
     }
@@ -96,19 +96,19 @@ impl Work {
 
     fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
         let entered_work = slf.get();
-        let work_limit = Arc::new(Limit {
+        let work_limit = Arc::new(WorkLimit {
             steps_max: entered_work.steps_max,
             spent: AtomicU64::new(0),
             is_cancelled: entered_work.is_cancelled.clone(),
         });
-        LIMITS.with_borrow_mut(|limits| limits.push(work_limit));
+        WORK_LIMITS.with_borrow_mut(|limits| limits.push(work_limit));
         slf
     }
 
     #[pyo3(signature = (*_how))]
     fn __exit__(&self, _how: &Bound<'_, pyo3::types::PyTuple>) {
-        LIMITS.with_borrow_mut(|limits| {
-            let is_same_limit = |limit: &Arc<Limit>| Arc::ptr_eq(&limit.is_cancelled, &self.is_cancelled);
+        WORK_LIMITS.with_borrow_mut(|limits| {
+            let is_same_limit = |limit: &Arc<WorkLimit>| Arc::ptr_eq(&limit.is_cancelled, &self.is_cancelled);
             if let Some(innermost) = limits.iter().rposition(is_same_limit) {
                 limits.remove(innermost);
             }
@@ -121,7 +121,7 @@ impl Work {
 #[pyfunction]
 #[pyo3(signature = (steps=0))]
 pub(crate) fn poll(steps: u64) -> PyResult<()> {
-    let end_reason = LIMITS.with_borrow(|limits| {
+    let end_reason = WORK_LIMITS.with_borrow(|limits| {
         count(limits, steps);
         stop_reason(limits, 0)
     });
@@ -139,7 +139,7 @@ pub(crate) fn poll(steps: u64) -> PyResult<()> {
 pub(crate) fn computing<T: Send>(py: Python<'_>, compute: impl FnOnce() -> T + Send) -> PyResult<T> {
     poll(0)?; // a computation shorter than CHECK_INTERVAL never checks by itself
     let (raised_error, steps_spent) = (Arc::new(Mutex::new(None)), Arc::<AtomicU64>::default());
-    let work_limits = LIMITS.with_borrow(Clone::clone);
+    let work_limits = WORK_LIMITS.with_borrow(Clone::clone);
     let (to_raise, spent_here, asked_limits) = (raised_error.clone(), steps_spent.clone(), work_limits.clone());
     let work_outcome = py.detach(move || {
         let should_stop = stop_check(asked_limits, spent_here.clone(), to_raise);
@@ -154,7 +154,7 @@ pub(crate) fn computing<T: Send>(py: Python<'_>, compute: impl FnOnce() -> T + S
     Ok(work_outcome)
 }
 
-fn stop_check(limits: Vec<Arc<Limit>>, spent: Arc<AtomicU64>, raised: Arc<Mutex<Option<PyErr>>>) -> Ask {
+fn stop_check(limits: Vec<Arc<WorkLimit>>, spent: Arc<AtomicU64>, raised: Arc<Mutex<Option<PyErr>>>) -> StopQuery {
     let mut next_check = Instant::now() + CHECK_INTERVAL;
     Box::new(move || {
         let check_time = Instant::now();

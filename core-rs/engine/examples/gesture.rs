@@ -10,7 +10,7 @@ use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{Term, Tie};
-use ergon_engine::{Budget, Network, OnFault, Options, Plan, Rate, Simulation, Timeline};
+use ergon_engine::{Budget, Network, OnFault, Plan, Rate, Simulation, SimulationOptions, Timeline};
 
 const RATE: f64 = 44_100.0;
 
@@ -40,7 +40,7 @@ pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
     timeline.gesture(Gesture::from_points(key, &points, manner)?)?;
 
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         record: false,
         on_fault: OnFault::Stop,

@@ -7,7 +7,7 @@ use std::error::Error;
 use std::sync::Arc;
 
 use ergon_engine::network::Term;
-use ergon_engine::{Budget, Network, OnFault, Options, Plan, Rate, Simulation, Timeline};
+use ergon_engine::{Budget, Network, OnFault, Plan, Rate, Simulation, SimulationOptions, Timeline};
 
 /// Number of masses between the two fixed ends.
 const MASSES: usize = 60;
@@ -37,7 +37,7 @@ pub(crate) fn sound() -> Result<Vec<f64>, Box<dyn Error>> {
     timeline.strike(&network, first + 7, 0.01, 1e-3, Some(0.0), 0)?; // 1 mN·s after 10 ms
 
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         record: false,
         on_fault: OnFault::Stop,

@@ -17,7 +17,7 @@ use crate::kernel::bank::{
     GroupCoefficients, GroupMotion, LANES, LaneSum, Lanes, advance_and_sum, advance_and_sum_weighted, lane_total,
 };
 use crate::units::Rate;
-use script::{Script, Section};
+use script::{BankScript, OutputSection};
 use sleep::{REST_AMPLITUDE, REST_TEST_EVERY, rest_threshold};
 
 /// Parameters of one oscillator.
@@ -70,7 +70,7 @@ pub(crate) struct Strikes {
 /// A running bank.
 #[derive(Clone, Debug)]
 pub(crate) struct Bank {
-    script: Arc<Script>,
+    script: Arc<BankScript>,
     frame: u64,
     motions: Vec<GroupMotion>,
     /// Index of the next event of each group   (n_groups)
@@ -97,7 +97,7 @@ impl Bank {
         let mut member_order: Vec<usize> = (0..oscillators.len()).collect();
         let outputs = |i: usize| oscillators[i].outputs.iter().map(|&(output, _)| output);
         member_order.sort_by(|&i, &j| outputs(i).cmp(outputs(j)).then(i.cmp(&j)));
-        let mut bank_script = Script {
+        let mut bank_script = BankScript {
             rate,
             sections: Vec::new(),
             coefficients: Vec::new(),
@@ -113,9 +113,9 @@ impl Bank {
         for same_output_members in member_order.chunk_by(|&i, &j| outputs(i).eq(outputs(j))) {
             let first_group = bank_script.coefficients.len();
             for members in same_output_members.chunks(LANES) {
-                motions.push(bank_script.group(oscillators, members));
+                motions.push(bank_script.add_group(oscillators, members));
             }
-            bank_script.sections.push(Section {
+            bank_script.sections.push(OutputSection {
                 outputs: outputs(same_output_members[0]).collect(),
                 groups: first_group..bank_script.coefficients.len(),
             });
@@ -172,7 +172,7 @@ impl Bank {
     }
 
     /// Advance one group by `n_frames` frames, with a stop at each blow.
-    fn advance(&mut self, script: &Script, group: usize, n_outputs: usize, n_frames: usize) {
+    fn advance(&mut self, script: &BankScript, group: usize, n_outputs: usize, n_frames: usize) {
         let mut segment_start = 0;
         while segment_start < n_frames {
             let current_frame = self.frame + segment_start as u64;
@@ -208,7 +208,7 @@ impl Bank {
         }
     }
 
-    fn run(&mut self, script: &Script, group: usize, n_outputs: usize, frames: Range<usize>) {
+    fn run(&mut self, script: &BankScript, group: usize, n_outputs: usize, frames: Range<usize>) {
         if self.is_still[group] {
             return;
         }

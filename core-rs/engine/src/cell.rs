@@ -31,14 +31,14 @@ const SAMPLE_SINE_MIN: f64 = 1e-6;
 
 /// A CEL's parameters in the discrete scheme: κ = K/M and ζ = Z/M.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ratios {
+pub struct CellRatios {
     /// K/M
     pub kappa: f64,
     /// Z/M
     pub zeta: f64,
 }
 
-impl Ratios {
+impl CellRatios {
     /// The ratios for which the poles are r e^{±iθ}, with r = e^-s.
     pub(crate) fn from_poles(s: f64, theta: f64) -> Self {
         let (radius_loss, half_sine) = (-expm1(-s), sin(0.5 * theta));
@@ -75,9 +75,9 @@ impl Ratios {
 /// assert!((f - 440.0).abs() < 1e-9 && (t60 - 2.0).abs() < 1e-9);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn tune(f: f64, t60: Option<f64>, rate: Rate) -> Ratios {
+pub fn tune(f: f64, t60: Option<f64>, rate: Rate) -> CellRatios {
     let time_step = rate.step();
-    Ratios::from_poles(decay(t60) * time_step, TAU * f * time_step)
+    CellRatios::from_poles(decay(t60) * time_step, TAU * f * time_step)
 }
 
 /// `omega` [rad/s], moved down if it is so near a multiple of half the rate that two samples of the motion do not
@@ -184,12 +184,12 @@ impl Cell {
     /// κ and ζ whose poles at `rate` are exactly those of this cell, for any damping.
     ///
     /// Without stiffness κ is 0 and ζ = 1 - e^{-zT/m}; without viscosity ζ is 0.
-    pub fn ratios(&self, rate: Rate) -> Ratios {
+    pub fn ratios(&self, rate: Rate) -> CellRatios {
         let time_step = rate.step();
         match self.poles {
-            Poles::Oscillating { omega } => Ratios::from_poles(self.sigma * time_step, omega * time_step),
+            Poles::Oscillating { omega } => CellRatios::from_poles(self.sigma * time_step, omega * time_step),
             // κ is (1-λ₁)(1-λ₂), ζ is 1-λ₁λ₂.
-            Poles::Overdamped { slow, fast } => Ratios {
+            Poles::Overdamped { slow, fast } => CellRatios {
                 kappa: expm1(-slow * time_step) * expm1(-fast * time_step),
                 zeta: -expm1(-2.0 * self.sigma * time_step),
             },
@@ -197,7 +197,7 @@ impl Cell {
     }
 
     /// The cell of mass `m` [kg] that has these ratios at `rate`; `None` if no continuous motion has such samples.
-    pub(crate) fn from_ratios(m: f64, Ratios { kappa, zeta }: Ratios, rate: Rate) -> Option<Self> {
+    pub(crate) fn from_ratios(m: f64, CellRatios { kappa, zeta }: CellRatios, rate: Rate) -> Option<Self> {
         let (sample_rate, pole_radius) = (rate.hertz(), sqrt(1.0 - zeta));
         let radius_loss = zeta / (1.0 + pole_radius);
         let half_sine_squared = (kappa - radius_loss * radius_loss) / (4.0 * pole_radius);
@@ -392,10 +392,10 @@ impl Cell {
     }
 
     /// The part of [`Self::split`] that depends on the instant only, for many impulses at this instant.
-    pub(crate) fn split_at(&self, alpha: f64, rate: Rate) -> Split {
+    pub(crate) fn split_at(&self, alpha: f64, rate: Rate) -> ForceSplit {
         let time_step = rate.step();
         let (time_left, time_past) = ((1.0 - alpha) * time_step, alpha * time_step);
-        Split {
+        ForceSplit {
             square: time_step * time_step,
             now: self.response(time_left),
             decay: exp(-2.0 * self.sigma * time_left),
@@ -406,7 +406,7 @@ impl Cell {
 
 /// Coefficients that split an impulse at one instant between two samples into forces at both.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Split {
+pub(crate) struct ForceSplit {
     /// Square of the step [s²].
     square: f64,
     now: f64,
@@ -414,7 +414,7 @@ pub(crate) struct Split {
     past: f64,
 }
 
-impl Split {
+impl ForceSplit {
     /// The forces [N] for an impulse [N·s].
     pub(crate) fn forces(&self, impulse: f64) -> [f64; 2] {
         let scaled_impulse = impulse / self.square;

@@ -30,7 +30,7 @@ impl Chance {
         let mut hash_key = String::with_capacity(kind.len() + name.len() + 96);
         let _ = write!(hash_key, "{seed}/{kind}/{name}/{member}/{occurrence}");
         let key_digest: [u8; 32] = Sha256::digest(hash_key.as_bytes()).into();
-        let half_digest = |from: usize| u128::from_le_bytes(std::array::from_fn(|i| key_digest[from + i]));
+        let half_digest = |first_byte: usize| u128::from_le_bytes(std::array::from_fn(|i| key_digest[first_byte + i]));
         Self(Pcg64::new(half_digest(0), half_digest(16)))
     }
 

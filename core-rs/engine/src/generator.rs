@@ -26,7 +26,7 @@ pub use plate::{Rim, Shape, plate};
 pub use round_membrane::round_membrane;
 pub use stiff_string::stiff_string;
 pub use string::{Ends, string};
-pub use tune::{Tuned, tune};
+pub use tune::{TunedLinks, tune};
 
 use crate::maths::wide::wide;
 
@@ -35,7 +35,7 @@ pub const MAX_MASSES: usize = 2_000_000;
 
 /// Links of one factor: link i of the run joins points a + i and b + i.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LinkRun {
+pub struct TopologyRun {
     /// First point of the first link.
     pub a: usize,
     /// Second point of the first link.
@@ -57,7 +57,7 @@ pub struct Topology {
     /// Number of SOLs.
     pub n_fixed: usize,
     /// The links.
-    pub runs: Vec<LinkRun>,
+    pub runs: Vec<TopologyRun>,
     /// Index of the middle MAT.
     pub centre: usize,
     /// (x, y) of every point on the picture of the instrument, in units of its longer side and centred on (0, 0);
@@ -171,7 +171,7 @@ fn positive(what: &'static str, got: f64) -> Result<(), GeneratorError> {
 
 impl Topology {
     /// A topology of MATs of equal mass, without further properties.
-    fn new(n_mat: usize, runs: Vec<LinkRun>, positions: Vec<[f64; 2]>) -> Self {
+    fn new(n_mat: usize, runs: Vec<TopologyRun>, positions: Vec<[f64; 2]>) -> Self {
         Self {
             n_mat,
             n_fixed: positions.len() - n_mat,
@@ -211,10 +211,10 @@ impl Topology {
 
 wide! {
     /// y = K x of springs between `n_mat` MATs and fixed points behind them.
-    fn pull(runs: &[LinkRun], n_mat: usize, x: &[f64], y: &mut [f64]) {
+    fn pull(runs: &[TopologyRun], n_mat: usize, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);
         for run in runs {
-            let LinkRun {
+            let TopologyRun {
                 a, b, len, factor, ..
             } = *run;
             if a + len <= n_mat && b + len <= n_mat {
@@ -243,7 +243,7 @@ wide! {
 
 /// Collects links one by one into runs.
 struct Links {
-    runs: Vec<LinkRun>,
+    runs: Vec<TopologyRun>,
 }
 
 impl Links {
@@ -257,12 +257,12 @@ impl Links {
 
     /// Adds a link of either sign of a body that resists bending; `hardens` is true only for links that stretch.
     fn join_bent(&mut self, a: usize, b: usize, factor: f64, hardens: bool) {
-        let continues_run = |run: &LinkRun| {
+        let continues_run = |run: &TopologyRun| {
             (run.a + run.len, run.b + run.len) == (a, b) && (run.factor, run.hardens) == (factor, hardens)
         };
         match self.runs.last_mut() {
             Some(run) if continues_run(run) => run.len += 1,
-            _ => self.runs.push(LinkRun {
+            _ => self.runs.push(TopologyRun {
                 a,
                 b,
                 len: 1,

@@ -1,5 +1,5 @@
 //! The guard of links that stiffen: frames in which they would make a scheme diverge are computed in smaller steps.
-//! `watch` finds such frames; `finer` computes them, by `kernel_stage` or, for meshes, by `integrate/mesh_stage`.
+//! `watch` finds such frames; `finer` computes them, by `kernel_system` or, for meshes, by `integrate/mesh_system`.
 //!
 //! A certificate uses the slope of every law at rest. Away from rest, λmax(M⁻¹(K + 2Z)) is at most its value at rest
 //! plus the largest edge sum of the links' stiffening. If this bound is too near the limit at the end of a frame, the
@@ -7,11 +7,11 @@
 
 mod cells;
 mod finer;
-mod kernel_stage;
+mod kernel_system;
 mod watch;
 
-pub(crate) use finer::{MatMotion, Stage};
-pub(crate) use kernel_stage::KernelStage;
+pub(crate) use finer::{MatMotion, SubsteppedSystem};
+pub(crate) use kernel_system::KernelSystem;
 
 use crate::archive::{Archive, Damaged, State, state_of};
 use std::ops::Range;

@@ -14,7 +14,7 @@ pub(crate) mod flow;
 mod ieq;
 mod local;
 mod mesh;
-mod mesh_stage;
+mod mesh_system;
 mod method;
 mod passes;
 pub(crate) mod square;
@@ -29,7 +29,7 @@ use std::sync::Arc;
 use crate::guard::{FinerFrames, Guard};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
-use crate::scheme::{Kind, Run};
+use crate::scheme::{LinkRun, LinkRunKind};
 use crate::timeline::Lead;
 use crate::units::Rate;
 use mesh::Mesh;
@@ -263,7 +263,7 @@ impl Integrator {
     pub(crate) fn may_create_energy(&self) -> bool {
         let stepped_mesh = self.method_stepper.stepper().mesh();
         // The balance of an active law cannot be judged.
-        let is_known = |run: &Run| !matches!(&run.kind, Kind::Lnl { law, .. } if law.is_active(DAMPING_TEST_MAX.0, DAMPING_TEST_MAX.1));
+        let is_known = |run: &LinkRun| !matches!(&run.kind, LinkRunKind::Lnl { law, .. } if law.is_active(DAMPING_TEST_MAX.0, DAMPING_TEST_MAX.1));
         !stepped_mesh.scheme.is_linear
             && stepped_mesh.other_runs.iter().all(is_known)
             && self.n_integrated_links() <= INTEGRATED_LINKS_MAX
@@ -273,7 +273,7 @@ impl Integrator {
     pub(crate) fn n_integrated_links(&self) -> usize {
         let other_runs = self.method_stepper.stepper().mesh().other_runs.iter();
         let integrated =
-            other_runs.filter(|run| matches!(&run.kind, Kind::Lnl { law, .. } if !law.has_closed_energy()));
+            other_runs.filter(|run| matches!(&run.kind, LinkRunKind::Lnl { law, .. } if !law.has_closed_energy()));
         integrated.map(|run| run.len).sum()
     }
 

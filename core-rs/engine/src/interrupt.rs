@@ -17,29 +17,29 @@ use std::thread;
 use std::time::Duration;
 
 /// Steps of a long loop from poll to poll, of less than a microsecond each.
-const STRIDE: usize = 4096;
+const POLL_STEPS: usize = 4096;
 /// Steps of work after which a computation is asked again: some 65 microseconds. Reading a clock takes as long as a
 /// short loop.
-const ASK_STEPS: usize = VISIT * STRIDE;
+const ASK_STEPS: usize = VISIT_STEPS * POLL_STEPS;
 /// Steps that a visit of a module counts.
-const VISIT: usize = 16;
+const VISIT_STEPS: usize = 16;
 /// Time between two polls of a thread that waits for others.
-const WAIT: Duration = Duration::from_millis(5);
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// Returns whether the computation is to stop. It is called in the thread that computes.
-pub type Ask = Box<dyn FnMut() -> bool>;
+pub type StopQuery = Box<dyn FnMut() -> bool>;
 
 /// The computation was stopped before its end: whatever it was changing is in an undefined state.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct Stopped;
 
 thread_local! {
-    static IS_ASKED: Cell<bool> = const { Cell::new(false) };
+    static HAS_STOP_QUERY: Cell<bool> = const { Cell::new(false) };
     /// Steps since the last time it was asked.
     static UNASKED_STEPS: Cell<usize> = const { Cell::new(0) };
-    static ASK: RefCell<Option<Ask>> = const { RefCell::new(None) };
+    static STOP_QUERY: RefCell<Option<StopQuery>> = const { RefCell::new(None) };
     /// The count of this thread's computation.
-    static SPENT: RefCell<Arc<AtomicU64>> = RefCell::default();
+    static SPENT_STEPS: RefCell<Arc<AtomicU64>> = RefCell::default();
 }
 
 /// On drop, restores the count of an outer computation.
@@ -47,22 +47,22 @@ struct OuterCount(Arc<AtomicU64>);
 
 impl Drop for OuterCount {
     fn drop(&mut self) {
-        SPENT.set(std::mem::take(&mut self.0));
+        SPENT_STEPS.set(std::mem::take(&mut self.0));
     }
 }
 
-/// On drop, restores the `Ask` of an outer computation.
-struct Outer(Option<Ask>);
+/// On drop, restores the `StopQuery` of an outer computation.
+struct OuterQuery(Option<StopQuery>);
 
-impl Drop for Outer {
+impl Drop for OuterQuery {
     fn drop(&mut self) {
         set(self.0.take());
     }
 }
 
-fn set(ask: Option<Ask>) -> Option<Ask> {
-    IS_ASKED.set(ask.is_some());
-    ASK.replace(ask)
+fn set(ask: Option<StopQuery>) -> Option<StopQuery> {
+    HAS_STOP_QUERY.set(ask.is_some());
+    STOP_QUERY.replace(ask)
 }
 
 /// Run `work` to its end, or until `ask` returns true at one of its polls ([`poll`]).
@@ -79,7 +79,7 @@ fn set(ask: Option<Ask>) -> Option<Ask> {
 ///
 /// # Errors
 /// [`Stopped`] if `ask` returns true at a poll of `work`.
-pub fn until<T>(ask: Ask, work: impl FnOnce() -> T) -> Result<T, Stopped> {
+pub fn until<T>(ask: StopQuery, work: impl FnOnce() -> T) -> Result<T, Stopped> {
     until_counted(ask, Arc::default(), work)
 }
 
@@ -87,9 +87,9 @@ pub fn until<T>(ask: Ask, work: impl FnOnce() -> T) -> Result<T, Stopped> {
 ///
 /// # Errors
 /// [`Stopped`] if `ask` returns true at a poll of `work`.
-pub fn until_counted<T>(ask: Ask, spent: Arc<AtomicU64>, work: impl FnOnce() -> T) -> Result<T, Stopped> {
-    let _count = OuterCount(SPENT.replace(spent));
-    let outer_ask = Outer(set(Some(ask)));
+pub fn until_counted<T>(ask: StopQuery, spent: Arc<AtomicU64>, work: impl FnOnce() -> T) -> Result<T, Stopped> {
+    let _count = OuterCount(SPENT_STEPS.replace(spent));
+    let outer_ask = OuterQuery(set(Some(ask)));
     let work_result = catch_unwind(AssertUnwindSafe(work));
     drop(outer_ask);
     work_result.or_else(|payload| match payload.downcast::<Stopped>() {
@@ -102,7 +102,7 @@ pub fn until_counted<T>(ask: Ask, spent: Arc<AtomicU64>, work: impl FnOnce() -> 
 /// computation.
 #[inline]
 pub fn poll() {
-    if IS_ASKED.get() {
+    if HAS_STOP_QUERY.get() {
         ask();
     }
 }
@@ -110,7 +110,7 @@ pub fn poll() {
 /// Count steps of work that follows or is done, and [`poll`] after some.
 #[inline]
 pub fn spend(steps: usize) {
-    if IS_ASKED.get() {
+    if HAS_STOP_QUERY.get() {
         count(steps);
         let unasked_steps = UNASKED_STEPS.get().saturating_add(steps);
         if unasked_steps < ASK_STEPS {
@@ -124,15 +124,15 @@ pub fn spend(steps: usize) {
 
 #[cold]
 fn count(steps: usize) {
-    SPENT.with_borrow(|spent| spent.fetch_add(steps as u64, Ordering::Relaxed));
+    SPENT_STEPS.with_borrow(|spent| spent.fetch_add(steps as u64, Ordering::Relaxed));
 }
 
 /// Count a step over `n` modules, and [`poll`] if it takes longer than polls should.
 #[inline]
 pub fn poll_for(n: usize) {
-    if IS_ASKED.get() {
+    if HAS_STOP_QUERY.get() {
         count(n);
-        if n >= STRIDE {
+        if n >= POLL_STEPS {
             ask();
         }
     }
@@ -143,8 +143,8 @@ pub fn poll_for(n: usize) {
 pub fn steps(range: Range<usize>) -> impl Iterator<Item = usize> + Clone {
     let range_end = range.end;
     range.inspect(move |&step| {
-        if step.is_multiple_of(STRIDE) {
-            spend(VISIT * STRIDE.min(range_end - step));
+        if step.is_multiple_of(POLL_STEPS) {
+            spend(VISIT_STEPS * POLL_STEPS.min(range_end - step));
         }
     })
 }
@@ -153,8 +153,8 @@ pub fn steps(range: Range<usize>) -> impl Iterator<Item = usize> + Clone {
 #[inline]
 pub fn each<T>(all: &[T]) -> impl Iterator<Item = &T> + Clone {
     all.iter().zip(0_usize..).map(|(item, step)| {
-        if step.is_multiple_of(STRIDE) {
-            spend(VISIT * STRIDE.min(all.len() - step));
+        if step.is_multiple_of(POLL_STEPS) {
+            spend(VISIT_STEPS * POLL_STEPS.min(all.len() - step));
         }
         item
     })
@@ -164,11 +164,11 @@ pub fn each<T>(all: &[T]) -> impl Iterator<Item = &T> + Clone {
 /// others end at their next poll as well.
 pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
     let is_over = Arc::new(AtomicBool::new(false));
-    let is_asked = IS_ASKED.get();
-    let spent_steps = SPENT.with_borrow(Arc::clone);
+    let is_asked = HAS_STOP_QUERY.get();
+    let spent_steps = SPENT_STEPS.with_borrow(Arc::clone);
     let leader_thread = thread::current();
     thread::scope(|scope| {
-        let _end = OnEnd(&is_over); // dropped before the scope waits, also where this thread unwinds
+        let _end = FlagOnDrop(&is_over); // dropped before the scope waits, also where this thread unwinds
         let helper = || {
             let is_over = is_over.clone();
             let stop_query = Box::new(move || is_over.load(Ordering::Relaxed));
@@ -183,7 +183,7 @@ pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
         work();
         while is_asked && !helpers.iter().all(thread::ScopedJoinHandle::is_finished) {
             poll();
-            thread::park_timeout(WAIT);
+            thread::park_timeout(POLL_INTERVAL);
         }
         for helper in helpers {
             if let Err(panic_payload) = helper.join() {
@@ -194,9 +194,9 @@ pub fn on_threads(threads: usize, work: impl Fn() + Sync) {
 }
 
 /// On drop, tells other threads that the computation is over.
-struct OnEnd<'a>(&'a AtomicBool);
+struct FlagOnDrop<'a>(&'a AtomicBool);
 
-impl Drop for OnEnd<'_> {
+impl Drop for FlagOnDrop<'_> {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -222,7 +222,7 @@ fn ask() {
 mod tests {
     use super::*;
 
-    fn ask_until(n: usize) -> (Ask, std::rc::Rc<Cell<usize>>) {
+    fn ask_until(n: usize) -> (StopQuery, std::rc::Rc<Cell<usize>>) {
         let poll_count = std::rc::Rc::new(Cell::new(0));
         let counter = poll_count.clone();
         let stop_query = move || {
@@ -268,7 +268,7 @@ mod tests {
 
     #[test]
     fn steps_and_each_poll_once_in_a_stride() {
-        for n in [0, 1, STRIDE, STRIDE + 1, 3 * STRIDE] {
+        for n in [0, 1, POLL_STEPS, POLL_STEPS + 1, 3 * POLL_STEPS] {
             let seven_list = vec![7; n];
             for work in [
                 (&|| assert_eq!(steps(0..n).count(), n)) as &dyn Fn(),
@@ -277,7 +277,7 @@ mod tests {
             ] {
                 let (stop_query, poll_count) = ask_until(usize::MAX);
                 assert_eq!(until(stop_query, work), Ok(()));
-                assert!([0, n / STRIDE].contains(&poll_count.get()));
+                assert!([0, n / POLL_STEPS].contains(&poll_count.get()));
             }
         }
     }

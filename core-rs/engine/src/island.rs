@@ -37,9 +37,9 @@ mod takeover;
 mod voices;
 pub(crate) mod written_hand;
 
-pub use build::Options;
+pub use build::SimulationOptions;
 pub(crate) use build::{FINE_SUBSTEPS_MIN, StepNumbers, outputs_at_rest};
-pub use emulated_key::{EmulatedKey, Motor};
+pub use emulated_key::{EmulatedKey, KeyMotor};
 pub(crate) use energy_account::EnergyGain;
 pub use fault::{Fault, OnFault};
 pub(crate) use fine::ContactOrder;
@@ -56,7 +56,7 @@ use crate::island::written_hand::voice::{Voice, VoiceScript};
 use crate::kernel::KernelScratch;
 use crate::network::Network;
 use crate::scheme::Scheme;
-use crate::state::{Body, ExactWork, Target};
+use crate::state::{ExactWork, ImposedTarget, ModuleState};
 use crate::timeline::{Drive, Ergon, Gate, GateContinuation, StrikeForce};
 use written_hand::SPARKS;
 use written_hand::framed::FramedGesture;
@@ -91,8 +91,8 @@ pub(crate) struct Script {
 struct State {
     frame: u64,
     parameters: Parameters,
-    matter: Matter,
-    players: Players,
+    mechanics: MechanicalState,
+    excitations: Excitations,
     monitors: Monitors,
 }
 
@@ -112,17 +112,17 @@ struct Parameters {
 
 /// What moves: positions, bodies inside the island, contacts between frames.
 #[derive(Clone, Debug)]
-struct Matter {
-    body: Body,
+struct MechanicalState {
+    modules: ModuleState,
     bodies: Vec<bodies::RunningBody>,
     fine_links: Option<fine::FineLinks>,
-    laws: KernelScratch,
-    targets: Vec<Target>,
+    kernel_scratch: KernelScratch,
+    targets: Vec<ImposedTarget>,
 }
 
 /// What plays: written hands, real hands, ergons, sounds that come in.
 #[derive(Clone, Debug)]
-struct Players {
+struct Excitations {
     voices: Vec<Voice>,
     reports: Vec<GestureReport>,
     /// Indices of the next push and of the next ergon.
@@ -174,11 +174,11 @@ fn write_gate_openings(open: &mut [f64], gates: &[Gate], continuations: &[Option
     }
 }
 
-impl Matter {
+impl MechanicalState {
     /// Give the ports of all bodies their positions and steps.
     fn set_ports(&mut self) {
         for running_body in &self.bodies {
-            running_body.set_ports(&mut self.body);
+            running_body.set_ports(&mut self.modules);
         }
     }
 }
@@ -205,25 +205,25 @@ impl Island {
 
     /// Positions now [m], (n_mat).
     pub(crate) fn positions(&self) -> &[f64] {
-        &self.state.matter.body.x
+        &self.state.mechanics.modules.x
     }
 
     /// Whether a team of threads can share its work.
     pub(crate) fn can_share_work(&self) -> bool {
         let state = &self.state;
-        state.matter.laws.mesh_partition.is_some()
-            || state.matter.bodies.iter().any(bodies::RunningBody::can_share_work)
+        state.mechanics.kernel_scratch.mesh_partition.is_some()
+            || state.mechanics.bodies.iter().any(bodies::RunningBody::can_share_work)
     }
 
     /// Steps x[n] − x[n−1] now [m], (n_mat).
     pub(crate) fn backward_steps(&self) -> &[f64] {
-        &self.state.matter.body.d
+        &self.state.mechanics.modules.d
     }
 
     /// Reports the position that the gesture of each key requests [m], NaN if none runs, then the deviation of each of
     /// the key's layers [m]. Arguments: key, value, whether it is a layer.
     pub(crate) fn report_gesture_positions(&self, mut report_position: impl FnMut(usize, f64, bool)) {
-        for (voice, voice_script) in self.state.players.voices.iter().zip(&self.script.voices) {
+        for (voice, voice_script) in self.state.excitations.voices.iter().zip(&self.script.voices) {
             // The voice of a key comes before its layers.
             let asked_displacement = if voice_script.is_layer {
                 voice.deviation(voice_script)
@@ -236,13 +236,13 @@ impl Island {
 
     /// Reports of all gestures, in the timeline's order.
     pub(crate) fn reports(&self) -> &[GestureReport] {
-        &self.state.players.reports
+        &self.state.excitations.reports
     }
 
     /// Whether a contact that is computed finely has been closed.
     pub(crate) fn has_closed_fine_contact(&self) -> bool {
         self.state
-            .matter
+            .mechanics
             .fine_links
             .as_ref()
             .is_some_and(|fine_links| fine_links.has_closed)
@@ -250,13 +250,13 @@ impl Island {
 
     /// Work of contacts that are computed finely, so far.
     pub(crate) fn fine_work(&self) -> fine::FineWork {
-        let fine_links = self.state.matter.fine_links.as_ref();
+        let fine_links = self.state.mechanics.fine_links.as_ref();
         fine_links.map_or_else(fine::FineWork::default, fine::FineLinks::work)
     }
 
     /// Work of exact contacts and frictions, so far.
     pub(crate) fn exact_work(&self) -> ExactWork {
-        self.state.matter.body.exact_work
+        self.state.mechanics.modules.exact_work
     }
 
     /// Sum over parts of their finer frames so far times the most steps that one such frame took.
@@ -277,14 +277,14 @@ impl Island {
             self.wake();
         }
         self.state.parameters.step_decay = step_factor;
-        for body in &mut self.state.matter.bodies {
+        for body in &mut self.state.mechanics.bodies {
             body.damp(decay_factor);
         }
     }
 
     /// Raises the squares of the modes of each body to at least the square of their present amplitude.
     pub(crate) fn raise_mode_squares(&self, squares: &mut [Vec<f64>]) {
-        for (body, squares) in self.state.matter.bodies.iter().zip(squares) {
+        for (body, squares) in self.state.mechanics.bodies.iter().zip(squares) {
             if let Some(modal_body) = body.modal() {
                 modal_body.raise_mode_squares(squares);
             }
@@ -293,13 +293,13 @@ impl Island {
 
     /// Ergons since the last call.
     pub(crate) fn take_ergons(&mut self) -> Vec<FramedErgon> {
-        self.state.players.ergon_stream.take_all()
+        self.state.excitations.ergon_stream.take_all()
     }
 
     /// From here on, note the strongest push of each contact and the ergons of written hands.
     pub(crate) fn start_watching(&mut self) {
         self.state.monitors.contact_peaks = contact_peaks::ContactPeaks::new(&self.network);
-        let voices = &mut self.state.players.voices;
+        let voices = &mut self.state.excitations.voices;
         voices.iter_mut().for_each(|voice| voice.sparks.start_watching());
         self.wake_from_rest();
     }
@@ -313,14 +313,14 @@ impl Island {
 
     /// Reports the ergons of written hands since the last call.
     pub(crate) fn take_sparks(&mut self, mut report_spark: impl FnMut(ErgonRecord)) {
-        for voice in &mut self.state.players.voices {
+        for voice in &mut self.state.excitations.voices {
             voice.sparks.take(&mut report_spark);
         }
     }
 
     /// Largest number of ergons that [`Self::take_sparks`] reports in one call.
     pub(crate) fn sparks_max(&self) -> usize {
-        SPARKS * self.state.players.voices.len()
+        SPARKS * self.state.excitations.voices.len()
     }
 
     /// Whether a link in space is broken.
@@ -330,7 +330,7 @@ impl Island {
 
     /// The bodies of the island.
     pub(crate) fn bodies(&self) -> &[bodies::RunningBody] {
-        &self.state.matter.bodies
+        &self.state.mechanics.bodies
     }
 
     /// The ledger, if it is kept.
@@ -343,7 +343,7 @@ impl Island {
                     .changing_scheme
                     .as_deref()
                     .unwrap_or(&self.script.scheme),
-                &state.matter.body,
+                &state.mechanics.modules,
             )
         })
     }
@@ -376,7 +376,7 @@ impl Island {
         });
         let bodies = self
             .state
-            .matter
+            .mechanics
             .bodies
             .iter()
             .filter_map(bodies::RunningBody::finer_frames);
@@ -389,11 +389,11 @@ impl Island {
     /// Reserves room for every target that can occur, because a cloned vector has no spare capacity.
     pub(crate) fn reserve(&mut self) {
         let n_targets = self.script.drives.len() + self.script.voices.len();
-        self.state.matter.targets.reserve(n_targets);
-        for (voice, voice_script) in self.state.players.voices.iter_mut().zip(&self.script.voices) {
+        self.state.mechanics.targets.reserve(n_targets);
+        for (voice, voice_script) in self.state.excitations.voices.iter_mut().zip(&self.script.voices) {
             voice.reserve(voice_script);
         }
-        for body in &mut self.state.matter.bodies {
+        for body in &mut self.state.mechanics.bodies {
             body.reserve();
         }
         if let Some(ledger) = &mut self.state.monitors.ledger {

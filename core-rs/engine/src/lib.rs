@@ -18,7 +18,7 @@
 //! use std::sync::Arc;
 //!
 //! use ergon_engine::network::Term;
-//! use ergon_engine::{Budget, Network, OnFault, Options, Plan, Rate, Simulation, Timeline};
+//! use ergon_engine::{Budget, Network, OnFault, SimulationOptions, Plan, Rate, Simulation, Timeline};
 //!
 //! let mut network = Network::new();
 //! network.part("string", None);
@@ -39,8 +39,8 @@
 //! timeline.strike(&network, first + 7, 0.01, 1e-3, None, 0)?; // 1 mN·s after 10 ms
 //!
 //! let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
-//! let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
-//! let mut simulation = Simulation::from_plan(Arc::new(plan), options)?;
+//! let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked:
+//! false }; let mut simulation = Simulation::from_plan(Arc::new(plan), options)?;
 //! let mut sound = vec![0.0; 44_100];
 //! simulation.process(&mut sound)?;
 //!
@@ -100,6 +100,6 @@ pub mod waveform;
 
 pub use network::Network;
 pub use plan::{Budget, Plan};
-pub use simulation::{OnFault, Options, Simulation};
+pub use simulation::{OnFault, Simulation, SimulationOptions};
 pub use timeline::Timeline;
 pub use units::Rate;

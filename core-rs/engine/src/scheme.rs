@@ -34,7 +34,7 @@ use crate::units::Rate;
 
 /// The law of a run of links, with numbers per step.
 #[derive(Clone, Debug)]
-pub(crate) enum Kind {
+pub(crate) enum LinkRunKind {
     Ref,
     /// A hardening spring whose K and Z can change in time: f = k·e + q·e³ + z·(e − e⁻), q [N/m³].
     Hardening(f64),
@@ -78,12 +78,12 @@ pub(crate) enum Kind {
 
 /// A run of links in numbers per step: f = k·e + z·(e − e⁻) for springs.
 #[derive(Clone, Debug)]
-pub(crate) struct Run {
-    pub(crate) kind: Kind,
+pub(crate) struct LinkRun {
+    pub(crate) kind: LinkRunKind,
     pub(crate) a: usize,
     pub(crate) b: usize,
     pub(crate) len: usize,
-    pub(crate) first: usize,
+    pub(crate) first_link: usize,
     pub(crate) k: f64,
     pub(crate) z: f64,
     pub(crate) rest: f64,
@@ -91,22 +91,22 @@ pub(crate) struct Run {
     pub(crate) gate: Option<usize>,
 }
 
-impl Run {
+impl LinkRun {
     /// Turn a hardening law into numbers K and Z of this run, which can then change.
     pub(crate) fn make_adjustable(&mut self) {
-        if let Kind::Lnl { law, rate, .. } = &self.kind
+        if let LinkRunKind::Lnl { law, rate, .. } = &self.kind
             && let Some(Hardening { k, q, z }) = law.hardening_spring()
         {
             (self.k, self.z) = (k, z.unwrap_or(0.0) * rate);
-            self.kind = Kind::Hardening(q);
+            self.kind = LinkRunKind::Hardening(q);
         }
     }
 
     /// Number of axes along which its links act.
     pub(crate) fn n_axes(&self) -> usize {
         match &self.kind {
-            Kind::Space(space) => space.n_axes,
-            Kind::Pairwise { pairs, .. } => pairs.link.n_axes,
+            LinkRunKind::Space(space) => space.n_axes,
+            LinkRunKind::Pairwise { pairs, .. } => pairs.link.n_axes,
             _ => 1,
         }
     }
@@ -115,8 +115,8 @@ impl Run {
     pub(crate) fn pair(&self, i: usize, axis: usize) -> (usize, usize) {
         let link_ends = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => space.pair(link_ends, axis),
-            Kind::Pairwise { pairs, .. } => pairs.pair((self.a, self.b), i, axis),
+            LinkRunKind::Space(space) => space.pair(link_ends, axis),
+            LinkRunKind::Pairwise { pairs, .. } => pairs.pair((self.a, self.b), i, axis),
             _ => link_ends,
         }
     }
@@ -129,7 +129,7 @@ impl Run {
     /// The index of the memory of a pairwise run; 0 for other kinds.
     pub(crate) fn slot(&self) -> usize {
         match &self.kind {
-            Kind::Pairwise { slot, .. } => *slot,
+            LinkRunKind::Pairwise { slot, .. } => *slot,
             _ => 0,
         }
     }
@@ -137,7 +137,7 @@ impl Run {
     /// The run as contacts between all pairs; `None` for other kinds.
     pub(crate) fn pairwise(&self) -> Option<PairRun> {
         match &self.kind {
-            Kind::Pairwise { pairs, .. } => Some(PairRun {
+            LinkRunKind::Pairwise { pairs, .. } => Some(PairRun {
                 pairs: pairs.clone(),
                 a: self.a,
                 b: self.b,
@@ -152,7 +152,7 @@ impl Run {
     pub(crate) fn elongation(&self, i: usize, x: impl Fn(usize) -> f64) -> f64 {
         let (first_end, second_end) = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => space.length_and_direction((first_end, second_end), x).0 - self.rest,
+            LinkRunKind::Space(space) => space.length_and_direction((first_end, second_end), x).0 - self.rest,
             _ => x(second_end) - x(first_end) - self.rest,
         }
     }
@@ -161,7 +161,7 @@ impl Run {
     pub(crate) fn stretch(&self, i: usize, x: impl Fn(usize) -> f64, displacement: impl Fn(usize) -> f64) -> f64 {
         let link_ends = (self.a + i, self.b + i);
         match &self.kind {
-            Kind::Space(space) => {
+            LinkRunKind::Space(space) => {
                 space.length_step(link_ends, space.length_and_direction(link_ends, x).1, displacement)
             }
             _ => displacement(link_ends.1) - displacement(link_ends.0),
@@ -170,33 +170,33 @@ impl Run {
 
     /// Indices of its links.
     pub(crate) fn links(&self) -> std::ops::Range<usize> {
-        self.first..self.first + self.len
+        self.first_link..self.first_link + self.len
     }
 
     /// Whether it is of hardening springs.
     pub(crate) fn is_hardening(&self) -> bool {
-        !matches!(self.kind, Kind::Ref) && self.spring().is_some()
+        !matches!(self.kind, LinkRunKind::Ref) && self.spring().is_some()
     }
 
     /// Whether it is a law, with or without a state of its own.
     fn is_law(&self) -> bool {
-        matches!(self.kind, Kind::Lnl { .. } | Kind::Bristle { .. })
+        matches!(self.kind, LinkRunKind::Lnl { .. } | LinkRunKind::Bristle { .. })
     }
 
     /// Whether its rest length changes permanently.
     pub(crate) fn has_permanent_stretch(&self) -> bool {
-        matches!(&self.kind, Kind::Space(space) if space.law.yields())
+        matches!(&self.kind, LinkRunKind::Space(space) if space.law.yields())
     }
 
     /// Whether it is dry friction.
     pub(crate) fn is_dry(&self) -> bool {
-        matches!(self.kind, Kind::Dry { .. })
+        matches!(self.kind, LinkRunKind::Dry { .. })
     }
 
     /// The bristle law with K and Z of the run, and the time step [s]; `None` for other links.
     pub(crate) fn bristle(&self) -> Option<(Bristle, f64)> {
         match &self.kind {
-            Kind::Bristle { law, rate } => Some((law.with_stiffness_and_level(self.k, self.z), 1.0 / rate)),
+            LinkRunKind::Bristle { law, rate } => Some((law.with_stiffness_and_level(self.k, self.z), 1.0 / rate)),
             _ => None,
         }
     }
@@ -230,9 +230,9 @@ pub struct Scheme {
     /// Springs whose individual forces are not needed: computed in one pass.
     pub(crate) fused_springs: FusedSprings,
     /// Runs whose forces are functions of the current state, in order of declaration.
-    pub(crate) runs: Vec<Run>,
+    pub(crate) runs: Vec<LinkRun>,
     /// Exact contacts, followed by dry friction: solved after all other forces are known.
-    pub(crate) exact_runs: Vec<Run>,
+    pub(crate) exact_runs: Vec<LinkRun>,
     /// Whether any two runs of `exact_runs` share a MAT that moves.
     pub(crate) has_coupled_exact_runs: bool,
     pub(crate) outputs: Vec<Output>,
@@ -285,8 +285,8 @@ impl Scheme {
     /// slopes excite stays bounded.
     pub(crate) fn drop_softening_laws(&mut self) {
         self.runs.retain(|run| match &run.kind {
-            Kind::Lnl { law, .. } => !law.is_bounded_far_from_rest(),
-            Kind::Followed { law: followed_law, .. } => {
+            LinkRunKind::Lnl { law, .. } => !law.is_bounded_far_from_rest(),
+            LinkRunKind::Followed { law: followed_law, .. } => {
                 !followed_law.end_value_laws().all(|law| law.is_bounded_far_from_rest())
             }
             _ => true,
@@ -317,7 +317,7 @@ impl Scheme {
     /// Whether it has contacts, and whether it has laws or dry friction, that can be computed in substeps;
     /// `steered_mats`: those whose motion or parameters a timeline determines.
     pub(crate) fn has_substepped(&self, steered_mats: &[usize]) -> (bool, bool) {
-        let is_law = |run: &&Run| run.is_law();
+        let is_law = |run: &&LinkRun| run.is_law();
         let law_count = self.substepped().filter(is_law).count();
         let has_laws = (1..=Self::SUBSTEPPED_LAWS_MAX).contains(&law_count);
         let has_contacts = self.substepped().any(|run| !is_law(&run));
@@ -325,7 +325,7 @@ impl Scheme {
     }
 
     /// Contacts and laws that can be computed in substeps, however many laws there are.
-    fn substepped(&self) -> impl Iterator<Item = &Run> {
+    fn substepped(&self) -> impl Iterator<Item = &LinkRun> {
         let substeps_springs = self.substeps_springs();
         let all_runs = self.runs.iter().chain(&self.exact_runs);
         all_runs.filter(move |run| self.can_substep_run(run, substeps_springs))
@@ -349,7 +349,7 @@ impl Scheme {
 
     /// Whether the ends of runs make no circle, with all fixed points as one: holds in a circle can share their forces
     /// in many ways.
-    fn is_forest<'a>(&self, mut runs: impl Iterator<Item = &'a Run>) -> bool {
+    fn is_forest<'a>(&self, mut runs: impl Iterator<Item = &'a LinkRun>) -> bool {
         let ground_node = self.n_mat();
         let node_of = |mat: usize| if self.w[mat] == 0.0 { ground_node } else { mat };
         let mut node_sets = Forest::new(ground_node + 1);
@@ -367,7 +367,7 @@ impl Scheme {
     }
 
     /// Whether a run can be computed in substeps.
-    fn can_substep_run(&self, run: &Run, substeps_springs: bool) -> bool {
+    fn can_substep_run(&self, run: &LinkRun, substeps_springs: bool) -> bool {
         let is_taken = substeps_springs || !run.is_hardening();
         let has_free_ends = self.can_end_substepped(run.a) && self.can_end_substepped(run.b);
         is_taken && run.can_substep() && has_free_ends
@@ -403,61 +403,61 @@ impl Scheme {
 
     /// Whether any link is dry friction.
     pub(crate) fn has_dry_friction(&self) -> bool {
-        self.exact_runs.iter().any(Run::is_dry)
+        self.exact_runs.iter().any(LinkRun::is_dry)
     }
 
     /// Whether there are contacts between all pairs of points.
     pub(crate) fn has_pairwise(&self) -> bool {
         let mut link_runs = self.runs.iter();
-        link_runs.any(|run| matches!(run.kind, Kind::Pairwise { .. }))
+        link_runs.any(|run| matches!(run.kind, LinkRunKind::Pairwise { .. }))
     }
 
     /// The index of the memory of a pairwise run, by its first link.
     pub(crate) fn slot_of(&self, link: usize) -> Option<usize> {
         let mut link_runs = self.runs.iter();
         let pairwise_run =
-            link_runs.find(|pairwise_run| pairwise_run.first == link && pairwise_run.pairwise().is_some())?;
+            link_runs.find(|pairwise_run| pairwise_run.first_link == link && pairwise_run.pairwise().is_some())?;
         Some(pairwise_run.slot())
     }
 
     /// The initial state of all LIAs that have one, such as bristles; empty if none has   (n_lia).
     pub(crate) fn initial_memory(&self) -> Vec<f64> {
-        let remembers = |run: &Run| run.bristle().is_some() || run.has_permanent_stretch();
+        let remembers = |run: &LinkRun| run.bristle().is_some() || run.has_permanent_stretch();
         let any_remembers = self.runs.iter().any(remembers);
         vec![0.0; if any_remembers { self.n_lia } else { 0 }]
     }
 
     /// Move springs to the list that is computed in one pass, except those whose individual force `is_observed`.
     pub(crate) fn fuse_springs(&mut self, is_observed: impl Fn(usize) -> bool) {
-        let (fused_runs, other_runs): (Vec<Run>, Vec<Run>) =
+        let (fused_runs, other_runs): (Vec<LinkRun>, Vec<LinkRun>) =
             std::mem::take(&mut self.runs).into_iter().partition(|run| {
-                let run_links = run.first..run.first + run.len;
+                let run_links = run.first_link..run.first_link + run.len;
                 run.gate.is_none() && run.spring().is_some() && !run_links.into_iter().any(&is_observed)
             });
         self.runs = other_runs;
-        let added_springs = fused_runs.iter().filter_map(Run::spring);
+        let added_springs = fused_runs.iter().filter_map(LinkRun::spring);
         self.fused_springs = FusedSprings::new(self.fused_springs.iter().copied().chain(added_springs).collect());
     }
 
     /// Remove and return the contacts and laws that are computed in substeps, laws only if there are few; if there are
     /// none, dry friction. `steered_mats` as in [`Self::has_substepped`].
-    pub(crate) fn take_substepped(&mut self, steered_mats: &[usize]) -> Vec<Run> {
+    pub(crate) fn take_substepped(&mut self, steered_mats: &[usize]) -> Vec<LinkRun> {
         let takes_springs = self.substeps_springs();
         if self.can_locate_friction(steered_mats) {
             let exact_runs = std::mem::take(&mut self.exact_runs).into_iter();
-            let (dry_runs, other_exact) = exact_runs.partition(Run::is_dry);
+            let (dry_runs, other_exact) = exact_runs.partition(LinkRun::is_dry);
             self.exact_runs = other_exact;
             return dry_runs;
         }
         let (explicit_runs, exact_runs) = (std::mem::take(&mut self.runs), std::mem::take(&mut self.exact_runs));
-        let is_law = |run: &Run| run.is_law() && self.can_substep_run(run, takes_springs);
+        let is_law = |run: &LinkRun| run.is_law() && self.can_substep_run(run, takes_springs);
         let are_laws_few = explicit_runs.iter().filter(|run| is_law(run)).count() <= Self::SUBSTEPPED_LAWS_MAX;
-        let is_substepped = |run: &Run| self.can_substep_run(run, takes_springs) && (are_laws_few || !is_law(run));
+        let is_substepped = |run: &LinkRun| self.can_substep_run(run, takes_springs) && (are_laws_few || !is_law(run));
         let (mut substepped_runs, explicit_runs) = explicit_runs.into_iter().partition::<Vec<_>, _>(is_substepped);
         let (substepped_exact_runs, remaining_exact_runs) =
             exact_runs.into_iter().partition::<Vec<_>, _>(is_substepped);
         substepped_runs.extend(substepped_exact_runs);
-        substepped_runs.sort_by_key(|run| run.first);
+        substepped_runs.sort_by_key(|run| run.first_link);
         (self.runs, self.exact_runs) = (explicit_runs, remaining_exact_runs);
         substepped_runs
     }

@@ -8,7 +8,7 @@ use crate::maths::wide::wide;
 /// 2012, ch. 4). It has the response of the bilinear transform, without the cancellation of the direct form at low
 /// cutoffs such as 8 Hz at 44.1 kHz.
 #[derive(Clone, Debug)]
-pub(crate) struct Section {
+pub(crate) struct FilterSection {
     g: f64,
     damping: f64,
     scale: f64,
@@ -16,11 +16,11 @@ pub(crate) struct Section {
     low: f64,
 }
 
-state!(Section { band, low });
+state!(FilterSection { band, low });
 
 /// The outputs of a section for one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Split {
+pub(crate) struct FilterOutputs {
     /// Low-pass.
     pub(crate) low: f64,
     /// Band-pass, of gain Q at the cutoff.
@@ -32,7 +32,7 @@ pub(crate) struct Split {
 /// 1/Q of a Butterworth filter of order 2: √2.
 pub(crate) const BUTTERWORTH_2: f64 = std::f64::consts::SQRT_2;
 
-impl Section {
+impl FilterSection {
     /// A section whose high-pass output is its input, if that is finite.
     pub(crate) const IDENTITY: Self = Self {
         g: 0.0,
@@ -78,7 +78,7 @@ impl Section {
 
     /// Filter the next sample.
     #[inline]
-    pub(crate) fn next(&mut self, x: f64) -> Split {
+    pub(crate) fn next(&mut self, x: f64) -> FilterOutputs {
         let high = (x - (self.damping + self.g) * self.band - self.low) * self.scale;
         let increment = self.g * high;
         let band = increment + self.band;
@@ -86,7 +86,7 @@ impl Section {
         let increment = self.g * band;
         let low = increment + self.low;
         self.low = increment + low;
-        Split { low, band, high }
+        FilterOutputs { low, band, high }
     }
 }
 
@@ -97,10 +97,10 @@ wide! {
     /// Filter the first `n_frames` of a signal by the high-pass of each section, in place   (SECTION_LANES).
     ///
     /// A section has to wait for its last frame, so eight take hardly longer than one. The bits are those of
-    /// [`Section::next`].
+    /// [`FilterSection::next`].
     #[allow(clippy::needless_range_loop)] // closures would be compiled for the baseline, and called
     pub(crate) fn highpass_all(
-        sections: &mut [Section; SECTION_LANES],
+        sections: &mut [FilterSection; SECTION_LANES],
         signals: &mut [&mut [f64]; SECTION_LANES],
         n_frames: usize,
     ) {
@@ -151,7 +151,7 @@ mod tests {
 
     /// Gain of the high-pass output at `f`, by a Fourier sum of its impulse response.
     fn gain(cutoff: f64, rate: f64, f: f64) -> f64 {
-        let mut section = Section::new(cutoff, rate, BUTTERWORTH_2);
+        let mut section = FilterSection::new(cutoff, rate, BUTTERWORTH_2);
         let sample_count = 1000 + (20.0 * rate / cutoff) as usize;
         let (mut re, mut im) = (0.0, 0.0);
         for i in 0..sample_count {
@@ -182,9 +182,9 @@ mod tests {
 
     #[test]
     fn highpass_all_has_the_bits_of_next() {
-        let mut sections: [Section; SECTION_LANES] =
-            std::array::from_fn(|lane| Section::new(8.0 + 30.0 * lane as f64, 44_100.0, BUTTERWORTH_2));
-        sections[3] = Section::IDENTITY;
+        let mut sections: [FilterSection; SECTION_LANES] =
+            std::array::from_fn(|lane| FilterSection::new(8.0 + 30.0 * lane as f64, 44_100.0, BUTTERWORTH_2));
+        sections[3] = FilterSection::IDENTITY;
         let mut alone = sections.clone();
         let signal = |lane: usize| (0..300).map(move |i| maths::sin((i * (lane + 1)) as f64));
         let mut signals: [Vec<f64>; SECTION_LANES] = std::array::from_fn(|l| signal(l).collect());
@@ -205,10 +205,10 @@ mod tests {
 
     #[test]
     fn settled_section_keeps_a_constant() {
-        let mut section = Section::new(8.0, 44_100.0, BUTTERWORTH_2);
+        let mut section = FilterSection::new(8.0, 44_100.0, BUTTERWORTH_2);
         section.settle(0.3);
         for _ in 0..1000 {
-            let Split { low, high, .. } = section.next(0.3);
+            let FilterOutputs { low, high, .. } = section.next(0.3);
             assert!((low - 0.3).abs() < 1e-15 && high.abs() < 1e-15);
         }
     }

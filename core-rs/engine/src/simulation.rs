@@ -25,8 +25,10 @@ use crate::plan::Plan;
 use crate::timeline::Timeline;
 
 pub use crate::archive::Damaged;
-pub use crate::island::{EmulatedKey, Energy, ErgonRecord, Fault, Motor, OnFault, Options};
-pub use look::{Contact, Glance, Look, Oscillation, Point, PointMotion, Push, VisibleBody};
+pub use crate::island::{EmulatedKey, Energy, ErgonRecord, Fault, KeyMotor, OnFault, SimulationOptions};
+pub use look::{
+    ContactPush, MotionLook, MotionSnapshot, Oscillation, PointMotion, VisibleBody, VisibleContact, VisiblePoint,
+};
 pub use stored::StorableIsland;
 pub use takeover::Takeover;
 
@@ -61,9 +63,9 @@ pub struct Simulation {
 /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
 /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
 /// # let network = Arc::new(network);
-/// # use ergon_engine::{OnFault, Options};
-/// # let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
-/// use ergon_engine::Simulation;
+/// # use ergon_engine::{OnFault, SimulationOptions};
+/// # let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked:
+/// false }; use ergon_engine::Simulation;
 ///
 /// let mut simulation = Simulation::new(network, &timeline, options)?;
 /// let start = simulation.snapshot();
@@ -82,7 +84,7 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
-    pub fn new(network: Arc<Network>, timeline: &Timeline, options: Options) -> Result<Self, Error> {
+    pub fn new(network: Arc<Network>, timeline: &Timeline, options: SimulationOptions) -> Result<Self, Error> {
         let plain_plan = Plan::plain(network, timeline, options.unchecked)?;
         Self::from_plan(Arc::new(plain_plan), options)
     }
@@ -91,7 +93,7 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
-    pub fn from_plan(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
+    pub fn from_plan(plan: Arc<Plan>, options: SimulationOptions) -> Result<Self, Error> {
         let n_outputs = plan.network.outputs().len();
         let block_frames = if options.threads > 1 {
             THREADED_BLOCK_FRAMES
@@ -106,7 +108,7 @@ impl Simulation {
             } else {
                 OnFault::Mute
             };
-            let options = Options { on_fault, ..options };
+            let options = SimulationOptions { on_fault, ..options };
             groups.push(Group::new(&plan, range, block_frames, options)?);
         }
         let threads = options.threads.max(1);
@@ -131,7 +133,7 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
-    pub fn from_plan_at_frame(plan: Arc<Plan>, options: Options, start_frame: u64) -> Result<Self, Error> {
+    pub fn from_plan_at_frame(plan: Arc<Plan>, options: SimulationOptions, start_frame: u64) -> Result<Self, Error> {
         let mut simulation = Self::from_plan(plan, options)?;
         if start_frame > 0 {
             simulation.frame = start_frame;
@@ -360,9 +362,9 @@ impl Simulation {
     /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
     /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
     /// # let network = Arc::new(network);
-    /// # use ergon_engine::{OnFault, Options};
-    /// # let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
-    /// use ergon_engine::Simulation;
+    /// # use ergon_engine::{OnFault, SimulationOptions};
+    /// # let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1,
+    /// unchecked: false }; use ergon_engine::Simulation;
     ///
     /// let mut simulation = Simulation::new(network, &timeline, options)?;
     /// simulation.damp(Some(0.05)); // everything fades by 60 dB in 50 ms
@@ -413,9 +415,9 @@ impl Simulation {
     /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
     /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
     /// # let network = Arc::new(network);
-    /// # use ergon_engine::{OnFault, Options};
-    /// # let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
-    /// use ergon_engine::Simulation;
+    /// # use ergon_engine::{OnFault, SimulationOptions};
+    /// # let options = SimulationOptions { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1,
+    /// unchecked: false }; use ergon_engine::Simulation;
     ///
     /// let mut one = Simulation::new(network, &timeline, options)?;
     /// let mut other = one.fork();

@@ -18,7 +18,7 @@ mod tests;
 pub(crate) mod vector;
 
 pub(crate) use all::all_eigenvalues;
-pub(crate) use general::{General, general, inverse};
+pub(crate) use general::{Eigensystem, general, inverse};
 #[cfg(test)]
 pub(crate) use lanczos::Largest;
 pub(crate) use lanczos::{largest, largest_up_to};

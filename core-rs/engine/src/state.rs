@@ -3,12 +3,12 @@
 mod contact_history;
 
 use crate::maths::Mixing;
-use crate::scheme::{Kind, Scheme};
+use crate::scheme::{LinkRunKind, Scheme};
 pub(crate) use contact_history::ContactHistory;
 
 /// The state of MATs and links, and their forces.
 #[derive(Clone, Debug)]
-pub(crate) struct Body {
+pub(crate) struct ModuleState {
     /// Position now [m]                                   (n_mat)
     pub(crate) x: Vec<f64>,
     /// The last step, x[n] − x[n−1] [m]                   (n_mat)
@@ -16,39 +16,39 @@ pub(crate) struct Body {
     /// Sum of forces now [N]                              (n_mat)
     pub(crate) force: Vec<f64>,
     /// Force of each LIA now [N]: it pulls a towards b    (n_lia)
-    pub(crate) link: Vec<f64>,
+    pub(crate) link_forces: Vec<f64>,
     /// State of each LIA [m]: the bending of its bristles, or the yielded part of its rest length (infinite if it is
     /// broken); empty if no LIA has a state   (n_lia)
-    pub(crate) memory: Vec<f64>,
-    /// Friction states of touching points, for each pairwise run, indexed by `Kind::Pairwise::slot`.
-    pub(crate) histories: Vec<ContactHistory>,
+    pub(crate) link_memories: Vec<f64>,
+    /// Friction states of touching points, for each pairwise run, indexed by `LinkRunKind::Pairwise::slot`.
+    pub(crate) contact_histories: Vec<ContactHistory>,
     /// Part of `force` from contacts between all pairs [N]   (n_mat; empty if there are none)
-    pub(crate) pair_force: Vec<f64>,
+    pub(crate) pair_forces: Vec<f64>,
     /// Position of each proxy before it moves [m]   (n_proxies)
-    pub(crate) proxies: Vec<f64>,
+    pub(crate) proxy_positions: Vec<f64>,
     /// Motion of body ports without external force, beyond their last step [m]   (n_mat; empty: no ports)
-    pub(crate) inner: Vec<f64>,
+    pub(crate) free_port_motion: Vec<f64>,
     /// Part of `force` by strikes, hands and weights [N]; empty without a ledger   (n_mat)
-    pub(crate) outside: Vec<f64>,
+    pub(crate) outside_forces: Vec<f64>,
     /// The state one frame before, if a frame may have to be computed again in finer steps.
-    pub(crate) previous: Option<Box<PreviousState>>,
+    pub(crate) previous_state: Option<Box<PreviousState>>,
     /// Work of exact contacts and frictions, in all frames so far.
     pub(crate) exact_work: ExactWork,
     /// Room for rounds over exact contacts and frictions that share a MAT.
-    pub(crate) mixing: Mixing,
+    pub(crate) round_mixing: Mixing,
 }
 
-crate::archive::state!(Body {
+crate::archive::state!(ModuleState {
     x,
     d,
     force,
-    link,
-    memory,
-    histories,
-    pair_force,
-    inner,
-    outside,
-    previous
+    link_forces,
+    link_memories,
+    contact_histories,
+    pair_forces,
+    free_port_motion,
+    outside_forces,
+    previous_state
 });
 
 /// Counters of motion-dependent work in exact contacts and frictions.
@@ -84,21 +84,21 @@ impl PreviousState {
     }
 }
 
-impl Body {
+impl ModuleState {
     /// A body at positions `x` with last steps `d` [m], (n_mat) each.
     pub(crate) fn new(scheme: &Scheme, x: Vec<f64>, d: Vec<f64>) -> Self {
         Self {
             force: vec![0.0; x.len()],
-            link: vec![0.0; scheme.n_lia],
-            memory: scheme.initial_memory(),
-            histories: histories(scheme),
-            pair_force: vec![0.0; if scheme.has_pairwise() { x.len() } else { 0 }],
-            proxies: vec![0.0; scheme.proxies.len()],
-            inner: Vec::new(),
-            outside: Vec::new(),
-            previous: None,
+            link_forces: vec![0.0; scheme.n_lia],
+            link_memories: scheme.initial_memory(),
+            contact_histories: histories(scheme),
+            pair_forces: vec![0.0; if scheme.has_pairwise() { x.len() } else { 0 }],
+            proxy_positions: vec![0.0; scheme.proxies.len()],
+            free_port_motion: Vec::new(),
+            outside_forces: Vec::new(),
+            previous_state: None,
             exact_work: ExactWork::default(),
-            mixing: Mixing::new(if scheme.has_coupled_exact_runs {
+            round_mixing: Mixing::new(if scheme.has_coupled_exact_runs {
                 scheme.exact_runs.len()
             } else {
                 0
@@ -111,7 +111,7 @@ impl Body {
     /// Add a force [N] of a hand, a strike or a weight to a MAT.
     pub(crate) fn push(&mut self, mat: usize, force: f64) {
         self.force[mat] += force;
-        if let Some(outside) = self.outside.get_mut(mat) {
+        if let Some(outside) = self.outside_forces.get_mut(mat) {
             *outside += force;
         }
     }
@@ -120,11 +120,11 @@ impl Body {
     pub(crate) fn copy_motion(&mut self, other: &Self) {
         self.x.copy_from_slice(&other.x);
         self.d.copy_from_slice(&other.d);
-        self.memory.copy_from_slice(&other.memory);
-        for (history, other) in self.histories.iter_mut().zip(&other.histories) {
+        self.link_memories.copy_from_slice(&other.link_memories);
+        for (history, other) in self.contact_histories.iter_mut().zip(&other.contact_histories) {
             history.copy_from(other);
         }
-        self.inner.copy_from_slice(&other.inner);
+        self.free_port_motion.copy_from_slice(&other.free_port_motion);
     }
 }
 
@@ -132,7 +132,7 @@ impl Body {
 fn histories(scheme: &Scheme) -> Vec<ContactHistory> {
     let mut histories = Vec::new();
     for run in &scheme.runs {
-        if let Kind::Pairwise { pairs, slot } = &run.kind {
+        if let LinkRunKind::Pairwise { pairs, slot } = &run.kind {
             let room_count = histories.len().max(slot + 1);
             histories.resize_with(room_count, ContactHistory::default);
             if pairs.friction > 0.0 {
@@ -145,7 +145,7 @@ fn histories(scheme: &Scheme) -> Vec<ContactHistory> {
 
 /// A MAT whose next position is imposed for this step.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Target {
+pub(crate) struct ImposedTarget {
     pub(crate) mat: usize,
     /// Position at the next frame [m].
     pub(crate) x: f64,
@@ -153,4 +153,4 @@ pub(crate) struct Target {
     pub(crate) previous: f64,
 }
 
-crate::archive::state!(Target { mat, x, previous });
+crate::archive::state!(ImposedTarget { mat, x, previous });

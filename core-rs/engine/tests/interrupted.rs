@@ -9,7 +9,7 @@ use ergon_engine::generator::{Ends, string};
 use ergon_engine::interrupt::{Stopped, until};
 use ergon_engine::network::Term;
 use ergon_engine::plan::{Budget, Method, Plan};
-use ergon_engine::{Network, OnFault, Options, Rate, Simulation, Timeline};
+use ergon_engine::{Network, OnFault, Rate, Simulation, SimulationOptions, Timeline};
 
 const MASSES: usize = 200_000;
 /// Masses for which there is at least one poll in each pass over all.
@@ -27,8 +27,8 @@ fn looks<T>(work: impl FnOnce() -> T) -> (T, usize) {
     (done, count.get())
 }
 
-fn options(threads: usize) -> Options {
-    Options {
+fn options(threads: usize) -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         record: false,
         on_fault: OnFault::Stop,

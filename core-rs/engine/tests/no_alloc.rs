@@ -15,7 +15,7 @@ use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{Measure, Network, PairLaw, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term, Tie};
 use ergon_engine::plan::{Budget, Computation, Method, Plan};
-use ergon_engine::simulation::{Glance, OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{MotionSnapshot, OnFault, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 use scene::{Scene, options};
@@ -69,20 +69,20 @@ fn look(seeds: Range<u64>) {
         let scene = Scene::random(seed);
         let network = Arc::new(scene.network.clone());
         let plan = Plan::new(network, &scene.timeline, &Budget::default(), None).unwrap();
-        let options = Options {
+        let options = SimulationOptions {
             ledger: false,
             ..options(OnFault::Stop)
         };
         let mut simulation = Simulation::from_plan(Arc::new(plan), options).unwrap();
         let look = simulation.make_look();
         simulation.start_watching();
-        let mut glance = Glance::new(&simulation, &look);
+        let mut glance = MotionSnapshot::new(&simulation, &look);
         let mut seen = false;
         let mut out = vec![0.0; scene.n_frames() * simulation.n_out()];
         for block in out.chunks_mut(100 * simulation.n_out()) {
             assert_eq!(allocations(&mut simulation, block), 0, "{seed}");
             reset_violation_count();
-            assert_no_alloc(|| simulation.fill_glance(&look, &mut glance));
+            assert_no_alloc(|| simulation.fill_snapshot(&look, &mut glance));
             assert_eq!(violation_count(), 0, "{seed}");
             assert_eq!(glance.frame, simulation.frame());
             seen |= glance.tracks.iter().any(|x| *x != 0.0);
@@ -136,7 +136,7 @@ fn slow_key_does_not_allocate() {
             macrostep: 10,
             is_exact: true
         }));
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     };
@@ -167,7 +167,7 @@ fn take_over(seeds: Range<u64>) {
     for seed in seeds {
         let scene = Scene::random(seed);
         let network = Arc::new(scene.network.clone());
-        let options = Options {
+        let options = SimulationOptions {
             ledger: false,
             ..options(OnFault::Stop)
         };
@@ -208,7 +208,7 @@ fn rest_and_wake_do_not_allocate() {
     let network = Arc::new(network);
     for budget in [Budget::default(), Budget::Method(Method::Ca)] {
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
-        let options = Options {
+        let options = SimulationOptions {
             ledger: false,
             ..options(OnFault::Stop)
         };
@@ -256,7 +256,7 @@ fn finer_frames_do_not_allocate() {
         let budget = Budget::Method(method);
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
         let plan = Arc::new(plan);
-        let options = Options {
+        let options = SimulationOptions {
             ledger: false,
             ..options(OnFault::Stop)
         };
@@ -302,7 +302,7 @@ fn take_over_with_another_method_does_not_allocate() {
         network.listen("s", vec![term]).unwrap();
         Arc::new(network)
     };
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     };
@@ -388,7 +388,7 @@ fn friction_between_all_pairs_does_not_allocate() {
     };
     network.listen("rub", vec![term]).unwrap();
     let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     };

@@ -13,10 +13,10 @@ mod output_fades;
 mod pulse;
 mod rate;
 mod ring;
-mod shared;
 mod sink;
 mod source;
 mod spec;
+mod stream_state;
 #[cfg(all(feature = "system", any(target_os = "macos", windows)))]
 mod system;
 #[cfg(not(all(feature = "system", any(target_os = "macos", windows))))]
@@ -30,11 +30,11 @@ use std::path::PathBuf;
 pub use connect::survey;
 pub use input::{Input, InputInfo, InputReader, open_input};
 pub use jack::Capture;
-pub use output::{Event, Info, Output, SoundClock, Sounding, open};
-pub use ring::{CHANNELS_MAX, Drain, Feed, ring};
-pub use shared::{Edge, Shared};
-pub use spec::{Backend, Spec, USAGE};
-pub(crate) use tap::{Tap, open as tap};
+pub use output::{AudioEvent, Output, OutputInfo, PlaybackTiming, SoundClock, open};
+pub use ring::{CHANNELS_MAX, RingReader, RingWriter, ring};
+pub use spec::{AudioSpec, Backend, USAGE};
+pub use stream_state::{SilenceEdge, StreamState};
+pub(crate) use tap::{AudioTap, open as tap};
 pub use tap::{TapHandle, TapStatus};
 
 /// Why the sound cannot be opened or was lost.

@@ -17,25 +17,27 @@ pub mod ports;
 mod url;
 mod wait_canceller;
 
-pub use crate::safety::contract::{Device, Gone, Histogram, LastResort, Sample, Spec, Stats, Unit};
+pub use crate::safety::contract::{
+    Device, DeviceLoss, DeviceSample, DeviceSpec, DurationHistogram, Unit, WireStats, ZeroForcePacket,
+};
 pub use crate::wire::MAX_AXES;
-pub use emulated::{Emulated, open_board};
+pub use emulated::{EmulatedDevice, open_board};
 pub use haply::guardian;
-pub(crate) use port::InProcess;
-pub use url::{Kind, Url, UrlError};
+pub(crate) use port::InProcessPort;
+pub use url::{DeviceKind, DeviceUrl, UrlError};
 pub use wait_canceller::WaitCanceller;
 
 use std::time::Duration;
 
 /// Longest wait for the first reply: a board that restarts when its port is opened needs two seconds.
-const FIRST_REPLY: Duration = Duration::from_secs(4);
+const FIRST_REPLY_TIMEOUT: Duration = Duration::from_secs(4);
 /// Time between two requests until the first reply.
-const ASK_AGAIN: Duration = Duration::from_millis(50);
+const REQUEST_RETRY_INTERVAL: Duration = Duration::from_millis(50);
 /// Wait in lockstep after which a silent device counts as gone: there a late reply is not an error by itself.
-const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(2);
+const LOCKSTEP_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// The error for an axis that the device does not have.
-pub(crate) const NO_AXIS: &str = "the device has no such axis (axes count from 0)";
+pub(crate) const NO_SUCH_AXIS: &str = "the device has no such axis (axes count from 0)";
 
 /// Why a device could not be opened.
 #[derive(Debug, thiserror::Error)]
@@ -78,7 +80,7 @@ pub enum DeviceError {
 ///
 /// # Errors
 /// [`DeviceError`] says what is missing, or what the device cannot do.
-pub fn open(url: &Url) -> Result<Box<dyn Device>, DeviceError> {
+pub fn open(url: &DeviceUrl) -> Result<Box<dyn Device>, DeviceError> {
     open_until(url, &WaitCanceller::default())
 }
 
@@ -86,16 +88,16 @@ pub fn open(url: &Url) -> Result<Box<dyn Device>, DeviceError> {
 ///
 /// # Errors
 /// As for [`open`].
-pub fn open_until(url: &Url, canceller: &WaitCanceller) -> Result<Box<dyn Device>, DeviceError> {
+pub fn open_until(url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Box<dyn Device>, DeviceError> {
     let device: Box<dyn Device> = match url.kind {
-        Kind::FireFader => Box::new(firefader::FireFader::open(url, canceller)?),
-        Kind::Frame | Kind::FrameUdp => Box::new(frame::Frame::open(url, canceller)?),
-        Kind::Haply => Box::new(haply::Haply::open(url, canceller)?),
-        Kind::Emul => Box::new(Emulated::open(url)?),
-        Kind::Led => return Err(url.cannot("a key that is played without a device has no motor")),
+        DeviceKind::FireFader => Box::new(firefader::FireFader::open(url, canceller)?),
+        DeviceKind::Frame | DeviceKind::FrameUdp => Box::new(frame::OpenFrameDevice::open(url, canceller)?),
+        DeviceKind::Haply => Box::new(haply::HaplyDevice::open(url, canceller)?),
+        DeviceKind::Emul => Box::new(EmulatedDevice::open(url)?),
+        DeviceKind::Led => return Err(url.cannot("a key that is played without a device has no motor")),
     };
     if url.axis.is_some_and(|axis| axis >= device.spec().dof) {
-        return Err(url.cannot(NO_AXIS));
+        return Err(url.cannot(NO_SUCH_AXIS));
     }
     arm::with_arm(device, url)
 }
@@ -105,8 +107,8 @@ pub fn open_until(url: &Url, canceller: &WaitCanceller) -> Result<Box<dyn Device
 ///
 /// # Errors
 /// [`DeviceError`] if nothing leads it, or nobody plays it now.
-pub fn open_led(url: &Url, period: f64, is_retry: bool) -> Result<Box<dyn Device>, DeviceError> {
-    Ok(Box::new(led::Led::open(url, period, is_retry)?))
+pub fn open_led(url: &DeviceUrl, period: f64, is_retry: bool) -> Result<Box<dyn Device>, DeviceError> {
+    Ok(Box::new(led::PointerDevice::open(url, period, is_retry)?))
 }
 
 /// The driver of a kind of device for a board that is emulated inside this process.
@@ -114,16 +116,16 @@ pub fn open_led(url: &Url, period: f64, is_retry: bool) -> Result<Box<dyn Device
 /// # Errors
 /// [`DeviceError`] if the board does not answer, or if this kind cannot be emulated inside the process.
 pub(crate) fn open_in_process(
-    kind: Kind,
-    board: Box<dyn InProcess>,
+    kind: DeviceKind,
+    board: Box<dyn InProcessPort>,
     lockstep: bool,
 ) -> Result<Box<dyn Device>, DeviceError> {
-    let mut board_url = Url::in_process(kind);
+    let mut board_url = DeviceUrl::in_process(kind);
     board_url.lockstep = lockstep;
     let (board_port, canceller) = (port::Port::InProcess(board), WaitCanceller::default());
     Ok(match kind {
-        Kind::Frame => Box::new(frame::Frame::on_port(board_port, &board_url, &canceller)?),
-        Kind::FireFader => Box::new(firefader::FireFader::on_port(board_port, &board_url, &canceller)?),
+        DeviceKind::Frame => Box::new(frame::OpenFrameDevice::on_port(board_port, &board_url, &canceller)?),
+        DeviceKind::FireFader => Box::new(firefader::FireFader::on_port(board_port, &board_url, &canceller)?),
         _ => {
             return Err(board_url.cannot("this kind of device cannot be emulated inside the process"));
         }

@@ -5,18 +5,18 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::device::{Device, Gone, Sample};
-use crate::realtime::{self, Granted, sleep_until};
-use crate::safety::Guarded;
+use crate::device::{Device, DeviceLoss, DeviceSample};
+use crate::realtime::{self, GrantedScheduling, sleep_until};
+use crate::safety::GuardedDevice;
 
 /// Time after which a reply counts as lost.
-const PATIENCE: Duration = Duration::from_millis(20);
+const REPLY_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// The measurements, in nanoseconds.
 #[derive(Clone, Debug)]
-pub struct Checkup {
+pub struct TimingCheck {
     /// What the system granted the thread.
-    pub granted: Granted,
+    pub granted: GrantedScheduling,
     /// Lateness of each tick; empty for a device in lockstep.
     pub lateness: Vec<u32>,
     /// Time from each (zero) force sent to its reply.
@@ -27,7 +27,7 @@ pub struct Checkup {
     pub seconds: f64,
 }
 
-impl Checkup {
+impl TimingCheck {
     fn new(ticks: usize) -> Self {
         Self {
             granted: realtime::request(realtime::PHYSICS_PRIORITY),
@@ -39,21 +39,21 @@ impl Checkup {
     }
 }
 
-/// Wake `ticks` times, a `tick_period` [s] apart, as the physics thread does; with a device, send zero forces and wait for
-/// each reply. Ends early when `stop` is set. This thread keeps the priority of the physics thread, so call it in a
+/// Wake `ticks` times, a `tick_period` [s] apart, as the physics thread does; with a device, send zero forces and wait
+/// for each reply. Ends early when `stop` is set. This thread keeps the priority of the physics thread, so call it in a
 /// thread of its own.
 ///
 /// # Errors
-/// [`Gone`] if the device goes away.
-pub fn checkup<D: Device>(
-    mut device: Option<&mut Guarded<D>>,
+/// [`DeviceLoss`] if the device goes away.
+pub fn check_timing<D: Device>(
+    mut device: Option<&mut GuardedDevice<D>>,
     tick_period: f64,
     ticks: usize,
     stop: &AtomicBool,
-) -> Result<Checkup, Gone> {
-    let mut checkup = Checkup::new(ticks);
+) -> Result<TimingCheck, DeviceLoss> {
+    let mut timing_check = TimingCheck::new(ticks);
     let tick_period = Duration::from_secs_f64(tick_period);
-    let mut sample = Sample::default();
+    let mut sample = DeviceSample::default();
     if let Some(device) = &mut device {
         // The initial position comes first; it is not a reply to a force.
         device.receive(&mut sample, Instant::now())?;
@@ -69,7 +69,7 @@ pub fn checkup<D: Device>(
             due_instant += tick_period;
             // A reply that took longer than a tick is not lateness of the clock.
             due_instant = due_instant.max(Instant::now());
-            checkup.lateness.push(nanoseconds(sleep_until(due_instant)));
+            timing_check.lateness.push(nanoseconds(sleep_until(due_instant)));
         }
         let Some(device) = &mut device else {
             continue;
@@ -78,14 +78,14 @@ pub fn checkup<D: Device>(
         device.receive(&mut sample, Instant::now())?;
         let send_instant = Instant::now();
         device.send(&[])?;
-        if device.receive(&mut sample, send_instant + PATIENCE)? {
-            checkup.round_trips.push(nanoseconds(send_instant.elapsed()));
+        if device.receive(&mut sample, send_instant + REPLY_TIMEOUT)? {
+            timing_check.round_trips.push(nanoseconds(send_instant.elapsed()));
         } else {
-            checkup.unanswered += 1;
+            timing_check.unanswered += 1;
         }
     }
-    checkup.seconds = start_instant.elapsed().as_secs_f64();
-    Ok(checkup)
+    timing_check.seconds = start_instant.elapsed().as_secs_f64();
+    Ok(timing_check)
 }
 
 fn nanoseconds(time: Duration) -> u32 {

@@ -12,10 +12,10 @@ mod serve;
 
 pub(crate) use firmware::HAPLY_ID;
 pub use firmware::{BoardConfig, Firmware, Protocol};
-pub use hand::Hand;
-pub use key::{Key, Keys};
+pub use hand::EmulatedHand;
+pub use key::{EmulatedKeys, KeyConstants};
 pub use line::Transport;
-pub use serve::{Event, Options, Outcome, serve};
+pub use serve::{EmulationOptions, ServeEvent, ServeSummary, serve};
 
 /// Why a device cannot be emulated.
 #[derive(Debug, thiserror::Error)]

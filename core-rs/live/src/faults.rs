@@ -9,7 +9,7 @@ mod world;
 
 use std::time::Duration;
 
-use crate::device::{DeviceError, Kind};
+use crate::device::{DeviceError, DeviceKind};
 use crate::emulate::Protocol;
 
 /// Period of the host's ticks.
@@ -76,7 +76,7 @@ pub enum Emulator {
 
 /// How the force ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outcome {
+pub enum FaultOutcome {
     /// It was zero this long after the fault [s].
     Zero(f64),
     /// It did not end while the fault lasted.
@@ -87,21 +87,21 @@ pub enum Outcome {
 
 /// The result of one fault on one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measurement {
+pub struct FaultMeasurement {
     /// The fault.
     pub fault: Fault,
     /// The device.
     pub emulator: Emulator,
     /// How the force ended.
-    pub outcome: Outcome,
+    pub outcome: FaultOutcome,
     /// Time within which the force must be zero [s]; or the reason for which nothing is promised.
-    pub bound: Result<f64, &'static str>,
+    pub time_limit: Result<f64, &'static str>,
     /// Greatest force of the motor from the fault on, and the greatest that is allowed [N].
-    pub greatest: [f64; 2],
+    pub peak_force_and_limit: [f64; 2],
     /// Fastest growth of the force from the fault on, and the fastest that is allowed [N/ms].
-    pub rise: [f64; 2],
+    pub force_rise_and_limit: [f64; 2],
     /// The most that the motor of a board has done on its key by any moment [J]; zero for a key in the host's process.
-    pub work: f64,
+    pub work_max: f64,
 }
 
 impl Fault {
@@ -161,7 +161,7 @@ impl Fault {
     }
 
     /// Time within which the force must be zero [s].
-    fn bound(self, emulator: Emulator) -> Result<f64, &'static str> {
+    fn time_limit(self, emulator: Emulator) -> Result<f64, &'static str> {
         let is_firefader = emulator == Emulator::Board(Protocol::FireFader);
         Ok(match self {
             Self::NotANumber | Self::Infinite => 1e-3,
@@ -203,13 +203,13 @@ impl Fault {
     /// Why a fault is not made on a device, if it is excluded.
     fn excluded(self, emulator: Emulator) -> Option<&'static str> {
         use Emulator::{Board, InProcess};
-        const NO_WIRE: &str = "there is no wire";
+        const NO_WIRE_REASON: &str = "there is no wire";
         match (self, emulator) {
             (Self::HostStalled | Self::HostResumed | Self::BoardStalled, InProcess) => Some("its time is the host's"),
             (
                 Self::OpenedTwice | Self::SharedLine | Self::Unplugged | Self::GarbageReplies | Self::GarbageRequests,
                 InProcess,
-            ) => Some(NO_WIRE),
+            ) => Some(NO_WIRE_REASON),
             (Self::MotorStuck, Board(Protocol::Haply)) => Some("its service cannot switch motors off"),
             (Self::OpenedTwice, Board(Protocol::FireFader)) => Some("the system locks a serial port"),
             (Self::OpenedTwice | Self::SharedLine, Board(Protocol::Haply)) => {
@@ -238,24 +238,24 @@ impl Emulator {
         self.kind().name()
     }
 
-    fn kind(self) -> Kind {
+    fn kind(self) -> DeviceKind {
         match self {
-            Self::InProcess => Kind::Emul,
+            Self::InProcess => DeviceKind::Emul,
             Self::Board(protocol) => protocol.into(),
         }
     }
 }
 
-impl Measurement {
+impl FaultMeasurement {
     /// Whether a promise is broken: the force lasted longer, was greater or grew faster than allowed.
     pub fn exceeds(&self) -> bool {
-        let is_late = match (self.outcome, self.bound) {
-            (Outcome::Excluded(_), _) | (_, Err(_)) => return false,
-            (Outcome::Zero(after), Ok(bound)) => after > bound + 1e-9,
-            (Outcome::Persists, Ok(_)) => true,
+        let is_late = match (self.outcome, self.time_limit) {
+            (FaultOutcome::Excluded(_), _) | (_, Err(_)) => return false,
+            (FaultOutcome::Zero(after), Ok(bound)) => after > bound + 1e-9,
+            (FaultOutcome::Persists, Ok(_)) => true,
         };
         let is_above = |[measured, allowed]: [f64; 2]| measured > allowed * (1.0 + 1e-12);
-        is_late || is_above(self.greatest) || is_above(self.rise)
+        is_late || is_above(self.peak_force_and_limit) || is_above(self.force_rise_and_limit)
     }
 }
 
@@ -263,9 +263,10 @@ impl Measurement {
 ///
 /// # Errors
 /// [`DeviceError`] if an emulator does not answer its own driver.
-pub fn measure() -> Result<Vec<Measurement>, DeviceError> {
+pub fn measure() -> Result<Vec<FaultMeasurement>, DeviceError> {
     let measure_fault = |&fault| {
-        (Emulator::ALL.iter()).map(move |&emulator| experiment::measure(experiment::Ask::Guide, true, fault, emulator))
+        (Emulator::ALL.iter())
+            .map(move |&emulator| experiment::measure(experiment::RequestedForce::Guide, true, fault, emulator))
     };
     Fault::ALL.iter().flat_map(measure_fault).collect()
 }

@@ -8,24 +8,24 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::device::{Device, Gone, MAX_AXES, Sample};
+use crate::device::{Device, DeviceLoss, DeviceSample, MAX_AXES};
 use crate::realtime;
 use crate::recording::{self, RowSink};
-use crate::safety::{Guarded, Limits, Trip};
+use crate::safety::{GuardedDevice, SafetyLimits, TripCause};
 
 /// Time over which the velocity of a key is averaged [s], because one step of a coarse sensor is not a speed.
-const VELOCITY_OVER: f64 = 5e-3;
-/// As parts of `Guide::half`: the position at which the brake takes over, the predicted stopping position at which it
-/// takes over, and the position at which it lets go.
-const BRAKE_AT: f64 = 0.6;
-const BRAKE_AHEAD: f64 = 0.75;
-const RELEASE_AT: f64 = 0.3;
+const VELOCITY_WINDOW: f64 = 5e-3;
+/// As parts of `Guide::half_travel`: the position at which the brake takes over, the predicted stopping position at
+/// which it takes over, and the position at which it lets go.
+const BRAKE_POSITION: f64 = 0.6;
+const BRAKE_STOP_POSITION: f64 = 0.75;
+const RELEASE_POSITION: f64 = 0.3;
 /// Replies that come more than this many ticks after their forces count as lost.
-const LATE: usize = 8;
+const LATE_TICKS_MAX: usize = 8;
 /// Time without a new position after which a device counts as gone [s].
-const GONE_AFTER: f64 = 0.25;
+const LOSS_TIMEOUT: f64 = 0.25;
 /// Longest wait for a reply, as a part of a tick.
-const WAIT: f64 = 0.6;
+const REPLY_WAIT_SHARE: f64 = 0.6;
 /// Time between two checks for room in the recording of a device in lockstep.
 const CHECK_INTERVAL: Duration = Duration::from_millis(1);
 
@@ -44,7 +44,7 @@ pub struct Guide {
     /// Position at which the key is kept [m].
     pub centre: f64,
     /// Distance from there to the nearer end [m].
-    pub half: f64,
+    pub half_travel: f64,
     /// Pulls the key to the centre all the time.
     pub guide: SpringDamper,
     /// Pulls the key back from an end.
@@ -61,7 +61,7 @@ pub struct Excitation<'a> {
     /// Forces [N]   (n_ticks,)
     pub forces: &'a [f64],
     /// Number of ticks at the beginning in which the guide does not act.
-    pub still: usize,
+    pub unguided_ticks: usize,
     /// Length of a tick [s].
     pub period: f64,
     /// The guide and the brake.
@@ -69,14 +69,14 @@ pub struct Excitation<'a> {
     /// Step of the motor's force [N], for a device that does not report it; 0: that of the wire.
     pub force_step: f64,
     /// Whether the device reports touch; if it does, a touch ends the take.
-    pub tells_touch: bool,
+    pub reports_touch: bool,
     /// Whether the take ends if the device lets no force through.
     pub is_gated: bool,
 }
 
 /// Why a take ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
+pub enum ExcitationEnd {
     /// All forces were sent.
     Done,
     /// A hand touched the key.
@@ -86,20 +86,20 @@ pub enum End {
     /// The position was not finite.
     NotFinite,
     /// A safety stage held the axis at zero.
-    Tripped(Trip),
+    Tripped(TripCause),
     /// The device went away.
-    Gone(Gone),
+    Gone(DeviceLoss),
     /// A stop was requested.
     Stopped,
 }
 
 /// One tick of a take.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Row {
+pub struct ExcitationRow {
     /// The force asked for, including the guide's, or the brake's instead [N].
-    pub asked: f64,
+    pub requested_force: f64,
     /// The force on the wire after all safety stages, in steps of `Excitation::force_step` [N].
-    pub sent: f64,
+    pub sent_force: f64,
     /// Position in the reply to this force, or the previous position if there was no reply [m].
     pub position: f64,
     /// Whether there was a reply.
@@ -114,13 +114,13 @@ pub struct Row {
 #[derive(Clone, Debug)]
 pub struct ExcitationResult {
     /// Its ticks.
-    pub rows: Vec<Row>,
+    pub rows: Vec<ExcitationRow>,
     /// Why it ended.
-    pub end: End,
+    pub end: ExcitationEnd,
 }
 
-/// Push an axis with the forces of an excitation, then release it. Every row also goes into `sink`. This thread keeps
-/// the priority of the physics thread, so call it in a thread of its own.
+/// Push an axis with the forces of an excitation, then release it. Every row also goes into `row_sink`. This thread
+/// keeps the priority of the physics thread, so call it in a thread of its own.
 pub fn excite<D: Device>(
     device: D,
     excitation: &Excitation<'_>,
@@ -128,31 +128,31 @@ pub fn excite<D: Device>(
     stop: &AtomicBool,
 ) -> ExcitationResult {
     // The written forces may jump, from the first tick on; all other limits hold.
-    let limits = Limits {
-        slew: f64::INFINITY,
+    let limits = SafetyLimits {
+        slew_rate_max: f64::INFINITY,
         ramp_time: 0.0,
         fade_time: 0.0,
-        ..Limits::from_spec(device.spec())
+        ..SafetyLimits::from_spec(device.spec())
     };
     let in_lockstep = device.in_lockstep();
     if !in_lockstep {
         realtime::request(realtime::PHYSICS_PRIORITY);
     }
-    let mut new_take = Take {
-        guarded: Guarded::new(device, limits, excitation.period)
+    let mut new_take = ExcitationRun {
+        guarded_device: GuardedDevice::new(device, limits, excitation.period)
             .watched()
             .without_probes(),
         excitation,
-        sample: Sample::default(),
+        sample: DeviceSample::default(),
         rows: Vec::with_capacity(excitation.forces.len()),
-        motion: Motion::default(),
-        braking: false,
-        silent: 0.0,
-        sink,
-        written: 0,
+        motion: MeasuredMotion::default(),
+        is_braking: false,
+        silent_seconds: 0.0,
+        row_sink: sink,
+        n_written: 0,
     };
-    let end = new_take.run(stop).err().unwrap_or(End::Done);
-    new_take.guarded.zero();
+    let end = new_take.run(stop).err().unwrap_or(ExcitationEnd::Done);
+    new_take.guarded_device.zero();
     new_take.write(0);
     ExcitationResult {
         rows: new_take.rows,
@@ -162,62 +162,62 @@ pub fn excite<D: Device>(
 
 /// Position and velocity of a key by the newest reply.
 #[derive(Clone, Copy, Debug, Default)]
-struct Motion {
+struct MeasuredMotion {
     x: f64,
     v: f64,
     /// Time since the position was read [s].
     age: f64,
 }
 
-struct Take<'a, 'b, D: Device> {
-    guarded: Guarded<D>,
+struct ExcitationRun<'a, 'b, D: Device> {
+    guarded_device: GuardedDevice<D>,
     excitation: &'a Excitation<'a>,
-    sample: Sample,
-    rows: Vec<Row>,
-    motion: Motion,
-    braking: bool,
+    sample: DeviceSample,
+    rows: Vec<ExcitationRow>,
+    motion: MeasuredMotion,
+    is_braking: bool,
     /// Time since the last reply [s].
-    silent: f64,
-    sink: Option<&'b mut RowSink>,
+    silent_seconds: f64,
+    row_sink: Option<&'b mut RowSink>,
     /// Number of rows that were given to the sink.
-    written: usize,
+    n_written: usize,
 }
 
-impl<D: Device> Take<'_, '_, D> {
-    fn run(&mut self, stop: &AtomicBool) -> Result<(), End> {
+impl<D: Device> ExcitationRun<'_, '_, D> {
+    fn run(&mut self, stop: &AtomicBool) -> Result<(), ExcitationEnd> {
         let excitation = self.excitation;
         let pushed_axis = excitation.axis;
         self.receive(Instant::now())?;
         self.motion.x = self.sample.position[pushed_axis];
         if !self.motion.x.is_finite() {
-            return Err(End::NotFinite);
+            return Err(ExcitationEnd::NotFinite);
         }
         let mut next_tick = Instant::now();
         for (tick, &force) in excitation.forces.iter().enumerate() {
-            if stop.load(Ordering::Relaxed) || crate::stop::has_let_go() {
-                return Err(End::Stopped);
+            if stop.load(Ordering::Relaxed) || crate::stop::are_forces_stopped() {
+                return Err(ExcitationEnd::Stopped);
             }
-            let asked = self.guided(force, tick < excitation.still);
+            let requested_force = self.guided(force, tick < excitation.unguided_ticks);
             let mut forces = [0.0; MAX_AXES];
-            forces[pushed_axis] = asked;
-            let safe_force = self.guarded.send(&forces).map_err(End::Gone)?;
-            let mut sent = self.guarded.device().on_wire(&safe_force)[pushed_axis];
+            forces[pushed_axis] = requested_force;
+            let safe_force = self.guarded_device.send(&forces).map_err(ExcitationEnd::Gone)?;
+            let mut sent_force = self.guarded_device.device().on_wire(&safe_force)[pushed_axis];
             if excitation.force_step > 0.0 {
-                sent = (sent / excitation.force_step).round() * excitation.force_step;
+                sent_force = (sent_force / excitation.force_step).round() * excitation.force_step;
             }
-            self.rows.push(Row {
-                asked,
-                sent,
+            self.rows.push(ExcitationRow {
+                requested_force,
+                sent_force,
                 position: self.motion.x,
-                braked: self.braking,
-                ..Row::default()
+                braked: self.is_braking,
+                ..ExcitationRow::default()
             });
             next_tick += Duration::from_secs_f64(excitation.period);
-            let reply_wait = Duration::from_secs_f64(WAIT * excitation.period);
+            let reply_wait = Duration::from_secs_f64(REPLY_WAIT_SHARE * excitation.period);
             self.receive(Instant::now() + reply_wait)?;
             self.take_reply(force != 0.0)?;
-            self.write(LATE);
-            if !self.guarded.in_lockstep() {
+            self.write(LATE_TICKS_MAX);
+            if !self.guarded_device.in_lockstep() {
                 let lateness = realtime::sleep_until(next_tick);
                 if lateness.as_secs_f64() > 10.0 * excitation.period {
                     next_tick = Instant::now();
@@ -231,7 +231,7 @@ impl<D: Device> Take<'_, '_, D> {
     fn guided(&mut self, force: f64, is_still: bool) -> f64 {
         let Guide {
             centre,
-            half,
+            half_travel: half,
             guide,
             brake,
             deceleration,
@@ -239,12 +239,12 @@ impl<D: Device> Take<'_, '_, D> {
         let (centre_offset, velocity) = (self.motion.x - centre, self.motion.v);
         let outwards = (velocity * centre_offset.signum()).max(0.0);
         let stopping_offset = centre_offset.abs() + 0.5 * outwards * outwards / deceleration;
-        self.braking = if self.braking {
-            centre_offset.abs() > RELEASE_AT * half || stopping_offset > BRAKE_AT * half
+        self.is_braking = if self.is_braking {
+            centre_offset.abs() > RELEASE_POSITION * half || stopping_offset > BRAKE_POSITION * half
         } else {
-            centre_offset.abs() > BRAKE_AT * half || stopping_offset > BRAKE_AHEAD * half
+            centre_offset.abs() > BRAKE_POSITION * half || stopping_offset > BRAKE_STOP_POSITION * half
         };
-        if self.braking {
+        if self.is_braking {
             return -brake.stiffness * centre_offset - brake.damping * velocity;
         }
         if is_still {
@@ -253,75 +253,75 @@ impl<D: Device> Take<'_, '_, D> {
         force - guide.stiffness * centre_offset - guide.damping * velocity
     }
 
-    fn receive(&mut self, deadline: Instant) -> Result<(), End> {
-        self.sample.fresh = false;
-        let fresh_result = self.guarded.receive(&mut self.sample, deadline);
-        self.sample.fresh = fresh_result.map_err(End::Gone)?;
+    fn receive(&mut self, deadline: Instant) -> Result<(), ExcitationEnd> {
+        self.sample.is_fresh = false;
+        let fresh_result = self.guarded_device.receive(&mut self.sample, deadline);
+        self.sample.is_fresh = fresh_result.map_err(ExcitationEnd::Gone)?;
         Ok(())
     }
 
     /// Take the reply of this tick: enter it in its row, update the motion, and check whether the take must end.
-    fn take_reply(&mut self, pushes: bool) -> Result<(), End> {
+    fn take_reply(&mut self, pushes: bool) -> Result<(), ExcitationEnd> {
         let (pushed_axis, sample) = (self.excitation.axis, &self.sample);
         let (key_position, tick_period) = (sample.position[pushed_axis], self.excitation.period);
         self.motion.age += tick_period;
-        if let Some(trip_cause) = self.guarded.tripped(pushed_axis) {
-            return Err(End::Tripped(trip_cause));
+        if let Some(trip_cause) = self.guarded_device.tripped(pushed_axis) {
+            return Err(ExcitationEnd::Tripped(trip_cause));
         }
-        if !sample.fresh {
-            self.silent += tick_period;
-            return if self.silent > GONE_AFTER {
-                Err(End::Gone(Gone::Silent))
+        if !sample.is_fresh {
+            self.silent_seconds += tick_period;
+            return if self.silent_seconds > LOSS_TIMEOUT {
+                Err(ExcitationEnd::Gone(DeviceLoss::Silent))
             } else {
                 Ok(())
             };
         }
-        self.silent = 0.0;
+        self.silent_seconds = 0.0;
         if !key_position.is_finite() {
-            return Err(End::NotFinite);
+            return Err(ExcitationEnd::NotFinite);
         }
         let motion_age = self.motion.age;
-        let blend_weight = (motion_age / VELOCITY_OVER).min(1.0);
+        let blend_weight = (motion_age / VELOCITY_WINDOW).min(1.0);
         self.motion.v += ((key_position - self.motion.x) / motion_age - self.motion.v) * blend_weight;
         (self.motion.x, self.motion.age) = (key_position, 0.0);
-        let row = (self.rows.len() - 1).checked_sub(usize::from(sample.behind));
-        if let Some(row) = row.filter(|&row| row >= self.written)
+        let row = (self.rows.len() - 1).checked_sub(usize::from(sample.requests_behind));
+        if let Some(row) = row.filter(|&row| row >= self.n_written)
             && let Some(row) = self.rows.get_mut(row)
         {
             (row.position, row.fresh) = (key_position, true);
             row.clock = sample.t_dev_us.unwrap_or(0);
         }
-        if self.excitation.tells_touch && sample.touch[pushed_axis] {
-            return Err(End::Touched);
+        if self.excitation.reports_touch && sample.is_touched[pushed_axis] {
+            return Err(ExcitationEnd::Touched);
         }
-        if self.excitation.is_gated && pushes && sample.behind == 0 && !sample.force_enabled[pushed_axis] {
-            return Err(End::GateClosed);
+        if self.excitation.is_gated && pushes && sample.requests_behind == 0 && !sample.force_enabled[pushed_axis] {
+            return Err(ExcitationEnd::GateClosed);
         }
         Ok(())
     }
 
-    /// Give the sink all rows except the newest `keep`, whose replies may still come.
-    fn write(&mut self, keep: usize) {
-        let write_end = self.rows.len().saturating_sub(keep);
-        let Some(row_sink) = &mut self.sink else {
-            self.written = write_end;
+    /// Give the sink all rows except the newest `rows_left`, whose replies may still come.
+    fn write(&mut self, rows_left: usize) {
+        let write_end = self.rows.len().saturating_sub(rows_left);
+        let Some(row_sink) = &mut self.row_sink else {
+            self.n_written = write_end;
             return;
         };
-        while self.written < write_end {
-            while self.guarded.in_lockstep() && !row_sink.has_room() {
+        while self.n_written < write_end {
+            while self.guarded_device.in_lockstep() && !row_sink.has_room() {
                 std::thread::sleep(CHECK_INTERVAL);
             }
-            let next_row = &self.rows[self.written];
+            let next_row = &self.rows[self.n_written];
             let fresh_flag = if next_row.fresh { recording::flag::FRESH } else { 0 };
-            let sample = recording::Sample {
+            let sample = recording::RecordedSample {
                 position: next_row.position,
-                force: next_row.asked,
-                sent: next_row.sent as f32,
+                force: next_row.requested_force,
+                sent_force: next_row.sent_force as f32,
                 flags: fresh_flag | recording::flag::FORCE_ENABLED,
                 clock: next_row.clock,
             };
-            row_sink.row(self.written as u64, &[sample]);
-            self.written += 1;
+            row_sink.row(self.n_written as u64, &[sample]);
+            self.n_written += 1;
         }
     }
 }

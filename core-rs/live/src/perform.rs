@@ -26,15 +26,15 @@ pub use control::Control;
 pub use error::{ChangeError, PlayError};
 pub use frozen::Stem;
 pub use guidance::{Guidance, GuidanceShare, GuidanceStep};
-pub use hand::Hand;
-pub use hand_limit::{HandKey, HandLimit, MeasuredKey, SCALE_MIN};
-pub use keys::{DeviceConfig, Keyboard, Slot};
+pub use hand::LiveHand;
+pub use hand_limit::{FORCE_SCALE_MIN, HandKey, HandLimit, MeasuredKey};
+pub use keys::{DeviceConfig, Keyboard, KeyboardSlot};
 pub use performance::Performance;
 pub use player::change::Change;
-pub use scale::{Bound, FALL_TIME};
+pub use scale::{FALL_SECONDS, ScaleBound};
 pub use sound_input::{InputConfig, InputStatus};
-pub use status::{Event, EventKind, HandStatus, Status};
-pub use window::{HeardTimes, Showing, Window, WindowReader, window_pair};
+pub use status::{EventKind, HandStatus, PerformanceEvent, PerformanceStatus};
+pub use window::{DisplayWindow, PlaybackTimes, WindowReader, WindowServer, window_pair};
 
 use std::path::PathBuf;
 
@@ -46,11 +46,11 @@ use ergon_engine::simulation::Simulation;
 
 use crate::audio;
 use crate::recording::Header;
-use crate::safety::Guarded;
+use crate::safety::GuardedDevice;
 use player::change::ScheduledChange;
 
 /// A piece that is ready to be played.
-pub struct Stage {
+pub struct PreparedPiece {
     /// The simulation, at the first frame to be heard.
     pub simulation: Simulation,
     /// Mixes outputs to channels.
@@ -64,22 +64,22 @@ pub struct Stage {
     /// Frames to play; `None`: until it is stopped.
     pub n_frames: Option<u64>,
     /// Detects the end of the sound, which may come before `n_frames`.
-    pub fades: Option<SilenceDetector>,
+    pub silence_detector: Option<SilenceDetector>,
     /// Frames of a tick.
     pub tick_frames: usize,
     /// Live hands, in the order of the simulation's hands.
-    pub hands: Vec<Hand>,
+    pub hands: Vec<LiveHand>,
     /// Frames at which bars begin, rising: a hand that comes back takes over at one of them.
     pub bars: Vec<u64>,
     /// Outputs that were computed before; the simulation leaves them at 0.
-    pub frozen: Vec<Stem>,
+    pub frozen_stems: Vec<Stem>,
     /// Whether windows may be opened on the performance: if so, contacts are watched.
-    pub is_seen: bool,
+    pub is_displayed: bool,
 }
 
-impl Stage {
+impl PreparedPiece {
     /// Channels that are heard.
-    pub(crate) fn n_heard(&self) -> usize {
+    pub(crate) fn n_heard_channels(&self) -> usize {
         match &self.fold {
             Some(fold) => fold.n_out(),
             None => self.mixer.n_channels(),
@@ -87,7 +87,7 @@ impl Stage {
     }
 
     /// Number of frames that sound after the last frame of the piece: the fold and the limiter still hold them.
-    pub(crate) fn n_tail(&self) -> usize {
+    pub(crate) fn n_tail_frames(&self) -> usize {
         self.limiter.latency() + self.fold.as_ref().map_or(0, Fold::tail_frames)
     }
 }
@@ -96,11 +96,11 @@ impl Stage {
 #[derive(Debug)]
 pub struct PlaybackConfig {
     /// Where the sound goes.
-    pub audio: audio::Spec,
+    pub audio: audio::AudioSpec,
     /// Frames to keep ahead of the card, at least two blocks or ticks; `None`: 1,024.
-    pub ahead: Option<usize>,
+    pub frames_ahead: Option<usize>,
     /// A recording of the hands: its path and its header.
-    pub record: Option<(PathBuf, Header)>,
+    pub recording: Option<(PathBuf, Header)>,
     /// Where the inputs of the piece come from, if it has any.
     pub input: InputConfig,
 }
@@ -110,15 +110,15 @@ pub(crate) enum Command {
     /// Go to another gain.
     Gain(f64),
     /// Go to another gain of a group of routes.
-    Part(usize, f64),
+    GroupGain(usize, f64),
     /// Start or end writing what is heard to a file.
-    Tap(Option<audio::Tap>),
+    Tap(Option<audio::AudioTap>),
     /// A ticket, and an act at the first frame of the next tick.
-    Act(u64, Act),
+    Action(u64, LiveAction),
     /// A keyboard that was opened again, with the index of its slot.
-    Keys(usize, Box<Guarded>),
+    ReopenedKeyboard(usize, Box<GuardedDevice>),
     /// A window, used as soon as its simulation plays.
-    Window(Box<Window>),
+    Window(Box<DisplayWindow>),
     /// A change at a later frame.
     Change(Box<ScheduledChange>),
     /// Withdraw the changes of the simulation that are due at this frame or later.
@@ -127,7 +127,7 @@ pub(crate) enum Command {
 
 /// An act on the simulation at the first frame of a tick.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Act {
+pub(crate) enum LiveAction {
     /// A strike: the point, the impulse [N·s].
     Strike(u32, f64),
     /// A value of an input: its number, the value, full scale 1.
@@ -139,7 +139,7 @@ pub(crate) enum Garbage {
     /// A change, with what it replaced.
     Change(#[allow(dead_code)] Box<ScheduledChange>),
     /// A window.
-    Window(#[allow(dead_code)] Box<Window>),
+    Window(#[allow(dead_code)] Box<DisplayWindow>),
 }
 
 #[cfg(test)]

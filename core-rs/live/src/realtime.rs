@@ -11,32 +11,32 @@ const PREFAULT_BYTES: usize = 256 * 1024;
 
 /// What the system granted a thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Granted {
+pub struct GrantedScheduling {
     /// Priority under SCHED_FIFO; `None`: scheduled like any other program.
-    pub fifo: Option<i32>,
+    pub fifo_priority: Option<i32>,
     /// Whether the process's memory stays in RAM.
-    pub locked: bool,
+    pub is_memory_locked: bool,
 }
 
-impl fmt::Display for Granted {
+impl fmt::Display for GrantedScheduling {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.fifo {
+        match self.fifo_priority {
             Some(priority) => write!(to, "SCHED_FIFO {priority}")?,
             None => write!(to, "no real-time priority")?,
         }
-        let memory_state = if self.locked { "locked" } else { "not locked" };
+        let memory_state = if self.is_memory_locked { "locked" } else { "not locked" };
         write!(to, ", memory {memory_state}")
     }
 }
 
 /// Ask for real-time scheduling of this thread and for locked memory; returns what was really granted. The policy is
 /// read back from the kernel, because a successful request does not yet mean that it holds.
-pub fn request(priority: i32) -> Granted {
+pub fn request(priority: i32) -> GrantedScheduling {
     let locked = lock_memory();
     prefault();
-    Granted {
-        fifo: fifo(priority),
-        locked,
+    GrantedScheduling {
+        fifo_priority: fifo(priority),
+        is_memory_locked: locked,
     }
 }
 

@@ -14,12 +14,12 @@ use std::io;
 
 use thiserror::Error;
 
-pub use header::{Axis, Header};
+pub use header::{Header, RecordedAxis};
 #[cfg(test)]
 pub(crate) use reader::decode;
 pub use reader::{Recording, read};
-pub use row::{Sample, flag};
-pub use writer::{Recorder, RecorderHandle, RowSink, Status};
+pub use row::{RecordedSample, flag};
+pub use writer::{Recorder, RecorderHandle, RecordingStatus, RowSink};
 
 /// The first bytes of every recording. The first byte is not text; the last four reveal a transfer that changed line
 /// ends.

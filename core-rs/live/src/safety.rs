@@ -1,9 +1,9 @@
 //! Everything between the forces that physics asks for and a motor under a finger.
 //!
-//! [`Guarded`] owns a device, and only this module can make a [`SafeForce`] that is not zero. For a device in lockstep,
-//! time is counted in ticks, so that the same positions give the same forces. For any other device, time is read from a
-//! clock, because the device keeps running while the host is stopped. A stopped host cannot guard anything; a device
-//! has its own watchdog for that. When the host continues, the clock shows that it was stopped.
+//! [`GuardedDevice`] owns a device, and only this module can make a [`SafeForce`] that is not zero. For a device in
+//! lockstep, time is counted in ticks, so that the same positions give the same forces. For any other device, time is
+//! read from a clock, because the device keeps running while the host is stopped. A stopped host cannot guard anything;
+//! a device has its own watchdog for that. When the host continues, the clock shows that it was stopped.
 
 mod clock;
 pub mod contract;
@@ -18,22 +18,22 @@ mod plausibility;
 mod stages;
 pub mod stiffness;
 
-pub use counts::Counts;
+pub use counts::StageCounts;
 pub use force::SafeForce;
-pub use latch::Trip;
-pub use limits::Limits;
+pub use latch::TripCause;
+pub use limits::SafetyLimits;
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::{Duration, Instant};
 
-use crate::safety::contract::{Device, Gone, Sample, Spec};
+use crate::safety::contract::{Device, DeviceLoss, DeviceSample, DeviceSpec};
 use crate::stop;
 use crate::wire::MAX_AXES;
-use clock::Clock;
+use clock::SafetyClock;
 use last_resort::Armed;
 pub use last_resort::{block_signals, check_signals, watch, watch_termination};
-use latch::Latch;
+use latch::TripLatch;
 use pipeline::Pipeline;
 use plausibility::{AxisSpec, PlausibilityChecks};
 
@@ -47,33 +47,33 @@ const ZERO_REPEATS: usize = 3;
 
 /// A device and the stages that every force passes. It sends zero forces when it is dropped, and also after a panic or
 /// a signal.
-pub struct Guarded<D: Device = Box<dyn Device>> {
+pub struct GuardedDevice<D: Device = Box<dyn Device>> {
     // First field: it is disarmed before the device closes its port.
     _armed: Option<Armed>,
     pipeline: Pipeline,
     /// Checks whether force and motion agree, if the device is watched.
-    watched: Option<PlausibilityChecks>,
+    plausibility: Option<PlausibilityChecks>,
     /// Why each axis is tripped, if it is; and which only the player can let push again.
-    trips: [Option<Trip>; MAX_AXES],
-    latches: [Latch; MAX_AXES],
-    /// Whether [`Guarded::stop`] stopped the forces; and whether the pipeline is stopped, by that call or by the stop
-    /// of the process.
-    stopped: bool,
-    held: bool,
-    clock: Clock,
+    trips: [Option<TripCause>; MAX_AXES],
+    latches: [TripLatch; MAX_AXES],
+    /// Whether [`GuardedDevice::stop`] stopped the forces; and whether the pipeline is stopped, by that call or by the
+    /// stop of the process.
+    is_stopped: bool,
+    is_pipeline_stopped: bool,
+    clock: SafetyClock,
     device: D,
 }
 
 /// Heat of the motors of a device, work on the hands and trips that stay, for the same device when it is opened again.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Memory {
+pub struct SafetyMemory {
     heat: [f64; MAX_AXES],
     work: [f64; MAX_AXES],
-    latches: [Latch; MAX_AXES],
+    latches: [TripLatch; MAX_AXES],
     instant: Duration,
 }
 
-impl Memory {
+impl SafetyMemory {
     /// Heat of each motor: the mean of (force / continuous force)²   (16,)
     pub fn heat(&self) -> &[f64; MAX_AXES] {
         &self.heat
@@ -83,26 +83,26 @@ impl Memory {
         Self {
             heat: [0.0; MAX_AXES],
             work: [0.0; MAX_AXES],
-            latches: [Latch::default(); MAX_AXES],
+            latches: [TripLatch::default(); MAX_AXES],
             instant,
         }
     }
 }
 
-impl<D: Device> Guarded<D> {
+impl<D: Device> GuardedDevice<D> {
     /// Guard a device that is sent forces once in every `period` [s].
-    pub fn new(device: D, limits: Limits, period: f64) -> Self {
+    pub fn new(device: D, limits: SafetyLimits, period: f64) -> Self {
         let in_lockstep = device.in_lockstep();
         let device_spec = device.spec();
         Self {
-            _armed: device.last_resort().and_then(last_resort::arm),
+            _armed: device.zero_force_packet().and_then(last_resort::arm),
             pipeline: Pipeline::new(device_spec, |axis| device.range(axis), limits, period, in_lockstep),
-            watched: None,
+            plausibility: None,
             trips: [None; MAX_AXES],
-            latches: [Latch::default(); MAX_AXES],
-            stopped: false,
-            held: false,
-            clock: Clock::new(in_lockstep, period),
+            latches: [TripLatch::default(); MAX_AXES],
+            is_stopped: false,
+            is_pipeline_stopped: false,
+            clock: SafetyClock::new(in_lockstep, period),
             device,
         }
     }
@@ -119,11 +119,11 @@ impl<D: Device> Guarded<D> {
                 inertia: device_spec.inertia,
                 force_max: self.pipeline.force_max(),
                 delay_seconds: device_spec.loop_delay_s.unwrap_or(0.0),
-                energy_max: self.pipeline.limits().energy,
-                power_max: self.pipeline.limits().power,
+                energy_max: self.pipeline.limits().work_max,
+                power_max: self.pipeline.limits().power_max,
             })
             .collect();
-        self.watched = Some(PlausibilityChecks::new(&axis_specs, self.pipeline.period()));
+        self.plausibility = Some(PlausibilityChecks::new(&axis_specs, self.pipeline.period()));
         self
     }
 
@@ -131,7 +131,7 @@ impl<D: Device> Guarded<D> {
     /// travel.
     #[must_use]
     pub(crate) fn without_probes(mut self) -> Self {
-        if let Some(watched) = &mut self.watched {
+        if let Some(watched) = &mut self.plausibility {
             watched.disable_probes();
         }
         self
@@ -140,12 +140,12 @@ impl<D: Device> Guarded<D> {
     /// The same, with ages judged by a clock that is set from outside [ns].
     #[must_use]
     pub(crate) fn by_clock(mut self, nanoseconds: Arc<AtomicU64>) -> Self {
-        self.clock = Clock::Set(nanoseconds);
+        self.clock = SafetyClock::External(nanoseconds);
         self
     }
 
     /// The properties of the device.
-    pub fn spec(&self) -> &Spec {
+    pub fn spec(&self) -> &DeviceSpec {
         self.device.spec()
     }
 
@@ -171,15 +171,15 @@ impl<D: Device> Guarded<D> {
     /// this, and zero follows at once: a board that had let go meanwhile feels the old force for some microseconds.
     ///
     /// # Errors
-    /// [`Gone`] if the device cannot receive them.
-    pub fn send(&mut self, forces: &[f64]) -> Result<SafeForce, Gone> {
-        self.hold();
+    /// [`DeviceLoss`] if the device cannot receive them.
+    pub fn send(&mut self, forces: &[f64]) -> Result<SafeForce, DeviceLoss> {
+        self.update_stop();
         self.clock.tick();
-        let mut safe_force = self.pass(forces);
-        if stop::has_let_go() || self.pipeline.was_stopped(self.clock.now()) {
+        let mut safe_force = self.pass_stages(forces);
+        if stop::are_forces_stopped() || self.pipeline.was_stopped(self.clock.now()) {
             safe_force = self.pipeline.withdraw();
         }
-        if self.motors_disobey() {
+        if self.disobeying_axes() {
             safe_force = self.pipeline.withdraw();
             self.device.switch_off()?;
         } else {
@@ -189,15 +189,15 @@ impl<D: Device> Guarded<D> {
             safe_force = self.pipeline.withdraw();
             self.device.zero();
         }
-        if let Some(watched) = &mut self.watched {
+        if let Some(watched) = &mut self.plausibility {
             watched.note_sent_forces(safe_force.newtons());
         }
         Ok(safe_force)
     }
 
-    fn pass(&mut self, forces: &[f64]) -> SafeForce {
+    fn pass_stages(&mut self, forces: &[f64]) -> SafeForce {
         let time_now = self.clock.now();
-        let safe_force = if let Some(watched) = &mut self.watched {
+        let safe_force = if let Some(watched) = &mut self.plausibility {
             if self.pipeline.is_fading() {
                 watched.restart();
             }
@@ -211,15 +211,15 @@ impl<D: Device> Guarded<D> {
 
     /// Whether a motor may not do what it is commanded: then zero force does not end its force, and all motors of the
     /// device are switched off.
-    fn motors_disobey(&self) -> bool {
-        let disobeys = |trip: &Option<Trip>| trip.is_some_and(Trip::is_of_motor);
+    fn disobeying_axes(&self) -> bool {
+        let disobeys = |trip: &Option<TripCause>| trip.is_some_and(TripCause::is_of_motor);
         self.trips.iter().any(disobeys)
     }
 
     /// Note which axes are tripped, and hold those that tripped too often.
     fn note_trips(&mut self, now: Duration) {
         for (axis, latch) in self.latches.iter_mut().enumerate() {
-            let watched = self.watched.as_ref().and_then(|trips| trips.trip(axis));
+            let watched = self.plausibility.as_ref().and_then(|trips| trips.trip(axis));
             let trip_cause = watched.or_else(|| self.pipeline.tripped(axis));
             if let Some(trip_cause) = trip_cause.filter(|_| self.trips[axis].is_none()) {
                 latch.record_trip(trip_cause, now);
@@ -234,13 +234,13 @@ impl<D: Device> Guarded<D> {
     /// Take the newest positions, as [`Device::receive`] does.
     ///
     /// # Errors
-    /// [`Gone`] if no positions will come any more.
-    pub fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        let is_fresh = self.device.receive(into, deadline)?;
+    /// [`DeviceLoss`] if no positions will come any more.
+    pub fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
+        let is_fresh = self.device.receive(sample, deadline)?;
         if is_fresh {
-            self.pipeline.observe(into, self.clock.now());
-            if let Some(watched) = &mut self.watched {
-                watched.observe(&into.position);
+            self.pipeline.observe(sample, self.clock.now());
+            if let Some(watched) = &mut self.plausibility {
+                watched.observe(&sample.position);
             }
         }
         Ok(is_fresh)
@@ -254,8 +254,8 @@ impl<D: Device> Guarded<D> {
 
     /// Stop all forces until `stop(false)`; they then rise as at the start.
     pub fn stop(&mut self, stopped: bool) {
-        self.stopped = stopped;
-        self.hold();
+        self.is_stopped = stopped;
+        self.update_stop();
         if stopped {
             self.device.zero();
         }
@@ -263,17 +263,17 @@ impl<D: Device> Guarded<D> {
 
     /// Let every axis that tripped push again, whatever was found.
     pub fn release(&mut self) {
-        (self.latches, self.trips) = ([Latch::default(); MAX_AXES], [None; MAX_AXES]);
+        (self.latches, self.trips) = ([TripLatch::default(); MAX_AXES], [None; MAX_AXES]);
         self.pipeline.release();
-        if let Some(watched) = &mut self.watched {
+        if let Some(watched) = &mut self.plausibility {
             watched.release();
         }
     }
 
-    fn hold(&mut self) {
-        let is_held = self.stopped || stop::has_let_go();
-        if is_held != self.held {
-            self.held = is_held;
+    fn update_stop(&mut self) {
+        let is_held = self.is_stopped || stop::are_forces_stopped();
+        if is_held != self.is_pipeline_stopped {
+            self.is_pipeline_stopped = is_held;
             self.pipeline.stop(is_held);
             if !is_held {
                 self.release();
@@ -287,20 +287,20 @@ impl<D: Device> Guarded<D> {
     }
 
     /// The reason for which an axis has tripped and is held at zero, if it has.
-    pub fn tripped(&self, axis: usize) -> Option<Trip> {
+    pub fn tripped(&self, axis: usize) -> Option<TripCause> {
         self.trips.get(axis).copied().flatten()
     }
 
     /// Heat of the motors, work on the hands and trips that stay, so far.
-    pub fn memory(&self) -> Memory {
-        Memory {
+    pub fn memory(&self) -> SafetyMemory {
+        SafetyMemory {
             latches: self.latches.map(|latch| latch.without_times()),
             ..self.pipeline.memory(clock::wall())
         }
     }
 
     /// Continue with the heat, work and trips of `memory`; motors have cooled since then.
-    pub fn recall(&mut self, memory: &Memory) {
+    pub fn restore_memory(&mut self, memory: &SafetyMemory) {
         let elapsed = clock::wall().saturating_sub(memory.instant);
         self.pipeline.restore(memory, elapsed.as_secs_f64());
         self.latches = memory.latches;
@@ -312,12 +312,12 @@ impl<D: Device> Guarded<D> {
     }
 
     /// How often each stage acted.
-    pub fn counts(&self) -> &Counts {
+    pub fn counts(&self) -> &StageCounts {
         self.pipeline.counts()
     }
 }
 
-impl<D: Device> Drop for Guarded<D> {
+impl<D: Device> Drop for GuardedDevice<D> {
     fn drop(&mut self) {
         for _ in 0..ZERO_REPEATS {
             self.device.zero();

@@ -5,56 +5,56 @@
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
-const LET_GO: u8 = 1;
-const OVER: u8 = 2;
+const FORCES_STOPPED: u8 = 1;
+const ALL_STOPPED: u8 = 2;
 
-static STOPPED: AtomicU8 = AtomicU8::new(0);
+static STOP_BITS: AtomicU8 = AtomicU8::new(0);
 
 /// What a signal stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Stop {
+pub enum StopScope {
     /// Nothing.
     Nothing = 0,
     /// Every force, until [`release`].
-    Forces = LET_GO,
+    Forces = FORCES_STOPPED,
     /// Every force and every sound, because the program ends.
-    All = OVER,
+    All = ALL_STOPPED,
 }
 
-impl Stop {
+impl StopScope {
     pub(crate) fn from_bits(bits: u8) -> Self {
         match bits {
-            OVER => Self::All,
-            LET_GO => Self::Forces,
+            ALL_STOPPED => Self::All,
+            FORCES_STOPPED => Self::Forces,
             _ => Self::Nothing,
         }
     }
 }
 
-/// Stop `what`; earlier stops stay.
-pub fn stop(what: Stop) {
-    STOPPED.fetch_or(what as u8, Ordering::SeqCst);
+/// Stop `scope`; earlier stops stay.
+pub fn stop(scope: StopScope) {
+    STOP_BITS.fetch_or(scope as u8, Ordering::SeqCst);
 }
 
 /// Let forces return, as at the start, unless the program ends.
 pub fn release() {
-    STOPPED.fetch_and(!LET_GO, Ordering::SeqCst);
+    STOP_BITS.fetch_and(!FORCES_STOPPED, Ordering::SeqCst);
 }
 
 /// Take every stop back: for a process that survives a signal.
 pub fn reset() {
-    STOPPED.store(0, Ordering::SeqCst);
+    STOP_BITS.store(0, Ordering::SeqCst);
 }
 
 /// Whether only zero forces may be sent to a hand.
 #[must_use]
-pub fn has_let_go() -> bool {
-    STOPPED.load(Ordering::SeqCst) != 0
+pub fn are_forces_stopped() -> bool {
+    STOP_BITS.load(Ordering::SeqCst) != 0
 }
 
 /// Whether nothing may sound, because the program ends.
 #[must_use]
 pub fn is_over() -> bool {
-    STOPPED.load(Ordering::SeqCst) & OVER != 0
+    STOP_BITS.load(Ordering::SeqCst) & ALL_STOPPED != 0
 }

@@ -20,24 +20,29 @@ pub enum Parsed<T> {
 
 /// Received bytes that are not a whole packet yet. N is at least the length of the longest packet.
 #[derive(Clone, Debug)]
-pub(crate) struct Inbox<const N: usize> {
+pub(crate) struct PacketBuffer<const N: usize> {
     bytes: [u8; N],
     len: usize,
     /// Number of bytes that did not belong to a packet.
-    pub(crate) garbage: u64,
+    pub(crate) garbage_bytes: u64,
 }
 
-impl<const N: usize> Inbox<N> {
+impl<const N: usize> PacketBuffer<N> {
     pub(crate) fn new_bytes() -> Self {
         Self {
             bytes: [0; N],
             len: 0,
-            garbage: 0,
+            garbage_bytes: 0,
         }
     }
 
     /// Take bytes, and pass every whole packet to `visit`; other bytes are skipped.
-    pub(crate) fn feed<T>(&mut self, mut new: &[u8], parse: impl Fn(&[u8]) -> Parsed<T>, mut visit: impl FnMut(T)) {
+    pub(crate) fn add_bytes<T>(
+        &mut self,
+        mut new: &[u8],
+        parse: impl Fn(&[u8]) -> Parsed<T>,
+        mut visit: impl FnMut(T),
+    ) {
         while !new.is_empty() {
             let taken_bytes = new.len().min(N - self.len);
             self.bytes[self.len..self.len + taken_bytes].copy_from_slice(&new[..taken_bytes]);
@@ -51,12 +56,12 @@ impl<const N: usize> Inbox<N> {
                         packet_offset += len;
                     }
                     Parsed::Garbage(len) => {
-                        self.garbage += len as u64;
+                        self.garbage_bytes += len as u64;
                         packet_offset += len;
                     }
                     // A packet that fills the buffer and is still incomplete is not a packet.
                     Parsed::Incomplete if self.len - packet_offset == N => {
-                        self.garbage += 1;
+                        self.garbage_bytes += 1;
                         packet_offset += 1;
                     }
                     Parsed::Incomplete => break,

@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 use emulator::{Emulator, RATE, options};
-use ergon_live::device::Sample;
-use ergon_live::emulate::{Hand, Protocol, Transport};
-use ergon_live::safety::{Guarded, Limits};
+use ergon_live::device::DeviceSample;
+use ergon_live::emulate::{EmulatedHand, Protocol, Transport};
+use ergon_live::safety::{GuardedDevice, SafetyLimits};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -28,14 +28,14 @@ fn exchange_with_each_device_does_not_allocate() {
         ("haply", Protocol::Haply, Transport::WebSocket(0), ""),
     ] {
         let axes = if protocol == Protocol::Haply { 3 } else { 2 };
-        let emulator = Emulator::start(options(protocol, transport, axes, vec![Hand::Resting; axes]));
+        let emulator = Emulator::start(options(protocol, transport, axes, vec![EmulatedHand::Resting; axes]));
         let device = emulator.open(kind, how);
-        let limits = Limits {
+        let limits = SafetyLimits {
             ramp_time: 0.0,
-            ..Limits::from_spec(device.spec())
+            ..SafetyLimits::from_spec(device.spec())
         };
-        let mut device = Guarded::new(device, limits, 1.0 / RATE).watched();
-        let (mut sample, mut fresh) = (Sample::default(), 0);
+        let mut device = GuardedDevice::new(device, limits, 1.0 / RATE).watched();
+        let (mut sample, mut fresh) = (DeviceSample::default(), 0);
         reset_violation_count();
         assert_no_alloc(|| {
             for tick in 0..200 {

@@ -7,15 +7,15 @@ use std::io::{BufRead, BufReader};
 use std::time::{Duration, Instant};
 
 use emulator::{Emulator, RATE, gesture, options};
-use ergon_live::device::{self, Device, DeviceError, Sample, Url};
-use ergon_live::emulate::{Event, Hand, Options, Protocol, Transport};
-use ergon_live::safety::{Guarded, Limits};
+use ergon_live::device::{self, Device, DeviceError, DeviceSample, DeviceUrl};
+use ergon_live::emulate::{EmulatedHand, EmulationOptions, Protocol, ServeEvent, Transport};
+use ergon_live::safety::{GuardedDevice, SafetyLimits};
 
 /// Time after which a test gives up.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-fn going(periods: usize, metres: f64) -> Hand {
-    Hand::OnPath {
+fn going(periods: usize, metres: f64) -> EmulatedHand {
+    EmulatedHand::OnPath {
         path: gesture(periods, metres),
         stiffness: 400.0,
         damping: 4.0,
@@ -23,14 +23,14 @@ fn going(periods: usize, metres: f64) -> Hand {
 }
 
 /// Limits with which only the clamp acts.
-fn open_limits(device: &dyn Device) -> Limits {
-    Limits {
-        slew: f64::INFINITY,
+fn open_limits(device: &dyn Device) -> SafetyLimits {
+    SafetyLimits {
+        slew_rate_max: f64::INFINITY,
         ramp_time: 0.0,
         fade_time: 0.0,
         velocity_max: f64::INFINITY,
-        energy: f64::INFINITY,
-        ..Limits::from_spec(device.spec())
+        work_max: f64::INFINITY,
+        ..SafetyLimits::from_spec(device.spec())
     }
 }
 
@@ -39,9 +39,9 @@ const MOVED: f64 = 2e-3;
 /// Hosts that are killed until one leaves a force.
 const TRIES: usize = 20;
 
-fn guard(device: Box<dyn Device>) -> Guarded {
+fn guard(device: Box<dyn Device>) -> GuardedDevice {
     let limits = open_limits(&device);
-    Guarded::new(device, limits, 1.0 / RATE)
+    GuardedDevice::new(device, limits, 1.0 / RATE)
 }
 
 /// All wires in lockstep: kind, protocol, transport, options, and whether numbers are sent in full precision.
@@ -62,7 +62,7 @@ fn session(wire: usize, yields: usize) -> (Vec<f64>, u64) {
     let axes = if protocol == Protocol::Haply { 3 } else { 2 };
     let emulator = Emulator::start(options(protocol, transport, axes, vec![going(300, 6e-3)]));
     let mut device = guard(emulator.open(kind, how));
-    let (mut sample, mut path) = (Sample::default(), Vec::new());
+    let (mut sample, mut path) = (DeviceSample::default(), Vec::new());
     let past = Instant::now();
     assert!(device.receive(&mut sample, past).unwrap(), "X(0) comes first");
     for _ in 0..400 {
@@ -79,7 +79,7 @@ fn session(wire: usize, yields: usize) -> (Vec<f64>, u64) {
     (path, emulator.end().hash)
 }
 
-fn device_stats(device: &Guarded) -> device::Stats {
+fn device_stats(device: &GuardedDevice) -> device::WireStats {
     device.device().stats()
 }
 
@@ -99,13 +99,13 @@ fn integers_are_equal_on_every_wire() {
     let complete: Vec<_> = (0..WIRES.len()).filter(|&wire| WIRES[wire].4).collect();
     let paths: Vec<_> = complete.iter().map(|&wire| session(wire, 0).0).collect();
     let in_process = {
-        use ergon_live::device::Emulated;
-        use ergon_live::emulate::{Key, Keys};
-        let keys = Keys::new(2, Key::default(), RATE, vec![going(300, 6e-3)]).unwrap();
-        let mut device = Emulated::new(keys, Key::default());
+        use ergon_live::device::EmulatedDevice;
+        use ergon_live::emulate::{EmulatedKeys, KeyConstants};
+        let keys = EmulatedKeys::new(2, KeyConstants::default(), RATE, vec![going(300, 6e-3)]).unwrap();
+        let mut device = EmulatedDevice::new(keys, KeyConstants::default());
         let limits = open_limits(&device);
-        let mut device = Guarded::new(&mut device, limits, 1.0 / RATE);
-        let (mut sample, mut path) = (Sample::default(), Vec::new());
+        let mut device = GuardedDevice::new(&mut device, limits, 1.0 / RATE);
+        let (mut sample, mut path) = (DeviceSample::default(), Vec::new());
         device.receive(&mut sample, Instant::now()).unwrap();
         for _ in 0..400 {
             device.send(&[-60.0 * sample.position[0]]).unwrap();
@@ -130,10 +130,10 @@ fn position_hash_is_independent_of_pace() {
 
 /// The greatest deflections of A and B: a hand moves A by 10 mm, and a REF couples A and B through their devices.
 fn duet(kind: &str, protocol: Protocol, transport: Transport, how: &str, k: f64) -> [f64; 2] {
-    let hands = [going(800, 10e-3), Hand::Resting];
+    let hands = [going(800, 10e-3), EmulatedHand::Resting];
     let emulators = hands.map(|hand| Emulator::start(options(protocol, transport, 2, vec![hand; 2])));
     let mut devices = [0, 1].map(|i| guard(emulators[i].open(kind, how)));
-    let mut samples = [Sample::default(); 2];
+    let mut samples = [DeviceSample::default(); 2];
     let past = Instant::now();
     let mut peaks = [0.0_f64; 2];
     let mut before = 0.0;
@@ -173,12 +173,12 @@ fn hands_feel_each_other_through_a_coupling() {
 
 #[test]
 fn dead_device_receives_zero_force() {
-    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
+    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![EmulatedHand::Resting]);
     options.board.lockstep = false;
     let emulator = Emulator::start(options);
     let mut device = guard(emulator.open("frame+udp", ""));
-    let mut sample = Sample::default();
-    let mut tick = |device: &mut Guarded| {
+    let mut sample = DeviceSample::default();
+    let mut tick = |device: &mut GuardedDevice| {
         let deadline = Instant::now() + Duration::from_millis(1);
         let fresh = device.receive(&mut sample, deadline).unwrap();
         (fresh, device.send(&[1.0]).unwrap().newtons()[0])
@@ -196,19 +196,19 @@ fn dead_device_receives_zero_force() {
 /// The first reply after a silence reports it, and a later one no longer does.
 #[test]
 fn let_go_is_reported_once() {
-    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
+    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![EmulatedHand::Resting]);
     options.board.lockstep = false;
     let emulator = Emulator::start(options);
     let mut device = guard(emulator.open("frame+udp", ""));
-    let mut sample = Sample::default();
-    let mut exchange = |device: &mut Guarded| {
+    let mut sample = DeviceSample::default();
+    let mut exchange = |device: &mut GuardedDevice| {
         device.send(&[1.0]).unwrap();
         assert!(device.receive(&mut sample, Instant::now() + PATIENCE).unwrap());
         sample.let_go
     };
-    device.receive(&mut Sample::default(), Instant::now()).unwrap();
+    device.receive(&mut DeviceSample::default(), Instant::now()).unwrap();
     exchange(&mut device);
-    while emulator.events.recv_timeout(PATIENCE).unwrap() != Event::LetGo {}
+    while emulator.events.recv_timeout(PATIENCE).unwrap() != ServeEvent::LetGo {}
     assert!(exchange(&mut device));
     // On a busy machine the board may let go again.
     assert!((0..100).any(|_| !exchange(&mut device)));
@@ -222,7 +222,7 @@ fn dead_serial_device_is_gone() {
     let emulator = Emulator::start(options(Protocol::FireFader, Transport::Terminal, 2, vec![]));
     let mut device = guard(emulator.open("firefader", "lockstep"));
     emulator.end();
-    let mut sample = Sample::default();
+    let mut sample = DeviceSample::default();
     let mut gone = false;
     for _ in 0..3 {
         gone |= device.send(&[0.0]).is_err();
@@ -240,9 +240,9 @@ fn frame_without_lockstep_reports_time_and_velocity() {
     options.board.lockstep = false;
     let emulator = Emulator::start(options);
     let mut device = guard(emulator.open("frame+udp", ""));
-    let mut sample = Sample::default();
+    let mut sample = DeviceSample::default();
     let mut peak: f64 = 0.0;
-    let mut exchange = |device: &mut Guarded| {
+    let mut exchange = |device: &mut GuardedDevice| {
         device.send(&[0.0]).unwrap();
         let deadline = Instant::now() + Duration::from_millis(1);
         device.receive(&mut sample, deadline).unwrap();
@@ -262,13 +262,18 @@ fn frame_without_lockstep_reports_time_and_velocity() {
 
 #[test]
 fn service_with_a_silent_host_receives_zero() {
-    let mut options = options(Protocol::Haply, Transport::WebSocket(0), 3, vec![Hand::Resting; 3]);
+    let mut options = options(
+        Protocol::Haply,
+        Transport::WebSocket(0),
+        3,
+        vec![EmulatedHand::Resting; 3],
+    );
     options.board.lockstep = false;
     options.board.watchdog = Duration::from_secs(60);
     options.key.stiffness = 100.0;
     let emulator = Emulator::start(options);
     let mut device = guard(emulator.open("haply", ""));
-    let mut sample = Sample::default();
+    let mut sample = DeviceSample::default();
     let mut push = |force: Option<f64>| {
         let deadline = Instant::now() + Duration::from_millis(5);
         device.receive(&mut sample, deadline).unwrap();
@@ -277,7 +282,7 @@ fn service_with_a_silent_host_receives_zero() {
         }
         sample
     };
-    let mut until = |force: Option<f64>, holds: &dyn Fn(Sample) -> bool| {
+    let mut until = |force: Option<f64>, holds: &dyn Fn(DeviceSample) -> bool| {
         assert!((0..EXCHANGES_MAX).any(|_| holds(push(force))), "{force:?}");
     };
     // 1 N on 100 N/m is 10 mm.
@@ -291,7 +296,7 @@ fn service_with_a_silent_host_receives_zero() {
 
 #[test]
 fn open_of_missing_devices_names_them() {
-    let fails = |text: &str| device::open(&Url::parse(text).unwrap()).err().unwrap();
+    let fails = |text: &str| device::open(&DeviceUrl::parse(text).unwrap()).err().unwrap();
     let error = fails("firefader:/dev/no-such-port");
     assert!(matches!(error, DeviceError::Closed { .. }), "{error}");
     let error = fails("haply:127.0.0.1:1");
@@ -315,7 +320,7 @@ fn lockstep_with_a_real_time_board_is_refused() {
     options.board.lockstep = false;
     let emulator = Emulator::start(options);
     let url = format!("frame+udp:{}?lockstep", emulator.address);
-    let error = device::open(&Url::parse(&url).unwrap()).err().unwrap();
+    let error = device::open(&DeviceUrl::parse(&url).unwrap()).err().unwrap();
     assert!(error.to_string().contains("lockstep"), "{error}");
     emulator.end();
 }
@@ -327,10 +332,10 @@ const PUSHES: &str = "it pushes";
 #[test]
 #[ignore = "a part of other tests"]
 fn host_process() {
-    let url = Url::parse(&std::env::var("ERGON_TEST_DEVICE").unwrap()).unwrap();
+    let url = DeviceUrl::parse(&std::env::var("ERGON_TEST_DEVICE").unwrap()).unwrap();
     let mut device = guard(device::open(&url).unwrap());
-    let mut sample = Sample::default();
-    let mut push = |device: &mut Guarded| {
+    let mut sample = DeviceSample::default();
+    let mut push = |device: &mut GuardedDevice| {
         let deadline = Instant::now() + Duration::from_millis(1);
         let fresh = device.receive(&mut sample, deadline).unwrap_or(false);
         let _ = device.send(&[1.0]);
@@ -360,7 +365,7 @@ enum End {
 }
 
 /// An emulated key with a spring, pushed by a host that then ends.
-fn ended(kind: &str, mut options: Options, end: End) -> Emulator {
+fn ended(kind: &str, mut options: EmulationOptions, end: End) -> Emulator {
     options.board.lockstep = false;
     options.key.stiffness = 100.0;
     let emulator = Emulator::start(options);
@@ -385,25 +390,30 @@ fn ended(kind: &str, mut options: Options, end: End) -> Emulator {
 
 #[test]
 fn killed_host_leaves_no_force() {
-    let frame = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
-    let fader = options(Protocol::FireFader, Transport::Terminal, 2, vec![Hand::Resting; 2]);
+    let frame = options(Protocol::Frame, Transport::Udp(0), 1, vec![EmulatedHand::Resting]);
+    let fader = options(
+        Protocol::FireFader,
+        Transport::Terminal,
+        2,
+        vec![EmulatedHand::Resting; 2],
+    );
     for (kind, options) in [("frame+udp", frame), ("firefader", fader)] {
         let emulator = ended(kind, options, End::Signal(libc::SIGKILL));
         let output = std::iter::from_fn(|| emulator.events.recv_timeout(PATIENCE).ok());
-        assert!(output.into_iter().any(|event| event == Event::LetGo), "{kind}");
+        assert!(output.into_iter().any(|event| event == ServeEvent::LetGo), "{kind}");
         emulator.end();
     }
 }
 
 /// The position of the key after the host has ended, read by a host without force; the board's own watchdog is off.
 fn left_at(end: End) -> f64 {
-    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
+    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![EmulatedHand::Resting]);
     options.board.watchdog = Duration::from_secs(60);
     let emulator = ended("frame+udp", options, end);
     // By the emulator's clock, which is the wall clock: a released key is at rest, and a new host is accepted.
     std::thread::sleep(Duration::from_millis(1100));
     let mut device = emulator.open("frame+udp", "");
-    let mut sample = Sample::default();
+    let mut sample = DeviceSample::default();
     device.receive(&mut sample, Instant::now()).unwrap();
     emulator.end();
     sample.position[0]

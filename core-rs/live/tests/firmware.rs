@@ -7,9 +7,9 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use ergon_live::device::calibrate::{DirectionError, Pulse, directions};
-use ergon_live::device::{self, Sample, Url};
-use ergon_live::safety::{Guarded, Limits};
+use ergon_live::device::calibrate::{DirectionError, TestPulse, find_directions};
+use ergon_live::device::{self, DeviceSample, DeviceUrl};
+use ergon_live::safety::{GuardedDevice, SafetyLimits};
 
 /// Number of tries: the host follows the wall clock and withdraws forces if the machine holds it up.
 const TRIES: usize = 10_000;
@@ -71,25 +71,25 @@ fn firmware_sketch_acts_as_a_device() {
     let Some((mut board, path)) = board() else {
         return;
     };
-    let url = Url::parse(&format!("frame:{path}")).unwrap();
+    let url = DeviceUrl::parse(&format!("frame:{path}")).unwrap();
     let mut device = device::open(&url).unwrap();
     let spec = device.spec().clone();
-    assert_eq!((spec.dof, spec.can_wide, spec.can_lockstep), (1, false, false));
+    assert_eq!((spec.dof, spec.can_send_wide, spec.can_lockstep), (1, false, false));
     assert!((spec.force_max_peak - 1.5).abs() < 1e-6 && (spec.pos_range[1] - 0.05).abs() < 1e-6);
     let go = AtomicBool::new(false);
     let mut tries = (0..TRIES).map(|_| {
-        let signs = directions(&mut device, &[0], Pulse::from_spec(&spec), 1e-3, &go);
+        let signs = find_directions(&mut device, &[0], TestPulse::from_spec(&spec), 1e-3, &go);
         signs.expect("the board answers")[0]
     });
     // A pulse that was held up moves the key too little, or to one side only.
-    let result = tries.find(|result| !matches!(result, Err(DirectionError::Still | DirectionError::OneWay)));
+    let result = tries.find(|result| !matches!(result, Err(DirectionError::NoMotion | DirectionError::SameDirection)));
     assert_eq!(result, Some(Ok(1.0)));
-    let limits = Limits {
+    let limits = SafetyLimits {
         ramp_time: 0.0,
-        ..Limits::from_spec(&spec)
+        ..SafetyLimits::from_spec(&spec)
     };
-    let mut device = Guarded::new(device, limits, 1e-3);
-    let mut sample = Sample::default();
+    let mut device = GuardedDevice::new(device, limits, 1e-3);
+    let mut sample = DeviceSample::default();
     // The force that was sent, and the reply to it. A host that was held up sends a zero after it, and the replies may
     // come one by one: a reply to an earlier packet is not the answer.
     let mut exchange = |force: f64| {
@@ -99,8 +99,8 @@ fn firmware_sketch_acts_as_a_device() {
             let deadline = Instant::now() + Duration::from_secs(60);
             assert!(device.receive(&mut sample, deadline).unwrap());
             let_go |= sample.let_go;
-            if sample.behind == 0 {
-                return (sent, Sample { let_go, ..sample });
+            if sample.requests_behind == 0 {
+                return (sent, DeviceSample { let_go, ..sample });
             }
         }
     };

@@ -9,29 +9,29 @@ use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use ergon_live::device::{self, Gone, Sample, Url};
-use ergon_live::safety::{Guarded, Limits};
+use ergon_live::device::{self, DeviceLoss, DeviceSample, DeviceUrl};
+use ergon_live::safety::{GuardedDevice, SafetyLimits};
 use service::{PATIENCE, Reply, Service, ServiceEvent};
 
 /// A host that never withdraws a force by itself: zeros at the service come from the guardian.
-fn open(url: &str) -> Guarded {
+fn open(url: &str) -> GuardedDevice {
     emulator::can_guard();
-    let device = device::open(&Url::parse(url).unwrap()).unwrap();
-    let limits = Limits {
-        slew: f64::INFINITY,
+    let device = device::open(&DeviceUrl::parse(url).unwrap()).unwrap();
+    let limits = SafetyLimits {
+        slew_rate_max: f64::INFINITY,
         ramp_time: 0.0,
         fade_time: 0.0,
         velocity_max: f64::INFINITY,
-        energy: f64::INFINITY,
+        work_max: f64::INFINITY,
         position_age_max: f64::INFINITY,
-        ..Limits::from_spec(device.spec())
+        ..SafetyLimits::from_spec(device.spec())
     };
-    Guarded::new(device, limits, 1e-3)
+    GuardedDevice::new(device, limits, 1e-3)
 }
 
 /// A tick of a host that pushes with 1 N; returns whether a new position came.
-fn push(device: &mut Guarded) -> Result<bool, Gone> {
-    let mut sample = Sample::default();
+fn push(device: &mut GuardedDevice) -> Result<bool, DeviceLoss> {
+    let mut sample = DeviceSample::default();
     let fresh = device.receive(&mut sample, Instant::now() + Duration::from_millis(1))?;
     device.send(&[1.0])?;
     Ok(fresh)
@@ -93,7 +93,7 @@ fn service_without_replies_is_gone() {
         }
         assert!(start.elapsed() < PATIENCE, "it is never gone");
     };
-    assert_eq!(gone, Gone::Silent);
+    assert_eq!(gone, DeviceLoss::Silent);
     service.until_zero();
 }
 
@@ -234,7 +234,7 @@ fn guardian_survives_signals_and_ends_with_its_host() {
 fn lockstep_with_a_real_time_service_is_refused() {
     let service = Service::start();
     emulator::can_guard();
-    let url = Url::parse(&format!("{}?lockstep", service.url)).unwrap();
+    let url = DeviceUrl::parse(&format!("{}?lockstep", service.url)).unwrap();
     let error = device::open(&url).err().unwrap();
     assert!(error.to_string().contains("lockstep"), "{error}");
 }
@@ -242,7 +242,7 @@ fn lockstep_with_a_real_time_service_is_refused() {
 #[test]
 fn open_of_a_missing_service_names_it() {
     emulator::can_guard();
-    let url = Url::parse("haply:ws://127.0.0.1:1").unwrap();
+    let url = DeviceUrl::parse("haply:ws://127.0.0.1:1").unwrap();
     let error = device::open(&url).err().unwrap().to_string();
     assert!(error.contains("127.0.0.1:1") && error.contains("refused"), "{error}");
 }

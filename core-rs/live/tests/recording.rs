@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::{env, fs, thread};
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
-use ergon_live::recording::{Axis, Header, Recorder, Sample, read};
+use ergon_live::recording::{Header, RecordedAxis, RecordedSample, Recorder, read};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -17,15 +17,15 @@ fn header() -> Header {
     Header {
         rate: 44_100.0,
         frames: 44,
-        axes: vec![Axis::default(); 2],
+        axes: vec![RecordedAxis::default(); 2],
         about: "{}".to_owned(),
     }
 }
 
-fn row(tick: u64) -> [Sample; 2] {
-    [1.0, 2.0].map(|axis| Sample {
+fn row(tick: u64) -> [RecordedSample; 2] {
+    [1.0, 2.0].map(|axis| RecordedSample {
         position: axis * tick as f64 / 3.0,
-        ..Sample::default()
+        ..RecordedSample::default()
     })
 }
 

@@ -4,20 +4,20 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
-use ergon_live::device::{Device, Gone, Sample, Spec, Unit};
-use ergon_live::safety::{Guarded, Limits, SafeForce, block_signals, check_signals, watch};
-use ergon_live::stop::{self, Stop};
+use ergon_live::device::{Device, DeviceLoss, DeviceSample, DeviceSpec, Unit};
+use ergon_live::safety::{GuardedDevice, SafeForce, SafetyLimits, block_signals, check_signals, watch};
+use ergon_live::stop::{self, StopScope};
 
-struct Still(Spec);
+struct Still(DeviceSpec);
 
 impl Device for Still {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &DeviceSpec {
         &self.0
     }
-    fn send(&mut self, _: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, _: &SafeForce) -> Result<(), DeviceLoss> {
         Ok(())
     }
-    fn receive(&mut self, _: &mut Sample, _: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, _: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
         Ok(true)
     }
     fn in_lockstep(&self) -> bool {
@@ -27,7 +27,7 @@ impl Device for Still {
 }
 
 fn still() -> Still {
-    Still(Spec {
+    Still(DeviceSpec {
         dof: 1,
         unit: Unit::Metre,
         pos_lsb: 1e-6,
@@ -41,15 +41,15 @@ fn still() -> Still {
         damping: None,
         touch_gated: false,
         can_lockstep: true,
-        can_wide: true,
+        can_send_wide: true,
     })
 }
 
 /// The force that is sent when 1 N is asked for.
-fn sent(guarded: &mut Guarded<Still>) -> f64 {
-    let mut sample = Sample::default();
-    guarded.receive(&mut sample, Instant::now()).unwrap();
-    guarded.send(&[1.0]).unwrap().newtons()[0]
+fn sent(guarded_device: &mut GuardedDevice<Still>) -> f64 {
+    let mut sample = DeviceSample::default();
+    guarded_device.receive(&mut sample, Instant::now()).unwrap();
+    guarded_device.send(&[1.0]).unwrap().newtons()[0]
 }
 
 static SIGNALS: AtomicU32 = AtomicU32::new(0);
@@ -72,69 +72,70 @@ fn raise(signal: i32) {
 fn stop_holds_all_hands_until_release() {
     let device = still();
     let ramp = 0.1;
-    let limits = Limits {
+    let limits = SafetyLimits {
         ramp_time: ramp,
-        ..Limits::from_spec(&device.0)
+        ..SafetyLimits::from_spec(&device.0)
     };
-    let mut guarded = Guarded::new(device, limits, 1e-3);
-    let ticks = |guarded: &mut Guarded<Still>, n: usize| (0..n).map(|_| sent(guarded)).last().unwrap();
-    let complete = ticks(&mut guarded, 300);
+    let mut guarded_device = GuardedDevice::new(device, limits, 1e-3);
+    let ticks =
+        |guarded_device: &mut GuardedDevice<Still>, n: usize| (0..n).map(|_| sent(guarded_device)).last().unwrap();
+    let complete = ticks(&mut guarded_device, 300);
     assert_eq!(complete, 1.0);
     // Forces stop, and return as at the start.
-    stop::stop(Stop::Forces);
-    assert_eq!(ticks(&mut guarded, 1), 0.0);
-    assert_eq!(ticks(&mut guarded, 300), 0.0);
+    stop::stop(StopScope::Forces);
+    assert_eq!(ticks(&mut guarded_device, 1), 0.0);
+    assert_eq!(ticks(&mut guarded_device, 300), 0.0);
     assert!(!stop::is_over());
     stop::release();
-    let first = ticks(&mut guarded, 1);
+    let first = ticks(&mut guarded_device, 1);
     assert!(0.0 < first && first <= 1.5e-3 / ramp, "{first}");
-    assert_eq!(ticks(&mut guarded, 300), 1.0);
+    assert_eq!(ticks(&mut guarded_device, 300), 1.0);
     // A device that is stopped by itself stays stopped after the stop of the process is released.
-    stop::stop(Stop::Forces);
-    guarded.stop(true);
+    stop::stop(StopScope::Forces);
+    guarded_device.stop(true);
     stop::release();
-    assert_eq!(ticks(&mut guarded, 10), 0.0);
-    guarded.stop(false);
-    assert_eq!(ticks(&mut guarded, 300), 1.0);
+    assert_eq!(ticks(&mut guarded_device, 10), 0.0);
+    guarded_device.stop(false);
+    assert_eq!(ticks(&mut guarded_device, 300), 1.0);
     // A signal first stops the forces and is then handled, each time that it comes.
     handle(libc::SIGTERM);
-    watch(libc::SIGTERM, Stop::Forces);
+    watch(libc::SIGTERM, StopScope::Forces);
     for times in 1..=2 {
         raise(libc::SIGTERM);
         assert_eq!(SIGNALS.load(Ordering::SeqCst), times);
-        assert_eq!(ticks(&mut guarded, 1), 0.0);
+        assert_eq!(ticks(&mut guarded_device, 1), 0.0);
         stop::release();
-        assert_eq!(ticks(&mut guarded, 300), 1.0);
+        assert_eq!(ticks(&mut guarded_device, 300), 1.0);
     }
     // Another handler replaces ours until `watch` is called again.
     handle(libc::SIGTERM);
     raise(libc::SIGTERM);
-    assert!(!stop::has_let_go());
-    watch(libc::SIGTERM, Stop::Nothing);
+    assert!(!stop::are_forces_stopped());
+    watch(libc::SIGTERM, StopScope::Nothing);
     raise(libc::SIGTERM);
-    assert!(!stop::has_let_go());
+    assert!(!stop::are_forces_stopped());
     assert_eq!(SIGNALS.load(Ordering::SeqCst), 4);
-    // After `Stop::All` nothing returns, whoever releases.
-    watch(libc::SIGTERM, Stop::All);
+    // After `StopScope::All` nothing returns, whoever releases.
+    watch(libc::SIGTERM, StopScope::All);
     raise(libc::SIGTERM);
     stop::release();
     assert!(stop::is_over());
-    assert_eq!(ticks(&mut guarded, 300), 0.0);
+    assert_eq!(ticks(&mut guarded_device, 300), 0.0);
     stop::reset();
-    assert_eq!(ticks(&mut guarded, 300), 1.0);
+    assert_eq!(ticks(&mut guarded_device, 300), 1.0);
     // A pending signal is seen by a thread that leaves signals to others.
-    watch(libc::SIGTERM, Stop::Forces);
+    watch(libc::SIGTERM, StopScope::Forces);
     block_signals();
     raise(libc::SIGTERM);
-    assert!(!stop::has_let_go());
+    assert!(!stop::are_forces_stopped());
     check_signals();
-    assert!(stop::has_let_go());
-    assert_eq!(ticks(&mut guarded, 1), 0.0);
+    assert!(stop::are_forces_stopped());
+    assert_eq!(ticks(&mut guarded_device, 1), 0.0);
     stop::reset();
     // An ignored signal is left alone.
     // SAFETY: the call only ignores the signal.
     unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };
-    watch(libc::SIGHUP, Stop::All);
+    watch(libc::SIGHUP, StopScope::All);
     raise(libc::SIGHUP);
-    assert!(!stop::has_let_go());
+    assert!(!stop::are_forces_stopped());
 }

@@ -1,8 +1,8 @@
 //! Bundles: chunks of a file in one chunk, deflated.
 //!
 //! Chunks of one kind stand together as a group, and of all their records first the first byte, then the second, and
-//! so on: bytes that are alike stand side by side. A group is `u16 kind, u16 width, u32 n`, the seconds and the lengths
-//! of its n chunks, and their payloads one after the other, the last in records of `width` bytes.
+//! so on: bytes that are alike stand side by side. A group is `u16 kind, u16 record_width, u32 n`, the seconds and the
+//! lengths of its n chunks, and their payloads one after the other, the last in records of `record_width` bytes.
 
 use miniz_oxide::deflate::compress_to_vec_zlib;
 use miniz_oxide::inflate::TINFLStatus;
@@ -12,24 +12,24 @@ use miniz_oxide::inflate::core::inflate_flags::{
 use miniz_oxide::inflate::core::{DecompressorOxide, decompress};
 
 use crate::motion::{self, PAYLOAD_MAX};
-use crate::payload::{self, Bytes, Reading, kind};
+use crate::payload::{self, ByteReader, ByteWriter, kind};
 
 /// Compression level, 0 to 10.
-const LEVEL: u8 = 9;
+const COMPRESSION_LEVEL: u8 = 9;
 /// What all bundles of a file may hold unpacked [bytes]: so much, and so many times the length of the file up to there.
-const UNPACKED_FREE: u64 = 16 << 20;
-const UNPACKED_RATIO: u64 = 32;
+const UNPACKED_BYTES_FREE: u64 = 16 << 20;
+const UNPACKED_RATIO_MAX: u64 = 32;
 
 /// How many bytes the bundles of a file hold so far, unpacked.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Unpacked(u64);
+pub struct UnpackedTotal(u64);
 
-impl Unpacked {
+impl UnpackedTotal {
     /// Whether a bundle that holds `length` bytes unpacked may end at byte `end` of a file; if so, it counts.
     fn admit(&mut self, length: usize, end: u64) -> bool {
         let total = self.0.saturating_add(length as u64);
-        let is_admitted =
-            length <= PAYLOAD_MAX && total <= UNPACKED_FREE.saturating_add(end.saturating_mul(UNPACKED_RATIO));
+        let is_admitted = length <= PAYLOAD_MAX
+            && total <= UNPACKED_BYTES_FREE.saturating_add(end.saturating_mul(UNPACKED_RATIO_MAX));
         if is_admitted {
             self.0 = total;
         }
@@ -41,17 +41,17 @@ impl Unpacked {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BundleError {
     /// It would hold this many bytes, which are more than a reader takes.
-    Long(usize),
+    TooLong(usize),
     /// It is not what a bundle is.
     Damaged,
 }
 
 /// The seconds and the payload of a chunk in a group.
-type Member<'a> = (f64, &'a [u8]);
+type GroupMember<'a> = (f64, &'a [u8]);
 
 /// A chunk out of a bundle.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bundled {
+pub struct BundledChunk {
     /// Its kind.
     pub kind: u16,
     /// Its instant [s].
@@ -62,15 +62,17 @@ pub struct Bundled {
 
 /// Appends `chunks`, complete chunks one after the other: as one bundle at `seconds` where that is shorter and readers
 /// take it. `file_offset`: bytes of the file before `out`.
-pub fn put(out: &mut Vec<u8>, seconds: f64, chunks: &[u8], file_offset: u64, unpacked: &mut Unpacked) {
-    let packed_groups = groups(chunks);
-    let mut bundle_payload = Bytes::default();
+pub fn write_bundle(out: &mut Vec<u8>, seconds: f64, chunks: &[u8], file_offset: u64, unpacked: &mut UnpackedTotal) {
+    let packed_groups = group_chunks(chunks);
+    let mut bundle_payload = ByteWriter::default();
     if packed_groups.len() <= PAYLOAD_MAX {
         bundle_payload.u32(packed_groups.len() as u32);
-        bundle_payload.0.extend(compress_to_vec_zlib(&packed_groups, LEVEL));
+        bundle_payload
+            .0
+            .extend(compress_to_vec_zlib(&packed_groups, COMPRESSION_LEVEL));
     }
     let mut bundle_bytes = Vec::new();
-    payload::put(&mut bundle_bytes, kind::BUNDLE, seconds, &bundle_payload.0);
+    payload::write_chunk(&mut bundle_bytes, kind::BUNDLE, seconds, &bundle_payload.0);
     let bundle_end = file_offset + (out.len() + bundle_bytes.len()) as u64;
     if bundle_bytes.len() < chunks.len() && unpacked.admit(packed_groups.len(), bundle_end) {
         out.extend(bundle_bytes);
@@ -80,9 +82,9 @@ pub fn put(out: &mut Vec<u8>, seconds: f64, chunks: &[u8], file_offset: u64, unp
 }
 
 /// The groups of complete chunks, as bytes.
-fn groups(mut chunk_bytes: &[u8]) -> Vec<u8> {
-    let mut chunk_groups: Vec<(u16, Vec<Member<'_>>)> = Vec::new();
-    while let Ok((chunk, chunk_length)) = motion::read(chunk_bytes) {
+fn group_chunks(mut chunk_bytes: &[u8]) -> Vec<u8> {
+    let mut chunk_groups: Vec<(u16, Vec<GroupMember<'_>>)> = Vec::new();
+    while let Ok((chunk, chunk_length)) = motion::read_chunk(chunk_bytes) {
         let member = (chunk.seconds, chunk.payload);
         match chunk_groups.iter_mut().find(|(kind, _)| *kind == chunk.kind) {
             Some((_, members)) => members.push(member),
@@ -90,27 +92,27 @@ fn groups(mut chunk_bytes: &[u8]) -> Vec<u8> {
         }
         chunk_bytes = &chunk_bytes[chunk_length..];
     }
-    let mut group_bytes = Bytes::default();
+    let mut group_bytes = ByteWriter::default();
     for (kind, members) in chunk_groups {
-        let width = width(kind, &members);
+        let width = record_width(kind, &members);
         group_bytes.u16(kind);
         group_bytes.u16(width);
         group_bytes.u32(members.len() as u32);
-        let (mut instants, mut lengths, mut payloads) = (Bytes::default(), Bytes::default(), Vec::new());
+        let (mut instants, mut lengths, mut payloads) = (ByteWriter::default(), ByteWriter::default(), Vec::new());
         for (seconds, payload) in members {
             instants.f64(seconds);
             lengths.u32(payload.len() as u32);
             payloads.extend_from_slice(payload);
         }
-        split(&mut group_bytes.0, &instants.0, 8);
-        split(&mut group_bytes.0, &lengths.0, 4);
-        split(&mut group_bytes.0, &payloads, usize::from(width));
+        split_columns(&mut group_bytes.0, &instants.0, 8);
+        split_columns(&mut group_bytes.0, &lengths.0, 4);
+        split_columns(&mut group_bytes.0, &payloads, usize::from(width));
     }
     group_bytes.0
 }
 
 /// The bytes of a record of a kind; of what is written in each frame, all of the frame.
-fn width(kind: u16, members: &[Member<'_>]) -> u16 {
+fn record_width(kind: u16, members: &[GroupMember<'_>]) -> u16 {
     match kind {
         kind::LEVELS | kind::HANDS | kind::PEAKS => {
             let frame_length = members[0].1.len();
@@ -129,22 +131,24 @@ fn width(kind: u16, members: &[Member<'_>]) -> u16 {
     }
 }
 
-/// Appends records of `width` bytes: the first byte of each, then the second of each, and so on; then what is left.
-fn split(out: &mut Vec<u8>, records: &[u8], width: usize) {
-    let (full_records, rest) = records.split_at(records.len() - records.len() % width);
+/// Appends records of `record_width` bytes: the first byte of each, then the second of each, and so on; then what is
+/// left.
+fn split_columns(out: &mut Vec<u8>, records: &[u8], width: usize) {
+    let (full_records, remainder) = records.split_at(records.len() - records.len() % width);
     if !full_records.is_empty() {
-        (0..width).for_each(|place| out.extend(full_records[place..].iter().step_by(width)));
+        (0..width).for_each(|byte_index| out.extend(full_records[byte_index..].iter().step_by(width)));
     }
-    out.extend(rest);
+    out.extend(remainder);
 }
 
-/// The records of which [`split`] made bytes.
-fn joined(split_bytes: &[u8], width: usize) -> Vec<u8> {
+/// The records of which [`split_columns`] made bytes.
+fn join_columns(split_bytes: &[u8], width: usize) -> Vec<u8> {
     let record_count = split_bytes.len() / width;
     let mut records = split_bytes.to_vec();
     if record_count > 0 {
-        for (place, column) in split_bytes.chunks_exact(record_count).take(width).enumerate() {
-            (column.iter().zip(records[place..].iter_mut().step_by(width))).for_each(|(byte, to)| *to = *byte);
+        for (byte_index, column) in split_bytes.chunks_exact(record_count).take(width).enumerate() {
+            (column.iter().zip(records[byte_index..].iter_mut().step_by(width)))
+                .for_each(|(byte, record_byte)| *record_byte = *byte);
         }
     }
     records
@@ -154,14 +158,14 @@ fn joined(split_bytes: &[u8], width: usize) -> Vec<u8> {
 ///
 /// # Errors
 /// [`BundleError`] if it holds too much, or is damaged.
-pub fn open(payload: &[u8], end: u64, unpacked: &mut Unpacked) -> Result<Vec<Bundled>, BundleError> {
-    let mut reading = Reading(payload);
-    let length = reading.u32().ok_or(BundleError::Damaged)? as usize;
+pub fn unpack(payload: &[u8], end: u64, unpacked: &mut UnpackedTotal) -> Result<Vec<BundledChunk>, BundleError> {
+    let mut byte_reader = ByteReader(payload);
+    let length = byte_reader.u32().ok_or(BundleError::Damaged)? as usize;
     if !unpacked.admit(length, end) {
-        return Err(BundleError::Long(length));
+        return Err(BundleError::TooLong(length));
     }
-    inflated(reading.0, length)
-        .and_then(|group_bytes| ungrouped(&group_bytes))
+    inflated(byte_reader.0, length)
+        .and_then(|group_bytes| ungroup_chunks(&group_bytes))
         .ok_or(BundleError::Damaged)
 }
 
@@ -174,31 +178,31 @@ fn inflated(stream: &[u8], length: usize) -> Option<Vec<u8>> {
     is_whole.then_some(inflated_bytes)
 }
 
-fn ungrouped(group_bytes: &[u8]) -> Option<Vec<Bundled>> {
-    let (mut reading, mut bundled_chunks) = (Reading(group_bytes), Vec::new());
-    while !reading.0.is_empty() {
-        let (kind, width) = (reading.u16()?, usize::from(reading.u16()?));
-        let count = reading.u32()? as usize;
+fn ungroup_chunks(group_bytes: &[u8]) -> Option<Vec<BundledChunk>> {
+    let (mut byte_reader, mut bundled_chunks) = (ByteReader(group_bytes), Vec::new());
+    while !byte_reader.0.is_empty() {
+        let (kind, width) = (byte_reader.u16()?, usize::from(byte_reader.u16()?));
+        let count = byte_reader.u32()? as usize;
         if kind == kind::BUNDLE || width == 0 {
             return None;
         }
-        let instants = joined(reading.take(count.checked_mul(8)?)?, 8);
-        let lengths = joined(reading.take(count.checked_mul(4)?)?, 4);
-        let mut length_reading = Reading(&lengths);
+        let instants = join_columns(byte_reader.take_bytes(count.checked_mul(8)?)?, 8);
+        let lengths = join_columns(byte_reader.take_bytes(count.checked_mul(4)?)?, 4);
+        let mut length_reader = ByteReader(&lengths);
         let lengths: Vec<usize> = (0..count)
-            .map_while(|_| length_reading.u32())
+            .map_while(|_| length_reader.u32())
             .map(|n| n as usize)
             .collect();
         let payload_length = lengths
             .iter()
             .try_fold(0_usize, |sum, length| sum.checked_add(*length))?;
-        let payloads = joined(reading.take(payload_length)?, width);
-        let (mut instants, mut payloads) = (Reading(&instants), Reading(&payloads));
+        let payloads = join_columns(byte_reader.take_bytes(payload_length)?, width);
+        let (mut instants, mut payloads) = (ByteReader(&instants), ByteReader(&payloads));
         for length in lengths {
-            bundled_chunks.push(Bundled {
+            bundled_chunks.push(BundledChunk {
                 kind,
                 seconds: instants.f64()?,
-                payload: payloads.take(length)?.to_vec(),
+                payload: payloads.take_bytes(length)?.to_vec(),
             });
         }
     }
@@ -214,7 +218,7 @@ mod tests {
     fn chunk_bytes(chunks: &[(u16, f64, Vec<u8>)]) -> Vec<u8> {
         let mut bytes = Vec::new();
         for (kind, seconds, payload) in chunks {
-            payload::put(&mut bytes, *kind, *seconds, payload);
+            payload::write_chunk(&mut bytes, *kind, *seconds, payload);
         }
         bytes
     }
@@ -222,12 +226,12 @@ mod tests {
     /// A bundle's payload, of groups as bytes.
     fn bundle_of(group_bytes: &[u8]) -> Vec<u8> {
         let mut bytes = (group_bytes.len() as u32).to_le_bytes().to_vec();
-        bytes.extend(compress_to_vec_zlib(group_bytes, LEVEL));
+        bytes.extend(compress_to_vec_zlib(group_bytes, COMPRESSION_LEVEL));
         bytes
     }
 
-    fn opened(payload: &[u8]) -> Result<Vec<Bundled>, BundleError> {
-        open(payload, payload.len() as u64, &mut Unpacked::default())
+    fn opened(payload: &[u8]) -> Result<Vec<BundledChunk>, BundleError> {
+        unpack(payload, payload.len() as u64, &mut UnpackedTotal::default())
     }
 
     proptest! {
@@ -236,7 +240,7 @@ mod tests {
             chunks in prop::collection::vec((1..18_u16, -1.0..9.0_f64, prop::collection::vec(0..3_u8, 0..70)), 0..30),
             at: prop::sample::Index, bit in 0..8_u32,
         ) {
-            let mut payload = bundle_of(&groups(&chunk_bytes(&chunks)));
+            let mut payload = bundle_of(&group_chunks(&chunk_bytes(&chunks)));
             let bundled = opened(&payload).expect("chunks");
             // Of one kind in the order in which they were.
             for kind in 1..18 {
@@ -262,33 +266,36 @@ mod tests {
 
     #[test]
     fn open_refuses_more_than_a_file_may_hold() {
-        let length = UNPACKED_FREE as usize;
+        let length = UNPACKED_BYTES_FREE as usize;
         let payload = bundle_of(&vec![0; length]);
-        let mut unpacked = Unpacked::default();
+        let mut unpacked = UnpackedTotal::default();
         // The first is within what every file may hold, but no group has a width of 0.
-        assert_eq!(open(&payload, 1 << 10, &mut unpacked), Err(BundleError::Damaged));
-        assert_eq!(open(&payload, 1 << 16, &mut unpacked), Err(BundleError::Long(length)));
+        assert_eq!(unpack(&payload, 1 << 10, &mut unpacked), Err(BundleError::Damaged));
+        assert_eq!(
+            unpack(&payload, 1 << 16, &mut unpacked),
+            Err(BundleError::TooLong(length))
+        );
         let longer = (PAYLOAD_MAX as u32 + 1).to_le_bytes();
         assert_eq!(
-            open(&longer, 1 << 30, &mut Unpacked::default()),
-            Err(BundleError::Long(PAYLOAD_MAX + 1))
+            unpack(&longer, 1 << 30, &mut UnpackedTotal::default()),
+            Err(BundleError::TooLong(PAYLOAD_MAX + 1))
         );
     }
 
     #[test]
     fn open_refuses_bundles_in_bundles() {
         let inner = chunk_bytes(&[(kind::BUNDLE, 0.0, vec![0; 9])]);
-        assert_eq!(opened(&bundle_of(&groups(&inner))), Err(BundleError::Damaged));
+        assert_eq!(opened(&bundle_of(&group_chunks(&inner))), Err(BundleError::Damaged));
     }
 
     #[test]
     fn put_keeps_chunks_beyond_the_bound() {
         let silence = chunk_bytes(&[(kind::LEVELS, 0.0, vec![0; 1 << 20])]);
-        let (mut out, mut unpacked) = (Vec::new(), Unpacked(UNPACKED_FREE));
-        put(&mut out, 0.0, &silence, 0, &mut unpacked);
+        let (mut out, mut unpacked) = (Vec::new(), UnpackedTotal(UNPACKED_BYTES_FREE));
+        write_bundle(&mut out, 0.0, &silence, 0, &mut unpacked);
         assert_eq!(out, silence);
         out.clear();
-        put(&mut out, 0.0, &silence, 1 << 20, &mut unpacked);
+        write_bundle(&mut out, 0.0, &silence, 1 << 20, &mut unpacked);
         assert!(out.len() < silence.len() / 100);
     }
 
@@ -296,7 +303,7 @@ mod tests {
     fn put_keeps_chunks_shorter_than_a_bundle() {
         let short = chunk_bytes(&[(kind::PEAKS, 0.0, vec![1, 2, 3, 4])]);
         let mut out = Vec::new();
-        put(&mut out, 0.0, &short, 0, &mut Unpacked::default());
+        write_bundle(&mut out, 0.0, &short, 0, &mut UnpackedTotal::default());
         assert_eq!(out, short);
     }
 }

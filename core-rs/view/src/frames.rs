@@ -1,98 +1,103 @@
 //! Displacements of the points of a part, frame by frame.
 
 use crate::packed;
-use crate::payload::{Bytes, Reading};
+use crate::payload::{ByteReader, ByteWriter};
 
 /// Largest number of values in one chunk.
-const NUMBERS_MAX: usize = 1 << 24;
+const VALUES_MAX: usize = 1 << 24;
 /// Codings: numbers of single precision, and steps for each point.
-const PLAIN: u8 = 0;
-const PACKED: u8 = 1;
+const CODING_PLAIN: u8 = 0;
+const CODING_PACKED: u8 = 1;
 
 /// Displacement from frame to frame below which a point rests \[m\]: its steps are then a micrometre at most.
-const REST: f64 = 1.5e-6;
+const REST_METRES: f64 = 1.5e-6;
 
 /// The displacement at a share of the time from frame x to the next one, y: on the cubic through these and the frames
 /// before and after, on a parabola where one of those is not known, and on a straight line where the point rests.
-pub fn between(share: f64, (x, y): (f64, f64), before: Option<f64>, after: Option<f64>) -> f64 {
+pub fn interpolate_cubic(time_share: f64, (x, y): (f64, f64), before: Option<f64>, after: Option<f64>) -> f64 {
     let (before, after) = match (before, after) {
-        (None, None) => return x + share * (y - x),
+        (None, None) => return x + time_share * (y - x),
         (Some(before), None) => (before, 3.0 * (y - x) + before),
         (None, Some(after)) => (3.0 * (x - y) + after, after),
         (Some(before), Some(after)) => (before, after),
     };
-    let is_still = |from: f64, to: f64| (to - from).abs() <= REST;
+    let is_still = |from: f64, to: f64| (to - from).abs() <= REST_METRES;
     if is_still(x, y) && (is_still(before, x) || is_still(y, after)) {
-        return x + share * (y - x);
+        return x + time_share * (y - x);
     }
-    let (from_previous, from_next, from_after) = (share + 1.0, share - 1.0, share - 2.0);
-    let outer_terms = share * from_next * (from_previous * after - from_after * before) / 6.0;
-    outer_terms + from_previous * from_after * (from_next * x - share * y) / 2.0
+    let (from_previous, from_next, from_after) = (time_share + 1.0, time_share - 1.0, time_share - 2.0);
+    let outer_terms = time_share * from_next * (from_previous * after - from_after * before) / 6.0;
+    outer_terms + from_previous * from_after * (from_next * x - time_share * y) / 2.0
 }
 
 /// Frames of one part.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Frames {
+pub struct PartFrames {
     /// Index of the part.
     pub part: u16,
     /// Seconds from one frame to the next.
-    pub hop: f64,
+    pub frame_interval: f64,
     /// Displacements [m]   (count, n); NaN: unknown.
     pub rows: Vec<f64>,
     /// Number of frames.
-    pub count: usize,
+    pub n_frames: usize,
 }
 
-impl Frames {
+impl PartFrames {
     /// The payload for a live page, which draws each frame by itself: in single precision.
-    pub fn plain(&self) -> Vec<u8> {
-        let mut payload_bytes = self.head(PLAIN);
+    pub fn plain_payload(&self) -> Vec<u8> {
+        let mut payload_bytes = self.payload_head(CODING_PLAIN);
         self.rows.iter().for_each(|x| payload_bytes.f32(*x));
         payload_bytes.0
     }
 
-    /// The payload for a file, within [`packed::BOUND`]; plain if a displacement is not known. `amplitudes` [m] are
-    /// those of the points so far, these frames included   (n)
-    pub fn packed(&self, amplitudes: &[f64]) -> Vec<u8> {
+    /// The payload for a file, within [`packed_payload::ERROR_BOUNDS`]; plain if a displacement is not known.
+    /// `amplitudes` [m] are those of the points so far, these frames included   (n)
+    pub fn packed_payload(&self, amplitudes: &[f64]) -> Vec<u8> {
         if !self.rows.iter().all(|x| x.is_finite()) {
-            return self.plain();
+            return self.plain_payload();
         }
-        let mut payload_bytes = self.head(PACKED);
+        let mut payload_bytes = self.payload_head(CODING_PACKED);
         packed::pack(&mut payload_bytes, &self.rows, amplitudes);
         payload_bytes.0
     }
 
-    fn head(&self, coding: u8) -> Bytes {
-        let mut head_bytes = Bytes::default();
+    fn payload_head(&self, coding: u8) -> ByteWriter {
+        let mut head_bytes = ByteWriter::default();
         head_bytes.u16(self.part);
         head_bytes.0.extend([coding, 0]);
-        head_bytes.u32(self.count as u32);
-        head_bytes.f64(self.hop);
+        head_bytes.u32(self.n_frames as u32);
+        head_bytes.f64(self.frame_interval);
         head_bytes
     }
 
     /// The frames of a payload; `points_of`: number of points of a part. `None` if the payload is damaged.
     pub fn read(payload: &[u8], points_of: impl Fn(u16) -> Option<usize>) -> Option<Self> {
-        let mut reading = Reading(payload);
+        let mut reading = ByteReader(payload);
         let part = reading.u16()?;
-        let &[coding, _] = reading.take(2)? else {
+        let &[coding, _] = reading.take_bytes(2)? else {
             return None;
         };
         let (count, hop) = (reading.u32()? as usize, reading.f64()?);
         let point_count = points_of(part)?;
-        let numbers = count.checked_mul(point_count).filter(|all| *all <= NUMBERS_MAX)?;
-        if !(hop > 0.0 && hop.is_finite()) || count > NUMBERS_MAX {
+        let numbers = count.checked_mul(point_count).filter(|all| *all <= VALUES_MAX)?;
+        if !(hop > 0.0 && hop.is_finite()) || count > VALUES_MAX {
             return None;
         }
         let rows = match coding {
-            PLAIN if reading.0.len() == 4 * numbers => {
+            CODING_PLAIN if reading.0.len() == 4 * numbers => {
                 let number_chunks = reading.0.chunks_exact(4);
-                number_chunks.filter_map(|x| Reading(x).f32()).collect()
+                number_chunks.filter_map(|x| ByteReader(x).f32()).collect()
             }
-            PACKED => packed::unpack(reading.0, count, point_count)?,
+            CODING_PACKED => packed::unpack(reading.0, count, point_count)?,
             _ => return None,
         };
-        Some(Self { part, hop, rows, count })
+        Some(Self {
+            part,
+            frame_interval: hop,
+            rows,
+            n_frames: count,
+        })
     }
 }
 
@@ -101,17 +106,17 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::packed::BOUND;
+    use crate::packed::ERROR_BOUNDS;
 
     const POINTS: usize = 5;
 
-    fn frames(rows: Vec<f64>) -> Frames {
+    fn frames(rows: Vec<f64>) -> PartFrames {
         let count = rows.len() / POINTS;
-        Frames {
+        PartFrames {
             part: 3,
-            hop: 1.0 / 60.0,
+            frame_interval: 1.0 / 60.0,
             rows,
-            count,
+            n_frames: count,
         }
     }
 
@@ -122,8 +127,8 @@ mod tests {
         extents.map(|extent| 0.5 * extent).collect()
     }
 
-    fn read(bytes: &[u8]) -> Option<Frames> {
-        Frames::read(bytes, |part| (part == 3).then_some(POINTS))
+    fn read(bytes: &[u8]) -> Option<PartFrames> {
+        PartFrames::read(bytes, |part| (part == 3).then_some(POINTS))
     }
 
     proptest! {
@@ -140,11 +145,11 @@ mod tests {
                 .collect();
             let (all, amplitudes) = (frames(rows), amplitudes(&shares.concat()));
             let amplitudes: Vec<f64> = amplitudes.iter().enumerate().map(|(point, x)| x * size(point)).collect();
-            let bytes = all.packed(&amplitudes);
+            let bytes = all.packed_payload(&amplitudes);
             let copy = read(&bytes).expect("frames");
-            prop_assert_eq!((copy.part, copy.count, copy.hop), (3, all.count, all.hop));
+            prop_assert_eq!((copy.part, copy.n_frames, copy.frame_interval), (3, all.n_frames, all.frame_interval));
             for (i, (x, y)) in all.rows.iter().zip(&copy.rows).enumerate() {
-                let bound = (BOUND.amplitude * amplitudes[i % POINTS]).max(BOUND.least);
+                let bound = (ERROR_BOUNDS.amplitude_share * amplitudes[i % POINTS]).max(ERROR_BOUNDS.metres_min);
                 prop_assert!((x - y).abs() <= 1.001 * bound, "{x} {y} {bound}");
             }
             prop_assert!(read(&bytes[..bytes.len() - 1]).is_none());
@@ -155,7 +160,7 @@ mod tests {
             rows in prop::collection::vec(prop::collection::vec(-1e3..1e3_f64, POINTS), 1..9),
         ) {
             let all = frames(rows.concat());
-            let copy = read(&all.plain()).expect("frames");
+            let copy = read(&all.plain_payload()).expect("frames");
             for (x, y) in all.rows.iter().zip(&copy.rows) {
                 prop_assert_eq!(f64::from(*x as f32), *y);
             }
@@ -163,9 +168,9 @@ mod tests {
 
         #[test]
         fn decode_of_random_bytes(coding in 0..3_u8, bytes: Vec<u8>, n in 0..100_usize) {
-            let _ = Frames::read(&bytes, |_| Some(n));
-            let head = Frames { rows: Vec::new(), count: 3, ..frames(Vec::new()) }.head(coding);
-            let _ = Frames::read(&[head.0, bytes].concat(), |_| Some(n));
+            let _ = PartFrames::read(&bytes, |_| Some(n));
+            let head = PartFrames { rows: Vec::new(), n_frames: 3, ..frames(Vec::new()) }.payload_head(coding);
+            let _ = PartFrames::read(&[head.0, bytes].concat(), |_| Some(n));
         }
     }
 
@@ -178,11 +183,14 @@ mod tests {
             })
             .collect();
         let all_frames = frames(frame_rows);
-        let decoded = read(&all_frames.packed(&amplitudes(&all_frames.rows))).expect("frames");
+        let decoded = read(&all_frames.packed_payload(&amplitudes(&all_frames.rows))).expect("frames");
         for t in (0..120).filter(|t| *t >= 60) {
             for point in [0, 1, 2, 3] {
                 let row_error = all_frames.rows[t * POINTS + point] - decoded.rows[t * POINTS + point];
-                assert!(row_error.abs() <= 1.001 * BOUND.rest, "{t} {point} {row_error}");
+                assert!(
+                    row_error.abs() <= 1.001 * ERROR_BOUNDS.resting_metres,
+                    "{t} {point} {row_error}"
+                );
             }
         }
     }
@@ -195,21 +203,21 @@ mod tests {
             let assert_close = |x: f64, y: f64| assert!((x - y).abs() < 1e-12, "{x} {y}");
             let end_positions = (cubic(0.0), cubic(1.0));
             assert_close(
-                between(share, end_positions, Some(cubic(-1.0)), Some(cubic(2.0))),
+                interpolate_cubic(share, end_positions, Some(cubic(-1.0)), Some(cubic(2.0))),
                 cubic(share),
             );
             let end_positions = (parabola(0.0), parabola(1.0));
             assert_close(
-                between(share, end_positions, Some(parabola(-1.0)), None),
+                interpolate_cubic(share, end_positions, Some(parabola(-1.0)), None),
                 parabola(share),
             );
             assert_close(
-                between(share, end_positions, None, Some(parabola(2.0))),
+                interpolate_cubic(share, end_positions, None, Some(parabola(2.0))),
                 parabola(share),
             );
-            assert_close(between(share, (1.0, 2.0), None, None), 1.0 + share);
-            assert_close(between(share, (0.5, 0.5), Some(0.5), Some(9.0)), 0.5);
-            assert_close(between(share, (0.5, 0.5), Some(-9.0), Some(0.5)), 0.5);
+            assert_close(interpolate_cubic(share, (1.0, 2.0), None, None), 1.0 + share);
+            assert_close(interpolate_cubic(share, (0.5, 0.5), Some(0.5), Some(9.0)), 0.5);
+            assert_close(interpolate_cubic(share, (0.5, 0.5), Some(-9.0), Some(0.5)), 0.5);
         }
     }
 
@@ -217,8 +225,8 @@ mod tests {
     fn unknown_positions_are_nan() {
         let frame_rows = vec![1.0, f64::NAN, 2.0, 1.0, 0.0];
         for bytes in [
-            frames(frame_rows.clone()).plain(),
-            frames(frame_rows).packed(&[1.0; POINTS]),
+            frames(frame_rows.clone()).plain_payload(),
+            frames(frame_rows).packed_payload(&[1.0; POINTS]),
         ] {
             let decoded = read(&bytes).expect("frames");
             assert_eq!(decoded.rows[0], 1.0);

@@ -14,8 +14,8 @@ pub const MAGIC: [u8; 8] = *b"ERGM\x03\0\0\0";
 /// The formats that are read: one of them is the fifth byte of a file.
 pub const FORMATS: RangeInclusive<u8> = 2..=3;
 
-const HEAD: usize = 16;
-const CRC: usize = 4;
+const HEAD_BYTES: usize = 16;
+const CRC_BYTES: usize = 4;
 
 /// Largest length of a payload [bytes]: a frame of 10⁶ points in f64 is an eighth of it.
 pub const PAYLOAD_MAX: usize = 64 << 20;
@@ -38,10 +38,10 @@ pub struct Chunk<'a> {
 pub enum ChunkError {
     /// The bytes end before the chunk does: more may follow.
     #[error("the bytes end within a chunk")]
-    Cut,
+    Truncated,
     /// A length above [`PAYLOAD_MAX`].
     #[error("a payload has {0} bytes; {PAYLOAD_MAX} is the most")]
-    Long(usize),
+    TooLong(usize),
     /// The checksum does not match.
     #[error("the CRC-32 of a chunk is wrong")]
     Crc,
@@ -52,7 +52,7 @@ pub enum ChunkError {
 /// # Panics
 ///
 /// If the payload is longer than [`PAYLOAD_MAX`].
-pub fn write(out: &mut Vec<u8>, chunk: &Chunk) {
+pub fn write_chunk(out: &mut Vec<u8>, chunk: &Chunk) {
     assert!(
         chunk.payload.len() <= PAYLOAD_MAX,
         "a payload of {} bytes",
@@ -73,15 +73,17 @@ pub fn write(out: &mut Vec<u8>, chunk: &Chunk) {
 /// # Errors
 ///
 /// [`ChunkError`] if there is no complete chunk.
-pub fn read(bytes: &[u8]) -> Result<(Chunk<'_>, usize), ChunkError> {
-    let head_bytes = bytes.get(..HEAD).ok_or(ChunkError::Cut)?;
-    let number_at = |at: usize| u16::from_le_bytes([head_bytes[at], head_bytes[at + 1]]);
+pub fn read_chunk(bytes: &[u8]) -> Result<(Chunk<'_>, usize), ChunkError> {
+    let head_bytes = bytes.get(..HEAD_BYTES).ok_or(ChunkError::Truncated)?;
+    let number_at = |offset: usize| u16::from_le_bytes([head_bytes[offset], head_bytes[offset + 1]]);
     let payload_length = u32::from_le_bytes([head_bytes[4], head_bytes[5], head_bytes[6], head_bytes[7]]) as usize;
     if payload_length > PAYLOAD_MAX {
-        return Err(ChunkError::Long(payload_length));
+        return Err(ChunkError::TooLong(payload_length));
     }
-    let payload_end = HEAD + payload_length;
-    let crc_bytes = bytes.get(payload_end..payload_end + CRC).ok_or(ChunkError::Cut)?;
+    let payload_end = HEAD_BYTES + payload_length;
+    let crc_bytes = bytes
+        .get(payload_end..payload_end + CRC_BYTES)
+        .ok_or(ChunkError::Truncated)?;
     if crc32fast::hash(&bytes[..payload_end]).to_le_bytes() != crc_bytes {
         return Err(ChunkError::Crc);
     }
@@ -91,9 +93,9 @@ pub fn read(bytes: &[u8]) -> Result<(Chunk<'_>, usize), ChunkError> {
             kind: number_at(0),
             version: number_at(2),
             seconds,
-            payload: &bytes[HEAD..payload_end],
+            payload: &bytes[HEAD_BYTES..payload_end],
         },
-        payload_end + CRC,
+        payload_end + CRC_BYTES,
     ))
 }
 
@@ -110,15 +112,15 @@ mod tests {
         ) {
             let chunk = Chunk { kind, version, seconds, payload: &payload };
             let mut bytes = Vec::new();
-            write(&mut bytes, &chunk);
-            let (found, n) = read(&bytes).expect("a chunk");
+            write_chunk(&mut bytes, &chunk);
+            let (found, n) = read_chunk(&bytes).expect("a chunk");
             prop_assert_eq!(n, bytes.len());
             prop_assert_eq!((found.kind, found.version, found.payload), (kind, version, &payload[..]));
             prop_assert_eq!(found.seconds.to_bits(), seconds.to_bits());
             let i = at.index(bytes.len());
-            prop_assert_eq!(read(&bytes[..i]), Err(ChunkError::Cut));
+            prop_assert_eq!(read_chunk(&bytes[..i]), Err(ChunkError::Truncated));
             bytes[i] ^= 1 << bit;
-            prop_assert!(read(&bytes).is_err());
+            prop_assert!(read_chunk(&bytes).is_err());
         }
     }
 }

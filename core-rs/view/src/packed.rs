@@ -1,34 +1,34 @@
 //! Displacements of points in a file: each point in steps of its own, as differences from what is foreseen.
 
-use crate::payload::{Bytes, Reading};
-use crate::range::{Coder, EVEN, NumberModel, Reader, Writer};
+use crate::payload::{ByteReader, ByteWriter};
+use crate::range::{BitReader, BitWriter, Coder, EVEN_PROBABILITY, NumberModel};
 
 /// Error bounds of displacements. The first three are for sampled points.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bound {
+pub struct ErrorBounds {
     /// Share of the point's own amplitude: half the distance between its extremes so far.
-    pub amplitude: f64,
+    pub amplitude_share: f64,
     /// \[m\] of a point that moves by less than twice as much in a block.
-    pub rest: f64,
+    pub resting_metres: f64,
     /// Smallest bound \[m\] of any point, whatever its amplitude; smaller in a part that moves little.
-    pub least: f64,
+    pub metres_min: f64,
     /// Share of the amplitude of an oscillation that is continued by a reader.
-    pub flight: f64,
+    pub flight_share: f64,
 }
 
 /// The bound of all files.
-pub const BOUND: Bound = Bound {
-    amplitude: 3e-3,
-    rest: 5e-7,
-    least: 1e-8,
-    flight: 2e-3,
+pub const ERROR_BOUNDS: ErrorBounds = ErrorBounds {
+    amplitude_share: 3e-3,
+    resting_metres: 5e-7,
+    metres_min: 1e-8,
+    flight_share: 2e-3,
 };
 /// Frames in which a point either rests or moves.
-const BLOCK: usize = 20;
+const BLOCK_FRAMES: usize = 20;
 /// Displacements below this share of the largest amplitude of a part cannot be seen.
-const UNSEEN_SHARE: f64 = 1.0 / (1 << 20) as f64;
+const INVISIBLE_SHARE: f64 = 1.0 / (1 << 20) as f64;
 /// A displacement too small to be seen \[m\].
-const UNSEEN_METRES: f64 = 1e-12;
+const INVISIBLE_METRES: f64 = 1e-12;
 /// Steps that the largest displacement may be away at most.
 const STEPS_MAX: f64 = (1_u64 << 40) as f64;
 /// Largest code of a step.
@@ -36,7 +36,7 @@ const CODE_MAX: u64 = 200;
 
 /// The predictor of a frame. A point at rest is stored in the fine steps of the chunk.
 #[derive(Clone, Copy, PartialEq)]
-enum Mode {
+enum Predictor {
     Rest,
     Hold,
     Line,
@@ -44,104 +44,104 @@ enum Mode {
     NeighbourLine,
 }
 
-const MODES: [Mode; 5] = [
-    Mode::Rest,
-    Mode::Hold,
-    Mode::Line,
-    Mode::LikeNeighbour,
-    Mode::NeighbourLine,
+const PREDICTORS: [Predictor; 5] = [
+    Predictor::Rest,
+    Predictor::Hold,
+    Predictor::Line,
+    Predictor::LikeNeighbour,
+    Predictor::NeighbourLine,
 ];
 /// Bits of the number of a mode.
-const MODE_BITS: u32 = 3;
+const PREDICTOR_BITS: u32 = 3;
 
 /// The length of a step in units: 4, 5, 6, 7, 8, 10, 12, 14, 16 …
-fn step(code: u64) -> i64 {
+fn step_length(code: u64) -> i64 {
     (4 + (code & 3) as i64) << (code >> 2)
 }
 
 /// The code of the largest step whose half is within a bound \[m\].
-fn code(bound: f64, unit: f64) -> u64 {
-    let is_within = |code: &u64| 0.5 * step(*code) as f64 * unit <= bound;
+fn largest_step_code(bound: f64, unit: f64) -> u64 {
+    let is_within = |code: &u64| 0.5 * step_length(*code) as f64 * unit <= bound;
     (1..=CODE_MAX).take_while(is_within).last().unwrap_or(0)
 }
 
 /// What is foreseen of a point in the next frame, from its own frames so far, and those of the two points before it.
-fn predicted_position(mode: Mode, frames: &[i64], before: [&[i64]; 2]) -> i64 {
+fn predicted_position(mode: Predictor, frames: &[i64], before: [&[i64]; 2]) -> i64 {
     let frame_index = frames.len();
     let Some(&last_position) = frames.last() else {
         return 0;
     };
     let movement_of = |point: &[i64]| point[frame_index].wrapping_sub(point[frame_index - 1]);
     let predicted_move = match mode {
-        Mode::Rest | Mode::Hold => 0,
-        Mode::Line => last_position.wrapping_sub(frames[frame_index.saturating_sub(2)]),
-        Mode::LikeNeighbour => movement_of(before[0]),
-        Mode::NeighbourLine => (movement_of(before[0]).wrapping_mul(2)).wrapping_sub(movement_of(before[1])),
+        Predictor::Rest | Predictor::Hold => 0,
+        Predictor::Line => last_position.wrapping_sub(frames[frame_index.saturating_sub(2)]),
+        Predictor::LikeNeighbour => movement_of(before[0]),
+        Predictor::NeighbourLine => (movement_of(before[0]).wrapping_mul(2)).wrapping_sub(movement_of(before[1])),
     };
     last_position.wrapping_add(predicted_move)
 }
 
 /// What has been learnt so far of the numbers in a chunk.
 struct CodingModel {
-    steps: NumberModel,
-    firsts: NumberModel,
+    step_numbers: NumberModel,
+    first_positions: NumberModel,
     differences: NumberModel,
-    modes: [[u16; 1 << MODE_BITS]; MODES.len()],
-    code: u64,
-    mode: usize,
+    predictor_probabilities: [[u16; 1 << PREDICTOR_BITS]; PREDICTORS.len()],
+    step_code: u64,
+    last_predictor: usize,
     /// Sizes of the last two differences, the latest first.
-    sizes: [u64; 2],
+    last_sizes: [u64; 2],
 }
 
 /// Contexts of differences: by the number of bits of the last two.
-const CONTEXTS: usize = 15;
+const N_CONTEXTS: usize = 15;
 
 impl CodingModel {
     fn new() -> Self {
         Self {
-            steps: NumberModel::new(1),
-            firsts: NumberModel::new(1),
-            differences: NumberModel::new(CONTEXTS),
-            modes: [[EVEN; 1 << MODE_BITS]; MODES.len()],
-            code: 0,
-            mode: 0,
-            sizes: [0; 2],
+            step_numbers: NumberModel::new(1),
+            first_positions: NumberModel::new(1),
+            differences: NumberModel::new(N_CONTEXTS),
+            predictor_probabilities: [[EVEN_PROBABILITY; 1 << PREDICTOR_BITS]; PREDICTORS.len()],
+            step_code: 0,
+            last_predictor: 0,
+            last_sizes: [0; 2],
         }
     }
 
     /// The step of a point, as its difference from that of the point before.
     fn step(&mut self, coder: &mut impl Coder, code: u64) -> Option<i64> {
-        let zigzag = zigzag(code as i64 - self.code as i64);
-        let difference = from_zigzag(self.steps.code(coder, 0, zigzag)?);
-        self.code = (self.code).checked_add_signed(difference)?;
-        (self.code <= CODE_MAX).then(|| step(self.code))
+        let zigzag = zigzag(code as i64 - self.step_code as i64);
+        let difference = from_zigzag(self.step_numbers.code(coder, 0, zigzag)?);
+        self.step_code = (self.step_code).checked_add_signed(difference)?;
+        (self.step_code <= CODE_MAX).then(|| step_length(self.step_code))
     }
 
     /// The mode of a block; it is likelier for being that of the block before.
-    fn mode(&mut self, coder: &mut impl Coder, mode: Mode) -> Option<Mode> {
-        let probabilities = &mut self.modes[self.mode];
+    fn code_predictor(&mut self, coder: &mut impl Coder, mode: Predictor) -> Option<Predictor> {
+        let probabilities = &mut self.predictor_probabilities[self.last_predictor];
         let mut tree_node = 1_usize;
-        for place in (0..MODE_BITS).rev() {
-            let mode_bit = mode as usize >> place & 1 == 1;
+        for bit_index in (0..PREDICTOR_BITS).rev() {
+            let mode_bit = mode as usize >> bit_index & 1 == 1;
             tree_node = tree_node << 1 | usize::from(coder.bit(&mut probabilities[tree_node], mode_bit));
         }
-        self.mode = tree_node - (1 << MODE_BITS);
-        MODES.get(self.mode).copied()
+        self.last_predictor = tree_node - (1 << PREDICTOR_BITS);
+        PREDICTORS.get(self.last_predictor).copied()
     }
 
     /// A difference from what is foreseen, in steps.
-    fn difference(&mut self, coder: &mut impl Coder, difference: i64, is_first: bool) -> Option<i64> {
+    fn code_difference(&mut self, coder: &mut impl Coder, difference: i64, is_first: bool) -> Option<i64> {
         let magnitude = difference.unsigned_abs();
         let magnitude = if is_first {
-            self.firsts.code(coder, 0, magnitude)?
+            self.first_positions.code(coder, 0, magnitude)?
         } else {
-            let [last_size, size_before] = self.sizes;
+            let [last_size, size_before] = self.last_sizes;
             let context_bits = u64::BITS - (2 * last_size + size_before).div_ceil(2).leading_zeros();
-            let magnitude = (self.differences).code(coder, (context_bits as usize).min(CONTEXTS - 1), magnitude)?;
-            self.sizes = [magnitude, last_size];
+            let magnitude = (self.differences).code(coder, (context_bits as usize).min(N_CONTEXTS - 1), magnitude)?;
+            self.last_sizes = [magnitude, last_size];
             magnitude
         };
-        let is_negative = magnitude != 0 && coder.code(EVEN, difference < 0);
+        let is_negative = magnitude != 0 && coder.code(EVEN_PROBABILITY, difference < 0);
         Some(if is_negative {
             -(magnitude as i64)
         } else {
@@ -166,13 +166,13 @@ const FINE_AMPLITUDE_SHARE: f64 = 3e-4;
 
 /// Append frames (count, n) that are all known; `amplitudes` (n) [m] are those of the points so far, these frames
 /// included.
-pub(crate) fn pack(out: &mut Bytes, rows: &[f64], amplitudes: &[f64]) {
+pub(crate) fn pack(out: &mut ByteWriter, rows: &[f64], amplitudes: &[f64]) {
     let n = amplitudes.len();
-    let coarse_bound = |point: usize| BOUND.amplitude * amplitudes[point];
+    let coarse_bound = |point: usize| ERROR_BOUNDS.amplitude_share * amplitudes[point];
     if rows.len() <= 8 * FINE_BYTES_MAX {
         let finer_bound = |point: usize| {
             let point_frames = rows[point..].iter().step_by(n);
-            coarse_bound(point).min(0.5 * FINE_AMPLITUDE_SHARE * extent(point_frames))
+            coarse_bound(point).min(0.5 * FINE_AMPLITUDE_SHARE * value_range(point_frames))
         };
         let packed_bytes = pack_within(rows, amplitudes, finer_bound);
         if packed_bytes.len() <= FINE_BYTES_MAX {
@@ -185,28 +185,28 @@ pub(crate) fn pack(out: &mut Bytes, rows: &[f64], amplitudes: &[f64]) {
 
 /// Frames whose points are each right within a bound [m].
 fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -> Vec<u8> {
-    let (n, mut packed_bytes) = (amplitudes.len(), Bytes::default());
+    let (n, mut packed_bytes) = (amplitudes.len(), ByteWriter::default());
     let largest = |values: &[f64]| values.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
-    let floor_bound = (largest(amplitudes) * UNSEEN_SHARE)
-        .clamp(UNSEEN_METRES, BOUND.least)
+    let floor_bound = (largest(amplitudes) * INVISIBLE_SHARE)
+        .clamp(INVISIBLE_METRES, ERROR_BOUNDS.metres_min)
         .max(largest(rows) / STEPS_MAX);
     // The smallest step is four units.
     let unit_length = power_of_two(0.5 * floor_bound);
-    let fine_code = code(BOUND.rest.max(floor_bound), unit_length);
+    let fine_code = largest_step_code(ERROR_BOUNDS.resting_metres.max(floor_bound), unit_length);
     packed_bytes.f64(unit_length);
     packed_bytes.u16(fine_code as u16);
-    let (mut writer, mut coding_model) = (Writer::new(), CodingModel::new());
+    let (mut writer, mut coding_model) = (BitWriter::new(), CodingModel::new());
     let frame_count = rows.len() / n.max(1);
     let (mut before, mut second_before) = (vec![0; frame_count], vec![0; frame_count]);
     for point in 0..n {
         let point_frames: Vec<f64> = rows[point..].iter().step_by(n).copied().collect();
-        let coarse_code = code(bound(point).max(floor_bound), unit_length);
+        let coarse_code = largest_step_code(bound(point).max(floor_bound), unit_length);
         coding_model.step(&mut writer, coarse_code);
         let mut coded_frames: Vec<i64> = Vec::with_capacity(frame_count);
-        for block in point_frames.chunks(BLOCK) {
-            let is_resting = coarse_code > fine_code && extent(block.iter()) <= 2.0 * BOUND.rest;
-            let mode_trials = if is_resting { &MODES[..1] } else { &MODES[1..] };
-            let step_size = step(if is_resting { fine_code } else { coarse_code });
+        for block in point_frames.chunks(BLOCK_FRAMES) {
+            let is_resting = coarse_code > fine_code && value_range(block.iter()) <= 2.0 * ERROR_BOUNDS.resting_metres;
+            let mode_trials = if is_resting { &PREDICTORS[..1] } else { &PREDICTORS[1..] };
+            let step_size = step_length(if is_resting { fine_code } else { coarse_code });
             let mode_trials = mode_trials.iter().map(|&mode| {
                 let mut trial_frames = coded_frames.clone();
                 let differences: Vec<i64> = (block.iter())
@@ -227,9 +227,9 @@ fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -
             let Some((mode, trial_frames, differences)) = mode_trials.min_by_key(|trial| bit_count(&trial.2)) else {
                 continue;
             };
-            coding_model.mode(&mut writer, mode);
+            coding_model.code_predictor(&mut writer, mode);
             for (i, difference) in differences.into_iter().enumerate() {
-                coding_model.difference(&mut writer, difference, coded_frames.len() + i == 0);
+                coding_model.code_difference(&mut writer, difference, coded_frames.len() + i == 0);
             }
             coded_frames = trial_frames;
         }
@@ -241,27 +241,27 @@ fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -
 
 /// Read frames (count, n) of displacements [m]; `None` if they are damaged.
 pub(crate) fn unpack(payload: &[u8], count: usize, n: usize) -> Option<Vec<f64>> {
-    let mut head_reading = Reading(payload);
+    let mut head_reading = ByteReader(payload);
     let (unit_length, fine_code) = (head_reading.f64()?, u64::from(head_reading.u16()?));
     if !(unit_length > 0.0 && unit_length.is_finite()) || fine_code > CODE_MAX {
         return None;
     }
-    let (mut reader, mut learnt) = (Reader::new(head_reading.0), CodingModel::new());
+    let (mut reader, mut learnt) = (BitReader::new(head_reading.0), CodingModel::new());
     let mut all_rows = vec![0.0; count * n];
     let (mut before, mut before_that) = (vec![0; count], vec![0; count]);
     for point in 0..n {
         let step_size = learnt.step(&mut reader, 0)?;
         let mut decoded_frames: Vec<i64> = Vec::with_capacity(count);
         while decoded_frames.len() < count {
-            let block_mode = learnt.mode(&mut reader, Mode::Rest)?;
-            let step_size = if block_mode == Mode::Rest {
-                step(fine_code)
+            let block_mode = learnt.code_predictor(&mut reader, Predictor::Rest)?;
+            let step_size = if block_mode == Predictor::Rest {
+                step_length(fine_code)
             } else {
                 step_size
             };
-            for _ in decoded_frames.len()..count.min(decoded_frames.len() + BLOCK) {
+            for _ in decoded_frames.len()..count.min(decoded_frames.len() + BLOCK_FRAMES) {
                 let predicted = predicted_position(block_mode, &decoded_frames, [&before, &before_that]);
-                let step_difference = learnt.difference(&mut reader, 0, decoded_frames.is_empty())?;
+                let step_difference = learnt.code_difference(&mut reader, 0, decoded_frames.is_empty())?;
                 decoded_frames.push(predicted.wrapping_add(step_difference.wrapping_mul(step_size)));
             }
         }
@@ -273,7 +273,7 @@ pub(crate) fn unpack(payload: &[u8], count: usize, n: usize) -> Option<Vec<f64>>
     reader.is_ended().then_some(all_rows)
 }
 
-fn extent<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
+fn value_range<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
     let empty_range = (f64::INFINITY, f64::NEG_INFINITY);
     let (minimum, maximum) = values.fold(empty_range, |(minimum, maximum), x| (minimum.min(*x), maximum.max(*x)));
     maximum - minimum

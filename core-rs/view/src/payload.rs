@@ -5,7 +5,7 @@ use crate::motion::{self, Chunk};
 /// Version of every payload in this file.
 pub const VERSION: u16 = 2;
 /// Marks a missing source or track.
-pub const NONE: u32 = u32::MAX;
+pub const NO_INDEX: u32 = u32::MAX;
 
 /// Kinds of chunks.
 pub mod kind {
@@ -51,9 +51,9 @@ pub mod kind {
 
 /// Bytes to which numbers are appended.
 #[derive(Clone, Debug, Default)]
-pub struct Bytes(pub Vec<u8>);
+pub struct ByteWriter(pub Vec<u8>);
 
-impl Bytes {
+impl ByteWriter {
     /// Append a number.
     pub fn u16(&mut self, value: u16) {
         self.0.extend_from_slice(&value.to_le_bytes());
@@ -82,60 +82,60 @@ impl Bytes {
 
 /// Reads numbers from the front of bytes; `None` at their end.
 #[derive(Clone, Copy, Debug)]
-pub struct Reading<'a>(pub &'a [u8]);
+pub struct ByteReader<'a>(pub &'a [u8]);
 
-impl<'a> Reading<'a> {
+impl<'a> ByteReader<'a> {
     /// The next `n` bytes.
-    pub fn take(&mut self, n: usize) -> Option<&'a [u8]> {
+    pub fn take_bytes(&mut self, n: usize) -> Option<&'a [u8]> {
         let (next_bytes, bytes_left) = self.0.split_at_checked(n)?;
         self.0 = bytes_left;
         Some(next_bytes)
     }
 
-    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.take(N)?.try_into().ok()
+    fn take_array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.take_bytes(N)?.try_into().ok()
     }
 
     /// The next number.
     pub fn u16(&mut self) -> Option<u16> {
-        self.array().map(u16::from_le_bytes)
+        self.take_array().map(u16::from_le_bytes)
     }
 
     /// The next number.
     pub fn u32(&mut self) -> Option<u32> {
-        self.array().map(u32::from_le_bytes)
+        self.take_array().map(u32::from_le_bytes)
     }
 
     /// The next number.
     pub fn u64(&mut self) -> Option<u64> {
-        self.array().map(u64::from_le_bytes)
+        self.take_array().map(u64::from_le_bytes)
     }
 
     /// The next number, of single precision.
     pub fn f32(&mut self) -> Option<f64> {
-        self.array().map(f32::from_le_bytes).map(f64::from)
+        self.take_array().map(f32::from_le_bytes).map(f64::from)
     }
 
     /// The next number.
     pub fn f64(&mut self) -> Option<f64> {
-        self.array().map(f64::from_le_bytes)
+        self.take_array().map(f64::from_le_bytes)
     }
 }
 
 /// Append a chunk of a kind.
-pub fn put(out: &mut Vec<u8>, kind: u16, seconds: f64, payload: &[u8]) {
+pub fn write_chunk(out: &mut Vec<u8>, kind: u16, seconds: f64, payload: &[u8]) {
     let chunk = Chunk {
         kind,
         version: VERSION,
         seconds,
         payload,
     };
-    motion::write(out, &chunk);
+    motion::write_chunk(out, &chunk);
 }
 
 /// A number in half precision (IEEE 754), rounded to nearest, ties to even; a value that is too large becomes the
 /// largest finite one.
-pub fn to_half(value: f64) -> u16 {
+pub fn half_bits(value: f64) -> u16 {
     let sign_bit = if value.is_sign_negative() { 0x8000 } else { 0 };
     let magnitude = value.abs();
     if magnitude.is_nan() {
@@ -157,7 +157,7 @@ pub fn to_half(value: f64) -> u16 {
 }
 
 /// The value of a half-precision number.
-pub fn from_half(bits: u16) -> f64 {
+pub fn half_value(bits: u16) -> f64 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
     let power_of_two = |exponent: i32| f64::from_bits(((exponent + 1023) as u64) << 52);
     let magnitude = match exponent {
@@ -186,13 +186,13 @@ mod tests {
             (0.333_251_953_125, 0x3555),
             (2047.5, 0x6800), // a tie, to even: 2048
         ] {
-            assert_eq!(to_half(value), bits, "{value}");
+            assert_eq!(half_bits(value), bits, "{value}");
         }
         for bits in 0..0x7c00_u16 {
-            assert_eq!(to_half(from_half(bits)), bits);
-            assert_eq!(to_half(-from_half(bits)), bits | 0x8000);
-            let between = 0.5 * (from_half(bits) + from_half((bits + 1).min(0x7bff)));
-            assert_eq!(to_half(between) & 1, if bits == 0x7bff { 1 } else { 0 }, "{bits}");
+            assert_eq!(half_bits(half_value(bits)), bits);
+            assert_eq!(half_bits(-half_value(bits)), bits | 0x8000);
+            let between = 0.5 * (half_value(bits) + half_value((bits + 1).min(0x7bff)));
+            assert_eq!(half_bits(between) & 1, if bits == 0x7bff { 1 } else { 0 }, "{bits}");
         }
     }
 }

@@ -4,7 +4,7 @@
 /// A probability is that of a 0, in steps of 2⁻¹⁵.
 const PROBABILITY_BITS: u32 = 15;
 /// Both bits are equally likely.
-pub(crate) const EVEN: u16 = 1 << (PROBABILITY_BITS - 1);
+pub(crate) const EVEN_PROBABILITY: u16 = 1 << (PROBABILITY_BITS - 1);
 /// A probability moves by 2⁻⁴ of the way with each bit.
 const ADAPTATION_SHIFT: u32 = 4;
 /// The range is kept above this, by moving on by a byte.
@@ -28,7 +28,7 @@ pub(crate) trait Coder {
 }
 
 /// Writes bits.
-pub(crate) struct Writer {
+pub(crate) struct BitWriter {
     low: u64,
     range: u32,
     /// The last byte whose carry is not known, and how many bytes of 255 follow it, itself included.
@@ -37,7 +37,7 @@ pub(crate) struct Writer {
     bytes: Vec<u8>,
 }
 
-impl Writer {
+impl BitWriter {
     pub(crate) fn new() -> Self {
         Self {
             low: 0,
@@ -72,7 +72,7 @@ impl Writer {
     }
 }
 
-impl Coder for Writer {
+impl Coder for BitWriter {
     fn code(&mut self, probability: u16, bit: bool) -> bool {
         let split_point = (self.range >> PROBABILITY_BITS) * u32::from(probability);
         if bit {
@@ -90,14 +90,14 @@ impl Coder for Writer {
 }
 
 /// Reads bits; zeros after the end of the bytes.
-pub(crate) struct Reader<'a> {
+pub(crate) struct BitReader<'a> {
     bytes: &'a [u8],
     position: usize,
     range: u32,
     code: u32,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> BitReader<'a> {
     pub(crate) fn new(bytes: &'a [u8]) -> Self {
         let mut reader = Self {
             bytes,
@@ -123,7 +123,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-impl Coder for Reader<'_> {
+impl Coder for BitReader<'_> {
     fn code(&mut self, probability: u16, _: bool) -> bool {
         let split_point = (self.range >> PROBABILITY_BITS) * u32::from(probability);
         let bit = self.code >= split_point;
@@ -144,14 +144,14 @@ impl Coder for Reader<'_> {
 /// Lengths of numbers that have probabilities of their own.
 const LENGTH_CONTEXTS: usize = 21;
 /// Bits of the largest number.
-const LENGTH_MAX: u32 = 60;
+const LENGTH_BITS_MAX: u32 = 60;
 
 /// Probabilities of the bits of numbers ≥ 0 in several contexts.
 pub(crate) struct NumberModel(Vec<[[u16; LENGTH_CONTEXTS]; 2]>);
 
 impl NumberModel {
     pub(crate) fn new(n_contexts: usize) -> Self {
-        Self(vec![[[EVEN; LENGTH_CONTEXTS]; 2]; n_contexts])
+        Self(vec![[[EVEN_PROBABILITY; LENGTH_CONTEXTS]; 2]; n_contexts])
     }
 
     /// The next number, in Elias' gamma code of `value` + 1: its length in ones and a zero, then its bits after the
@@ -165,7 +165,7 @@ impl NumberModel {
             code_length < binary.ilog2(),
         ) {
             code_length += 1;
-            if code_length > LENGTH_MAX {
+            if code_length > LENGTH_BITS_MAX {
                 return None;
             }
         }
@@ -178,7 +178,7 @@ impl NumberModel {
                     bit,
                 )
             } else {
-                coder.code(EVEN, bit)
+                coder.code(EVEN_PROBABILITY, bit)
             };
             decoded = decoded << 1 | u64::from(bit);
         }
@@ -197,12 +197,12 @@ mod tests {
         fn range_coder_round_trip(values in prop::collection::vec((0..3_usize, 0..60_u32, any::<u64>()), 0..300)) {
             let values: Vec<(usize, u64)> =
                 values.into_iter().map(|(context, bits, x)| (context, x & ((1 << bits) - 1))).collect();
-            let (mut writer, mut probabilities) = (Writer::new(), NumberModel::new(3));
+            let (mut writer, mut probabilities) = (BitWriter::new(), NumberModel::new(3));
             for (context, value) in &values {
                 probabilities.code(&mut writer, *context, *value);
             }
             let bytes = writer.finish();
-            let (mut reader, mut probabilities) = (Reader::new(&bytes), NumberModel::new(3));
+            let (mut reader, mut probabilities) = (BitReader::new(&bytes), NumberModel::new(3));
             for (context, value) in &values {
                 prop_assert_eq!(probabilities.code(&mut reader, *context, 0), Some(*value));
             }
@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn range_coder_size_of_likely_symbols() {
-        let (mut writer, mut probability) = (Writer::new(), EVEN);
+        let (mut writer, mut probability) = (BitWriter::new(), EVEN_PROBABILITY);
         for _ in 0..8_000 {
             writer.bit(&mut probability, false);
         }

@@ -4,9 +4,9 @@ use ergon_engine::simulation::Oscillation;
 use serde_json::Value;
 use thiserror::Error;
 
-use crate::frames::{Frames, between};
+use crate::frames::{PartFrames, interpolate_cubic};
 use crate::motion::FORMATS;
-use crate::payload::{Reading, from_half, kind};
+use crate::payload::{ByteReader, half_value, kind};
 use chunks::Chunks;
 
 mod chunks;
@@ -45,39 +45,39 @@ pub struct MotionFile {
     /// The manifest, as JSON.
     pub manifest: String,
     /// Whether the last chunk is the index: the recording was finished.
-    pub is_whole: bool,
+    pub is_complete: bool,
     /// Number of points.
     pub n_points: usize,
     /// Number of modes.
     pub n_modes: usize,
     /// x, y, z, rest of each point [m]   (n_points)
-    pub places: Vec<[f64; 4]>,
+    pub point_positions: Vec<[f64; 4]>,
     /// Names of points.
-    pub names: Vec<String>,
-    parts: Vec<Part>,
+    pub point_names: Vec<String>,
+    parts: Vec<MotionPart>,
     /// (n_points + n_modes)
     oscillations: Vec<Oscillation>,
 }
 
 #[derive(Clone, Debug)]
-struct Part {
-    first: usize,
-    count: usize,
-    kind: Kind,
+struct MotionPart {
+    first_point: usize,
+    n_points: usize,
+    kind: PartMotion,
 }
 
 #[derive(Clone, Debug)]
-enum Kind {
+enum PartMotion {
     Free,
     Sampled,
     /// Index of the first mode, number of modes, and the displacement of each point per unit of each mode   (n,
     /// n_modes)
     Modal(usize, usize, Vec<f64>),
-    None,
+    NotComputed,
 }
 
 /// Largest number of points or modes: a larger one means damage.
-const NUMBERS_MAX: usize = 1 << 24;
+const COUNT_MAX: usize = 1 << 24;
 
 impl MotionFile {
     /// Read the complete chunks of a file.
@@ -87,13 +87,13 @@ impl MotionFile {
     pub fn new(bytes: Vec<u8>) -> Result<Self, ReadError> {
         let chunks = Chunks::new(bytes)?;
         let mut motion_file = Self {
-            is_whole: chunks.is_whole(),
+            is_complete: chunks.is_complete(),
             chunks,
             manifest: String::new(),
             n_points: 0,
             n_modes: 0,
-            places: Vec::new(),
-            names: Vec::new(),
+            point_positions: Vec::new(),
+            point_names: Vec::new(),
             parts: Vec::new(),
             oscillations: Vec::new(),
         };
@@ -101,13 +101,13 @@ impl MotionFile {
         motion_file.points().ok_or(ReadError::Table("table of points"))?;
         motion_file.names().ok_or(ReadError::Table("list of names"))?;
         motion_file.shapes().ok_or(ReadError::Table("table of shapes"))?;
-        motion_file.check()?;
+        motion_file.check_payloads()?;
         Ok(motion_file)
     }
 
     /// Whether the bytes after the last complete chunk are the beginning of a chunk: the file was cut, not damaged.
-    pub fn is_cut(&self) -> bool {
-        self.chunks.is_cut()
+    pub fn is_truncated(&self) -> bool {
+        self.chunks.is_truncated()
     }
 
     /// All complete chunks; those of a bundle in its place, kind by kind.
@@ -124,7 +124,7 @@ impl MotionFile {
     pub fn duration(&self) -> f64 {
         let chunk_end = |chunk: &ChunkRef| match chunk.kind {
             kind::FRAMES => {
-                let mut head_reading = Reading(&self.payload(chunk)[4..]);
+                let mut head_reading = ByteReader(&self.payload(chunk)[4..]);
                 let frame_count = head_reading.u32().unwrap_or(1).max(1);
                 chunk.seconds + f64::from(frame_count - 1) * head_reading.f64().unwrap_or(0.0)
             }
@@ -144,7 +144,7 @@ impl MotionFile {
         let count_named = |value: &Value, name: &str| -> Option<usize> {
             usize::try_from(value.get(name)?.as_u64()?)
                 .ok()
-                .filter(|n| *n <= NUMBERS_MAX)
+                .filter(|n| *n <= COUNT_MAX)
         };
         (self.n_points, self.n_modes) = (count_named(&manifest, "points")?, count_named(&manifest, "modes")?);
         let mut points_end = 0;
@@ -155,22 +155,22 @@ impl MotionFile {
             }
             points_end += count_here;
             let kind = match part.get("kind")?.as_str()? {
-                "free" => Kind::Free,
-                "sampled" => Kind::Sampled,
+                "free" => PartMotion::Free,
+                "sampled" => PartMotion::Sampled,
                 "modal" => {
                     let mode_range = part.get("modes")?;
                     let (first, mode_count) = (count_named(mode_range, "first")?, count_named(mode_range, "count")?);
-                    if first + mode_count > self.n_modes || mode_count * count_here > 8 * NUMBERS_MAX {
+                    if first + mode_count > self.n_modes || mode_count * count_here > 8 * COUNT_MAX {
                         return None;
                     }
-                    Kind::Modal(first, mode_count, vec![0.0; mode_count * count_here])
+                    PartMotion::Modal(first, mode_count, vec![0.0; mode_count * count_here])
                 }
-                "none" => Kind::None,
+                "none" => PartMotion::NotComputed,
                 _ => return None,
             };
-            self.parts.push(Part {
-                first,
-                count: count_here,
+            self.parts.push(MotionPart {
+                first_point: first,
+                n_points: count_here,
                 kind,
             });
         }
@@ -184,14 +184,14 @@ impl MotionFile {
         if table_bytes.len() != 4 + 32 * point_count {
             return None;
         }
-        let mut reading = Reading(table_bytes);
+        let mut reading = ByteReader(table_bytes);
         if reading.u32()? as usize != point_count {
             return None;
         }
         let mut point_places = vec![[0.0; 4]; point_count];
         for axis in 0..4 {
-            for place in &mut point_places {
-                place[axis] = reading.f32()?;
+            for position in &mut point_places {
+                position[axis] = reading.f32()?;
             }
         }
         let no_oscillation = Oscillation { omega: 0.0, sigma: 0.0 };
@@ -202,19 +202,19 @@ impl MotionFile {
         for oscillation in &mut oscillations[..point_count] {
             oscillation.sigma = reading.f64()?;
         }
-        (self.places, self.oscillations) = (point_places, oscillations);
+        (self.point_positions, self.oscillations) = (point_places, oscillations);
         Some(())
     }
 
     fn names(&mut self) -> Option<()> {
         let names_text = std::str::from_utf8(self.first(kind::NAMES)?).ok()?;
         let point_names: Vec<String> = names_text.lines().map(str::to_owned).collect();
-        (point_names.len() == self.n_points).then(|| self.names = point_names)
+        (point_names.len() == self.n_points).then(|| self.point_names = point_names)
     }
 
     fn shapes(&mut self) -> Option<()> {
         for chunk in self.chunks.refs.iter().filter(|chunk| chunk.kind == kind::SHAPES) {
-            let mut reading = Reading(self.chunks.payload(chunk));
+            let mut reading = ByteReader(self.chunks.payload(chunk));
             let (part, _) = (reading.u16()? as usize, reading.u16()?);
             let (first_mode, mode_count, point_count) = (
                 reading.u32()? as usize,
@@ -222,7 +222,7 @@ impl MotionFile {
                 reading.u32()? as usize,
             );
             let part = self.parts.get_mut(part)?;
-            let Kind::Modal(part_first_mode, part_modes, mode_shapes) = &mut part.kind else {
+            let PartMotion::Modal(part_first_mode, part_modes, mode_shapes) = &mut part.kind else {
                 return None;
             };
             let mode_offset = first_mode.checked_sub(*part_first_mode)?;
@@ -230,7 +230,8 @@ impl MotionFile {
                 .checked_mul(point_count)?
                 .checked_mul(2)?
                 .checked_add(16 * mode_count)?;
-            if point_count != part.count || mode_offset + mode_count > *part_modes || reading.0.len() != payload_size {
+            if point_count != part.n_points || mode_offset + mode_count > *part_modes || reading.0.len() != payload_size
+            {
                 return None;
             }
             for oscillation in &mut self.oscillations[self.n_points + first_mode..][..mode_count] {
@@ -241,7 +242,7 @@ impl MotionFile {
             }
             for row in mode_shapes.chunks_mut((*part_modes).max(1)) {
                 for share in &mut row[mode_offset..mode_offset + mode_count] {
-                    *share = from_half(reading.u16()?);
+                    *share = half_value(reading.u16()?);
                 }
             }
         }
@@ -249,7 +250,7 @@ impl MotionFile {
     }
 
     /// Checks that every chunk that a player reads matches its kind.
-    fn check(&self) -> Result<(), ReadError> {
+    fn check_payloads(&self) -> Result<(), ReadError> {
         for chunk in self.chunks() {
             let payload = self.payload(chunk);
             let is_right = match chunk.kind {
@@ -261,14 +262,14 @@ impl MotionFile {
                 _ => true,
             };
             if !is_right || !chunk.seconds.is_finite() {
-                return Err(ReadError::Payload(chunk.kind, chunk.position));
+                return Err(ReadError::Payload(chunk.kind, chunk.offset));
             }
         }
         Ok(())
     }
 
     fn flights(&self, payload: &[u8]) -> Option<Vec<(usize, f64, f64)>> {
-        let mut reading = Reading(payload);
+        let mut reading = ByteReader(payload);
         let mut all_flights = Vec::with_capacity(payload.len() / 12);
         while !reading.0.is_empty() {
             let track_number = reading.u32()? as usize;
@@ -280,9 +281,9 @@ impl MotionFile {
         Some(all_flights)
     }
 
-    fn frames(&self, chunk: &ChunkRef) -> Option<Frames> {
-        let points_of = |part: u16| self.parts.get(usize::from(part)).map(|part| part.count);
-        Frames::read(self.payload(chunk), points_of)
+    fn frames(&self, chunk: &ChunkRef) -> Option<PartFrames> {
+        let points_of = |part: u16| self.parts.get(usize::from(part)).map(|part| part.n_points);
+        PartFrames::read(self.payload(chunk), points_of)
     }
 
     /// Displacements of all points [m] at rising instants [s]   (n_instants · n_points); NaN if unknown.
@@ -321,36 +322,36 @@ impl MotionFile {
                     .0
             };
             for part in &self.parts {
-                let part_positions = &mut row[part.first..part.first + part.count];
+                let part_positions = &mut row[part.first_point..part.first_point + part.n_points];
                 match &part.kind {
-                    Kind::Free => {
+                    PartMotion::Free => {
                         part_positions
                             .iter_mut()
-                            .zip(part.first..)
+                            .zip(part.first_point..)
                             .for_each(|(x, number)| *x = position_of(number));
                     }
-                    Kind::Modal(first, m, shapes) => {
+                    PartMotion::Modal(first, m, shapes) => {
                         let mode_positions: Vec<f64> =
                             (0..*m).map(|mode| position_of(point_count + first + mode)).collect();
                         for (x, shape) in part_positions.iter_mut().zip(shapes.chunks((*m).max(1))) {
                             *x = shape.iter().zip(&mode_positions).map(|(share, q)| share * q).sum();
                         }
                     }
-                    Kind::Sampled | Kind::None => {}
+                    PartMotion::Sampled | PartMotion::NotComputed => {}
                 }
             }
         }
     }
 
-    /// Sampled points, between frames as in [`between`].
+    /// Sampled points, between frames as in [`interpolate_cubic`].
     fn interpolate(&self, instants: &[f64], out: &mut [f64]) -> Result<(), ReadError> {
         let point_count = self.n_points;
         for (number, part) in self.parts.iter().enumerate() {
-            if !matches!(part.kind, Kind::Sampled) {
+            if !matches!(part.kind, PartMotion::Sampled) {
                 continue;
             }
             let is_of_part = |chunk: &&ChunkRef| {
-                let chunk_part = Reading(self.payload(chunk)).u16();
+                let chunk_part = ByteReader(self.payload(chunk)).u16();
                 chunk.kind == kind::FRAMES && chunk_part == Some(number as u16)
             };
             let (mut known_frames, mut frame_index): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
@@ -360,20 +361,20 @@ impl MotionFile {
                     let Some(chunk) = frame_chunks.next() else {
                         break;
                     };
-                    let damaged = ReadError::Payload(chunk.kind, chunk.position);
+                    let damaged = ReadError::Payload(chunk.kind, chunk.offset);
                     let chunk_frames = self.frames(chunk).ok_or(damaged)?;
                     // Of the past frames, only the last two are needed.
                     let past_frames = known_frames.partition_point(|frame| frame.0 <= instant);
                     known_frames.drain(..past_frames.saturating_sub(2));
                     frame_index = 0;
-                    for (i, x) in chunk_frames.rows.chunks(part.count.max(1)).enumerate() {
-                        known_frames.push((chunk.seconds + i as f64 * chunk_frames.hop, x.to_vec()));
+                    for (i, x) in chunk_frames.rows.chunks(part.n_points.max(1)).enumerate() {
+                        known_frames.push((chunk.seconds + i as f64 * chunk_frames.frame_interval, x.to_vec()));
                     }
                 }
                 while frame_index + 1 < known_frames.len() && known_frames[frame_index + 1].0 <= instant {
                     frame_index += 1;
                 }
-                let part_positions = &mut row[part.first..part.first + part.count];
+                let part_positions = &mut row[part.first_point..part.first_point + part.n_points];
                 let Some((frame_time, x)) = known_frames.get(frame_index).filter(|frame| frame.0 <= instant) else {
                     continue;
                 };
@@ -389,7 +390,7 @@ impl MotionFile {
                 for (point, (position, ends)) in part_positions.iter_mut().zip(x.iter().zip(y)).enumerate() {
                     let before = neighbour(frame_index.checked_sub(1), point);
                     let after = neighbour(Some(frame_index + 2), point);
-                    *position = between(time_share, (*ends.0, *ends.1), before, after);
+                    *position = interpolate_cubic(time_share, (*ends.0, *ends.1), before, after);
                 }
             }
         }

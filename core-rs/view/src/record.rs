@@ -7,14 +7,14 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use ergon_engine::simulation::{ErgonRecord, Glance, Look, PointMotion, Push, Simulation};
+use ergon_engine::simulation::{ContactPush, ErgonRecord, MotionLook, MotionSnapshot, PointMotion, Simulation};
 
-use crate::bundle::{self, Unpacked};
-use crate::frames::Frames;
+use crate::bundle::{self, UnpackedTotal};
+use crate::frames::PartFrames;
 use crate::motion::{MAGIC, PAYLOAD_MAX};
-use crate::payload::{Bytes, kind, put};
+use crate::payload::{ByteWriter, kind, write_chunk};
 use flights::Flight;
-use parts::{Track, strike_times, tracks};
+use parts::{OscillatingTrack, oscillating_tracks, strike_times};
 
 mod flights;
 mod live;
@@ -22,65 +22,65 @@ mod parts;
 mod tables;
 
 pub use live::LiveChunks;
-pub use parts::{Run, runs};
+pub use parts::{PointRun, point_runs};
 
 /// Written ergons are reported this long before they strike [s].
-const REPORT_AHEAD: f64 = 1.0;
+const REPORT_AHEAD_SECONDS: f64 = 1.0;
 /// Ergons that struck at most this long before the first look are reported as well [s]: a live page goes back no
 /// further.
-const REPORT_BACK: f64 = 5.0;
+const REPORT_BACK_SECONDS: f64 = 5.0;
 
 /// Settings of a recording: everything besides the motion itself.
 #[derive(Clone, Debug)]
-pub struct Setup {
+pub struct RecordingSetup {
     /// The manifest, as JSON.
     pub manifest: String,
     /// Position of each point [m]   (n_points)
-    pub places: Vec<[f64; 3]>,
+    pub point_positions: Vec<[f64; 3]>,
     /// Ergons that are known beforehand, by rising instant.
     pub ergons: Vec<ErgonRecord>,
     /// MATs that may be struck live, by the number of their point in the timeline.
     pub strike_points: HashMap<u32, usize>,
     /// The MAT of each key, by its number in the timeline.
-    pub keys: Vec<usize>,
+    pub key_mats: Vec<usize>,
     /// Number of loudspeakers.
     pub n_speakers: usize,
     /// Looks a second [Hz].
-    pub fps: f64,
+    pub looks_per_second: f64,
 }
 
 /// One second of chunks, which are written when it is over.
 #[derive(Default)]
 struct Segment {
     start: f64,
-    state: Bytes,
+    state_bytes: ByteWriter,
     /// Displacements of each run that is sampled   (count · n)
-    rows: Vec<Vec<f64>>,
-    count: usize,
-    events: Vec<(f64, u16, Bytes)>,
+    sampled_displacements: Vec<Vec<f64>>,
+    n_frames: usize,
+    events: Vec<(f64, u16, ByteWriter)>,
 }
 
 /// Records a simulation as chunks.
 pub struct Recorder {
-    look: Look,
-    setup: Setup,
+    look: MotionLook,
+    setup: RecordingSetup,
     rate: f64,
-    runs: Vec<Run>,
-    tracks: Vec<Track>,
+    runs: Vec<PointRun>,
+    tracks: Vec<OscillatingTrack>,
     /// (n_tracks)
     flights: Vec<Flight>,
     /// Rising instants of the strikes on each point, and after these on each body.
     strike_times: Vec<Vec<f64>>,
     /// Reused by [`Recorder::look`] for every look.
-    glance: Glance,
+    snapshot: MotionSnapshot,
     /// Displacements of the points of modal parts, as of their last evaluation   (n_points)
     modal_displacements: Vec<f64>,
-    peaks: Vec<f64>,
+    output_peaks: Vec<f64>,
     /// Least and largest displacement so far of each point that is sampled   (n_points)
     extremes: Vec<(f64, f64)>,
     /// Index of the point of each MAT.
-    points: HashMap<usize, usize>,
-    frame: u64,
+    point_by_mat: HashMap<usize, usize>,
+    look_number: u64,
     /// Instant of the simulation at which the recording begins [s]: ergons written before it did not strike in the
     /// simulation.
     record_start: f64,
@@ -92,15 +92,15 @@ pub struct Recorder {
     break_times: Vec<Option<f64>>,
     /// Live strikes that are not reported yet: instant [s], point of the file, impulse [N·s].
     live_strikes: Vec<(f64, u32, f64)>,
-    squares: Vec<f64>,
-    n_heard: u64,
+    level_squares: Vec<f64>,
+    n_level_frames: u64,
     segment: Segment,
     segment_offsets: Vec<(f64, u64)>,
     pending_bytes: Vec<u8>,
     /// Number of bytes taken so far.
     bytes_taken: u64,
     /// What the bundles of the file hold so far; `None` live, where there are none.
-    unpacked: Option<Unpacked>,
+    unpacked: Option<UnpackedTotal>,
 }
 
 impl Recorder {
@@ -108,25 +108,30 @@ impl Recorder {
     ///
     /// # Errors
     /// A sentence if a table is too long.
-    pub fn new(simulation: &Simulation, look: Look, setup: Setup) -> Result<Self, String> {
-        Self::begin(simulation, look, setup, Some(Unpacked::default()))
+    pub fn new(simulation: &Simulation, look: MotionLook, setup: RecordingSetup) -> Result<Self, String> {
+        Self::begin(simulation, look, setup, Some(UnpackedTotal::default()))
     }
 
     /// A recorder for live pages, which begins with manifest and tables as well.
     ///
     /// # Errors
     /// A sentence if a table is too long.
-    pub fn live(simulation: &Simulation, look: Look, setup: Setup) -> Result<Self, String> {
+    pub fn live(simulation: &Simulation, look: MotionLook, setup: RecordingSetup) -> Result<Self, String> {
         Self::begin(simulation, look, setup, None)
     }
 
-    fn begin(simulation: &Simulation, look: Look, setup: Setup, unpacked: Option<Unpacked>) -> Result<Self, String> {
+    fn begin(
+        simulation: &Simulation,
+        look: MotionLook,
+        setup: RecordingSetup,
+        unpacked: Option<UnpackedTotal>,
+    ) -> Result<Self, String> {
         let network = simulation.network();
-        let runs = runs(&look);
-        if setup.places.len() != look.points.len() {
+        let runs = point_runs(&look);
+        if setup.point_positions.len() != look.points.len() {
             return Err(format!(
                 "{} places for {} points",
-                setup.places.len(),
+                setup.point_positions.len(),
                 look.points.len()
             ));
         }
@@ -139,24 +144,24 @@ impl Recorder {
         let strike_times = strike_times(&look, network, &points, &setup.ergons, simulation.rate());
         let n_tracks = look.n_tracks();
         let mut recorder = Self {
-            tracks: tracks(&look, &runs),
+            tracks: oscillating_tracks(&look, &runs),
             flights: vec![Flight::default(); n_tracks],
             strike_times,
-            glance: Glance::new(simulation, &look),
+            snapshot: MotionSnapshot::new(simulation, &look),
             modal_displacements: vec![0.0; look.points.len()],
-            peaks: vec![0.0; runs.len()],
+            output_peaks: vec![0.0; runs.len()],
             extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); look.points.len()],
-            points,
+            point_by_mat: points,
             rate: simulation.rate(),
-            frame: 0,
+            look_number: 0,
             record_start: simulation.frame() as f64 / simulation.rate(),
             last_look: 0.0,
             n_reported: 0,
-            link_numbers: tables::breakable(&look, network),
+            link_numbers: tables::breakable_numbers(&look, network),
             break_times: vec![None; look.breakable.len()],
             live_strikes: Vec::new(),
-            squares: vec![0.0; setup.n_speakers],
-            n_heard: 0,
+            level_squares: vec![0.0; setup.n_speakers],
+            n_level_frames: 0,
             segment: Segment::default(),
             segment_offsets: Vec::new(),
             pending_bytes: MAGIC.to_vec(),
@@ -167,12 +172,12 @@ impl Recorder {
             setup,
         };
         let (mut table_chunks, look_and_setup) = (Vec::new(), (&recorder.look, &recorder.setup));
-        tables::put_all(&mut table_chunks, network, look_and_setup, &recorder.runs);
+        tables::write_tables(&mut table_chunks, network, look_and_setup, &recorder.runs);
         if table_chunks.len() > PAYLOAD_MAX {
             return Err("the tables of this piece are too long for a motion file".into());
         }
         if recorder.unpacked.is_some() {
-            tables::put_maker(&mut recorder.pending_bytes, &recorder.setup.manifest);
+            tables::write_maker(&mut recorder.pending_bytes, &recorder.setup.manifest);
         }
         recorder.put_bundle(0.0, &table_chunks);
         Ok(recorder)
@@ -185,26 +190,26 @@ impl Recorder {
 
     /// The frame of the simulation at which the next look is due.
     pub fn next(&self) -> u64 {
-        (self.frame as f64 * self.rate / self.setup.fps + 0.5) as u64
+        (self.look_number as f64 * self.rate / self.setup.looks_per_second + 0.5) as u64
     }
 
     /// Look at the simulation as it is now.
     pub fn look(&mut self, simulation: &mut Simulation) {
-        let mut glance = std::mem::take(&mut self.glance);
-        simulation.fill_glance(&self.look, &mut glance);
+        let mut glance = std::mem::take(&mut self.snapshot);
+        simulation.fill_snapshot(&self.look, &mut glance);
         self.record(&glance);
-        self.glance = glance;
+        self.snapshot = glance;
     }
 
     /// Record the next glance.
-    pub fn record(&mut self, glance: &Glance) {
+    pub fn record(&mut self, glance: &MotionSnapshot) {
         let look_time = self.seconds(glance.frame);
-        let is_first = self.frame.is_multiple_of(self.looks_per_segment());
-        if self.frame == 0 {
+        let is_first = self.look_number.is_multiple_of(self.looks_per_segment());
+        if self.look_number == 0 {
             // If the recording begins later than the simulation, there was a frame before the first look.
-            self.last_look = (look_time - 1.0 / self.setup.fps).max(0.0);
+            self.last_look = (look_time - 1.0 / self.setup.looks_per_second).max(0.0);
             // The instant of a strike may be up to half a frame before the frame in which it acts.
-            let report_start = (self.record_start - 0.5 / self.rate).max(look_time - REPORT_BACK);
+            let report_start = (self.record_start - 0.5 / self.rate).max(look_time - REPORT_BACK_SECONDS);
             self.n_reported = (self.setup.ergons).partition_point(|ergon| ergon.time < report_start);
         }
         self.write_flights(&glance.tracks, look_time, is_first);
@@ -214,35 +219,35 @@ impl Recorder {
             self.end_segment();
             self.begin_segment(look_time);
         }
-        self.sample(&glance.tracks);
+        self.record_sampled(&glance.tracks);
         self.write_breaks(&glance.is_broken, look_time, is_first);
         self.write_upcoming(look_time);
         self.write_live_strikes(look_time);
         self.write_hands(glance, look_time);
         self.write_levels(look_time);
         self.last_look = look_time;
-        self.frame += 1;
+        self.look_number += 1;
     }
 
     fn looks_per_segment(&self) -> u64 {
-        ((self.setup.fps + 0.5) as u64).max(1)
+        ((self.setup.looks_per_second + 0.5) as u64).max(1)
     }
 
     /// Take the signals of the loudspeakers since the last look   (n_frames · n_speakers)
     pub fn add_levels(&mut self, mixed: &[f64]) {
-        self.n_heard += add_squares(&mut self.squares, mixed);
+        self.n_level_frames += add_square_sums(&mut self.level_squares, mixed);
     }
 
     /// Take the sums of the squares of `n` frames   (n_speakers)
     pub fn add_squared_levels(&mut self, squares: &[f64], n: u64) {
-        for (square_sum, square_added) in self.squares.iter_mut().zip(squares) {
+        for (square_sum, square_added) in self.level_squares.iter_mut().zip(squares) {
             *square_sum += square_added;
         }
-        self.n_heard += n;
+        self.n_level_frames += n;
     }
 
     /// The bytes completed since the last call.
-    pub fn take(&mut self) -> Vec<u8> {
+    pub fn take_bytes(&mut self) -> Vec<u8> {
         self.bytes_taken += self.pending_bytes.len() as u64;
         std::mem::take(&mut self.pending_bytes)
     }
@@ -251,32 +256,32 @@ impl Recorder {
     pub fn finish(&mut self) -> Vec<u8> {
         self.end_segment();
         let index_offset = self.bytes_taken + self.pending_bytes.len() as u64;
-        let mut index_bytes = Bytes::default();
+        let mut index_bytes = ByteWriter::default();
         index_bytes.u32(self.segment_offsets.len() as u32);
-        index_bytes.u32(self.peaks.len() as u32);
+        index_bytes.u32(self.output_peaks.len() as u32);
         index_bytes.f64(self.last_look);
-        self.peaks.iter().for_each(|peak| index_bytes.f32(*peak));
+        self.output_peaks.iter().for_each(|peak| index_bytes.f32(*peak));
         for &(seconds, segment_offset) in &self.segment_offsets {
             index_bytes.f64(seconds);
             index_bytes.u64(segment_offset);
         }
         index_bytes.u64(index_offset);
-        put(&mut self.pending_bytes, kind::INDEX, self.last_look, &index_bytes.0);
-        self.take()
+        write_chunk(&mut self.pending_bytes, kind::INDEX, self.last_look, &index_bytes.0);
+        self.take_bytes()
     }
 
-    fn event(&mut self, seconds: f64, kind: u16) -> &mut Bytes {
+    fn event(&mut self, seconds: f64, kind: u16) -> &mut ByteWriter {
         let segment_events = &mut self.segment.events;
-        let has_same_key = |last_event: &(f64, u16, Bytes)| (last_event.0, last_event.1) == (seconds, kind);
+        let has_same_key = |last_event: &(f64, u16, ByteWriter)| (last_event.0, last_event.1) == (seconds, kind);
         if !segment_events.last().is_some_and(has_same_key) {
-            segment_events.push((seconds, kind, Bytes::default()));
+            segment_events.push((seconds, kind, ByteWriter::default()));
         }
         let last_index = segment_events.len() - 1;
         &mut segment_events[last_index].2
     }
 
     /// Pushes of contacts since the last look.
-    fn write_contacts(&mut self, pushes: &[Push]) {
+    fn write_contacts(&mut self, pushes: &[ContactPush]) {
         let (last_look, frame_rate) = (self.last_look, self.rate);
         let all_pushes = pushes.iter().enumerate();
         for (contact, push) in all_pushes.filter(|(_, push)| push.force != 0.0) {
@@ -291,8 +296,8 @@ impl Recorder {
     fn write_sparks(&mut self, sparks: &[ErgonRecord]) {
         let (last_look, record_start) = (self.last_look, self.record_start - 0.5 / self.rate);
         for spark in sparks.iter().filter(|spark| spark.time >= record_start) {
-            if let Some(&point_index) = self.points.get(&(spark.mat as usize)) {
-                put_ergon(
+            if let Some(&point_index) = self.point_by_mat.get(&(spark.mat as usize)) {
+                write_ergon(
                     self.event(last_look, kind::ERGONS),
                     spark.time - last_look,
                     point_index,
@@ -318,9 +323,13 @@ impl Recorder {
         }
     }
 
-    fn sample(&mut self, displacements: &[f64]) {
-        self.segment.rows.resize(self.runs.len(), Vec::new());
-        let run_buffers = self.runs.iter().zip(&mut self.segment.rows).zip(&mut self.peaks);
+    fn record_sampled(&mut self, displacements: &[f64]) {
+        self.segment.sampled_displacements.resize(self.runs.len(), Vec::new());
+        let run_buffers = self
+            .runs
+            .iter()
+            .zip(&mut self.segment.sampled_displacements)
+            .zip(&mut self.output_peaks);
         for ((run, rows), peak) in run_buffers.filter(|((run, _), _)| run.kind == "sampled") {
             let point_row = &displacements[run.points.clone()];
             *peak = point_row.iter().fold(*peak, |peak, x| peak.max(x.abs()));
@@ -330,34 +339,34 @@ impl Recorder {
             }
             rows.extend_from_slice(point_row);
         }
-        self.segment.count += 1;
+        self.segment.n_frames += 1;
     }
 
     /// Ergons that will strike within the next second; at the first look, also those that have struck before it.
     fn write_upcoming(&mut self, now: f64) {
         while let Some(ergon) = self.setup.ergons.get(self.n_reported).copied() {
-            if ergon.time >= now + REPORT_AHEAD {
+            if ergon.time >= now + REPORT_AHEAD_SECONDS {
                 break;
             }
             self.n_reported += 1;
-            let Some(&point_index) = self.points.get(&(ergon.mat as usize)) else {
+            let Some(&point_index) = self.point_by_mat.get(&(ergon.mat as usize)) else {
                 continue;
             };
-            put_ergon(self.event(now, kind::ERGONS), ergon.time - now, point_index, &ergon);
+            write_ergon(self.event(now, kind::ERGONS), ergon.time - now, point_index, &ergon);
         }
     }
 
     /// Take a live strike that happened at `seconds`. It is reported with the next look; its speed is unknown.
     pub fn add_strike(&mut self, seconds: f64, point: u32, impulse: f64) {
         let struck_mat = self.setup.strike_points.get(&point);
-        if let Some(&point_index) = struck_mat.and_then(|struck_mat| self.points.get(struck_mat)) {
+        if let Some(&point_index) = struck_mat.and_then(|struck_mat| self.point_by_mat.get(struck_mat)) {
             self.live_strikes.push((seconds, point_index as u32, impulse));
         }
     }
 
     fn write_live_strikes(&mut self, now: f64) {
         for (seconds, point, impulse) in std::mem::take(&mut self.live_strikes) {
-            if seconds < now - REPORT_BACK {
+            if seconds < now - REPORT_BACK_SECONDS {
                 continue;
             }
             let ergon_bytes = self.event(now, kind::ERGONS);
@@ -369,13 +378,16 @@ impl Recorder {
         }
     }
 
-    fn write_hands(&mut self, glance: &Glance, now: f64) {
-        if self.setup.keys.is_empty() {
+    fn write_hands(&mut self, glance: &MotionSnapshot, now: f64) {
+        if self.setup.key_mats.is_empty() {
             return;
         }
-        let key_states: Vec<(f64, f64)> = (self.setup.keys.iter().enumerate())
+        let key_states: Vec<(f64, f64)> = (self.setup.key_mats.iter().enumerate())
             .map(|(key, mat)| {
-                let key_point = self.points.get(mat).map(|&index| (index, &self.look.points[index]));
+                let key_point = self
+                    .point_by_mat
+                    .get(mat)
+                    .map(|&index| (index, &self.look.points[index]));
                 let key_position = match key_point {
                     Some((_, point)) if matches!(point.motion, PointMotion::NotComputed { .. }) => f64::NAN,
                     Some((point_index, point)) => glance.tracks[point_index] + point.rest,
@@ -396,12 +408,12 @@ impl Recorder {
     }
 
     fn write_levels(&mut self, now: f64) {
-        if self.n_heard == 0 {
+        if self.n_level_frames == 0 {
             return;
         }
-        let frames_heard = self.n_heard as f64;
-        let squares = std::mem::replace(&mut self.squares, vec![0.0; self.setup.n_speakers]);
-        self.n_heard = 0;
+        let frames_heard = self.n_level_frames as f64;
+        let squares = std::mem::replace(&mut self.level_squares, vec![0.0; self.setup.n_speakers]);
+        self.n_level_frames = 0;
         let level_bytes = self.event(now, kind::LEVELS);
         squares
             .iter()
@@ -411,7 +423,9 @@ impl Recorder {
     /// Write complete chunks: in a file as a bundle.
     fn put_bundle(&mut self, seconds: f64, chunks: &[u8]) {
         match &mut self.unpacked {
-            Some(unpacked) => bundle::put(&mut self.pending_bytes, seconds, chunks, self.bytes_taken, unpacked),
+            Some(unpacked) => {
+                bundle::write_bundle(&mut self.pending_bytes, seconds, chunks, self.bytes_taken, unpacked)
+            }
             None => self.pending_bytes.extend_from_slice(chunks),
         }
     }
@@ -419,7 +433,7 @@ impl Recorder {
     /// Write the current segment.
     fn end_segment(&mut self) {
         let mut segment = std::mem::take(&mut self.segment);
-        if segment.count == 0 {
+        if segment.n_frames == 0 {
             // Events before the first look stay for its segment.
             self.segment.events = segment.events;
             return;
@@ -427,13 +441,13 @@ impl Recorder {
         self.segment_offsets
             .push((segment.start, self.bytes_taken + self.pending_bytes.len() as u64));
         let mut bundle_chunks = Vec::new();
-        put(&mut bundle_chunks, kind::STATE, segment.start, &segment.state.0);
-        let mut peak_bytes = Bytes::default();
-        self.peaks.iter().for_each(|peak| peak_bytes.f32(*peak));
-        put(&mut bundle_chunks, kind::PEAKS, segment.start, &peak_bytes.0);
+        write_chunk(&mut bundle_chunks, kind::STATE, segment.start, &segment.state_bytes.0);
+        let mut peak_bytes = ByteWriter::default();
+        self.output_peaks.iter().for_each(|peak| peak_bytes.f32(*peak));
+        write_chunk(&mut bundle_chunks, kind::PEAKS, segment.start, &peak_bytes.0);
         segment.events.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         for (seconds, kind, payload) in &segment.events {
-            put(&mut bundle_chunks, *kind, *seconds, &payload.0);
+            write_chunk(&mut bundle_chunks, *kind, *seconds, &payload.0);
         }
         self.put_bundle(segment.start, &bundle_chunks);
         self.put_frames(&segment);
@@ -441,43 +455,43 @@ impl Recorder {
 
     /// Write the frames of a segment.
     fn put_frames(&mut self, segment: &Segment) {
-        for (run_index, (run, rows)) in self.runs.iter().zip(&segment.rows).enumerate() {
+        for (run_index, (run, rows)) in self.runs.iter().zip(&segment.sampled_displacements).enumerate() {
             // Split into chunks of the largest possible number of frames.
-            for frame_range in chunks(segment.count, (PAYLOAD_MAX / 16) / run.points.len().max(1)) {
+            for frame_range in chunks(segment.n_frames, (PAYLOAD_MAX / 16) / run.points.len().max(1)) {
                 if run.kind != "sampled" {
                     break;
                 }
                 let point_count = run.points.len();
                 let extremes = &self.extremes[run.points.clone()];
                 let amplitudes: Vec<f64> = extremes.iter().map(|(low, high)| 0.5 * (high - low)).collect();
-                let run_frames = Frames {
+                let run_frames = PartFrames {
                     part: run_index as u16,
-                    hop: 1.0 / self.setup.fps,
+                    frame_interval: 1.0 / self.setup.looks_per_second,
                     rows: rows[frame_range.start * point_count..frame_range.end * point_count].to_vec(),
-                    count: frame_range.len(),
+                    n_frames: frame_range.len(),
                 };
-                let chunk_start = segment.start + frame_range.start as f64 / self.setup.fps;
-                put(
+                let chunk_start = segment.start + frame_range.start as f64 / self.setup.looks_per_second;
+                write_chunk(
                     &mut self.pending_bytes,
                     kind::FRAMES,
                     chunk_start,
-                    &run_frames.packed(&amplitudes),
+                    &run_frames.packed_payload(&amplitudes),
                 );
             }
         }
     }
 }
 
-fn put_ergon(to: &mut Bytes, time_offset: f64, point: usize, ergon: &ErgonRecord) {
-    to.f32(time_offset);
-    to.u32(point as u32);
-    to.f32(ergon.impulse);
-    to.f32(ergon.speed);
-    to.u32(ergon.source);
+fn write_ergon(out: &mut ByteWriter, time_offset: f64, point: usize, ergon: &ErgonRecord) {
+    out.f32(time_offset);
+    out.u32(point as u32);
+    out.f32(ergon.impulse);
+    out.f32(ergon.speed);
+    out.u32(ergon.source);
 }
 
 /// Add the squares of the signals to the sums of the loudspeakers; returns the number of frames.
-pub fn add_squares(squares: &mut [f64], mixed: &[f64]) -> u64 {
+pub fn add_square_sums(squares: &mut [f64], mixed: &[f64]) -> u64 {
     let mixed_frames = mixed.chunks_exact(squares.len().max(1));
     let frame_count = mixed_frames.len() as u64;
     for frame in mixed_frames {

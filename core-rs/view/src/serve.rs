@@ -25,69 +25,69 @@ mod request;
 mod strangers;
 mod viewer;
 
-pub use access::Key;
-pub use hub::{Cursor, Hub, Keep, Next};
-pub use keys::{PageKey, PagePoints};
+pub use access::AccessKey;
+pub use hub::{MessageHub, NextMessage, Retention, ViewerCursor};
+pub use keys::{KeyPoints, PageKey};
 
-use strangers::Strangers;
+use strangers::PendingConnections;
 
 /// Limits of connections; the defaults suit people, tests use shorter times.
 #[derive(Clone, Copy, Debug)]
-pub struct Limits {
+pub struct ConnectionLimits {
     /// Largest number of live viewers.
     pub viewers: usize,
     /// Largest number of connections that have given the key, including viewers.
     pub connections: usize,
     /// Largest number of connections that have not given it yet; a new one takes the place of an older one.
-    pub strangers: usize,
+    pub pending_connections: usize,
     /// Time within which a request must be complete \[s\].
-    pub head: Duration,
+    pub head_timeout: Duration,
     /// Time without progress after which a connection is dropped \[s\].
-    pub stall: Duration,
-    /// Lowest rate at which a reader must take data [bytes/s], after the first `stall`.
-    pub floor: u64,
+    pub stall_timeout: Duration,
+    /// Lowest rate at which a reader must take data [bytes/s], after the first `stall_timeout`.
+    pub byte_rate_min: u64,
 }
 
-impl Default for Limits {
+impl Default for ConnectionLimits {
     fn default() -> Self {
         Self {
             viewers: 16,
             connections: 64,
-            strangers: 32,
-            head: Duration::from_secs(5),
-            stall: Duration::from_secs(5),
-            floor: 64 << 10,
+            pending_connections: 32,
+            head_timeout: Duration::from_secs(5),
+            stall_timeout: Duration::from_secs(5),
+            byte_rate_min: 64 << 10,
         }
     }
 }
 
 /// What is served, and where.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct ServerOptions {
     /// Address and port; port 0 is any free one.
     pub address: SocketAddr,
     /// Secret that is part of every address: other users of this machine can reach the port too.
-    pub key: Key,
+    pub access_key: AccessKey,
     /// The `.motion` file that pages play.
-    pub file: Option<PathBuf>,
+    pub motion_file: Option<PathBuf>,
     /// The WAV or FLAC file that is played with it.
-    pub sound: Option<PathBuf>,
+    pub sound_file: Option<PathBuf>,
     /// The keys that pages may play.
-    pub keys: Vec<Arc<dyn PageKey>>,
-    /// See [`Limits`].
-    pub limits: Limits,
+    pub page_keys: Vec<Arc<dyn PageKey>>,
+    /// See [`ConnectionLimits`].
+    pub limits: ConnectionLimits,
 }
 
-impl Options {
+impl ServerOptions {
     /// Serves a file to pages on this machine only.
-    pub fn local(file: PathBuf, key: Key) -> Self {
+    pub fn local(file: PathBuf, key: AccessKey) -> Self {
         Self {
             address: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0),
-            key,
-            file: Some(file),
-            sound: None,
-            keys: Vec::new(),
-            limits: Limits::default(),
+            access_key: key,
+            motion_file: Some(file),
+            sound_file: None,
+            page_keys: Vec::new(),
+            limits: ConnectionLimits::default(),
         }
     }
 }
@@ -102,7 +102,7 @@ pub enum ServeError {
 
 /// Counts of connections and requests.
 #[derive(Debug, Default)]
-pub struct Tally {
+pub struct ConnectionCounts {
     /// Requests that got what they asked for.
     pub served: AtomicU64,
     /// Requests that got an error, or no answer.
@@ -116,20 +116,20 @@ pub struct Tally {
 }
 
 /// Data shared by all connections.
-struct Shared {
-    options: Options,
+struct ServerState {
+    options: ServerOptions,
     address: SocketAddr,
-    hub: Hub,
-    tally: Tally,
-    strangers: Arc<Strangers>,
-    over: AtomicBool,
-    begin: Instant,
+    hub: MessageHub,
+    counts: ConnectionCounts,
+    pending_connections: Arc<PendingConnections>,
+    is_stopping: AtomicBool,
+    start_instant: Instant,
 }
 
 /// Serves until it is dropped.
 pub struct Server {
-    shared: Arc<Shared>,
-    listener: Option<thread::JoinHandle<()>>,
+    state: Arc<ServerState>,
+    listener_thread: Option<thread::JoinHandle<()>>,
 }
 
 impl Server {
@@ -138,18 +138,18 @@ impl Server {
     /// # Errors
     ///
     /// [`ServeError`] if the port cannot be opened.
-    pub fn start(options: Options) -> Result<Self, ServeError> {
+    pub fn start(options: ServerOptions) -> Result<Self, ServeError> {
         let bind_error = |error| ServeError::Bind(options.address, error);
         let listener = TcpListener::bind(options.address).map_err(bind_error)?;
         let address = listener.local_addr().map_err(bind_error)?;
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(ServerState {
             options,
             address,
-            hub: Hub::default(),
-            tally: Tally::default(),
-            strangers: Arc::default(),
-            over: AtomicBool::new(false),
-            begin: Instant::now(),
+            hub: MessageHub::default(),
+            counts: ConnectionCounts::default(),
+            pending_connections: Arc::default(),
+            is_stopping: AtomicBool::new(false),
+            start_instant: Instant::now(),
         });
         let listener_shared = shared.clone();
         let listener = thread::Builder::new()
@@ -157,45 +157,49 @@ impl Server {
             .spawn(move || listen(&listener, &listener_shared))
             .map_err(|error| ServeError::Bind(address, error))?;
         Ok(Self {
-            shared,
-            listener: Some(listener),
+            state: shared,
+            listener_thread: Some(listener),
         })
     }
 
     /// The address at which it listens.
     pub fn address(&self) -> SocketAddr {
-        self.shared.address
+        self.state.address
     }
 
     /// The URL to open in a browser, with the key.
     pub fn url(&self) -> String {
-        format!("http://{}/{}/", self.shared.local_address(), self.shared.options.key)
+        format!(
+            "http://{}/{}/",
+            self.state.local_address(),
+            self.state.options.access_key
+        )
     }
 
     /// The messages for all viewers.
-    pub fn hub(&self) -> &Hub {
-        &self.shared.hub
+    pub fn hub(&self) -> &MessageHub {
+        &self.state.hub
     }
 
     /// Counts so far.
-    pub fn tally(&self) -> &Tally {
-        &self.shared.tally
+    pub fn counts(&self) -> &ConnectionCounts {
+        &self.state.counts
     }
 
     /// The server's clock, with which pages compare theirs \[s\].
     pub fn now(&self) -> f64 {
-        self.shared.now()
+        self.state.now()
     }
 }
 
 impl Drop for Server {
     fn drop(&mut self) {
-        self.shared.over.store(true, Ordering::Release);
-        self.shared.hub.close();
+        self.state.is_stopping.store(true, Ordering::Release);
+        self.state.hub.close();
         // The listener waits in `accept`: a connection from here wakes it.
-        let address = self.shared.local_address();
+        let address = self.state.local_address();
         let is_woken = TcpStream::connect_timeout(&address, Duration::from_secs(1)).is_ok();
-        if let Some(listener) = self.listener.take()
+        if let Some(listener) = self.listener_thread.take()
             && is_woken
         {
             let _ = listener.join();
@@ -203,9 +207,9 @@ impl Drop for Server {
     }
 }
 
-impl Shared {
+impl ServerState {
     fn now(&self) -> f64 {
-        self.begin.elapsed().as_secs_f64()
+        self.start_instant.elapsed().as_secs_f64()
     }
 
     /// The address by which this machine reaches the server: that at which it listens, or loopback if it listens at
@@ -218,15 +222,15 @@ impl Shared {
         SocketAddr::new(server_ip, self.address.port())
     }
 
-    fn is_over(&self) -> bool {
-        self.over.load(Ordering::Acquire)
+    fn is_stopping(&self) -> bool {
+        self.is_stopping.load(Ordering::Acquire)
     }
 }
 
 /// A place among the connections or viewers; dropping it frees the place.
-struct Slot<'a>(&'a AtomicUsize);
+struct ConnectionSlot<'a>(&'a AtomicUsize);
 
-impl<'a> Slot<'a> {
+impl<'a> ConnectionSlot<'a> {
     fn take(slots: &'a AtomicUsize, limit: usize) -> Option<Self> {
         slots
             .fetch_update(Ordering::AcqRel, Ordering::Acquire, |n| (n < limit).then_some(n + 1))
@@ -235,19 +239,19 @@ impl<'a> Slot<'a> {
     }
 }
 
-impl Drop for Slot<'_> {
+impl Drop for ConnectionSlot<'_> {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::AcqRel);
     }
 }
 
 /// Connection threads need little stack: files are sent in pieces, and messages are shared.
-const STACK: usize = 512 << 10;
+const STACK_BYTES: usize = 512 << 10;
 
-fn listen(listener: &TcpListener, shared: &Arc<Shared>) {
+fn listen(listener: &TcpListener, shared: &Arc<ServerState>) {
     loop {
         let accepted = listener.accept();
-        if shared.is_over() {
+        if shared.is_stopping() {
             return;
         }
         let Ok((client_stream, peer_address)) = accepted else {
@@ -256,18 +260,18 @@ fn listen(listener: &TcpListener, shared: &Arc<Shared>) {
             continue;
         };
         let client_stream = Arc::new(client_stream);
-        let stranger_limit = shared.options.limits.strangers;
+        let stranger_limit = shared.options.limits.pending_connections;
         let stranger_place = shared
-            .strangers
+            .pending_connections
             .admit(&client_stream, peer_address.ip(), stranger_limit);
         let shared = shared.clone();
         let refusal_shared = shared.clone();
         let spawn_result = thread::Builder::new()
             .name("view client".into())
-            .stack_size(STACK)
-            .spawn(move || connection::serve(&client_stream, stranger_place, &shared));
+            .stack_size(STACK_BYTES)
+            .spawn(move || connection::serve_connection(&client_stream, stranger_place, &shared));
         if spawn_result.is_err() {
-            refusal_shared.tally.refused.fetch_add(1, Ordering::Relaxed);
+            refusal_shared.counts.refused.fetch_add(1, Ordering::Relaxed);
         }
     }
 }

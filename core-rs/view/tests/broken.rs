@@ -6,12 +6,12 @@ use std::sync::Arc;
 use ergon_engine::maths::asin;
 use ergon_engine::network::{Network, SpaceLaw, SpacePoint, SpacePoints, Term};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{Look, OnFault, Options, Simulation};
+use ergon_engine::simulation::{MotionLook, OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
-use ergon_view::payload::{Reading, kind};
+use ergon_view::payload::{ByteReader, kind};
 use ergon_view::read::MotionFile;
-use ergon_view::record::{Recorder, Setup, runs};
+use ergon_view::record::{Recorder, RecordingSetup, point_runs};
 
 const RATE: f64 = 44_100.0;
 const FPS: f64 = 1_000.0;
@@ -71,9 +71,9 @@ fn torn() -> (Network, Vec<Option<f64>>) {
     (network, when.to_vec())
 }
 
-fn recorded(mut simulation: Simulation, seconds: f64) -> (Look, MotionFile) {
+fn recorded(mut simulation: Simulation, seconds: f64) -> (MotionLook, MotionFile) {
     let look = simulation.make_look();
-    let parts: Vec<String> = runs(&look)
+    let parts: Vec<String> = point_runs(&look)
         .iter()
         .map(|run| {
             let (first, count, kind) = (run.points.start, run.points.len(), run.kind);
@@ -81,14 +81,14 @@ fn recorded(mut simulation: Simulation, seconds: f64) -> (Look, MotionFile) {
         })
         .collect();
     let (n, parts) = (look.points.len(), parts.join(", "));
-    let setup = Setup {
+    let setup = RecordingSetup {
         manifest: format!(r#"{{"points": {n}, "modes": 0, "parts": [{parts}]}}"#),
-        places: vec![[0.0; 3]; n],
+        point_positions: vec![[0.0; 3]; n],
         ergons: Vec::new(),
         strike_points: HashMap::new(),
-        keys: Vec::new(),
+        key_mats: Vec::new(),
         n_speakers: 0,
-        fps: FPS,
+        looks_per_second: FPS,
     };
     let mut recorder = Recorder::new(&simulation, look.clone(), setup).unwrap();
     while recorder.next() <= (seconds * RATE) as u64 {
@@ -99,9 +99,9 @@ fn recorded(mut simulation: Simulation, seconds: f64) -> (Look, MotionFile) {
 }
 
 /// The ends of each link in the table, as MATs.
-fn links(look: &Look, file: &MotionFile) -> Vec<(usize, usize)> {
+fn links(look: &MotionLook, file: &MotionFile) -> Vec<(usize, usize)> {
     let table = file.chunks().iter().find(|place| place.kind == kind::LINKS);
-    let mut from = Reading(file.payload(table.unwrap()));
+    let mut from = ByteReader(file.payload(table.unwrap()));
     let n = from.u32().unwrap();
     let mut mat = || look.points[from.u32().unwrap() as usize].mat;
     (0..n).map(|_| (mat(), mat())).collect()
@@ -112,7 +112,7 @@ fn check(simulation: Simulation, network: &Network, when: &[Option<f64>]) {
     let table = links(&look, &file);
     let mut output = vec![Vec::new(); when.len()];
     for place in file.chunks().iter().filter(|place| place.kind == kind::BROKEN) {
-        let mut from = Reading(file.payload(place));
+        let mut from = ByteReader(file.payload(place));
         while !from.0.is_empty() {
             let instant = place.seconds + from.f32().unwrap();
             let number = from.u32().unwrap() as usize;
@@ -146,7 +146,7 @@ fn broken_links_arrive_at_once_and_in_states() {
     let (network, when) = torn();
     let network = Arc::new(network);
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         record: false,
         on_fault: OnFault::Stop,

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use ergon_view::serve::{Key, Limits, Options, PageKey, PagePoints, Server};
+use ergon_view::serve::{AccessKey, ConnectionLimits, KeyPoints, PageKey, Server, ServerOptions};
 use tungstenite::protocol::Role;
 use tungstenite::{Message, WebSocket};
 
@@ -34,7 +34,7 @@ impl PageKey for Noted {
         [-0.05, 0.05]
     }
 
-    fn hold(&self) -> bool {
+    fn acquire(&self) -> bool {
         !self.is_held.swap(true, Ordering::AcqRel)
     }
 
@@ -42,26 +42,26 @@ impl PageKey for Noted {
         self.is_held.load(Ordering::Acquire)
     }
 
-    fn leave(&self) {
+    fn release(&self) {
         self.is_held.store(false, Ordering::Release);
     }
 
-    fn place(&self, age: f64, x: f64, pressure: Option<f64>) -> bool {
+    fn add_position(&self, age: f64, x: f64, pressure: Option<f64>) -> bool {
         let is_finite = age.is_finite() && x.is_finite();
         if is_finite {
             self.places.lock().unwrap().push((age, x, pressure));
         } else {
-            self.refuse();
+            self.count_refused();
         }
         is_finite
     }
 
-    fn refuse(&self) {
+    fn count_refused(&self) {
         *self.refused.lock().unwrap() += 1;
     }
 
-    fn points(&self) -> PagePoints {
-        PagePoints {
+    fn points(&self) -> KeyPoints {
+        KeyPoints {
             pointer: 0.5,
             finger: 0.25,
             key: 0.125,
@@ -82,13 +82,13 @@ impl Noted {
 
 fn served(keys: &[Arc<Noted>]) -> Server {
     let keys = keys.iter().map(|key| key.clone() as Arc<dyn PageKey>);
-    Server::start(Options {
+    Server::start(ServerOptions {
         address: "127.0.0.1:0".parse().unwrap(),
-        key: Key::new(KEY).unwrap(),
-        file: None,
-        sound: None,
-        keys: keys.collect(),
-        limits: Limits::default(),
+        access_key: AccessKey::new(KEY).unwrap(),
+        motion_file: None,
+        sound_file: None,
+        page_keys: keys.collect(),
+        limits: ConnectionLimits::default(),
     })
     .expect("a server")
 }
@@ -211,7 +211,7 @@ fn page_with_non_finite_positions_is_ignored() {
 
 #[test]
 fn page_with_floods_or_nonsense_is_disconnected() {
-    let dropped = |server: &Server| server.tally().dropped.load(Ordering::Relaxed);
+    let dropped = |server: &Server| server.counts().dropped.load(Ordering::Relaxed);
     let key = Arc::new(Noted::default());
     let server = served(std::slice::from_ref(&key));
     let sound = positions(0, 0, &[(0.0, 0.0, 0.5); 64]);

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use ergon_view::serve::{Keep, Key, Limits, Options, Server};
+use ergon_view::serve::{AccessKey, ConnectionLimits, Retention, Server, ServerOptions};
 use tungstenite::protocol::Role;
 use tungstenite::{Message, WebSocket};
 
@@ -72,8 +72,8 @@ impl Drop for Lent {
 const KEY: &str = "00112233445566778899aabbccddeeff";
 
 /// A server of a file to pages of this machine.
-fn local(lent: &Lent) -> Options {
-    Options::local(lent.0.clone(), Key::new(KEY).expect("a key"))
+fn local(lent: &Lent) -> ServerOptions {
+    ServerOptions::local(lent.0.clone(), AccessKey::new(KEY).expect("a key"))
 }
 
 fn connect(server: &Server) -> TcpStream {
@@ -178,8 +178,8 @@ fn page_and_file_are_served_with_security_headers() {
 fn motion_without_a_file_is_204() {
     let _alone = alone();
     let lent = Lent::new("gone.motion", b"abc", 3);
-    let live = Options {
-        file: None,
+    let live = ServerOptions {
+        motion_file: None,
         ..local(&lent)
     };
     let server = Server::start(live).expect("a server");
@@ -252,11 +252,11 @@ fn server_refuses_wrong_requests() {
 fn key_is_required_in_the_address() {
     let _alone = alone();
     let lent = Lent::new("key.motion", b"abc", 3);
-    assert_eq!(Key::new("0123"), None);
-    assert_eq!(Key::new(&"g".repeat(32)), None);
+    assert_eq!(AccessKey::new("0123"), None);
+    assert_eq!(AccessKey::new(&"g".repeat(32)), None);
     for ip in [Ipv4Addr::LOCALHOST, Ipv4Addr::UNSPECIFIED] {
         let position = SocketAddr::new(ip.into(), 0);
-        let server = Server::start(Options {
+        let server = Server::start(ServerOptions {
             address: position,
             ..local(&lent)
         })
@@ -318,7 +318,7 @@ fn full_server_refuses_a_page_with_a_reason() {
     let lent = Lent::new("full.motion", b"", 64 << 20);
     let mut options = local(&lent);
     options.limits.connections = 3;
-    options.limits.strangers = 2;
+    options.limits.pending_connections = 2;
     let server = Server::start(options).expect("a server");
     // Pages that ask for much and take nothing have all places, until they are dropped.
     let port = server.address().port();
@@ -350,9 +350,9 @@ fn seventeenth_page_is_refused() {
     let _alone = alone();
     let lent = Lent::new("many.motion", b"", 0);
     let server = Server::start(local(&lent)).expect("a server");
-    server.hub().greet(b"manifest");
+    server.hub().set_greeting(b"manifest");
     let mut pages: Vec<_> = (0..16).map(|_| watch(&server, "/live").expect("a page")).collect();
-    let tally = server.tally();
+    let tally = server.counts();
     until(|| tally.viewers.load(Ordering::Relaxed) == 16, "sixteen");
     assert!(watch(&server, "/live").is_none());
     for page in &mut pages {
@@ -366,7 +366,7 @@ fn seventeenth_page_is_refused() {
     }
     // The first page does not read: it delays neither the other pages nor `publish`.
     for i in 0..1000u32 {
-        server.hub().publish(&i.to_le_bytes(), Keep::All);
+        server.hub().publish(&i.to_le_bytes(), Retention::All);
         for page in &mut pages[1..] {
             let bytes = page.read().expect("an event").into_data();
             assert_eq!(bytes[..], i.to_le_bytes());
@@ -382,21 +382,21 @@ fn stalled_page_is_dropped() {
     let _alone = alone();
     let lent = Lent::new("stall.motion", b"", 0);
     let mut options = local(&lent);
-    options.limits.stall = Duration::from_millis(100);
+    options.limits.stall_timeout = Duration::from_millis(100);
     let server = Server::start(options).expect("a server");
     let _page = watch(&server, "/live").expect("a page");
-    let tally = server.tally();
+    let tally = server.counts();
     until(|| tally.viewers.load(Ordering::Relaxed) == 1, "a viewer");
     let frame = vec![0; 1 << 20];
     until(
         || {
-            server.hub().publish(&frame, Keep::All);
+            server.hub().publish(&frame, Retention::All);
             tally.viewers.load(Ordering::Relaxed) == 0
         },
         "nobody",
     );
     assert_eq!(tally.dropped.load(Ordering::Relaxed), 1);
-    assert!(server.hub().bytes() <= 16 << 20);
+    assert!(server.hub().stored_bytes() <= 16 << 20);
 }
 
 /// One kind of hostile request, chosen by `i`.
@@ -474,10 +474,10 @@ fn hostile_requests_are_refused_beside_a_page() {
     let _alone = alone();
     let lent = Lent::new("hostile.motion", b"", 64 << 20);
     let mut options = local(&lent);
-    options.limits = Limits {
-        head: Duration::from_millis(300),
-        stall: Duration::from_millis(300),
-        ..Limits::default()
+    options.limits = ConnectionLimits {
+        head_timeout: Duration::from_millis(300),
+        stall_timeout: Duration::from_millis(300),
+        ..ConnectionLimits::default()
     };
     let server = Server::start(options).expect("a server");
     let mut page = watch(&server, "/live").expect("a page");
@@ -496,7 +496,7 @@ fn hostile_requests_are_refused_beside_a_page() {
                         return;
                     }
                     hostile(&server, i);
-                    server.hub().publish(&i.to_le_bytes(), Keep::All);
+                    server.hub().publish(&i.to_le_bytes(), Retention::All);
                 }
             });
         }
@@ -508,7 +508,7 @@ fn hostile_requests_are_refused_beside_a_page() {
         }
         assert!(seen.iter().all(|n| *n == 1));
     });
-    let tally = server.tally();
+    let tally = server.counts();
     let ended = || tally.refused.load(Ordering::Relaxed) + tally.dropped.load(Ordering::Relaxed) >= N;
     until(ended, "all refused");
     let peak = PEAK.load(Ordering::Relaxed) - before;
@@ -527,7 +527,7 @@ fn dropped_server_closes_its_pages() {
     drop(server);
     assert!(matches!(page.read(), Ok(Message::Close(_))));
     // The port is free again.
-    let options = Options {
+    let options = ServerOptions {
         address: position,
         ..local(&lent)
     };

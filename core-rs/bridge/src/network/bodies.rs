@@ -10,19 +10,19 @@ use crate::work::computing;
 
 /// The decay of the lowest mode [s], or decays [s] at frequencies [Hz].
 #[derive(FromPyObject)]
-enum Decays {
+enum ModeDecays {
     Lowest(f64),
     Points(Vec<(f64, f64)>),
 }
 
 /// How the links of a body are given: by a pitch and a decay, or by K and Z of each link.
-enum Links {
-    Tuned(f64, Option<Decays>),
+enum MeshLinks {
+    Tuned(f64, Option<ModeDecays>),
     Direct([f64; 2]),
 }
 
-impl Links {
-    fn new(name: &str, f: Option<f64>, t60: Option<Decays>, k: Option<f64>, z: Option<f64>) -> PyResult<Self> {
+impl MeshLinks {
+    fn new(name: &str, f: Option<f64>, t60: Option<ModeDecays>, k: Option<f64>, z: Option<f64>) -> PyResult<Self> {
         match (f, t60, k, z) {
             (Some(f), t60, None, None) => Ok(Self::Tuned(f, t60)),
             (None, None, Some(k), z) => Ok(Self::Direct([k, z.unwrap_or(0.0)])),
@@ -36,8 +36,8 @@ impl Links {
 
 /// The arrangement of the members of a bank by its word; `hole` and `angles` are used for a galaxy.
 fn placed(place: &str, hole: f64, angles: &str) -> PyResult<MemberPlace> {
-    let angles: Angles = word("angles", angles, words::ANGLES)?;
-    Ok(match word("place", place, words::PLACES)? {
+    let angles: Angles = word("angles", angles, words::BANK_ANGLES)?;
+    Ok(match word("place", place, words::BANK_PLACES)? {
         MemberPlace::Galaxy { .. } => MemberPlace::Galaxy { hole, angles },
         other => other,
     })
@@ -55,7 +55,7 @@ impl Network {
         masses: usize,
         M: f64,
         f: Option<f64>,
-        t60: Option<Decays>,
+        t60: Option<ModeDecays>,
         K: Option<f64>,
         Z: Option<f64>,
         ends: &str,
@@ -64,13 +64,13 @@ impl Network {
         hardening: f64,
         stretching: f64,
     ) -> PyResult<usize> {
-        let ends = word("ends", ends, words::ENDS)?;
+        let ends = word("ends", ends, words::STRING_ENDS)?;
         let topology = computing(py, || match inharmonicity {
             None => generator::string(masses, ends, stiffness),
             Some(b) => generator::stiff_string(masses, ends, b),
         })?;
         let topology = topology.map(|topology| topology.in_line(stretching > 0.0));
-        let mesh_links = Links::new(name, f, t60, K, Z)?;
+        let mesh_links = MeshLinks::new(name, f, t60, K, Z)?;
         self.mesh(py, name, topology, M, &mesh_links, [hardening, stretching])
     }
 
@@ -86,7 +86,7 @@ impl Network {
         sides: Option<(usize, usize)>,
         M: f64,
         f: Option<f64>,
-        t60: Option<Decays>,
+        t60: Option<ModeDecays>,
         K: Option<f64>,
         Z: Option<f64>,
         rim: &str,
@@ -95,15 +95,15 @@ impl Network {
     ) -> PyResult<usize> {
         let shape = match sides {
             Some((across, up)) => Shape::Rectangle { across, up },
-            None => word("shape", shape, words::SHAPES)?,
+            None => word("shape", shape, words::PLATE_SHAPES)?,
         };
-        let rim = word("rim", rim, words::RIMS)?;
+        let rim = word("rim", rim, words::PLATE_RIMS)?;
         let topology = computing(py, || match bending {
             None if shape == Shape::Disc => generator::round_membrane(radius, rim),
             None => generator::plate(shape, radius, rim),
             Some(poisson) => generator::bent_plate(shape, radius, rim, poisson),
         })?;
-        let mesh_links = Links::new(name, f, t60, K, Z)?;
+        let mesh_links = MeshLinks::new(name, f, t60, K, Z)?;
         self.mesh(py, name, topology, M, &mesh_links, [hardening, 0.0])
     }
 
@@ -124,7 +124,7 @@ impl Network {
         angles: &str,
         seed: i128,
     ) -> PyResult<usize> {
-        let spread = word("spread", spread, words::SPREADS)?;
+        let spread = word("spread", spread, words::BANK_SPREADS)?;
         let place = placed(place, hole, angles)?;
         computing(py, || {
             self.0.bank(
@@ -207,17 +207,17 @@ impl Network {
         name: &str,
         topology: Result<Topology, GeneratorError>,
         mass: f64,
-        links: &Links,
+        links: &MeshLinks,
         laws: [f64; 2],
     ) -> PyResult<usize> {
         let topology = topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || match links {
-            Links::Direct(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
-            Links::Tuned(f, decays) => {
+            MeshLinks::Direct(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
+            MeshLinks::Tuned(f, decays) => {
                 let tuned_decay = match decays {
                     None => Decay::Lowest(None),
-                    Some(Decays::Lowest(t60)) => Decay::Lowest(Some(*t60)),
-                    Some(Decays::Points(points)) => Decay::Points(points),
+                    Some(ModeDecays::Lowest(t60)) => Decay::Lowest(Some(*t60)),
+                    Some(ModeDecays::Points(points)) => Decay::Points(points),
                 };
                 self.0.stretched_mesh(name, &topology, mass, *f, tuned_decay, laws)
             }

@@ -42,8 +42,8 @@ impl Network {
         clamp: bool,
         steps: u32,
     ) -> PyResult<usize> {
-        let side = word("side", side, words::SIDES)?;
-        let contact = word("contact", contact, words::CONTACTS)?;
+        let side = word("side", side, words::CONTACT_SIDES)?;
+        let contact = word("contact", contact, words::CONTACT_METHODS)?;
         let but_link = But {
             k: K,
             z: Z,

@@ -7,7 +7,7 @@ use crate::assembly::body::position_and_spring_sums;
 use crate::assembly::budget::Budget;
 use crate::assembly::choice::MeshChoice;
 use crate::assembly::split::local_links;
-use crate::assembly::wiring::Body;
+use crate::assembly::wiring::WiredBody;
 use crate::integrate::{MeshMethod, certify};
 use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
@@ -61,7 +61,7 @@ fn pitch_error_cents(method: MeshMethod, x: f64) -> f64 {
 pub(crate) fn mesh(
     network: &Network,
     timeline: &Timeline,
-    body: &Body,
+    body: &WiredBody,
     budget: &Budget,
     pin: Option<MeshChoice>,
     (choice, index): (MethodChoice<'_>, usize),
@@ -121,7 +121,12 @@ pub(crate) fn mesh(
 ///
 /// # Errors
 /// With the name of a module of it.
-pub(crate) fn check_supported(network: &Network, rate: Rate, body: &Body, method: MeshMethod) -> Result<(), Error> {
+pub(crate) fn check_supported(
+    network: &Network,
+    rate: Rate,
+    body: &WiredBody,
+    method: MeshMethod,
+) -> Result<(), Error> {
     let mesh_subset = network.subset(&body.mats, &body.foreign_held_mats, &body.links);
     if method != MeshMethod::Ieq || is_discrete(network, &mesh_subset.network) {
         return Ok(()); // CA steps a discrete network, whatever method is asked for

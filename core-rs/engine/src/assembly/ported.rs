@@ -13,7 +13,7 @@ use crate::assembly::mesh::{self, MethodChoice};
 use crate::assembly::slow::slow_bodies;
 use crate::assembly::solved_modes::ModeCache;
 use crate::assembly::split::{LocalTimeline, split};
-use crate::assembly::wiring::{Body, BodyLinks, WantedBodies};
+use crate::assembly::wiring::{BodyLinks, WantedBodies, WiredBody};
 use crate::body_modes::complex_modes::Sum;
 use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
@@ -78,7 +78,7 @@ pub(crate) fn cut_bodies(
     // as long on complex modes as on steps, for no mode is left out.
     let has_slow_bodies = !cut_bodies.is_empty();
     let is_fine_session = timeline.is_open && steps_max > 1;
-    let needs_normal_modes = |body: &Body| has_slow_bodies || (is_fine_session && body.touches_contact());
+    let needs_normal_modes = |body: &WiredBody| has_slow_bodies || (is_fine_session && body.touches_contact());
     if budget.allows_modes() && has_bodies && !prefers_meshes {
         let wanted_bodies = match budget.contact_substeps() {
             1 => WantedBodies::Linear,
@@ -153,7 +153,7 @@ pub(crate) fn check_supported(network: &Network, timeline: &Timeline, budget: &B
         wiring.exclude_mats(&body.mats);
     }
     let mesh_bodies = wiring.bodies(network, WantedBodies::All);
-    let check_body = |body: &Body| mesh::check_supported(network, timeline.rate, body, mesh_method);
+    let check_body = |body: &WiredBody| mesh::check_supported(network, timeline.rate, body, mesh_method);
     mesh_bodies.iter().try_for_each(check_body)
 }
 
@@ -199,7 +199,7 @@ pub(crate) fn uncut_island(island: &Subset, island_timeline: &LocalTimeline, tim
 fn normal_mode_plan(
     network: &Network,
     timeline: &Timeline,
-    body: &Body,
+    body: &WiredBody,
     mode_cache: &ModeCache<'_>,
 ) -> Result<Modal, NoModes> {
     let rate = timeline.rate;
@@ -279,9 +279,9 @@ fn normal_mode_plan(
 fn plan_without_ties(
     network: &Network,
     timeline: &Timeline,
-    body: &Body,
+    body: &WiredBody,
     mode_cache: &ModeCache<'_>,
-) -> Option<(Body, Modal)> {
+) -> Option<(WiredBody, Modal)> {
     let body = body.without_ties(network, STEPPED_TIES_MAX)?;
     let modal = normal_mode_plan(network, timeline, &body, mode_cache).ok()?;
     Some((body, modal))
@@ -291,7 +291,7 @@ fn plan_without_ties(
 fn complex_mode_plan(
     network: &Network,
     timeline: &Timeline,
-    body: &Body,
+    body: &WiredBody,
     mode_cache: &ModeCache<'_>,
 ) -> Result<BodyPlan, NoModes> {
     let rate = timeline.rate;
@@ -379,7 +379,7 @@ fn part_plan(part: &ModeSequence) -> Mode {
     }
 }
 
-fn is_discrete(network: &Network, body: &Body) -> bool {
+fn is_discrete(network: &Network, body: &WiredBody) -> bool {
     let body_part = network.mats().part[body.mats[0] as usize] as usize;
     network.parts()[body_part].ca_rate.is_some()
 }
@@ -402,7 +402,7 @@ fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
 
 /// The rest of an island after the bodies are cut out: their ports stay, as masses that respond to a force at once as
 /// in the body.
-fn hub_and_bodies(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)>) -> IslandCut {
+fn hub_and_bodies(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(WiredBody, BodyPlan)>) -> IslandCut {
     let network = &island.network;
     let (mut is_in_body, mut is_cut_link) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
     let mut port_mats: Vec<u32> = Vec::new();

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use crate::assembly::body::position_sums_only;
 use crate::assembly::constants::KICK_TURN_RADIANS_MAX;
 use crate::assembly::cost;
-use crate::assembly::wiring::Body;
+use crate::assembly::wiring::WiredBody;
 use crate::gesture::script::Touch;
 use crate::island::slow::{Slow, SpringMethod, Weights};
 use crate::network::forest::{Forest, link_ends};
@@ -28,7 +28,7 @@ pub(crate) type RefusedSlowPart = (String, String);
 /// The slow bodies of a network, and the parts that cannot be slow.
 #[derive(Default)]
 pub(crate) struct SlowBodies {
-    pub(crate) bodies: Vec<(Body, Slow)>,
+    pub(crate) bodies: Vec<(WiredBody, Slow)>,
     pub(crate) refused_slow: Vec<RefusedSlowPart>,
 }
 
@@ -73,7 +73,7 @@ fn slow_bodies_of_part(
     timeline: &Timeline,
     part: usize,
     macrostep: u32,
-) -> Result<Vec<(Body, Slow)>, String> {
+) -> Result<Vec<(WiredBody, Slow)>, String> {
     let part_bodies = find_bodies(network, timeline, part);
     if part_bodies.is_empty() {
         return Err("no mass in it is held by linear springs or by links in space".to_owned());
@@ -83,7 +83,7 @@ fn slow_bodies_of_part(
     let struck_mats: BTreeSet<u32> = strikes.chain(ergon_mats).collect();
     // A session may strike any of it.
     let is_struck = |mat: usize| timeline.is_open || struck_mats.contains(&(mat as u32));
-    let slow_body = |body: Body| {
+    let slow_body = |body: WiredBody| {
         let body_subset = network.subset(&body.mats, &body.foreign_held_mats, &body.links);
         let (rate, part_and_macrostep) = (timeline.rate, (part, macrostep));
         // The exact flow of linear springs does not include gravity.
@@ -104,7 +104,7 @@ fn slow_bodies_of_part(
 
 /// The bodies of a part: sets of masses that its own links join or tie to the ground. Their ports are the masses that
 /// anything else touches.
-fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
+fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<WiredBody> {
     let mats = network.mats();
     let mat_count = network.n_mat();
     let is_in_part = |mat: usize| mats.part[mat] as usize == part;
@@ -177,9 +177,9 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
             mat_forest.join(first_end, second_end);
         }
     }
-    let mut part_bodies: BTreeMap<usize, Body> = BTreeMap::new();
+    let mut part_bodies: BTreeMap<usize, WiredBody> = BTreeMap::new();
     for mat in (0..mat_count).filter(|&mat| is_eligible[mat]) {
-        let body = part_bodies.entry(mat_forest.root(mat)).or_insert_with(Body::empty);
+        let body = part_bodies.entry(mat_forest.root(mat)).or_insert_with(WiredBody::empty);
         body.mats.push(mat as u32);
         if is_port[mat] {
             body.ports.push(mat as u32);
@@ -204,10 +204,10 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
         }
     }
     let is_tied_cell = |&mat: &u32| mats.kind[mat as usize] == MatKind::Cel;
-    let has_springs = |body: &Body| !body.links.is_empty() || body.mats.iter().any(is_tied_cell);
+    let has_springs = |body: &WiredBody| !body.links.is_empty() || body.mats.iter().any(is_tied_cell);
     part_bodies
         .into_values()
-        .map(Body::sorted)
+        .map(WiredBody::sorted)
         .filter(has_springs)
         .collect()
 }
@@ -235,7 +235,7 @@ fn resolves_turn(turn: f64) -> bool {
 }
 
 /// MATs of a body that move, by their index in the subset.
-fn moving_mats(body: &Body, subset: &Subset) -> Vec<usize> {
+fn moving_mats(body: &WiredBody, subset: &Subset) -> Vec<usize> {
     let body_mats = body.mats.iter();
     body_mats.filter_map(|&mat| subset.mat(mat as usize)).collect()
 }
@@ -260,7 +260,7 @@ impl Solution {
         self,
         rate: Rate,
         (part, macrostep): (usize, u32),
-        body: &Body,
+        body: &WiredBody,
         subset: Subset,
         springs: impl FnOnce(&[(usize, usize)], &[Weights]) -> SpringMethod,
     ) -> Result<Slow, String> {

@@ -11,7 +11,7 @@ use crate::timeline::Timeline;
 
 /// A set of MATs that inner links join, and the ports where others end.
 #[derive(Clone)]
-pub(crate) struct Body {
+pub(crate) struct WiredBody {
     pub(crate) mats: Vec<u32>,
     pub(crate) foreign_held_mats: Vec<u32>,
     pub(crate) links: Vec<u32>,
@@ -121,7 +121,7 @@ impl BodyLinks {
     }
 
     /// Sets of MATs that inner links join.
-    pub(crate) fn bodies(&self, network: &Network, wanted: WantedBodies) -> Vec<Body> {
+    pub(crate) fn bodies(&self, network: &Network, wanted: WantedBodies) -> Vec<WiredBody> {
         let with_laws = matches!(wanted, WantedBodies::All | WantedBodies::Meshes);
         let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
         let mut mat_forest = Forest::new(network.n_mat());
@@ -130,9 +130,11 @@ impl BodyLinks {
                 mat_forest.join(a, b);
             }
         }
-        let mut joined_bodies: BTreeMap<usize, Body> = BTreeMap::new();
+        let mut joined_bodies: BTreeMap<usize, WiredBody> = BTreeMap::new();
         for mat in (0..network.n_mat()).filter(|&mat| self.is_eligible[mat]) {
-            let body = joined_bodies.entry(mat_forest.root(mat)).or_insert_with(Body::empty);
+            let body = joined_bodies
+                .entry(mat_forest.root(mat))
+                .or_insert_with(WiredBody::empty);
             body.mats.push(mat as u32);
         }
         for (link, a, b) in link_ends(network) {
@@ -166,7 +168,7 @@ impl BodyLinks {
                 body.ports.push(mat as u32);
             }
         }
-        let is_worth_cut = |body: &Body| {
+        let is_worth_cut = |body: &WiredBody| {
             let is_large =
                 !body.is_small() && body.ports.len() <= PORTS_ALWAYS_ALLOWED.max(body.mats.len() / MASSES_PER_PORT);
             let takes_small = match wanted {
@@ -178,13 +180,13 @@ impl BodyLinks {
         };
         joined_bodies
             .into_values()
-            .map(Body::sorted)
+            .map(WiredBody::sorted)
             .filter(is_worth_cut)
             .collect()
     }
 }
 
-impl Body {
+impl WiredBody {
     /// The body without the single links that tie it to fixed points: they then end at ports. `None` if it has none, or
     /// more than `ties_max`.
     pub(crate) fn without_ties(&self, network: &Network, ties_max: usize) -> Option<Self> {

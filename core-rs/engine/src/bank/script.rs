@@ -8,13 +8,13 @@ use crate::units::Rate;
 
 /// A blow on one lane of a group or on all lanes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Event {
+pub(super) struct BankEvent {
     pub(super) frame: u64,
-    pub(super) lanes: Target,
+    pub(super) lanes: EventLanes,
 }
 
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Target {
+pub(super) enum EventLanes {
     Lane(u32, Kick),
     /// Index of the strikes, index of the blow, and whether this is the second of its two steps.
     Group(u32, u32, bool),
@@ -22,16 +22,16 @@ pub(super) enum Target {
 
 /// Groups of oscillators with the same outputs.
 #[derive(Clone, Debug)]
-pub(super) struct Section {
+pub(super) struct OutputSection {
     pub(super) outputs: Vec<u32>,
     pub(super) groups: Range<usize>,
 }
 
 /// The constant part of a bank.
 #[derive(Clone, Debug)]
-pub(super) struct Script {
+pub(super) struct BankScript {
     pub(super) rate: Rate,
-    pub(super) sections: Vec<Section>,
+    pub(super) sections: Vec<OutputSection>,
     /// (n_groups)
     pub(super) coefficients: Vec<GroupCoefficients>,
     /// Weights of groups with several outputs, output by output; empty for one output   (n_groups)
@@ -39,7 +39,7 @@ pub(super) struct Script {
     /// Scale of the positions in the lanes: the weight if there is one output, otherwise 1   (n_groups)
     pub(super) scales: Vec<Lanes>,
     /// By rising frame   (n_groups)
-    pub(super) events: Vec<Vec<Event>>,
+    pub(super) events: Vec<Vec<BankEvent>>,
     pub(super) strikes: Vec<Strikes>,
     /// Sum of amplitudes below which a group is set to rest.
     pub(super) rest_threshold: f64,
@@ -49,9 +49,9 @@ pub(super) struct Script {
     pub(super) members: Vec<Option<u32>>,
 }
 
-impl Script {
+impl BankScript {
     /// Add a group of oscillators with the same outputs; returns its motion at frame 0.
-    pub(super) fn group(&mut self, oscillators: &[Oscillator], members: &[usize]) -> GroupMotion {
+    pub(super) fn add_group(&mut self, oscillators: &[Oscillator], members: &[usize]) -> GroupMotion {
         let gather_lanes = |pick: &dyn Fn(&Oscillator) -> f64| {
             let mut picked_lanes = Lanes::ZERO;
             for (lane, &member) in picked_lanes.0.iter_mut().zip(members) {
@@ -81,9 +81,9 @@ impl Script {
         for (lane, &member) in members.iter().enumerate() {
             self.places[member] = (group_index as u32, lane as u32);
             for blow in &oscillators[member].blows {
-                group_events.push(Event {
+                group_events.push(BankEvent {
                     frame: blow.frame,
-                    lanes: Target::Lane(lane as u32, blow.kick),
+                    lanes: EventLanes::Lane(lane as u32, blow.kick),
                 });
             }
         }
@@ -114,9 +114,9 @@ impl Script {
             for group in struck_groups {
                 for (blow, &(frame, _, _)) in strikes.blows.iter().enumerate() {
                     for &second in split_steps {
-                        self.events[group as usize].push(Event {
+                        self.events[group as usize].push(BankEvent {
                             frame: frame + u64::from(second),
-                            lanes: Target::Group(index as u32, blow as u32, second),
+                            lanes: EventLanes::Group(index as u32, blow as u32, second),
                         });
                     }
                 }
@@ -128,14 +128,14 @@ impl Script {
     }
 
     /// Add the displacements by an event to `added`; `motion`: positions of the group at the frame of the event.
-    pub(super) fn add(&self, group: usize, motion: &GroupMotion, event: &Event, added: &mut Lanes) {
+    pub(super) fn add(&self, group: usize, motion: &GroupMotion, event: &BankEvent, added: &mut Lanes) {
         let lane_scales = &self.scales[group].0;
         match event.lanes {
-            Target::Lane(lane_index, Kick::By(x)) => {
+            EventLanes::Lane(lane_index, Kick::By(x)) => {
                 let lane_index = lane_index as usize;
                 added.0[lane_index] += lane_scales[lane_index] * x;
             }
-            Target::Lane(lane_index, Kick::Ergon { mass, speed, w }) => {
+            EventLanes::Lane(lane_index, Kick::Ergon { mass, speed, w }) => {
                 let lane_index = lane_index as usize;
                 let group_coefficients = &self.coefficients[group];
                 let (position_now, position_before) =
@@ -148,7 +148,7 @@ impl Script {
                 let impulse = 2.0 * mass * struck_mass / (mass + struck_mass) * (speed - velocity);
                 added.0[lane_index] += lane_scales[lane_index] * w * impulse * self.rate.hertz();
             }
-            Target::Group(strikes, blow, second) => {
+            EventLanes::Group(strikes, blow, second) => {
                 let strikes = &self.strikes[strikes as usize];
                 let (_, step_fraction, impulse) = strikes.blows[blow as usize];
                 let members = &self.members[group * LANES..(group + 1) * LANES];

@@ -1,6 +1,6 @@
 //! Groups of a bank whose oscillations have decayed: they are set to rest and no longer computed.
 
-use super::{Bank, Kick, Oscillator, Script, Strikes};
+use super::{Bank, BankScript, Kick, Oscillator, Strikes};
 use crate::cell::Response;
 use crate::kernel::bank::{LANES, Lanes};
 use crate::units::Rate;
@@ -14,7 +14,7 @@ pub(super) const REST_AMPLITUDE: f64 = 1e-15;
 
 impl Bank {
     /// Set a decayed group to rest; without blows it cannot grow.
-    pub(super) fn rest_if_decayed(&mut self, script: &Script, group: usize) {
+    pub(super) fn rest_if_decayed(&mut self, script: &BankScript, group: usize) {
         if self.is_still[group] {
             return;
         }

@@ -3,7 +3,7 @@
 use crate::body_modes::constants::{ANGLE_MIN, PROBE_VECTORS, RELATIVE_TOLERANCE};
 use crate::body_modes::linear::{Linear, NoModes};
 use crate::body_modes::viscosity::{Viscosity, probe};
-use crate::cell::{Cell, Ratios};
+use crate::cell::{Cell, CellRatios};
 use crate::network::Network;
 use crate::spectrum::all_eigenvalues;
 use crate::units::Rate;
@@ -126,7 +126,7 @@ impl Modes {
     /// Whether a mode is too slow for its recurrence, or diverges, as a mode of a discrete body may (Jury).
     pub(crate) fn unfit_reason(&self, rate: Rate) -> Option<NoModes> {
         let mode_ratios = (0..self.len()).map(|mode| self.ratios(mode, rate));
-        for (Ratios { kappa, zeta }, lambda) in mode_ratios.zip(&self.lambda) {
+        for (CellRatios { kappa, zeta }, lambda) in mode_ratios.zip(&self.lambda) {
             // A rigid mode has no frequency that rounding could change.
             if kappa < ANGLE_MIN * ANGLE_MIN && *lambda != 0.0 {
                 return Some(NoModes::Slow);
@@ -158,9 +158,9 @@ impl Modes {
     }
 
     /// κ and ζ of a mode in discrete time.
-    pub(crate) fn ratios(&self, mode: usize, rate: Rate) -> Ratios {
+    pub(crate) fn ratios(&self, mode: usize, rate: Rate) -> CellRatios {
         if self.is_discrete {
-            Ratios {
+            CellRatios {
                 kappa: self.lambda[mode],
                 zeta: self.zeta[mode],
             }

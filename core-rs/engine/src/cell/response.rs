@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use super::{BACKWARD_DECAY_MAX, Cell, Ratios};
+use super::{BACKWARD_DECAY_MAX, Cell, CellRatios};
 use crate::maths::{cos, exp, sin, sqrt};
 use crate::units::Rate;
 
@@ -154,6 +154,6 @@ pub(crate) fn recurrence(decay: f64, omega: f64, rate: Rate) -> (f64, f64) {
     if step_decay > STRONG_DECAY {
         return (2.0 * exp(-step_decay) * cos(pole_angle), exp(-2.0 * step_decay));
     }
-    let Ratios { kappa, zeta } = Ratios::from_poles(step_decay, pole_angle);
+    let CellRatios { kappa, zeta } = CellRatios::from_poles(step_decay, pole_angle);
     (2.0 - kappa - zeta, 1.0 - zeta)
 }

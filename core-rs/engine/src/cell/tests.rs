@@ -129,18 +129,18 @@ fn split_matches_reference_values() {
 fn ratios_of_free_and_slowing_cells() {
     let rate = rate(1_000.0);
     let free_ratios = Cell::new(2.0, 0.0, 0.0).ratios(rate);
-    assert_eq!(free_ratios, Ratios { kappa: 0.0, zeta: 0.0 });
+    assert_eq!(free_ratios, CellRatios { kappa: 0.0, zeta: 0.0 });
     let slowing = Cell::new(2.0, 0.0, 30.0).ratios(rate);
     assert_eq!(slowing.kappa, 0.0);
     assert!(close(slowing.zeta, -expm1(-0.015), 1e-15));
     assert_eq!(Cell::new(2.0, 8e5, 0.0).ratios(rate).zeta, 0.0);
     assert_eq!(
-        Ratios { kappa: 0.1, zeta: 0.0 }.pitch(rate).map(|p| p.1),
+        CellRatios { kappa: 0.1, zeta: 0.0 }.pitch(rate).map(|p| p.1),
         Some(f64::INFINITY)
     );
     // No oscillation: critical damping, damping above it, or a K too large for the scheme.
     for (kappa, zeta) in [(0.0, 0.1), (0.001, 0.1), (4.5, 0.0)] {
-        assert_eq!(Ratios { kappa, zeta }.pitch(rate), None);
+        assert_eq!(CellRatios { kappa, zeta }.pitch(rate), None);
     }
     // A cell that loses all velocity in one step still starts from finite numbers.
     assert_eq!(Cell::new(1e-6, 1.0, 1e4).last_step(1.0, 2.0, 0.0, rate), 0.002);
@@ -183,7 +183,7 @@ proptest! {
     ) {
         let rate = rate(1_000.0);
         let cell = Cell::new(m, k, z);
-        let Ratios { kappa, zeta } = cell.ratios(rate);
+        let CellRatios { kappa, zeta } = cell.ratios(rate);
         let last = cell.last_step(x0, v0, rest, rate);
         let (before, _) = flow(m, k, z, -rate.step(), x0 - rest, v0);
         // What decays within one step is larger by the same factor one step before.
@@ -203,7 +203,7 @@ proptest! {
     fn split_follows_continuous_impulse((m, k, z) in cells(), alpha in 0.0..1.0f64) {
         let rate = rate(1_000.0);
         let cell = Cell::new(m, k, z);
-        let Ratios { kappa, zeta } = cell.ratios(rate);
+        let CellRatios { kappa, zeta } = cell.ratios(rate);
         let mass = m / rate.step() / rate.step();
         let forces = cell.split(0.7, alpha, rate);
         let (mut x, mut delta) = (0.0, 0.0);

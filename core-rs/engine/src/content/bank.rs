@@ -46,9 +46,9 @@ impl BankContent {
     }
 
     /// A hash of all that the bank depends on up to frame `until` (64 hex digits); `previous_key` is that hash up to
-    /// frame `from`, empty at 0.
-    pub(crate) fn key(&self, bank: &BankPlan, (from, until): (u64, u64), previous_key: &str) -> String {
-        let is_in_span = |frame: u64| frame <= until && (from == 0 || frame > from);
+    /// frame `start_frame`, empty at 0.
+    pub(crate) fn key(&self, bank: &BankPlan, (start_frame, until): (u64, u64), previous_key: &str) -> String {
+        let is_in_span = |frame: u64| frame <= until && (start_frame == 0 || frame > start_frame);
         let mut hash_sink = Sink::new();
         hash_sink.add(previous_key);
         hash_sink.add(self.fixed);

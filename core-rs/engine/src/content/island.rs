@@ -128,11 +128,11 @@ impl Content {
     }
 
     /// A hash of all that the island depends on up to frame `until` of the scene (64 hex digits); `previous_key` is
-    /// that hash up to frame `from`, empty at 0.
-    pub(crate) fn key(&self, island: &IslandPlan, (from, until): (u64, u64), previous_key: &str) -> String {
+    /// that hash up to frame `start_frame`, empty at 0.
+    pub(crate) fn key(&self, island: &IslandPlan, (start_frame, until): (u64, u64), previous_key: &str) -> String {
         let oversampling = u64::from(island.oversampling);
         let frame_rate = island.timeline.rate.hertz();
-        let [first_frame, last_frame] = [from, until].map(|frame| match frame {
+        let [first_frame, last_frame] = [start_frame, until].map(|frame| match frame {
             0 => 0,
             frame => (frame + ROUNDED_FRAMES) * oversampling,
         });
@@ -140,12 +140,12 @@ impl Content {
         let mut hash_sink = Sink::new();
         hash_sink.add(previous_key);
         hash_sink.add(until.to_le_bytes());
-        let start_instant = (from > 0).then_some(start_instant);
+        let start_instant = (start_frame > 0).then_some(start_instant);
         self.0
             .hash(&island.timeline, (start_instant, stop_instant), &mut hash_sink);
         for body in &island.bodies {
             hash_sink.add(b"body");
-            let is_in_span = |frame: u64| frame <= last_frame && (from == 0 || frame > first_frame);
+            let is_in_span = |frame: u64| frame <= last_frame && (start_frame == 0 || frame > first_frame);
             for (frame, point, strike_numbers) in body.strikes().filter(|strike| is_in_span(strike.0)) {
                 hash_sink.add(frame.to_le_bytes());
                 hash_sink.add((point as u64).to_le_bytes());

@@ -8,8 +8,8 @@
 
 use super::fit::{least_squares, polynomial};
 use super::sparse::Sparse;
-use super::tune::Tuned;
-use super::{GeneratorError, LinkRun, Topology, count, positive};
+use super::tune::TunedLinks;
+use super::{GeneratorError, Topology, TopologyRun, count, positive};
 use crate::cell::{self, decay};
 use crate::maths::{cos, exp, log, log1p};
 use crate::units::{LN_1000, Rate};
@@ -34,11 +34,11 @@ impl From<Option<f64>> for Decay<'_> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Losses {
     /// Spring and damper of every link of factor 1.
-    pub tuned: Tuned,
+    pub tuned: TunedLinks,
     /// Damper from each MAT of mean mass to the ground [N·s/m].
     pub ground: f64,
     /// Dampers without springs, whose factors are [N·s/m].
-    pub dampers: Vec<LinkRun>,
+    pub dampers: Vec<TopologyRun>,
 }
 
 /// Most masses whose decays are fitted.
@@ -183,7 +183,7 @@ pub fn tune_points(
     let lowest_pole = loss_curve.pole_of(f, discrete);
     let k = mass * lowest_pole.lambda / lowest_lambda;
     if let Curve::Straight { alpha, beta } = loss_curve {
-        let tuned = Tuned { k, z: beta * k };
+        let tuned = TunedLinks { k, z: beta * k };
         return Ok(Losses {
             tuned,
             ground: alpha * mass,
@@ -196,7 +196,7 @@ pub fn tune_points(
     let loss_coefficients = loss_fit.best(discrete)?;
     let dampers = loss_fit.dampers(&loss_coefficients, mass);
     Ok(Losses {
-        tuned: Tuned { k, z: 0.0 },
+        tuned: TunedLinks { k, z: 0.0 },
         ground: loss_coefficients[0] * mass,
         dampers,
     })
@@ -319,14 +319,14 @@ impl<'a> Fit<'a> {
         })
     }
 
-    fn fitted(&self, from: usize, powers: usize) -> Vec<f64> {
+    fn fitted(&self, first_power: usize, powers: usize) -> Vec<f64> {
         let power_column = |power: usize| -> Vec<f64> {
             let weighted_power = |[u, loss, weight]: &[f64; 3]| weight * integer_power(*u, power) / loss;
             self.places.iter().map(weighted_power).collect()
         };
-        let columns: Vec<Vec<f64>> = (from..=powers).map(power_column).collect();
+        let columns: Vec<Vec<f64>> = (first_power..=powers).map(power_column).collect();
         let target_column: Vec<f64> = self.places.iter().map(|place| place[2]).collect();
-        let mut coefficients = vec![0.0; from];
+        let mut coefficients = vec![0.0; first_power];
         coefficients.extend(least_squares(&columns, &target_column));
         coefficients
     }
@@ -342,7 +342,7 @@ impl<'a> Fit<'a> {
         )
     }
 
-    fn dampers(&self, fitted: &[f64], mass: f64) -> Vec<LinkRun> {
+    fn dampers(&self, fitted: &[f64], mass: f64) -> Vec<TopologyRun> {
         let base_matrix = Sparse::stiffness(self.base);
         let mut damper_matrix = Sparse::zero(self.base.n_mat);
         let mut matrix_power = base_matrix.clone();

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{LinkRun, Topology};
+use super::{Topology, TopologyRun};
 use crate::interrupt;
 
 /// A symmetric matrix by rows: column → entry.
@@ -67,7 +67,7 @@ impl Sparse {
 
     /// The links whose matrix this is: between masses by its entries, and from each mass to the fixed point `ground` by
     /// the sum of its row. `hardens` tells whether the link between two masses hardens.
-    pub(super) fn links(&self, ground: usize, hardens: impl Fn(usize, usize) -> bool) -> Vec<LinkRun> {
+    pub(super) fn links(&self, ground: usize, hardens: impl Fn(usize, usize) -> bool) -> Vec<TopologyRun> {
         let largest = self.0.iter().flat_map(BTreeMap::values);
         let entry_threshold = ROUNDING * largest.fold(0.0, |largest_yet: f64, value| largest_yet.max(value.abs()));
         let mut matrix_links = Vec::new();
@@ -85,7 +85,7 @@ impl Sparse {
         }
         // Links to the ground come last.
         matrix_links.sort_by_key(|(is_grounded, spacing, a, b, _)| (*is_grounded, *spacing, *a, *b));
-        let mut link_runs: Vec<LinkRun> = Vec::new();
+        let mut link_runs: Vec<TopologyRun> = Vec::new();
         for (is_grounded, _, a, b, factor) in matrix_links {
             let hardens = !is_grounded && hardens(a, b);
             match link_runs.last_mut() {
@@ -96,7 +96,7 @@ impl Sparse {
                 {
                     run.len += 1;
                 }
-                _ => link_runs.push(LinkRun {
+                _ => link_runs.push(TopologyRun {
                     a,
                     b,
                     len: 1,

@@ -11,7 +11,7 @@ mod decays;
 
 /// Links one by one, each from its lower point.
 fn links(topology: &Topology) -> Vec<(usize, usize)> {
-    let run_links = |link_run: &LinkRun| {
+    let run_links = |link_run: &TopologyRun| {
         let link_run = *link_run;
         (0..link_run.len).map(move |i| {
             (
@@ -220,7 +220,7 @@ fn strings_and_plates_of_impossible_sizes_are_refused() {
 fn continuous_tuning_of_pitch_and_decay() {
     let plate = plate(Shape::Hex, 4, Rim::Free).expect("plate");
     let (mass, f, t60) = (0.005, 65.4, 3.0);
-    let Tuned { k, z } = tune(&plate, mass, f, Some(t60), None).expect("tuned");
+    let TunedLinks { k, z } = tune(&plate, mass, f, Some(t60), None).expect("tuned");
     let mut eigenvalues: Vec<f64> = dense(&plate).symmetric_eigenvalues().iter().copied().collect();
     eigenvalues.sort_by(f64::total_cmp);
     let (squared, sigma) = (k * eigenvalues[1] / mass, 0.5 * z * eigenvalues[1] / mass);
@@ -237,7 +237,7 @@ fn discrete_tuning_of_pole() {
     let (sample_rate, f, t60) = (Rate::new(44_100.0).expect("rate"), 880.0, 0.4);
     let string = string(12, Ends::Fixed, 0.1).expect("string");
     let mass = 3.0;
-    let Tuned { k, z } = tune(&string, mass, f, Some(t60), Some(sample_rate)).expect("tuned");
+    let TunedLinks { k, z } = tune(&string, mass, f, Some(t60), Some(sample_rate)).expect("tuned");
     let mut apply_string = |x: &[f64], y: &mut [f64]| string.apply(x, y);
     let mode_shape = crate::spectrum::lowest(12, &mut apply_string, &[])
         .expect("mode")
@@ -263,7 +263,7 @@ fn discrete_tuning_of_pole() {
     let (a, b, c, d) = (listened[0], listened[1], listened[2], listened[3]);
     let (p, q) = ((b * c - a * d) / (b * b - a * c), (c * c - b * d) / (b * b - a * c));
     let zeta = 1.0 - q;
-    let pole_ratios = cell::Ratios {
+    let pole_ratios = cell::CellRatios {
         kappa: 2.0 - p - zeta,
         zeta,
     };

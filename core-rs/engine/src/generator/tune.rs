@@ -10,7 +10,7 @@ use crate::units::Rate;
 
 /// Stiffness and viscosity of every link of factor 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tuned {
+pub struct TunedLinks {
     /// k [N/m], or the algorithmic K.
     pub k: f64,
     /// z [N·s/m], or the algorithmic Z.
@@ -83,7 +83,7 @@ pub fn tune(
     f: f64,
     t60: Option<f64>,
     discrete: Option<Rate>,
-) -> Result<Tuned, GeneratorError> {
+) -> Result<TunedLinks, GeneratorError> {
     positive("A mass", mass)?;
     positive("`f`", f)?;
     t60.map_or(Ok(()), |t60| positive("`t60`", t60))?;
@@ -92,14 +92,14 @@ pub fn tune(
         Some(rate) if 2.0 * f >= rate.hertz() => Err(GeneratorError::Pitch { f, rate: rate.hertz() }),
         Some(rate) => {
             let tuned_ratios = cell::tune(f, t60, rate);
-            Ok(Tuned {
+            Ok(TunedLinks {
                 k: tuned_ratios.kappa * mass_per_lambda,
                 z: tuned_ratios.zeta * mass_per_lambda,
             })
         }
         None => {
             let (sigma, omega) = (decay(t60), TAU * f);
-            Ok(Tuned {
+            Ok(TunedLinks {
                 k: (omega * omega + sigma * sigma) * mass_per_lambda,
                 z: 2.0 * sigma * mass_per_lambda,
             })

@@ -86,9 +86,9 @@ impl PlacedPath {
         self.scaled(self.profile.evaluate_from(cursor, self.profile_time(t)))
     }
 
-    /// Lowest and highest position [m] from `from` to `to` [s] of the piece.
-    pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
-        let (from, to) = (self.profile_time(from), self.profile_time(to));
+    /// Lowest and highest position [m] from `start_time` to `end_time` [s] of the piece.
+    pub fn range(&self, start_time: f64, end_time: f64) -> (f64, f64) {
+        let (from, to) = (self.profile_time(start_time), self.profile_time(end_time));
         let (range_low, range_high) = self.profile.range(from.min(to), from.max(to));
         let (range_low, range_high) = (range_low * self.scale, range_high * self.scale);
         (range_low.min(range_high), range_low.max(range_high))

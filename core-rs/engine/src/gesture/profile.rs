@@ -179,12 +179,12 @@ impl Profile {
     }
 
     /// The path between two of its instants, which become its first and last knot.
-    pub fn trimmed(&self, from: f64, to: f64) -> Self {
+    pub fn trimmed(&self, start_time: f64, end_time: f64) -> Self {
         let end_knot = |t: f64| {
             let (x, v, a) = self.evaluate(t);
             Knot { t, x, v, a }
         };
-        let inner_range = self.t.partition_point(|&t| t <= from)..self.t.partition_point(|&t| t < to);
+        let inner_range = self.t.partition_point(|&t| t <= start_time)..self.t.partition_point(|&t| t < end_time);
         let cut_column = |values: &[f64], first_end: f64, last_end: f64| {
             let mut column_knots = Vec::with_capacity(inner_range.len() + 2);
             column_knots.push(first_end);
@@ -192,7 +192,7 @@ impl Profile {
             column_knots.push(last_end);
             column_knots
         };
-        let (first_end, last_end) = (end_knot(from), end_knot(to));
+        let (first_end, last_end) = (end_knot(start_time), end_knot(end_time));
         Self {
             t: cut_column(&self.t, first_end.t, last_end.t),
             x: cut_column(&self.x, first_end.x, last_end.x),
@@ -249,7 +249,7 @@ impl Profile {
         self.evaluate_on_piece(*cursor, t)
     }
 
-    /// Lowest and highest position [m] that the path reaches from `from` to `to` [s].
+    /// Lowest and highest position [m] that the path reaches from `start_time` to `end_time` [s].
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
         let (from, to) = (from.min(to), from.max(to));
         let (first_piece, last_piece) = (self.knot_at_or_before(from), self.knot_at_or_before(to));

@@ -40,31 +40,31 @@ crate::archive::state!(Quintic {
 });
 
 impl Quintic {
-    /// The piece from one knot to a later one. If there is no time between them, it rests at `to`.
-    pub fn between_knots(from: Knot, to: Knot) -> Self {
-        let duration = to.t - from.t;
+    /// The piece from one knot to a later one. If there is no time between them, it rests at `end_knot`.
+    pub fn between_knots(start_knot: Knot, end_knot: Knot) -> Self {
+        let duration = end_knot.t - start_knot.t;
         if duration <= 0.0 {
             return Self {
-                start: to.t,
+                start: end_knot.t,
                 duration: 1.0,
-                coefficients: [to.x, 0.0, 0.0, 0.0, 0.0, 0.0],
+                coefficients: [end_knot.x, 0.0, 0.0, 0.0, 0.0, 0.0],
             };
         }
         let (v0, v1, a0, a1) = (
-            from.v * duration,
-            to.v * duration,
-            from.a * duration * duration,
-            to.a * duration * duration,
+            start_knot.v * duration,
+            end_knot.v * duration,
+            start_knot.a * duration * duration,
+            end_knot.a * duration * duration,
         );
         // What the last three coefficients add to the motion that the left end determines.
-        let x = (to.x - from.x) - v0 - 0.5 * a0;
+        let x = (end_knot.x - start_knot.x) - v0 - 0.5 * a0;
         let v = v1 - v0 - a0;
         let a = a1 - a0;
         Self {
-            start: from.t,
+            start: start_knot.t,
             duration,
             coefficients: [
-                from.x,
+                start_knot.x,
                 v0,
                 0.5 * a0,
                 10.0 * x - 4.0 * v + 0.5 * a,
@@ -84,7 +84,7 @@ impl Quintic {
         (x, v / self.duration, a / (self.duration * self.duration))
     }
 
-    /// Lowest and highest position [m] from instant `from` to instant `to` [s].
+    /// Lowest and highest position [m] from instant `start_knot` to instant `end_knot` [s].
     pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
         let unit_time = |t: f64| (t - self.start) / self.duration;
         let slope_terms: [f64; 5] = std::array::from_fn(|k| self.coefficients[k + 1] * (k + 1) as f64);

@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::placed::PlacedPath;
 use super::profile::{PathError, Profile};
 use super::spline::Ends;
-use crate::section::Section;
+use crate::section::FilterSection;
 
 /// Largest number of samples of a take: five and a half hours at 1 kHz, 1.3 GB while it is being read.
 pub const MAX_SAMPLES: usize = 20_000_000;
@@ -17,7 +17,7 @@ pub const MAX_SAMPLES: usize = 20_000_000;
 /// ```
 /// use ergon_engine::gesture::take::{Preparation, Take};
 ///
-/// let t: Vec<f64> = (0..100).map(|i| f64::from(i) / 100.0).collect();
+/// let t: Vec<f64> = (0..100).map(|i| f64::part_start(i) / 100.0).collect();
 /// let x: Vec<f64> = t.iter().map(|t| 1e-3 * t).collect();
 /// let preparation = Preparation { trim: Some((0.2, 0.7)), smooth: None };
 /// assert!((Take::new(&t, &x, preparation)?.duration() - 0.5).abs() < 1e-12);
@@ -150,16 +150,20 @@ impl Take {
     /// unchanged.
     ///
     /// # Errors
-    /// [`TakeError::Part`] unless 0 ≤ `from` < `to` ≤ [`Take::duration`].
-    pub fn part(&self, from: f64, to: f64) -> Result<Self, TakeError> {
+    /// [`TakeError::Part`] unless 0 ≤ `part_start` < `part_end` ≤ [`Take::duration`].
+    pub fn part(&self, part_start: f64, part_end: f64) -> Result<Self, TakeError> {
         let stop = self.duration();
-        if !(0.0 <= from && from < to && to <= stop) {
-            return Err(TakeError::Part { from, to, stop });
+        if !(0.0 <= part_start && part_start < part_end && part_end <= stop) {
+            return Err(TakeError::Part {
+                from: part_start,
+                to: part_end,
+                stop,
+            });
         }
         let take_start = self.profile.start();
-        let trimmed_path = self.profile.trimmed(take_start + from, take_start + to);
+        let trimmed_path = self.profile.trimmed(take_start + part_start, take_start + part_end);
         Ok(Self {
-            profile: Arc::new(trimmed_path.shifted_earlier(take_start + from)),
+            profile: Arc::new(trimmed_path.shifted_earlier(take_start + part_start)),
         })
     }
 
@@ -262,7 +266,7 @@ fn low_pass(x: &mut [f64], cutoff: f64, rate: f64) -> Result<(), TakeError> {
     let mut padded_samples: Vec<f64> = padding_before.chain(x.iter().copied()).chain(padding_after).collect();
     for _ in 0..2 {
         for damping in SECTION_DAMPINGS {
-            let mut section = Section::new(cutoff, rate, damping);
+            let mut section = FilterSection::new(cutoff, rate, damping);
             section.settle(padded_samples[0]);
             padded_samples.iter_mut().for_each(|x| *x = section.next(*x).low);
         }

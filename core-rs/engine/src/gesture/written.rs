@@ -46,8 +46,8 @@ impl Gesture {
     ///     sources: &[],
     /// };
     /// let manner = Manner {
-    ///     touch: Touch::Open, ergon_kind: ErgonKind::Event, grain: None, join_seconds: 0.02, force_max: None, is_layer: false,
-    /// };
+    ///     touch: Touch::Open, ergon_kind: ErgonKind::Event, grain: None, join_seconds: 0.02, force_max: None,
+    /// is_layer: false, };
     /// Gesture::from_points(0, &points, manner)?;
     /// assert!(Gesture::from_points(0, &points, Manner { join_seconds: -1.0, ..manner }).is_err());
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -188,8 +188,12 @@ fn segments(points: &WrittenPoints<'_>) -> Result<Vec<GestureSegment>, GestureEr
     Ok(stretches)
 }
 
-/// The path through points `from..=to`.
-fn path_segment(points: &WrittenPoints<'_>, from: usize, to: usize) -> Result<GestureSegment, GestureError> {
+/// The path through points `first_index..=last_index`.
+fn path_segment(
+    points: &WrittenPoints<'_>,
+    first_index: usize,
+    last_index: usize,
+) -> Result<GestureSegment, GestureError> {
     let path_point = |i: usize| Point {
         t: points.t[i],
         x: points.x[i],
@@ -198,7 +202,7 @@ fn path_segment(points: &WrittenPoints<'_>, from: usize, to: usize) -> Result<Ge
             Approach::Throw => Curve::Hold,
         },
     };
-    let points: Vec<Point> = (from..=to).map(path_point).collect();
+    let points: Vec<Point> = (first_index..=last_index).map(path_point).collect();
     let stop = points[points.len() - 1].t;
     let path = PlacedPath::new(Arc::new(Profile::through(&points)?), 0.0)?;
     Ok(GestureSegment::Path { path, stop })

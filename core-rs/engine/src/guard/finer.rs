@@ -9,7 +9,7 @@ use super::{CALM_FRAMES, CALM_SHARE, Guard, STEPS_MAX};
 use crate::kernel::{advance_by_fraction, is_bounded};
 
 /// A network that the guard can step.
-pub(crate) trait Stage {
+pub(crate) trait SubsteppedSystem {
     /// Compute the forces of all links at the present positions and steps, into `force`.
     fn compute_link_forces(&mut self);
     /// The state that a step advances.
@@ -43,7 +43,7 @@ impl Guard {
 
     /// Compute a frame in smaller steps; `stage` holds the state at its beginning and the sum of all forces that act in
     /// it. Returns false if a position is no longer finite or plausible.
-    pub(crate) fn compute_finer(&mut self, stage: &mut impl Stage) -> bool {
+    pub(crate) fn compute_finer(&mut self, stage: &mut impl SubsteppedSystem) -> bool {
         self.begin_frame(stage);
         let mut step_count = if self.frame_steps > 1 { self.frame_steps } else { 2 };
         while !self.try_steps(stage, step_count) && step_count < STEPS_MAX {
@@ -56,7 +56,7 @@ impl Guard {
     }
 
     /// Store the beginning of the frame, and separate outside forces from those of links.
-    fn begin_frame(&mut self, stage: &mut impl Stage) {
+    fn begin_frame(&mut self, stage: &mut impl SubsteppedSystem) {
         let MatMotion { force, x, d, .. } = stage.mat_motion();
         self.start_positions.copy_from_slice(x);
         self.start_steps.copy_from_slice(d);
@@ -73,7 +73,7 @@ impl Guard {
     }
 
     /// Compute the frame in `steps` steps; false if they are too few and more are possible.
-    fn try_steps(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
+    fn try_steps(&mut self, stage: &mut impl SubsteppedSystem, steps: u32) -> bool {
         let step_fraction = 1.0 / f64::from(steps);
         let time_shift = 0.5 / f64::from(self.previous_frame_steps) - 0.5 * step_fraction;
         let MatMotion { d, ties, .. } = stage.mat_motion();
@@ -126,7 +126,7 @@ impl Guard {
     }
 
     /// End the frame: `d` becomes the mean of its steps, and `last_step_excess` the last step minus that mean.
-    fn end_frame(&mut self, stage: &mut impl Stage, steps: u32) -> bool {
+    fn end_frame(&mut self, stage: &mut impl SubsteppedSystem, steps: u32) -> bool {
         let MatMotion { ties, x, d, .. } = stage.mat_motion();
         for i in 0..x.len() {
             let mean_step = x[i] - self.start_positions[i];

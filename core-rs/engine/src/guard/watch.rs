@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::law::Law;
 use crate::maths::wide::wide;
-use crate::scheme::{Kind, Run};
+use crate::scheme::{LinkRun, LinkRunKind};
 
 /// A run of links that stiffen.
 #[derive(Clone, Debug)]
@@ -31,14 +31,14 @@ enum Stiffening {
 }
 
 impl Stiffening {
-    fn from_kind(kind: &Kind) -> Option<Self> {
-        if let Kind::Followed { law: following, .. } = kind {
+    fn from_kind(kind: &LinkRunKind) -> Option<Self> {
+        if let LinkRunKind::Followed { law: following, .. } = kind {
             let corner_laws: Vec<Law> = following.end_value_laws().collect();
             let rest_slopes = corner_laws.iter().map(|law| law.slope(0.0));
             let slope_at_rest = rest_slopes.fold(0.0, f64::max);
             return Some(Self::AnyLaw(corner_laws, slope_at_rest));
         }
-        let Kind::Lnl { law, .. } = kind else {
+        let LinkRunKind::Lnl { law, .. } = kind else {
             return None;
         };
         match law.hardening_spring() {
@@ -74,8 +74,8 @@ impl Stiffening {
 }
 
 /// Runs that stiffen and have an end that moves; runs with a gate are left out.
-pub(super) fn watched_runs(runs: &[Run], mat_moves: impl Fn(usize) -> bool) -> Vec<WatchedRun> {
-    let watch_of_run = |run: &Run| {
+pub(super) fn watched_runs(runs: &[LinkRun], mat_moves: impl Fn(usize) -> bool) -> Vec<WatchedRun> {
+    let watch_of_run = |run: &LinkRun| {
         let stiffening = Stiffening::from_kind(&run.kind).filter(|_| run.gate.is_none())?;
         let mut run_ends = (0..run.len).flat_map(|i| [run.a + i, run.b + i]);
         if !run_ends.any(&mat_moves) {

@@ -1,6 +1,6 @@
-//! Pitch and decay of the strongest partials in two runs, by demodulation: both are shifted by −f and smoothed. How fast
-//! the argument of their ratio turns, and the slopes of their log levels, weighted by power, give the differences of
-//! frequency and decay.
+//! Pitch and decay of the strongest partials in two runs, by demodulation: both are shifted by −f and smoothed. How
+//! fast the argument of their ratio turns, and the slopes of their log levels, weighted by power, give the differences
+//! of frequency and decay.
 
 use std::f64::consts::{PI, TAU};
 
@@ -113,13 +113,13 @@ fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]
 }
 
-/// How fast the phase of `sound` leaves that of `reference` [rad from one window to the next], as far as it is sure: the
-/// angle of the mean turn of their ratio, first from window to window, then over half a window, which scatters less.
-/// Where a partial passes through zero its phase is chance and may slip by a cycle; its turn hardly counts there.
+/// How fast the phase of `sound` leaves that of `reference` [rad from one window to the next], as far as it is sure:
+/// the angle of the mean turn of their ratio, first from window to window, then over half a window, which scatters
+/// less. Where a partial passes through zero its phase is chance and may slip by a cycle; its turn hardly counts there.
 ///
-/// The pulse-pair estimate and its deviation: Miller & Rochwarger, IEEE Trans. Inf. Theory 18 (1972); Zrnić, IEEE Trans.
-/// Aerosp. Electron. Syst. 13 (1977). The turns of noise have no common angle, by Rayleigh's test (Mardia & Jupp,
-/// Directional Statistics, 2000, 6.3.1), and no drift is sure.
+/// The pulse-pair estimate and its deviation: Miller & Rochwarger, IEEE Trans. Inf. Theory 18 (1972); Zrnić, IEEE
+/// Trans. Aerosp. Electron. Syst. 13 (1977). The turns of noise have no common angle, by Rayleigh's test (Mardia &
+/// Jupp, Directional Statistics, 2000, 6.3.1), and no drift is sure.
 fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]]) -> f64 {
     let ratio = |(a, b): (&[f64; 2], &[f64; 2])| -> [f64; 2] {
         let [re, im] = turn(*b, *a);
@@ -155,8 +155,8 @@ fn sure_drift(sound: &[[f64; 2]], reference: &[[f64; 2]]) -> f64 {
 }
 
 /// The product whose angle is that from one phasor to another.
-fn turn(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
-    times(to, [from[0], -from[1]])
+fn turn(first_phasor: [f64; 2], second_phasor: [f64; 2]) -> [f64; 2] {
+    times(second_phasor, [first_phasor[0], -first_phasor[1]])
 }
 
 fn angle([re, im]: [f64; 2]) -> f64 {

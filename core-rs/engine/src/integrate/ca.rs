@@ -12,7 +12,7 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
 use crate::scheme::Scheme;
 use crate::start::backward_steps;
-use crate::state::{Body, PreviousState};
+use crate::state::{ModuleState, PreviousState};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -21,12 +21,12 @@ pub(super) struct Ca {
     mesh: Arc<Mesh>,
     scheme: Scheme,
     /// Its forces are those of the links at the current frame.
-    body: Body,
+    modules: ModuleState,
     laws: KernelScratch,
     guard: Option<Guard>,
 }
 
-crate::archive::state!(Ca { body, guard });
+crate::archive::state!(Ca { modules, guard });
 
 impl Ca {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network, rate: Rate) -> Result<Self, Error> {
@@ -36,15 +36,15 @@ impl Ca {
         let start_steps = backward_steps(network, &Timeline::new(rate), &scheme, &start_positions, &[], &|_| true);
         scheme.fuse_springs(|_| false);
         let (mut body, mut laws) = (
-            Body::new(&scheme, start_positions, start_steps),
+            ModuleState::new(&scheme, start_positions, start_steps),
             KernelScratch::new(&scheme),
         );
-        body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
+        body.previous_state = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         kernel::compute_link_forces(&scheme, &[], &mut body, &mut laws, &mut ThreadTeam::alone());
         Ok(Self {
             mesh,
             scheme,
-            body,
+            modules: body,
             laws,
             guard,
         })
@@ -63,24 +63,24 @@ impl Stepper for Ca {
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         let scheme = &self.scheme;
         for &(mat, impulse) in impulses {
-            self.body.push(mat, impulse * scheme.rate);
+            self.modules.push(mat, impulse * scheme.rate);
         }
-        kernel::solve_exact_contacts(scheme, &[], &[], &mut self.body);
+        kernel::solve_exact_contacts(scheme, &[], &[], &mut self.modules);
         let mesh_partition = self.laws.mesh_partition.as_ref();
-        kernel::advance_mats(scheme, &mut [], &mut self.body, mesh_partition, team);
-        if let (Some(guard), Some(previous)) = (&mut self.guard, &mut self.body.previous)
-            && guard.needs_finer(&self.body.x, &self.body.d, &scheme.w)
+        kernel::advance_mats(scheme, &mut [], &mut self.modules, mesh_partition, team);
+        if let (Some(guard), Some(previous)) = (&mut self.guard, &mut self.modules.previous_state)
+            && guard.needs_finer(&self.modules.x, &self.modules.d, &scheme.w)
         {
-            previous.swap(&mut self.body.x, &mut self.body.d);
-            guard.compute_finer(&mut guard::KernelStage {
+            previous.swap(&mut self.modules.x, &mut self.modules.d);
+            guard.compute_finer(&mut guard::KernelSystem {
                 scheme,
                 gates: &[],
-                body: &mut self.body,
+                modules: &mut self.modules,
                 laws: &mut self.laws,
                 team,
             });
         }
-        kernel::compute_link_forces(scheme, &[], &mut self.body, &mut self.laws, team);
+        kernel::compute_link_forces(scheme, &[], &mut self.modules, &mut self.laws, team);
     }
 
     fn mesh(&self) -> &Mesh {
@@ -88,28 +88,28 @@ impl Stepper for Ca {
     }
 
     fn positions(&self) -> &[f64] {
-        &self.body.x
+        &self.modules.x
     }
 
     fn velocity(&self, mat: usize) -> f64 {
-        kernel::centred_velocity(&self.mesh.scheme, &self.body, mat)
+        kernel::centred_velocity(&self.mesh.scheme, &self.modules, mat)
     }
 
     fn last_step(&self, mat: usize) -> f64 {
-        self.body.d[mat]
+        self.modules.d[mat]
     }
 
     fn set_motion(&mut self, mat: usize, x: f64, step: f64) {
-        (self.body.x[mat], self.body.d[mat]) = (x, step);
+        (self.modules.x[mat], self.modules.d[mat]) = (x, step);
     }
 
     fn update_after_motion(&mut self) {
         let lone_team = &mut ThreadTeam::alone();
-        kernel::compute_link_forces(&self.scheme, &[], &mut self.body, &mut self.laws, lone_team);
+        kernel::compute_link_forces(&self.scheme, &[], &mut self.modules, &mut self.laws, lone_team);
     }
 
     fn velocities_mut(&mut self) -> &mut [f64] {
-        &mut self.body.d
+        &mut self.modules.d
     }
 
     fn guard(&self) -> Option<&Guard> {
@@ -121,6 +121,6 @@ impl Stepper for Ca {
     }
 
     fn energy(&self) -> f64 {
-        self.mesh.staggered_energy(&self.body.x, &self.body.d, true)
+        self.mesh.staggered_energy(&self.modules.x, &self.modules.d, true)
     }
 }

@@ -9,7 +9,7 @@
 use std::sync::Arc;
 
 use super::mesh::{Mesh, Scratch};
-use super::mesh_stage::MeshStage;
+use super::mesh_system::MeshSystem;
 use super::passes;
 use super::{Stepper, certify};
 use crate::guard::Guard;
@@ -198,7 +198,7 @@ impl Stepper for Ca2p {
         {
             self.previous.swap(x, d);
             let (force, d) = (&mut self.force[..], &mut d[..]);
-            MeshStage {
+            MeshSystem {
                 mesh,
                 scratch,
                 force,

@@ -10,7 +10,7 @@ use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::springs::ForcePart;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
-use crate::scheme::{ForceEnds, FusedSprings, Kind, Run, Scheme, Spring};
+use crate::scheme::{ForceEnds, FusedSprings, LinkRun, LinkRunKind, Scheme, Spring};
 use crate::units::Rate;
 
 /// A network in numbers scaled by the step.
@@ -24,7 +24,7 @@ pub(super) struct Mesh {
     /// The first link of each run of springs.
     pub(super) first_links: Vec<usize>,
     /// Contacts and other laws, in order of declaration.
-    pub(super) other_runs: Vec<Run>,
+    pub(super) other_runs: Vec<LinkRun>,
     /// Whether any link loses energy.
     pub(super) is_damped: bool,
 }
@@ -66,9 +66,9 @@ impl Mesh {
         let mut springs = Vec::new();
         for run in &new_mesh.scheme.runs {
             let (k, q, z) = match &run.kind {
-                Kind::Ref => (run.k, 0.0, run.z),
-                Kind::Hardening(q) => (run.k, *q, run.z),
-                Kind::Lnl { law, rate, .. } if law.hardening_spring().is_some() => {
+                LinkRunKind::Ref => (run.k, 0.0, run.z),
+                LinkRunKind::Hardening(q) => (run.k, *q, run.z),
+                LinkRunKind::Lnl { law, rate, .. } if law.hardening_spring().is_some() => {
                     let hardening = law
                         .hardening_spring()
                         .map_or((0.0, 0.0, None), |hardening| (hardening.k, hardening.q, hardening.z));
@@ -76,7 +76,7 @@ impl Mesh {
                 }
                 other => {
                     new_mesh.is_damped |= match other {
-                        Kind::Lnl { law, .. } => law.is_damped(),
+                        LinkRunKind::Lnl { law, .. } => law.is_damped(),
                         _ => run.z != 0.0,
                     };
                     new_mesh.other_runs.push(run.clone());
@@ -84,7 +84,7 @@ impl Mesh {
                 }
             };
             new_mesh.is_damped |= z != 0.0;
-            new_mesh.first_links.push(run.first);
+            new_mesh.first_links.push(run.first_link);
             springs.push(Spring {
                 a: run.a,
                 b: run.b,
@@ -218,7 +218,7 @@ impl Mesh {
         for run in &self.other_runs {
             let link_force = &mut scratch.link_forces[..run.len];
             match &run.kind {
-                Kind::Lnl {
+                LinkRunKind::Lnl {
                     law,
                     rate,
                     slot: scratch_index,

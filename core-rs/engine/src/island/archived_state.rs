@@ -6,7 +6,7 @@ use crate::archive::{Archive, Damaged, State as Archived, state_of};
 impl Island {
     /// Whether its state can be written: ledgers and streams of ergons cannot.
     pub(crate) fn is_storable(&self) -> bool {
-        self.state.monitors.ledger.is_none() && !self.state.players.ergon_stream.is_recording()
+        self.state.monitors.ledger.is_none() && !self.state.excitations.ergon_stream.is_recording()
     }
 
     /// The changing state, as bytes.
@@ -49,22 +49,22 @@ impl Archived for State {
         // archived.
         let has_begun = |report: &crate::gesture::report::GestureReport| !report.start.is_nan();
         let mut n_reports = self
-            .players
+            .excitations
             .reports
             .iter()
             .rposition(has_begun)
             .map_or(0, |last_begun| last_begun + 1);
         n_reports.archive(archive)?;
-        let reports = self.players.reports.get_mut(..n_reports).ok_or(Damaged)?;
+        let reports = self.excitations.reports.get_mut(..n_reports).ok_or(Damaged)?;
         reports.archive(archive)?;
         let Self {
             parameters,
-            matter,
-            players,
+            mechanics: matter,
+            excitations: players,
             monitors,
             ..
         } = self;
-        state_of!(matter, archive, body, bodies, fine_links)?;
+        state_of!(matter, archive, modules, bodies, fine_links)?;
         state_of!(
             players,
             archive,

@@ -11,7 +11,7 @@ use crate::guard::FinerFrames;
 use crate::integrate::MeshMethod;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network, PartOrder};
-use crate::state::Body;
+use crate::state::ModuleState;
 
 /// A body as the plan describes it.
 #[derive(Clone, Debug)]
@@ -42,13 +42,13 @@ impl State for RunningBody {
 impl BodyPlan {
     /// Start the body at frame 0, against forces that act on its ports there (n_mat of the island); in `body`, the
     /// ports are plain masses.
-    pub(super) fn start(&self, port_forces: &[f64], body: &Body) -> Result<RunningBody, Error> {
+    pub(super) fn start(&self, port_forces: &[f64], modules: &ModuleState) -> Result<RunningBody, Error> {
         Ok(match self {
             Self::Modal(modal) => {
                 RunningBody::Modal(Box::new(modal::RunningModal::new(&modal.started_against(port_forces))))
             }
             Self::Mesh(mesh) => RunningBody::Mesh(Box::new(mesh::RunningMesh::new(mesh, port_forces)?)),
-            Self::Slow(slow) => RunningBody::Slow(Box::new(slow::RunningSlow::new(slow, body))),
+            Self::Slow(slow) => RunningBody::Slow(Box::new(slow::RunningSlow::new(slow, modules))),
         })
     }
 
@@ -182,17 +182,17 @@ impl RunningBody {
         }
     }
 
-    pub(crate) fn set_ports(&self, body: &mut Body) {
+    pub(crate) fn set_ports(&self, modules: &mut ModuleState) {
         match self {
-            Self::Modal(modal) => modal.set_ports(body),
-            Self::Mesh(mesh) => mesh.set_ports(body),
-            Self::Slow(slow) => slow.set_ports(body),
+            Self::Modal(modal) => modal.set_ports(modules),
+            Self::Mesh(mesh) => mesh.set_ports(modules),
+            Self::Slow(slow) => slow.set_ports(modules),
         }
     }
 
-    pub(crate) fn apply_strikes(&mut self, n: u64, body: &mut Body) {
+    pub(crate) fn apply_strikes(&mut self, n: u64, modules: &mut ModuleState) {
         if let Self::Modal(modal_body) = self {
-            modal_body.apply_strikes(n, body);
+            modal_body.apply_strikes(n, modules);
         }
     }
 
@@ -299,13 +299,13 @@ impl RunningBody {
 
     /// Set its ports as they are after `frames` frames of coasting, one more than at the last call: modes were computed
     /// ahead, a slow body moves now. Returns whether all positions are finite and plausible.
-    pub(crate) fn set_ports_ahead(&mut self, frames: usize, body: &mut Body) -> bool {
+    pub(crate) fn set_ports_ahead(&mut self, frames: usize, modules: &mut ModuleState) -> bool {
         match self {
-            Self::Modal(modal) => modal.set_ports_ahead(frames, body),
+            Self::Modal(modal) => modal.set_ports_ahead(frames, modules),
             Self::Mesh(_) => {}
             Self::Slow(slow) => {
                 slow.step_flow();
-                slow.set_ports(body);
+                slow.set_ports(modules);
                 return slow.is_bounded();
             }
         }

@@ -16,7 +16,7 @@ use super::real_hands::{HandState, hand_bindings};
 use super::rest::RestSearch;
 use super::sounds_in::sound_drives;
 use super::voices::{build_voices, framed_gestures};
-use super::{ErgonStream, Island, Matter, Monitors, OnFault, Parameters, Players, Script, State};
+use super::{ErgonStream, Excitations, Island, MechanicalState, Monitors, OnFault, Parameters, Script, State};
 use crate::gesture::report::GestureReport;
 use crate::guard::{Guard, StabilityLimit};
 use crate::interrupt;
@@ -25,8 +25,8 @@ use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::{self, KernelScratch};
 use crate::network::{Error, Network, Term};
-use crate::scheme::{Run, Scheme};
-use crate::state::{Body, PreviousState};
+use crate::scheme::{LinkRun, Scheme};
+use crate::state::{ModuleState, PreviousState};
 use crate::timeline::{Drive, Ergon, Timeline, strike_forces, with_first_factors, with_greatest_factors};
 
 /// The least number of substeps at which contacts are computed finer than a frame.
@@ -45,7 +45,7 @@ pub(crate) struct StepNumbers {
 
 /// How a simulation is to run.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
+pub struct SimulationOptions {
     /// Keep the ledger (it costs work for every link).
     pub ledger: bool,
     /// Keep the stream of ergons.
@@ -65,7 +65,7 @@ impl Island {
         timeline: &Timeline,
         bodies: &[BodyPlan],
         steps: StepNumbers,
-        options: Options,
+        options: SimulationOptions,
     ) -> Result<Self, Error> {
         refuse_ledger_of_hands(timeline, options)?;
         let (mut scheme, fine_runs) = island_scheme(&network, timeline, steps.contact_substeps)?;
@@ -73,7 +73,7 @@ impl Island {
         let gestures = framed_gestures(timeline);
         let (voice_scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
         let guard = build_guard(&network, timeline, bodies, &scheme, &matter, options)?;
-        matter.body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
+        matter.modules.previous_state = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         let springs = energy_gain::hardening_springs(&scheme);
         if !options.ledger {
             fuse_springs(&mut scheme, &network, &voice_scripts, timeline);
@@ -82,19 +82,19 @@ impl Island {
         let energy_rise = build_energy_rise(&network, timeline, &scheme, &matter, options);
         let led_links = super::glide::bind_leads(&mut scheme, &network, timeline);
         let glides = super::glide::build_glides(&network, timeline, &scheme)?;
-        matter.laws = build_laws(&scheme, options);
+        matter.kernel_scratch = build_laws(&scheme, options);
         for running_body in &mut matter.bodies {
             running_body.prepare_team(options.threads);
         }
         let values_change = !glides.is_empty() || !led_links.is_empty() || network.has_following();
         let changing_scheme = values_change.then(|| {
             let mut changing_scheme = scheme.with_changing_coefficients();
-            super::glide::apply_following_masses(&scheme, &mut changing_scheme, &matter.body.x);
+            super::glide::apply_following_masses(&scheme, &mut changing_scheme, &matter.modules.x);
             changing_scheme
         });
         let ledger = options.ledger.then(|| {
             let scheme = changing_scheme.as_deref().unwrap_or(&scheme);
-            Ledger::new(scheme, &timeline.gates, &mut matter.body)
+            Ledger::new(scheme, &timeline.gates, &mut matter.modules)
         });
         let hand_bindings = hand_bindings(&timeline.drives);
         let port_bindings = port_bindings(&timeline.drives, timeline.rate.hertz());
@@ -112,7 +112,7 @@ impl Island {
                 step_decay: 1.0,
                 changing_scheme,
             },
-            players: Players {
+            excitations: Excitations {
                 voices,
                 reports: vec![GestureReport::default(); timeline.gestures.len()],
                 next_push: 0,
@@ -132,7 +132,7 @@ impl Island {
                 energy_rise,
                 ledger,
             },
-            matter,
+            mechanics: matter,
         };
         let script = Script {
             scheme,
@@ -165,7 +165,7 @@ impl Island {
     }
 }
 
-fn refuse_ledger_of_hands(timeline: &Timeline, options: Options) -> Result<(), Error> {
+fn refuse_ledger_of_hands(timeline: &Timeline, options: SimulationOptions) -> Result<(), Error> {
     if !options.ledger || timeline.hands().next().is_none() {
         return Ok(());
     }
@@ -178,7 +178,11 @@ fn refuse_ledger_of_hands(timeline: &Timeline, options: Options) -> Result<(), E
 }
 
 /// The numbers of the island, and the links that are computed finer than a frame.
-fn island_scheme(network: &Network, timeline: &Timeline, contact_substeps: usize) -> Result<(Scheme, Vec<Run>), Error> {
+fn island_scheme(
+    network: &Network,
+    timeline: &Timeline,
+    contact_substeps: usize,
+) -> Result<(Scheme, Vec<LinkRun>), Error> {
     let mut scheme = Scheme::new(network, timeline.rate)?;
     assign_gates(&mut scheme, timeline);
     let fine_links = if contact_substeps < FINE_SUBSTEPS_MIN {
@@ -195,10 +199,10 @@ fn start_matter(
     timeline: &Timeline,
     plans: &[BodyPlan],
     scheme: &Scheme,
-    mut fine_runs: Vec<Run>,
+    mut fine_runs: Vec<LinkRun>,
     steps: StepNumbers,
-) -> Result<Matter, Error> {
-    let link_acts = |first: usize| interrupt::each(&fine_runs).all(|run| run.first != first);
+) -> Result<MechanicalState, Error> {
+    let link_acts = |first: usize| interrupt::each(&fine_runs).all(|run| run.first_link != first);
     let led_start = match &timeline.leads[..] {
         [] if network.following_masses().is_empty() => None,
         leads => {
@@ -217,15 +221,15 @@ fn start_matter(
     let mut bodies = start_bodies(plans, start_network, timeline, &mut body, &link_acts)?;
     for run in &mut fine_runs {
         interrupt::poll();
-        if is_led(timeline, run.first) {
+        if is_led(timeline, run.first_link) {
             run.make_adjustable();
         }
     }
     kernel::proxies::set_from_masses(scheme, &mut body); // bodies have moved their ports
     let fine_links = build_fine_links(fine_runs, scheme, network, &mut bodies, steps, timeline);
-    Ok(Matter {
-        laws: KernelScratch::new(scheme),
-        body,
+    Ok(MechanicalState {
+        kernel_scratch: KernelScratch::new(scheme),
+        modules: body,
         bodies,
         fine_links,
         targets: Vec::new(),
@@ -243,8 +247,8 @@ fn build_guard(
     timeline: &Timeline,
     plans: &[BodyPlan],
     scheme: &Scheme,
-    matter: &Matter,
-    options: Options,
+    matter: &MechanicalState,
+    options: SimulationOptions,
 ) -> Result<Option<Box<Guard>>, Error> {
     if options.unchecked || timeline.is_unguarded {
         return Ok(None); // the run has to show when it really diverges
@@ -267,13 +271,18 @@ fn build_guard(
 fn build_energy_gains(
     timeline: &Timeline,
     scheme: &Scheme,
-    mut springs: Vec<Run>,
-    options: Options,
+    mut springs: Vec<LinkRun>,
+    options: SimulationOptions,
 ) -> Option<Box<EnergyGains>> {
     if options.unchecked {
         return None; // the run has to show what really happens
     }
-    springs.retain(|run| scheme.runs.iter().all(|scheme_run| scheme_run.first != run.first));
+    springs.retain(|run| {
+        scheme
+            .runs
+            .iter()
+            .all(|scheme_run| scheme_run.first_link != run.first_link)
+    });
     EnergyGains::new(scheme, &springs, |link| is_led(timeline, link))
 }
 
@@ -282,8 +291,8 @@ fn build_energy_rise(
     network: &Network,
     timeline: &Timeline,
     scheme: &Scheme,
-    matter: &Matter,
-    options: Options,
+    matter: &MechanicalState,
+    options: SimulationOptions,
 ) -> Option<Box<EnergyRise>> {
     // A force does work all the time, a constant one too, although no event falls on the island then.
     let is_pushed = timeline.drives.iter().any(Drive::is_force);
@@ -295,7 +304,7 @@ fn build_energy_rise(
 }
 
 /// Scratch memory of laws, and the partition of a mesh for several threads.
-fn build_laws(scheme: &Scheme, options: Options) -> KernelScratch {
+fn build_laws(scheme: &Scheme, options: SimulationOptions) -> KernelScratch {
     let mut laws = KernelScratch::new(scheme);
     laws.mesh_partition = MeshPartition::for_threads(&scheme.fused_springs, scheme.n_mat(), options.threads);
     laws
@@ -315,7 +324,7 @@ fn ergons_by_frame(timeline: &Timeline) -> Vec<(u64, Ergon)> {
 fn assign_gates(scheme: &mut Scheme, timeline: &Timeline) {
     for (gate_index, gate) in timeline.gates.iter().enumerate() {
         let scheme_runs = scheme.runs.iter_mut().chain(&mut scheme.exact_runs);
-        for run in scheme_runs.filter(|run| gate.links().contains(&run.first)) {
+        for run in scheme_runs.filter(|run| gate.links().contains(&run.first_link)) {
             run.gate = Some(gate_index);
         }
     }
@@ -345,7 +354,7 @@ fn fuse_springs(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript],
 
 /// Contacts and laws that are computed finer than a frame.
 fn build_fine_links(
-    fine_runs: Vec<Run>,
+    fine_runs: Vec<LinkRun>,
     scheme: &Scheme,
     network: &Network,
     bodies: &mut [bodies::RunningBody],
@@ -367,17 +376,17 @@ fn start_bodies(
     body_plans: &[BodyPlan],
     network: &Network,
     timeline: &Timeline,
-    body: &mut Body,
+    modules: &mut ModuleState,
     link_acts: &dyn Fn(usize) -> bool,
 ) -> Result<Vec<bodies::RunningBody>, Error> {
     if body_plans.is_empty() {
         return Ok(Vec::new());
     }
-    body.inner = vec![0.0; body.x.len()];
-    let start_forces = crate::start::forces(network, timeline, &body.x, &[], link_acts);
+    modules.free_port_motion = vec![0.0; modules.x.len()];
+    let start_forces = crate::start::forces(network, timeline, &modules.x, &[], link_acts);
     let start_body = |body_plan: &BodyPlan| {
-        let running_body = body_plan.start(&start_forces, body)?;
-        running_body.set_ports(body);
+        let running_body = body_plan.start(&start_forces, modules)?;
+        running_body.set_ports(modules);
         Ok(running_body)
     };
     body_plans.iter().map(start_body).collect()
@@ -386,16 +395,16 @@ fn start_bodies(
 /// Writes the outputs of a network at rest at its initial positions into `outputs` (n_out).
 pub(crate) fn outputs_at_rest(network: &Network, scheme: &Scheme, outputs: &mut [f64]) {
     let start_positions = network.mats().x0.clone();
-    let mut resting_body = Body::new(scheme, start_positions.clone(), vec![0.0; start_positions.len()]);
+    let mut resting_modules = ModuleState::new(scheme, start_positions.clone(), vec![0.0; start_positions.len()]);
     // An output may hear the force of a contact that presses at rest.
     kernel::compute_link_forces(
         scheme,
         &[],
-        &mut resting_body,
+        &mut resting_modules,
         &mut KernelScratch::new(scheme),
         &mut ThreadTeam::alone(),
     );
-    kernel::proxies::distribute_forces(scheme, &mut resting_body);
-    kernel::solve_exact_contacts(scheme, &[], &[], &mut resting_body);
-    kernel::write_outputs(scheme, &resting_body, outputs);
+    kernel::proxies::distribute_forces(scheme, &mut resting_modules);
+    kernel::solve_exact_contacts(scheme, &[], &[], &mut resting_modules);
+    kernel::write_outputs(scheme, &resting_modules, outputs);
 }

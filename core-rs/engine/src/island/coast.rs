@@ -10,12 +10,12 @@ use super::energy_account;
 use super::fault::Fault;
 use super::fine::OPEN_MARGIN;
 use super::step::StepOutputs;
-use super::{Island, Players, Script, bodies, energy_rise};
+use super::{Excitations, Island, Script, bodies, energy_rise};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::But;
-use crate::scheme::{Kind, Run, Scheme};
-use crate::state::Body;
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
+use crate::state::ModuleState;
 use crate::timeline::{Drive, DriveSource};
 
 /// Fewer steps are not worth coasting.
@@ -32,7 +32,7 @@ impl Island {
     /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and events alone act on
     /// it.
     pub(super) fn can_coast(&self) -> bool {
-        let (scheme, matter) = (&self.script.scheme, &self.state.matter);
+        let (scheme, matter) = (&self.script.scheme, &self.state.mechanics);
         let has_only_contacts = scheme.runs.iter().all(|run| contact_law(run).is_some())
             && scheme.fused_springs.is_empty()
             && scheme.exact_runs.is_empty()
@@ -64,17 +64,17 @@ impl Island {
     pub(super) fn coast(&mut self, outputs: &mut StepOutputs<'_>, steps: Range<usize>) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, first_step) = (&script.scheme, state.frame);
-        let mut fine_links = state.matter.fine_links.as_mut();
+        let mut fine_links = state.mechanics.fine_links.as_mut();
         let has_later_force = fine_links.as_ref().is_some_and(|links| links.has_later_force());
-        if has_later_force || !are_contacts_open(scheme, &state.matter.body) {
+        if has_later_force || !are_contacts_open(scheme, &state.mechanics.modules) {
             return Ok(0);
         }
         let gains = state.monitors.energy_gains.as_ref();
         if gains.is_some_and(|gains| !gains.is_idle()) {
             return Ok(0);
         }
-        let steps_to_event = steps_to_event(script, &state.players, first_step);
-        let modal_bodies = state.matter.bodies.iter().filter_map(bodies::RunningBody::modal);
+        let steps_to_event = steps_to_event(script, &state.excitations, first_step);
+        let modal_bodies = state.mechanics.bodies.iter().filter_map(bodies::RunningBody::modal);
         let steps_ahead = modal_bodies.map(super::modal::RunningModal::frames_ahead);
         let energy_rise = state.monitors.energy_rise.as_ref();
         let check_steps = [
@@ -88,18 +88,20 @@ impl Island {
             return Ok(0);
         }
         // The motion without forces is needed here: forces of the step before are cleared.
-        state.matter.body.force.fill(0.0);
-        let has_bodies = !state.matter.bodies.is_empty();
+        state.mechanics.modules.force.fill(0.0);
+        let has_bodies = !state.mechanics.bodies.is_empty();
         let (mut steps_done, mut is_bounded, mut open_until_step, mut next_bound_attempt) = (0, true, 0, 0);
         while steps_done < coast_steps && is_bounded {
-            let body = &mut state.matter.body;
+            let modules = &mut state.mechanics.modules;
             if steps_done >= open_until_step {
-                let stays_open = fine_links.as_ref().is_none_or(|links| links.stays_open(scheme, body));
-                if !stays_open || !are_contacts_open(scheme, body) {
+                let stays_open = fine_links
+                    .as_ref()
+                    .is_none_or(|links| links.stays_open(scheme, modules));
+                if !stays_open || !are_contacts_open(scheme, modules) {
                     break;
                 }
                 if steps_done >= next_bound_attempt && !has_bodies {
-                    let bounds = |mat| motion_bounds(scheme, body, mat);
+                    let bounds = |mat| motion_bounds(scheme, modules, mat);
                     let fine_links = fine_links.as_ref();
                     if cannot_close(scheme, bounds)
                         && fine_links.is_none_or(|links| links.cannot_close(scheme, bounds, MOTION_BOUND_SLACK))
@@ -110,30 +112,30 @@ impl Island {
                 }
             }
             if steps_done == 0 {
-                fine_links.iter_mut().for_each(|links| links.set_open(body));
+                fine_links.iter_mut().for_each(|links| links.set_open(modules));
                 for run in &scheme.runs {
                     // With the sign of zero that an open contact's force has.
-                    body.link[run.links()].fill(0.0 * contact_law(run).map_or(0.0, But::sign));
+                    modules.link_forces[run.links()].fill(0.0 * contact_law(run).map_or(0.0, But::sign));
                 }
             }
             let island_step = first_step + steps_done as u64;
             if let Some(output_row) = outputs.row(steps.start + steps_done) {
-                kernel::write_outputs(scheme, body, output_row);
-                for running_body in &state.matter.bodies {
+                kernel::write_outputs(scheme, modules, output_row);
+                for running_body in &state.mechanics.bodies {
                     running_body.add_outputs_ahead(steps_done, output_row);
                 }
                 state.monitors.muted_parts.fade(island_step, scheme, output_row);
             }
-            for (voice, voice_script) in state.players.voices.iter_mut().zip(&script.voices) {
-                voice.step_idle(voice_script, &mut state.players.reports, island_step);
+            for (voice, voice_script) in state.excitations.voices.iter_mut().zip(&script.voices) {
+                voice.step_idle(voice_script, &mut state.excitations.reports, island_step);
             }
-            is_bounded = kernel::advance_mats(scheme, &mut [], body, None, &mut ThreadTeam::alone());
+            is_bounded = kernel::advance_mats(scheme, &mut [], modules, None, &mut ThreadTeam::alone());
             steps_done += 1;
-            for running_body in &mut state.matter.bodies {
-                is_bounded &= running_body.set_ports_ahead(steps_done, body);
+            for running_body in &mut state.mechanics.bodies {
+                is_bounded &= running_body.set_ports_ahead(steps_done, modules);
             }
         }
-        let modal_bodies = state.matter.bodies.iter_mut();
+        let modal_bodies = state.mechanics.bodies.iter_mut();
         for modal in modal_bodies.filter_map(bodies::RunningBody::modal_mut) {
             modal.advance_ahead(steps_done);
         }
@@ -146,7 +148,7 @@ impl Island {
 }
 
 /// Steps from `step_now` before the first in which a gesture, a push or an ergon may act.
-pub(super) fn steps_to_event(script: &Script, players: &Players, step_now: u64) -> usize {
+pub(super) fn steps_to_event(script: &Script, players: &Excitations, step_now: u64) -> usize {
     let push_frame = script.pushes.get(players.next_push).map(|push| push.frame);
     let next_ergon = script.ergons.get(players.next_ergon);
     let next_ergon = next_ergon.map(|(frame, _)| *frame);
@@ -160,18 +162,18 @@ pub(super) fn steps_to_event(script: &Script, players: &Players, step_now: u64) 
 }
 
 /// The contact that the links of a run are, if they are contacts.
-fn contact_law(run: &Run) -> Option<&But> {
+fn contact_law(run: &LinkRun) -> Option<&But> {
     match &run.kind {
-        Kind::But(but) => Some(but),
+        LinkRunKind::But(but) => Some(but),
         _ => None,
     }
 }
 
 /// Whether no contact that is computed once a step pushes in this step.
-fn are_contacts_open(scheme: &Scheme, body: &Body) -> bool {
+fn are_contacts_open(scheme: &Scheme, modules: &ModuleState) -> bool {
     scheme.runs.iter().all(|run| {
         let contact_side = contact_law(run).map_or(0.0, But::sign);
-        let is_closed = |i: usize| contact_side * (body.x[run.b + i] - body.x[run.a + i] - run.rest) > 0.0;
+        let is_closed = |i: usize| contact_side * (modules.x[run.b + i] - modules.x[run.a + i] - run.rest) > 0.0;
         !(0..run.len).any(is_closed)
     })
 }
@@ -192,12 +194,12 @@ fn cannot_close(scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2]) -> bool {
 
 /// Bounds on the free motion of a MAT [m]: its distance from its rest position, and its step. Infinite if its poles
 /// give no bound.
-fn motion_bounds(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
+fn motion_bounds(scheme: &Scheme, modules: &ModuleState, mat: usize) -> [f64; 2] {
     let (kappa, b) = (scheme.kappa[mat], 1.0 - scheme.zeta[mat]);
-    let x = body.x[mat] - scheme.rest[mat];
-    let position_before = x - body.d[mat];
-    let inner_motion = body.inner.get(mat).copied().unwrap_or(0.0);
-    if body.d[mat] == 0.0 && kappa * x == 0.0 && inner_motion == 0.0 {
+    let x = modules.x[mat] - scheme.rest[mat];
+    let position_before = x - modules.d[mat];
+    let inner_motion = modules.free_port_motion.get(mat).copied().unwrap_or(0.0);
+    if modules.d[mat] == 0.0 && kappa * x == 0.0 && inner_motion == 0.0 {
         return [x.abs(), 0.0];
     }
     if inner_motion != 0.0 || b <= 0.0 || b > 1.0 || kappa < 0.0 {

@@ -3,7 +3,7 @@
 use crate::kernel;
 use crate::maths::floor;
 use crate::scheme::Scheme;
-use crate::state::{Body, Target};
+use crate::state::{ImposedTarget, ModuleState};
 use crate::timeline::Drive;
 
 /// A port, and the key that it follows.
@@ -64,15 +64,15 @@ pub(super) fn port_bindings(drives: &[Drive], rate: f64) -> Vec<PortBinding> {
 }
 
 /// Set the position and step of every port to those of its key.
-pub(super) fn follow_keys(bindings: &[PortBinding], body: &mut Body) {
+pub(super) fn follow_keys(bindings: &[PortBinding], modules: &mut ModuleState) {
     for binding in bindings {
-        body.x[binding.port_mat] = body.x[binding.key_mat];
-        body.d[binding.port_mat] = body.d[binding.key_mat];
+        modules.x[binding.port_mat] = modules.x[binding.key_mat];
+        modules.d[binding.port_mat] = modules.d[binding.key_mat];
     }
 }
 
 /// Push every key by the force on its port a delay ago; between two steps by their forces, in proportion.
-pub(super) fn push_keys(bindings: &[PortBinding], states: &[DelayedForces], body: &mut Body) {
+pub(super) fn push_keys(bindings: &[PortBinding], states: &[DelayedForces], modules: &mut ModuleState) {
     for (binding, state) in bindings.iter().zip(states) {
         let oldest_share = binding.delay_steps - floor(binding.delay_steps);
         let second_oldest = (state.oldest_slot + 1) % state.forces.len();
@@ -81,16 +81,21 @@ pub(super) fn push_keys(bindings: &[PortBinding], states: &[DelayedForces], body
         } else {
             state.forces[second_oldest]
         };
-        body.push(binding.key_mat, delayed_force);
+        modules.push(binding.key_mat, delayed_force);
     }
 }
 
 /// Set the target of every port to the next position of its key, once all forces are known.
-pub(super) fn set_port_targets(bindings: &[PortBinding], scheme: &Scheme, targets: &mut [Target], body: &Body) {
+pub(super) fn set_port_targets(
+    bindings: &[PortBinding],
+    scheme: &Scheme,
+    targets: &mut [ImposedTarget],
+    modules: &ModuleState,
+) {
     for binding in bindings {
         let imposed_target = targets.iter().find(|target| target.mat == binding.key_mat);
         let key_position = imposed_target.map_or_else(
-            || kernel::predict_position(scheme, body, binding.key_mat),
+            || kernel::predict_position(scheme, modules, binding.key_mat),
             |target| target.x,
         );
         let port_target = targets.iter_mut().find(|target| target.mat == binding.port_mat);
@@ -99,9 +104,9 @@ pub(super) fn set_port_targets(bindings: &[PortBinding], scheme: &Scheme, target
 }
 
 /// Note the complete forces of a step.
-pub(super) fn record_port_forces(bindings: &[PortBinding], states: &mut [DelayedForces], body: &Body) {
+pub(super) fn record_port_forces(bindings: &[PortBinding], states: &mut [DelayedForces], modules: &ModuleState) {
     for (binding, state) in bindings.iter().zip(states) {
-        state.forces[state.oldest_slot] = body.force[binding.port_mat];
+        state.forces[state.oldest_slot] = modules.force[binding.port_mat];
         state.oldest_slot = (state.oldest_slot + 1) % state.forces.len();
     }
 }

@@ -5,7 +5,7 @@ use super::written_hand::free::{FreeKey, FreeMotion};
 use crate::kernel::KernelScratch;
 use crate::maths::floor;
 use crate::network::{Error, Network};
-use crate::state::Target;
+use crate::state::ImposedTarget;
 use crate::timeline::{Drive, DriveKind, DriveSource, Key, Timeline};
 use crate::units::Rate;
 
@@ -17,13 +17,13 @@ use crate::units::Rate;
 ///
 /// ```
 /// use ergon_engine::network::Tie;
-/// use ergon_engine::simulation::{EmulatedKey, Motor};
+/// use ergon_engine::simulation::{EmulatedKey, KeyMotor};
 /// use ergon_engine::{Network, Rate};
 ///
 /// let mut network = Network::new();
 /// let tie = Tie::Physical { k: 60.0, z: 1.2 };
 /// let key = network.cel("key", 0.4, tie, 0.0, 0.0, 0.0)?;
-/// let mut key = EmulatedKey::new(&network, key, Rate::new(1000.0)?, Motor::default())?;
+/// let mut key = EmulatedKey::new(&network, key, Rate::new(1000.0)?, KeyMotor::default())?;
 /// (0..5000).for_each(|_| key.step(0.6, 0.0));
 /// assert!((key.position() - 0.01).abs() < 1e-4);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -33,7 +33,7 @@ pub struct EmulatedKey {
     free_key: FreeKey,
     key_motion: FreeMotion,
     laws: KernelScratch,
-    targets: Vec<Target>,
+    targets: Vec<ImposedTarget>,
     frame: u64,
     /// The last forces of the motor, the newest last, and the share of the oldest in the force that acts.
     motor_forces: Vec<f64>,
@@ -42,7 +42,7 @@ pub struct EmulatedKey {
 
 /// How the motor of an emulated key pushes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Motor {
+pub struct KeyMotor {
     /// Time until a force acts [s].
     pub delay: f64,
     /// Constant force on the key, without delay [N]: its weight is below zero.
@@ -54,7 +54,7 @@ impl EmulatedKey {
     ///
     /// # Errors
     /// [`Error`] if that MAT is neither a MAS nor a CEL, or the key is unstable at this rate.
-    pub fn new(network: &Network, struck: usize, rate: Rate, motor: Motor) -> Result<Self, Error> {
+    pub fn new(network: &Network, struck: usize, rate: Rate, motor: KeyMotor) -> Result<Self, Error> {
         let struck_key = Key {
             name: network.mat_name(struck),
             struck_mat: struck,
@@ -85,12 +85,12 @@ impl EmulatedKey {
 
     /// Position of the key [m].
     pub fn position(&self) -> f64 {
-        self.key_motion.body.x[self.free_key.struck_mat]
+        self.key_motion.modules.x[self.free_key.struck_mat]
     }
 
     /// Put the key at `x` [m] with no velocity, as an end of its travel stops it.
     pub fn stop_at(&mut self, x: f64) {
-        let (body, struck_mat) = (&mut self.key_motion.body, self.free_key.struck_mat);
+        let (body, struck_mat) = (&mut self.key_motion.modules, self.free_key.struck_mat);
         (body.x[struck_mat], body.d[struck_mat]) = (x, 0.0);
     }
 
@@ -120,7 +120,7 @@ mod tests {
 
     const RATE: f64 = 1000.0;
 
-    fn key(motor: Motor) -> EmulatedKey {
+    fn key(motor: KeyMotor) -> EmulatedKey {
         let mut network = Network::new();
         let ground_tie = Tie::Physical { k: 0.0, z: 0.0 };
         let struck_mat = network.cel("key", 0.4, ground_tie, 0.0, 0.0, 0.0).unwrap();
@@ -128,7 +128,7 @@ mod tests {
     }
 
     /// Positions under a force of the motor that changes at every frame.
-    fn path(motor: Motor) -> Vec<f64> {
+    fn path(motor: KeyMotor) -> Vec<f64> {
         let mut key = key(motor);
         let frame_range = 0..60;
         frame_range
@@ -141,9 +141,9 @@ mod tests {
 
     #[test]
     fn motor_force_with_delay() {
-        let undelayed = path(Motor::default());
+        let undelayed = path(KeyMotor::default());
         let delayed_path = |frames: f64| {
-            path(Motor {
+            path(KeyMotor {
                 delay: frames / RATE,
                 constant_force: 0.0,
             })
@@ -158,11 +158,11 @@ mod tests {
     /// A hand acts at once, whatever the motor does.
     #[test]
     fn hand_force_beside_a_delayed_motor() {
-        let mut delayed = key(Motor {
+        let mut delayed = key(KeyMotor {
             delay: 0.01,
             constant_force: 0.0,
         });
-        let mut undelayed = key(Motor::default());
+        let mut undelayed = key(KeyMotor::default());
         for _ in 0..20 {
             delayed.step(0.0, 0.3);
             undelayed.step(0.3, 0.0);
@@ -173,7 +173,7 @@ mod tests {
     /// A free mass under a constant force from rest: x = F t²/2M.
     #[test]
     fn weight_of_key_without_spring() {
-        let mut key = key(Motor {
+        let mut key = key(KeyMotor {
             delay: 0.005,
             constant_force: -0.2,
         });

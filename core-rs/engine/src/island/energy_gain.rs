@@ -14,8 +14,8 @@ use super::pair_gain::PairEnergyGains;
 use super::{Fault, Island, OnFault};
 use crate::law::Law;
 use crate::network::SpaceLaw;
-use crate::scheme::{Kind, Run, Scheme};
-use crate::state::{Body, Target};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
+use crate::state::{ImposedTarget, ModuleState};
 use link_account::{CheckedLink, LinkAccount};
 
 /// Longest run of laws with accounts: a longer one would take more time for its accounts than for its steps.
@@ -24,7 +24,7 @@ pub(super) const ACCOUNTED_LAWS_MAX: usize = 32;
 const DAMPING_TEST_MAX: (f64, f64) = (1e-2, 10.0);
 
 /// Hardening springs, if they are few; what makes many create energy is how stiff they become, which the guard bounds.
-pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<Run> {
+pub(super) fn hardening_springs(scheme: &Scheme) -> Vec<LinkRun> {
     let springs = scheme.runs.iter().filter(|run| run.is_hardening());
     let are_few = springs.clone().map(|run| run.len).sum::<usize>() <= ACCOUNTED_LAWS_MAX;
     springs.filter(|_| are_few).cloned().collect()
@@ -54,33 +54,33 @@ crate::archive::state!(EnergyGains {
 impl EnergyGains {
     /// `None` if nothing can create energy. `fused_runs`: hardening springs that are computed in one pass; `is_led`:
     /// whether K and Z of a link change in time.
-    pub(super) fn new(scheme: &Scheme, fused_runs: &[Run], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
-        let may_gain = |run: &&Run| {
+    pub(super) fn new(scheme: &Scheme, fused_runs: &[LinkRun], is_led: impl Fn(usize) -> bool) -> Option<Box<Self>> {
+        let may_gain = |run: &&LinkRun| {
             let kind_may_gain = match &run.kind {
-                Kind::Ref | Kind::Followed { .. } | Kind::Dry { .. } => false,
-                Kind::Pairwise { .. } => false, // all contacts of pairs share one account
-                Kind::Hardening(_) => run.len == 1,
-                Kind::Bristle { .. } => run.bristle().is_some_and(|(bristle, _)| bristle.is_passive()),
-                Kind::But(_) => true,
-                Kind::Space(space) => match &space.law {
+                LinkRunKind::Ref | LinkRunKind::Followed { .. } | LinkRunKind::Dry { .. } => false,
+                LinkRunKind::Pairwise { .. } => false, // all contacts of pairs share one account
+                LinkRunKind::Hardening(_) => run.len == 1,
+                LinkRunKind::Bristle { .. } => run.bristle().is_some_and(|(bristle, _)| bristle.is_passive()),
+                LinkRunKind::But(_) => true,
+                LinkRunKind::Space(space) => match &space.law {
                     law if law.is_contact() => true,
                     SpaceLaw::Lnl { law, .. } => !is_active(law),
                     _ => run.len <= ACCOUNTED_LAWS_MAX,
                 },
-                Kind::Lnl { law, .. } => run.len <= ACCOUNTED_LAWS_MAX && !law.is_shared() && !is_active(law),
+                LinkRunKind::Lnl { law, .. } => run.len <= ACCOUNTED_LAWS_MAX && !law.is_shared() && !is_active(law),
             };
-            let is_contact = matches!(run.kind, Kind::But(_));
+            let is_contact = matches!(run.kind, LinkRunKind::But(_));
             // The energy of other links does not change with K alone, or is not that of one link.
-            let is_constant = !is_led(run.first);
-            let has_energy = matches!(run.kind, Kind::But(_) | Kind::Lnl { .. });
+            let is_constant = !is_led(run.first_link);
+            let has_energy = matches!(run.kind, LinkRunKind::But(_) | LinkRunKind::Lnl { .. });
             kind_may_gain && (is_constant || is_contact) && (run.gate.is_none() || has_energy)
         };
-        let single_links = |run: &Run| {
+        let single_links = |run: &LinkRun| {
             let run = run.clone();
-            (0..run.len).map(move |i| Run {
+            (0..run.len).map(move |i| LinkRun {
                 a: run.a + i,
                 b: run.b + i,
-                first: run.first + i,
+                first_link: run.first_link + i,
                 len: 1,
                 ..run.clone()
             })
@@ -91,8 +91,8 @@ impl EnergyGains {
         let link_account = checked_links.iter().map(|CheckedLink { run, .. }| {
             let is_fused = fused_runs
                 .iter()
-                .any(|fused_run| fused_run.links().contains(&run.first));
-            LinkAccount::new(run, is_fused, run.gate.is_some() || is_led(run.first))
+                .any(|fused_run| fused_run.links().contains(&run.first_link));
+            LinkAccount::new(run, is_fused, run.gate.is_some() || is_led(run.first_link))
         });
         let link_accounts = link_account.collect();
         let pair_gains = PairEnergyGains::new(scheme).filter(|pairs| !is_led(pairs.first_link()));
@@ -138,27 +138,27 @@ impl EnergyGains {
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
     #[inline(never)]
-    pub(super) fn step(&mut self, scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body) {
-        self.imposed_work.step(scheme, targets, body);
+    pub(super) fn step(&mut self, scheme: &Scheme, gates: &[f64], targets: &[ImposedTarget], modules: &ModuleState) {
+        self.imposed_work.step(scheme, targets, modules);
         if self.begins_at_next_step {
-            self.begin(scheme, gates, body);
+            self.begin(scheme, gates, modules);
             return;
         }
         for (link_account, link) in self.link_accounts.iter_mut().zip(&self.checked_links) {
-            link_account.step(link, scheme, gates, body);
+            link_account.step(link, scheme, gates, modules);
         }
         if let Some(pair_gains) = &mut self.pair_gains {
-            pair_gains.step(body);
+            pair_gains.step(modules);
         }
     }
 
     #[cold]
-    fn begin(&mut self, scheme: &Scheme, gates: &[f64], body: &Body) {
+    fn begin(&mut self, scheme: &Scheme, gates: &[f64], modules: &ModuleState) {
         for (link_account, link) in self.link_accounts.iter_mut().zip(&mut self.checked_links) {
-            link_account.begin(link, scheme, gates, body);
+            link_account.begin(link, scheme, gates, modules);
         }
         if let Some(pair_gains) = &mut self.pair_gains {
-            pair_gains.begin(body);
+            pair_gains.begin(modules);
         }
         self.begins_at_next_step = false;
     }
@@ -170,9 +170,9 @@ pub(super) fn is_active(law: &Law) -> bool {
 }
 
 /// Energy of all MATs, of what ties them to the ground, and of bodies by their modes [J].
-fn motion_energy(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
+fn motion_energy(scheme: &Scheme, bodies: &[RunningBody], modules: &ModuleState) -> f64 {
     let mat_energy = |i: usize| {
-        let (x, d) = (body.x[i] - scheme.rest[i], body.d[i]);
+        let (x, d) = (modules.x[i] - scheme.rest[i], modules.d[i]);
         0.5 * (d * d + scheme.kappa[i] * (x * (x - d))) / scheme.w[i]
     };
     let moving_mats = (0..scheme.n_mat()).filter(|&i| scheme.w[i] > 0.0);
@@ -193,13 +193,13 @@ impl Island {
             .energy_gains
             .iter()
             .flat_map(|gains| &gains.checked_links);
-        let watched_links = checked_links.filter_map(|link| Some((link.run.first, link.worst_gain?)));
+        let watched_links = checked_links.filter_map(|link| Some((link.run.first_link, link.worst_gain?)));
         let pair_gains = state.monitors.energy_gains.iter().filter_map(|gains| {
             let pair_gains = gains.pair_gains.as_ref()?;
             Some((pair_gains.first_link(), pair_gains.worst_gain()?))
         });
         let fine_gain = state
-            .matter
+            .mechanics
             .fine_links
             .iter()
             .filter_map(|fine_links| fine_links.stepped_points().worst_gain());
@@ -219,7 +219,7 @@ impl Island {
     pub(crate) fn energy_gains(&self) -> impl Iterator<Item = (String, EnergyGain)> {
         let link_gains = self.link_gains();
         let link_gains = link_gains.map(|(link, gain)| (self.network.link_name(link), gain));
-        let bodies = self.state.matter.bodies.iter();
+        let bodies = self.state.mechanics.bodies.iter();
         link_gains.chain(bodies.filter_map(|body| Some((body.first_moving_mat()?.0, body.energy_gain()?))))
     }
 
@@ -227,7 +227,7 @@ impl Island {
     /// it.
     pub(crate) fn has_energy_risen(&self) -> bool {
         let state = &self.state;
-        let fine_state = state.matter.fine_links.as_ref();
+        let fine_state = state.mechanics.fine_links.as_ref();
         let energy_rise = state.monitors.energy_rise.as_ref();
         fine_state.is_some_and(|fine_state| fine_state.stepped_points().worst_gain().is_some())
             || energy_rise.is_some_and(|energy_rise| energy_rise.worst_gain().is_some())
@@ -235,7 +235,7 @@ impl Island {
 
     /// Number of links and bodies that created energy.
     pub(crate) fn n_energy_gains(&self) -> usize {
-        let bodies = self.state.matter.bodies.iter();
+        let bodies = self.state.mechanics.bodies.iter();
         self.link_gains().count() + bodies.filter(|body| body.energy_gain().is_some()).count()
     }
 
@@ -254,13 +254,13 @@ impl Island {
             .changing_scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
-        let energy_now = motion_energy(frame_scheme, &state.matter.bodies, &state.matter.body);
+        let energy_now = motion_energy(frame_scheme, &state.mechanics.bodies, &state.mechanics.modules);
         let watched_links = state.monitors.energy_gains.iter().flat_map(|gains| {
             let imposed_work = gains.imposed_work.work_max();
             let watched_links = gains.link_accounts.iter().zip(&gains.checked_links);
             watched_links.map(move |(link_account, link)| {
-                let gain = link_account.energy_gain(link, &state.matter.body, (energy_now, imposed_work), 0);
-                (matches!(link.run.kind, Kind::But(_)), gain)
+                let gain = link_account.energy_gain(link, &state.mechanics.modules, (energy_now, imposed_work), 0);
+                (matches!(link.run.kind, LinkRunKind::But(_)), gain)
             })
         });
         let reported = self.energy_gains().map(|(_, gain)| (false, gain));
@@ -288,7 +288,7 @@ impl Island {
             .changing_scheme
             .as_deref()
             .unwrap_or(&self.script.scheme);
-        let (body, bodies) = (&state.matter.body, &state.matter.bodies);
+        let (body, bodies) = (&state.mechanics.modules, &state.mechanics.bodies);
         let energy_now = || motion_energy(frame_scheme, bodies, body);
         let hand_bindings = &self.script.hand_bindings;
         // A part that a hand plays is not silenced where another one can be: its key would jump.
@@ -320,7 +320,7 @@ impl Island {
                 gain_faults.push((self.network.link_name(pair_gains.first_link()), part, gain));
             }
         }
-        if let Some(fine_state) = &mut state.matter.fine_links
+        if let Some(fine_state) = &mut state.mechanics.fine_links
             && let Some((gained_link, moved_mat, gain)) = fine_state
                 .stepped_points_mut()
                 .check_energy((energy_now, imposed_work), island_step)
@@ -332,7 +332,7 @@ impl Island {
                 gain,
             ));
         }
-        for body in &mut self.state.matter.bodies {
+        for body in &mut self.state.mechanics.bodies {
             if let Some(gain) = body.check_energy_gain(island_step).filter(EnergyGain::is_fault)
                 && let Some((module_name, part)) = body.first_moving_mat()
             {

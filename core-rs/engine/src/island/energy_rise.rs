@@ -11,8 +11,8 @@ use super::fine::FineLinks;
 use super::{Island, energy_gain};
 use crate::cell::Cell;
 use crate::network::{Contact, MatKind, Network};
-use crate::scheme::{Kind, Run, Scheme, Spring};
-use crate::state::Body;
+use crate::scheme::{LinkRun, LinkRunKind, Scheme, Spring};
+use crate::state::ModuleState;
 use crate::units::Rate;
 
 /// Steps between two checks: what is computed ahead of bodies has to be gone through again for each.
@@ -103,7 +103,7 @@ impl EnergyRise {
             && !mat_parts.clone().any(is_discrete)
             && bodies.iter().all(has_energy)
             && all_runs().all(is_dissipative)
-            && all_runs().any(|run| !matches!(run.kind, Kind::Ref))
+            && all_runs().any(|run| !matches!(run.kind, LinkRunKind::Ref))
             && n_springs <= energy_gain::ACCOUNTED_LAWS_MAX;
         if !is_known {
             return None;
@@ -186,19 +186,19 @@ impl EnergyRise {
 }
 
 /// Whether a run can only lose energy, and stores what its elongation says.
-fn is_dissipative(run: &Run) -> bool {
+fn is_dissipative(run: &LinkRun) -> bool {
     match &run.kind {
-        Kind::Ref | Kind::Hardening(_) | Kind::Dry { .. } => true,
-        Kind::But(but) => but.contact != Contact::Magic,
-        Kind::Bristle { .. } => run.bristle().is_some_and(|(bristle, _)| bristle.is_passive()),
-        Kind::Lnl { law, .. } => !law.is_shared() && !energy_gain::is_active(law),
-        Kind::Followed { .. } | Kind::Space(_) | Kind::Pairwise { .. } => false,
+        LinkRunKind::Ref | LinkRunKind::Hardening(_) | LinkRunKind::Dry { .. } => true,
+        LinkRunKind::But(but) => but.contact != Contact::Magic,
+        LinkRunKind::Bristle { .. } => run.bristle().is_some_and(|(bristle, _)| bristle.is_passive()),
+        LinkRunKind::Lnl { law, .. } => !law.is_shared() && !energy_gain::is_active(law),
+        LinkRunKind::Followed { .. } | LinkRunKind::Space(_) | LinkRunKind::Pairwise { .. } => false,
     }
 }
 
 /// Energy of a link between two steps [J], from its elongation at both [m]: what leapfrog steps keep, but for terms of
 /// their fourth order.
-fn midpoint_energy(run: &Run, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
+fn midpoint_energy(run: &LinkRun, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
     let (middle_elongation, stretch) = (
         0.5 * (elongation_now + elongation_before),
         elongation_now - elongation_before,
@@ -207,11 +207,11 @@ fn midpoint_energy(run: &Run, [elongation_now, elongation_before]: [f64; 2]) -> 
 }
 
 /// The same of springs that are computed in one pass, all of a run.
-fn add_spring_energies(spring: &Spring, body: &Body, total: &mut EnergyTotal) {
+fn add_spring_energies(spring: &Spring, modules: &ModuleState, total: &mut EnergyTotal) {
     for i in 0..spring.len {
         let (first_mat, second_mat) = (spring.a + i, spring.b + i);
-        let stretch = body.d[second_mat] - body.d[first_mat];
-        let middle_elongation = body.x[second_mat] - body.x[first_mat] - spring.rest - 0.5 * stretch;
+        let stretch = modules.d[second_mat] - modules.d[first_mat];
+        let middle_elongation = modules.x[second_mat] - modules.x[first_mat] - spring.rest - 0.5 * stretch;
         let elongation_square = middle_elongation * middle_elongation;
         total.add(0.5 * spring.k * elongation_square + 0.25 * spring.q * elongation_square * elongation_square);
         let stretch_coefficient = 0.125 * (spring.k + 3.0 * spring.q * elongation_square) + 0.25 * spring.z;
@@ -236,7 +236,7 @@ impl Island {
         energy_rise.next_event_step = next_due;
         let rise_gain = energy_rise.energy_gain(self.total_energy(&energy_rise), had_no_event, last_step);
         let rise_gain = rise_gain.filter(|rise_gain| rise_gain.created_energy > self.rounding_energy());
-        if let (Some(rise_gain), Some(fine_state)) = (&rise_gain, &mut self.state.matter.fine_links)
+        if let (Some(rise_gain), Some(fine_state)) = (&rise_gain, &mut self.state.mechanics.fine_links)
             && energy_rise.needs_refinement(rise_gain)
         {
             fine_state.refine();
@@ -255,7 +255,7 @@ impl Island {
     /// The energy of all MATs, bodies and links.
     fn total_energy(&self, energy_rise: &EnergyRise) -> EnergyTotal {
         let state = &self.state;
-        let body = &state.matter.body;
+        let modules = &state.mechanics.modules;
         let frame_scheme = state
             .parameters
             .changing_scheme
@@ -264,11 +264,11 @@ impl Island {
         let mut energy_total = EnergyTotal::default();
         for (mat, motion) in energy_rise.motion_kinds.iter().enumerate() {
             let (w, kappa, zeta) = (frame_scheme.w[mat], frame_scheme.kappa[mat], frame_scheme.zeta[mat]);
-            let (x, d) = (body.x[mat] - frame_scheme.rest[mat], body.d[mat]);
+            let (x, d) = (modules.x[mat] - frame_scheme.rest[mat], modules.d[mat]);
             // What impulses between frames have still to add.
             let later_step = || {
                 w * state
-                    .matter
+                    .mechanics
                     .fine_links
                     .as_ref()
                     .map_or(0.0, |fine_state| fine_state.next_frame_force_at(mat))
@@ -288,24 +288,24 @@ impl Island {
                 }
             }
         }
-        for modal in state.matter.bodies.iter().filter_map(RunningBody::modal) {
+        for modal in state.mechanics.bodies.iter().filter_map(RunningBody::modal) {
             modal.visit_energies(|mode_energy| energy_total.add(mode_energy));
         }
-        let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| state.parameters.gate_openings[gate]);
-        if let Some(fine_state) = &state.matter.fine_links {
-            fine_state.report_energies(body, gate_opening, |link_energy| energy_total.add(link_energy));
+        let gate_opening = |run: &LinkRun| run.gate.map_or(1.0, |gate| state.parameters.gate_openings[gate]);
+        if let Some(fine_state) = &state.mechanics.fine_links {
+            fine_state.report_energies(modules, gate_opening, |link_energy| energy_total.add(link_energy));
         }
         for run in frame_scheme.runs.iter().chain(&frame_scheme.exact_runs) {
-            let is_exact = matches!(&run.kind, Kind::But(but) if but.contact == Contact::Exact);
+            let is_exact = matches!(&run.kind, LinkRunKind::But(but) if but.contact == Contact::Exact);
             for i in 0..run.len {
-                let elongation_now = run.elongation(i, |mat| body.x[mat]);
-                let stretch = body.d[run.b + i] - body.d[run.a + i];
+                let elongation_now = run.elongation(i, |mat| modules.x[mat]);
+                let stretch = modules.d[run.b + i] - modules.d[run.a + i];
                 let elongation_pair = [elongation_now, elongation_now - stretch];
-                if matches!(run.kind, Kind::Ref) {
+                if matches!(run.kind, LinkRunKind::Ref) {
                     energy_total.add(-0.25 * run.z * stretch * stretch);
                 }
                 let link_energy = match run.bristle() {
-                    Some((bristle, _)) => bristle.energy(body.memory[run.first + i]),
+                    Some((bristle, _)) => bristle.energy(modules.link_memories[run.first_link + i]),
                     None if is_exact => 0.5 * elongation_pair.map(|e| run.potential_energy(e)).iter().sum::<f64>(),
                     None => midpoint_energy(run, elongation_pair),
                 };
@@ -315,14 +315,14 @@ impl Island {
         frame_scheme
             .fused_springs
             .iter()
-            .for_each(|spring| add_spring_energies(spring, body, &mut energy_total));
+            .for_each(|spring| add_spring_energies(spring, modules, &mut energy_total));
         energy_total
     }
 
     /// Energy that rounding alone explains [J].
     fn rounding_energy(&self) -> f64 {
-        let body = &self.state.matter.body;
-        let largest_position = body
+        let modules = &self.state.mechanics.modules;
+        let largest_position = modules
             .x
             .iter()
             .fold(0.0_f64, |largest_position, x| largest_position.max(x.abs()));
@@ -343,12 +343,12 @@ impl Island {
     fn strongest_link(&self) -> Option<(usize, usize)> {
         let state = &self.state;
         let scheme = &self.script.scheme;
-        let fine_runs = state.matter.fine_links.iter().flat_map(FineLinks::links);
+        let fine_runs = state.mechanics.fine_links.iter().flat_map(FineLinks::links);
         let all_runs = scheme.runs.iter().chain(&scheme.exact_runs).chain(fine_runs);
         let link_ends = all_runs
-            .filter(|run| !matches!(run.kind, Kind::Ref))
-            .flat_map(|run| (0..run.len).map(move |i| (run.first + i, [run.a + i, run.b + i])));
-        let push_strength = |pushing_link: usize| state.matter.body.link[pushing_link].abs();
+            .filter(|run| !matches!(run.kind, LinkRunKind::Ref))
+            .flat_map(|run| (0..run.len).map(move |i| (run.first_link + i, [run.a + i, run.b + i])));
+        let push_strength = |pushing_link: usize| state.mechanics.modules.link_forces[pushing_link].abs();
         let stronger_of_two = |strongest: (usize, [usize; 2]), link_push: (usize, [usize; 2])| {
             if push_strength(link_push.0) > push_strength(strongest.0) {
                 link_push

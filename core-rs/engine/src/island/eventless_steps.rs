@@ -11,11 +11,11 @@ use crate::kernel::thread_team::ThreadTeam;
 impl Island {
     /// Whether it may compute steps without events by themselves: links pull once a step, and events alone act on it.
     pub(super) fn can_skip_events(&self) -> bool {
-        let (script, matter) = (&*self.script, &self.state.matter);
+        let (script, matter) = (&*self.script, &self.state.mechanics);
         let has_only_links = script.scheme.exact_runs.is_empty()
             && script.scheme.proxies.is_empty()
             && matter.fine_links.is_none()
-            && matter.body.memory.is_empty();
+            && matter.modules.link_memories.is_empty();
         let is_unbound = script.port_bindings.is_empty() && script.sound_drives.is_empty();
         has_only_links && is_unbound && self.has_only_events()
     }
@@ -32,22 +32,22 @@ impl Island {
         let first_step = state.frame;
         let check_steps = first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step;
         let step_count = (end_step - start_step).min(check_steps as usize);
-        let step_count = step_count.min(steps_to_event(script, &state.players, first_step));
+        let step_count = step_count.min(steps_to_event(script, &state.excitations, first_step));
         if step_count == 0 {
             return Ok(0);
         }
         let scheme = &script.scheme;
         let super::State {
             parameters,
-            matter,
-            players,
+            mechanics: matter,
+            excitations: players,
             monitors,
             ..
         } = state;
-        let super::Matter {
-            body,
+        let super::MechanicalState {
+            modules: body,
             bodies,
-            laws,
+            kernel_scratch: laws,
             targets,
             ..
         } = matter;
@@ -62,7 +62,7 @@ impl Island {
             bodies
                 .iter_mut()
                 .for_each(|running_body| running_body.apply_strikes(n, body));
-            monitors.contact_peaks.note_forces(n, &body.link);
+            monitors.contact_peaks.note_forces(n, &body.link_forces);
             if let Some(output_row) = outputs.row(start_step + steps_done) {
                 kernel::write_outputs(scheme, body, output_row);
                 bodies

@@ -23,14 +23,14 @@ use std::sync::Arc;
 
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
-use crate::scheme::{Kind, Run, Scheme};
-use crate::state::Body;
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
+use crate::state::ModuleState;
 use crowded::CrowdedMotion;
 use joint::Joint;
 use laws::{LawScript, LawState};
 pub(crate) use order::ContactOrder;
 use order::Stages;
-use script::Script;
+use script::FineScript;
 use slides::Frictions;
 use stepped_points::SteppedPoints;
 
@@ -44,7 +44,7 @@ pub(super) const OPEN_MARGIN: f64 = 1e-9;
 /// Running contacts and laws.
 #[derive(Clone, Debug)]
 pub(crate) struct FineLinks {
-    script: Arc<Script>,
+    script: Arc<FineScript>,
     law_script: Arc<LawScript>,
     /// Each law   (n_laws)
     laws: Vec<LawState>,
@@ -200,7 +200,7 @@ impl FineLinks {
     fn law_index_of(&self, link: usize) -> Option<usize> {
         let link_runs = &self.script.links;
         let mut law_links = self.law_script.links.iter();
-        law_links.position(|&link_index| link_runs[link_index].first == link)
+        law_links.position(|&link_index| link_runs[link_index].first_link == link)
     }
 
     /// Remove the links on the marked MATs (n_mat), and bodies that leave; returns the removed links. `new_indices`
@@ -220,7 +220,7 @@ impl FineLinks {
             .collect();
         let removed_links = (script.links.iter().zip(&link_stays))
             .filter(|(_, link_stays)| !**link_stays)
-            .map(|(run, _)| run.first)
+            .map(|(run, _)| run.first_link)
             .collect();
         let law_script = Arc::make_mut(&mut self.law_script);
         let law_stays: Vec<bool> = law_script.links.iter().map(|&link| link_stays[link]).collect();
@@ -243,7 +243,7 @@ impl FineLinks {
     /// Multiply K and Z of a link, if it is still here, by factors at the start and at the end of this frame.
     pub(super) fn set_link_constants(&mut self, link: usize, factors: [[f64; 2]; 2]) {
         for (run, constants) in self.script.links.iter().zip(&mut self.link_constants) {
-            if run.first == link {
+            if run.first_link == link {
                 *constants = factors.map(|[k_factor, z_factor]| [run.k * k_factor, run.z * z_factor]);
             }
         }
@@ -292,7 +292,7 @@ impl FineLinks {
     }
 
     /// Its links.
-    pub(super) fn links(&self) -> impl Iterator<Item = &Run> {
+    pub(super) fn links(&self) -> impl Iterator<Item = &LinkRun> {
         self.script.links.iter()
     }
 
@@ -307,18 +307,18 @@ impl FineLinks {
     /// gate is open.
     pub(super) fn report_energies(
         &self,
-        body: &Body,
-        gate_opening: impl Fn(&Run) -> f64,
+        modules: &ModuleState,
+        gate_opening: impl Fn(&LinkRun) -> f64,
         mut report_energy: impl FnMut(f64),
     ) {
         for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.link_constants) {
-            let link_energy = match (&run.kind, self.bristle_deflection(run.first)) {
-                (Kind::Bristle { law, .. }, Some(deflection)) => {
+            let link_energy = match (&run.kind, self.bristle_deflection(run.first_link)) {
+                (LinkRunKind::Bristle { law, .. }, Some(deflection)) => {
                     law.with_stiffness_and_level(*k, *z).energy(deflection)
                 }
                 _ => {
                     let stiffness_ratio = if run.k == 0.0 { 1.0 } else { k / run.k };
-                    stiffness_ratio * run.potential_energy(run.elongation(0, |mat| body.x[mat]))
+                    stiffness_ratio * run.potential_energy(run.elongation(0, |mat| modules.x[mat]))
                 }
             };
             report_energy(gate_opening(run) * link_energy);
@@ -339,10 +339,10 @@ impl FineLinks {
     }
 
     /// Whether every contact stays open in this frame, with a margin of `OPEN_MARGIN`, if its points move freely.
-    pub(super) fn stays_open(&self, scheme: &Scheme, body: &Body) -> bool {
-        let is_open = |run: &Run| {
-            let next_position = |mat: usize| kernel::predict_position(scheme, body, mat);
-            let distance_now = body.x[run.b] - body.x[run.a];
+    pub(super) fn stays_open(&self, scheme: &Scheme, modules: &ModuleState) -> bool {
+        let is_open = |run: &LinkRun| {
+            let next_position = |mat: usize| kernel::predict_position(scheme, modules, mat);
+            let distance_now = modules.x[run.b] - modules.x[run.a];
             let distance_next = next_position(run.b) - next_position(run.a);
             penetration_bound(run, distance_now - run.rest, distance_next - run.rest) < -OPEN_MARGIN
         };
@@ -352,8 +352,8 @@ impl FineLinks {
     /// Whether no contact closes for as long as its points move freely; `motion_bounds` gives bounds on the
     /// distance of each from its rest position, and on its step [m].
     pub(super) fn cannot_close(&self, scheme: &Scheme, motion_bounds: impl Fn(usize) -> [f64; 2], margin: f64) -> bool {
-        let is_open = |run: &Run| {
-            let Kind::But(contact) = &run.kind else {
+        let is_open = |run: &LinkRun| {
+            let LinkRunKind::But(contact) = &run.kind else {
                 return false;
             };
             let [reach_a, step_a] = motion_bounds(run.a);
@@ -370,28 +370,29 @@ impl FineLinks {
     }
 
     /// Set the state that frames with open contacts leave.
-    pub(super) fn set_open(&mut self, body: &mut Body) {
+    pub(super) fn set_open(&mut self, modules: &mut ModuleState) {
         self.may_close.fill(false);
         self.is_resting.fill(false);
         for run in &self.script.links {
-            body.link[run.first] = 0.0;
+            modules.link_forces[run.first_link] = 0.0;
         }
     }
 
     /// Record the forces that act over the whole frame: those of links and drives, before strikes are added.
-    pub(super) fn record_steady_forces(&mut self, scheme: &Scheme, body: &Body) {
-        self.stepped_points.count_step_work(scheme, body);
+    pub(super) fn record_steady_forces(&mut self, scheme: &Scheme, modules: &ModuleState) {
+        self.stepped_points.count_step_work(scheme, modules);
         for (joint, steady) in self.script.joints.iter().zip(&mut self.steady_forces) {
-            *steady = body.force[joint.mat];
+            *steady = modules.force[joint.mat];
         }
     }
 
     /// Add the forces that impulses of the previous frame carry over into this frame.
-    pub(super) fn apply_carried_forces(&mut self, body: &mut Body) {
-        self.stepped_points.record_carried_forces(&self.next_frame_forces, body);
+    pub(super) fn apply_carried_forces(&mut self, modules: &mut ModuleState) {
+        self.stepped_points
+            .record_carried_forces(&self.next_frame_forces, modules);
         for (joint, next_frame_force) in self.script.joints.iter().zip(&mut self.next_frame_forces) {
             if *next_frame_force != 0.0 {
-                body.push(joint.mat, std::mem::take(next_frame_force));
+                modules.push(joint.mat, std::mem::take(next_frame_force));
             }
         }
     }
@@ -405,8 +406,8 @@ fn retain_flagged<T>(list: &mut Vec<T>, stay_flags: &[bool]) {
 
 /// Bound on the penetration of a contact between two elongations [m]: the larger of the two, plus the distance between
 /// them for what happens in between.
-fn penetration_bound(run: &Run, elongation_now: f64, elongation_next: f64) -> f64 {
-    let Kind::But(contact) = &run.kind else {
+fn penetration_bound(run: &LinkRun, elongation_now: f64, elongation_next: f64) -> f64 {
+    let LinkRunKind::But(contact) = &run.kind else {
         return f64::NEG_INFINITY;
     };
     let contact_side = contact.sign();

@@ -2,7 +2,7 @@
 
 use crate::law::Law;
 use crate::network::Followed;
-use crate::scheme::{Kind, Run, Scheme};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
 
 /// Energies of one link over a frame, in joules.
 pub(super) struct FrameEnergies {
@@ -33,9 +33,9 @@ impl FrameEnergies {
 
 /// What the law of a run follows, and the factor from steps to the law's velocities [1/s]; `None` if it does not follow
 /// MATs.
-pub(super) fn following_law(run: &Run) -> Option<(&Followed, f64)> {
+pub(super) fn following_law(run: &LinkRun) -> Option<(&Followed, f64)> {
     match &run.kind {
-        Kind::Followed {
+        LinkRunKind::Followed {
             law: followed_law,
             rate,
             ..

@@ -1,7 +1,7 @@
 //! MATs whose parameters glide, and links whose K and Z are led, frame by frame.
 
 use super::fine::FineLinks;
-use crate::cell::Ratios;
+use crate::cell::CellRatios;
 use crate::maths::{asin, log, sin, sqrt};
 use crate::network::{Error, Network};
 use crate::scheme::Scheme;
@@ -119,7 +119,7 @@ pub(super) fn build_glides(network: &Network, timeline: &Timeline, scheme: &Sche
             let correction = if is_discrete {
                 0.0
             } else {
-                amplitude_correction(Ratios { kappa, zeta })
+                amplitude_correction(CellRatios { kappa, zeta })
             };
             glide.amplitude_corrections.push(correction);
             glide
@@ -134,7 +134,7 @@ pub(super) fn build_glides(network: &Network, timeline: &Timeline, scheme: &Sche
 }
 
 /// ln(θ/sin θ) of an oscillation of angle θ a step; 0 if there is none, or it is too near the Nyquist frequency.
-fn amplitude_correction(ratios: Ratios) -> f64 {
+fn amplitude_correction(ratios: CellRatios) -> f64 {
     let pole_magnitude = sqrt(1.0 - ratios.zeta);
     let step_loss = ratios.zeta / (1.0 + pole_magnitude);
     let half_sine_square = (ratios.kappa - step_loss * step_loss) / (4.0 * pole_magnitude);
@@ -210,7 +210,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
     for lead in &timeline.leads {
         for run in network.runs().iter().filter(|run| lead.links().contains(&run.first)) {
             let find_run =
-                |runs: &[crate::scheme::Run]| runs.iter().position(|scheme_run| scheme_run.first == run.first);
+                |runs: &[crate::scheme::LinkRun]| runs.iter().position(|scheme_run| scheme_run.first_link == run.first);
             let location = if let Some(index) = find_run(&scheme.runs) {
                 scheme.runs[index].make_adjustable();
                 RunLocation::Run(index)

@@ -2,7 +2,7 @@
 
 use crate::kernel;
 use crate::scheme::Scheme;
-use crate::state::{Body, Target};
+use crate::state::{ImposedTarget, ModuleState};
 
 /// The work of what imposes the motion of MATs, so far.
 #[derive(Clone, Debug, Default)]
@@ -33,18 +33,18 @@ impl ImposedWork {
     }
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
-    pub(super) fn step(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
+    pub(super) fn step(&mut self, scheme: &Scheme, targets: &[ImposedTarget], modules: &ModuleState) {
         for (mat, [holding_force, step]) in self.previous_forces_and_steps.drain(..) {
-            self.work += 0.5 * (step + body.d[mat]) * holding_force;
+            self.work += 0.5 * (step + modules.d[mat]) * holding_force;
         }
         self.work_max = self.work_max.max(self.work);
         self.previous_forces_and_steps.extend(targets.iter().map(|target| {
             let mat = target.mat;
             let holding_force = match scheme.w[mat] {
-                0.0 => -body.force[mat],
-                _ => kernel::force_to_reach(scheme, body, mat, target.x),
+                0.0 => -modules.force[mat],
+                _ => kernel::force_to_reach(scheme, modules, mat, target.x),
             };
-            (mat, [holding_force, body.d[mat]])
+            (mat, [holding_force, modules.d[mat]])
         }));
     }
 }

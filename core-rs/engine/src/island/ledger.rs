@@ -7,8 +7,8 @@ use crate::island::followed_energy::{self, FrameEnergies, following_law};
 use crate::island::pair_energy;
 use crate::kernel::{self, Neighbours};
 use crate::law::Law;
-use crate::scheme::{Kind, Run, Scheme, tension_energy};
-use crate::state::{Body, Target};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme, tension_energy};
+use crate::state::{ImposedTarget, ModuleState};
 use crate::timeline::Gate;
 
 /// The ledger so far [J].
@@ -111,65 +111,70 @@ crate::archive::state!(Ledger {
 });
 
 /// Elongation of the i-th link of a run: now, and one step ago.
-fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
-    let elongation_now = run.elongation(i, |mat| body.x[mat]);
+fn elongation(run: &LinkRun, modules: &ModuleState, i: usize) -> (f64, f64) {
+    let elongation_now = run.elongation(i, |mat| modules.x[mat]);
     if run.n_axes() > 1 {
-        let permanent_stretch = permanent_stretch(run, body, i);
-        let elongation_before = run.elongation(i, |mat| body.x[mat] - body.d[mat]);
+        let permanent_stretch = permanent_stretch(run, modules, i);
+        let elongation_before = run.elongation(i, |mat| modules.x[mat] - modules.d[mat]);
         return (
             elongation_now - permanent_stretch,
             elongation_before - permanent_stretch,
         );
     }
-    (elongation_now, elongation_now - (body.d[run.b + i] - body.d[run.a + i]))
+    (
+        elongation_now,
+        elongation_now - (modules.d[run.b + i] - modules.d[run.a + i]),
+    )
 }
 
 /// How much the rest length of the i-th link of a run has grown.
-fn permanent_stretch(run: &Run, body: &Body, i: usize) -> f64 {
-    let memory = run.has_permanent_stretch().then(|| body.memory[run.first + i]);
+fn permanent_stretch(run: &LinkRun, modules: &ModuleState, i: usize) -> f64 {
+    let memory = run
+        .has_permanent_stretch()
+        .then(|| modules.link_memories[run.first_link + i]);
     memory.unwrap_or(0.0)
 }
 
 /// The stiffness that the links of a run share: now, and one step ago.
-fn shared_stiffnesses(run: &Run, body: &Body) -> [f64; 2] {
+fn shared_stiffnesses(run: &LinkRun, modules: &ModuleState) -> [f64; 2] {
     [
-        run.shared_stiffness(|i| elongation(run, body, i).0),
-        run.shared_stiffness(|i| elongation(run, body, i).1),
+        run.shared_stiffness(|i| elongation(run, modules, i).0),
+        run.shared_stiffness(|i| elongation(run, modules, i).1),
     ]
 }
 
 /// Energy of one link [J].
-fn link_energy(run: &Run, tension: f64, e: f64) -> f64 {
+fn link_energy(run: &LinkRun, tension: f64, e: f64) -> f64 {
     run.potential_energy(e) + tension_energy(tension, e)
 }
 
-fn is_spring(run: &Run) -> bool {
-    matches!(run.kind, Kind::Ref) && run.gate.is_none()
+fn is_spring(run: &LinkRun) -> bool {
+    matches!(run.kind, LinkRunKind::Ref) && run.gate.is_none()
 }
 
-fn all_runs(scheme: &Scheme) -> impl Iterator<Item = &Run> {
+fn all_runs(scheme: &Scheme) -> impl Iterator<Item = &LinkRun> {
     scheme.runs.iter().chain(&scheme.exact_runs)
 }
 
 impl Ledger {
-    pub(super) fn new(scheme: &Scheme, gates: &[Gate], body: &mut Body) -> Self {
-        body.outside = vec![0.0; scheme.n_mat()];
+    pub(super) fn new(scheme: &Scheme, gates: &[Gate], modules: &mut ModuleState) -> Self {
+        modules.outside_forces = vec![0.0; scheme.n_mat()];
         let mut ledger = Self {
             start: 0.0,
             injected: CompensatedSum::default(),
             lost: CompensatedSum::default(),
             produced: CompensatedSum::default(),
-            previous_steps: body.d.clone(),
+            previous_steps: modules.d.clone(),
             holding_forces: Vec::new(),
             link_energies: vec![0.0; scheme.n_lia],
             neighbour_buffers: all_runs(scheme)
-                .filter_map(Run::pairwise)
+                .filter_map(LinkRun::pairwise)
                 .map(|pair_run| Neighbours::new(&pair_run))
                 .collect(),
             law_buffers: followed_energy::law_buffers(scheme),
             previous_inverse_masses: inverse_masses(scheme).collect(),
         };
-        let gate_opening = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].opening(0));
+        let gate_opening = |run: &LinkRun| run.gate.map_or(1.0, |gate| gates[gate].opening(0));
         let mut neighbour_buffers = ledger.neighbour_buffers.iter_mut();
         let mut law_buffers = ledger.law_buffers.iter_mut();
         for run in all_runs(scheme).filter(|run| !is_spring(run)) {
@@ -177,36 +182,36 @@ impl Ledger {
                 let Some(law_buffer) = law_buffers.next() else {
                     continue;
                 };
-                followed_law.update_law(law_buffer, |mat| body.x[mat]);
+                followed_law.update_law(law_buffer, |mat| modules.x[mat]);
                 for i in 0..run.len {
-                    let (elongation_now, elongation_before) = elongation(run, body, i);
+                    let (elongation_now, elongation_before) = elongation(run, modules, i);
                     let frame_energies = FrameEnergies::new(
                         law_buffer,
                         rate,
                         [elongation_before, elongation_now, elongation_now],
                         0.0,
                     );
-                    ledger.link_energies[run.first + i] = frame_energies.stored_before;
+                    ledger.link_energies[run.first_link + i] = frame_energies.stored_before;
                 }
                 continue;
             }
             if let Some(pair_run) = run.pairwise() {
                 if let Some(pair_buffer) = neighbour_buffers.next() {
-                    let [energy_now, energy_before] = pair_energy::potentials(&pair_run, run.k, pair_buffer, body);
-                    ledger.link_energies[run.first] = 0.5 * gate_opening(run) * (energy_now + energy_before);
+                    let [energy_now, energy_before] = pair_energy::potentials(&pair_run, run.k, pair_buffer, modules);
+                    ledger.link_energies[run.first_link] = 0.5 * gate_opening(run) * (energy_now + energy_before);
                 }
                 continue;
             }
-            let tensions = shared_stiffnesses(run, body);
+            let tensions = shared_stiffnesses(run, modules);
             for i in 0..run.len {
-                let (elongation_now, elongation_before) = elongation(run, body, i);
-                ledger.link_energies[run.first + i] = 0.5
+                let (elongation_now, elongation_before) = elongation(run, modules, i);
+                ledger.link_energies[run.first_link + i] = 0.5
                     * gate_opening(run)
                     * (link_energy(run, tensions[0], elongation_now)
                         + link_energy(run, tensions[1], elongation_before));
             }
         }
-        ledger.start = ledger.stored_energy(scheme, body);
+        ledger.start = ledger.stored_energy(scheme, modules);
         ledger
     }
 
@@ -216,11 +221,11 @@ impl Ledger {
     }
 
     /// Before the MAT phase: forces are complete, positions are those of frame n.
-    pub(super) fn begin_frame(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
-        self.previous_steps.copy_from_slice(&body.d);
+    pub(super) fn begin_frame(&mut self, scheme: &Scheme, targets: &[ImposedTarget], modules: &ModuleState) {
+        self.previous_steps.copy_from_slice(&modules.d);
         let inverse_masses = scheme.following_masses.iter().zip(inverse_masses(scheme));
         for ((mass, inverse_mass), previous_inverse_mass) in inverse_masses.zip(&mut self.previous_inverse_masses) {
-            let last_step = body.d[mass.mat];
+            let last_step = modules.d[mass.mat];
             if inverse_mass != 0.0 && *previous_inverse_mass != 0.0 {
                 self.injected
                     .add(0.5 * last_step * last_step * (1.0 / inverse_mass - 1.0 / *previous_inverse_mass));
@@ -230,8 +235,8 @@ impl Ledger {
         self.holding_forces.clear();
         self.holding_forces
             .extend(targets.iter().map(|target| match scheme.w[target.mat] {
-                0.0 => -body.force[target.mat],
-                _ => kernel::force_to_reach(scheme, body, target.mat, target.x),
+                0.0 => -modules.force[target.mat],
+                _ => kernel::force_to_reach(scheme, modules, target.mat, target.x),
             }));
     }
 
@@ -242,20 +247,20 @@ impl Ledger {
         &mut self,
         scheme: &Scheme,
         gates: [&[f64]; 2],
-        targets: &[Target],
-        body: &Body,
+        targets: &[ImposedTarget],
+        modules: &ModuleState,
         finer_travel: Option<&[f64]>,
     ) {
         // s = x[n+1] − x[n−1]
         let d = std::mem::take(&mut self.previous_steps);
-        let s = |i: usize| body.d[i] + d[i];
+        let s = |i: usize| modules.d[i] + d[i];
         for i in 0..scheme.n_mat() {
             if scheme.zeta[i] != 0.0 {
                 self.lost.add(0.25 * scheme.zeta[i] / scheme.w[i] * s(i) * s(i));
             }
-            if body.outside[i] != 0.0 {
+            if modules.outside_forces[i] != 0.0 {
                 let travel = finer_travel.map_or_else(|| 0.5 * s(i), |travel| travel[i]);
-                self.injected.add(travel * body.outside[i]);
+                self.injected.add(travel * modules.outside_forces[i]);
             }
         }
         for (target, holding_force) in targets.iter().zip(&self.holding_forces) {
@@ -264,22 +269,23 @@ impl Ledger {
         // A proxy that moves along its masses does work against the force on it.
         let moving_proxies = scheme.proxies.iter().filter(|proxy| proxy.is_moving());
         for proxy in moving_proxies.filter(|_| finer_travel.is_none()) {
-            let proxy_travel = s(proxy.mat) - proxy.weighted_sum(|mat| body.x[mat] - body.d[mat], s);
-            self.injected.add(-0.5 * proxy_travel * body.force[proxy.mat]);
+            let proxy_travel = s(proxy.mat) - proxy.weighted_sum(|mat| modules.x[mat] - modules.d[mat], s);
+            self.injected.add(-0.5 * proxy_travel * modules.force[proxy.mat]);
         }
         let mut neighbour_buffers = self.neighbour_buffers.iter_mut();
         let mut law_buffers = self.law_buffers.iter_mut();
         for run in all_runs(scheme) {
             let [open_now, open_next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
-            let [tension_next, tension_now] = shared_stiffnesses(run, body);
+            let [tension_next, tension_now] = shared_stiffnesses(run, modules);
             if let Some((bristle_law, _)) = run.bristle() {
                 // Work on the bristles that is not stored is lost: their bend between frames is exact.
                 for i in 0..run.len {
-                    let stored_energy = open_next * bristle_law.energy(body.memory[run.first + i]);
-                    let energy_rise = stored_energy - self.link_energies[run.first + i];
-                    self.link_energies[run.first + i] = stored_energy;
+                    let stored_energy = open_next * bristle_law.energy(modules.link_memories[run.first_link + i]);
+                    let energy_rise = stored_energy - self.link_energies[run.first_link + i];
+                    self.link_energies[run.first_link + i] = stored_energy;
                     let stretch = s(run.b + i) - s(run.a + i);
-                    self.lost.add(0.5 * stretch * body.link[run.first + i] - energy_rise);
+                    self.lost
+                        .add(0.5 * stretch * modules.link_forces[run.first_link + i] - energy_rise);
                 }
                 continue;
             }
@@ -287,15 +293,15 @@ impl Ledger {
                 let Some(pair_buffer) = neighbour_buffers.next() else {
                     continue;
                 };
-                let [potential_next, potential_now] = pair_energy::potentials(&pair_run, run.k, pair_buffer, body);
+                let [potential_next, potential_now] = pair_energy::potentials(&pair_run, run.k, pair_buffer, modules);
                 let stored_energy = 0.5 * (open_next * potential_next + open_now * potential_now);
-                let energy_rise = stored_energy - self.link_energies[run.first];
-                self.link_energies[run.first] = stored_energy;
+                let energy_rise = stored_energy - self.link_energies[run.first_link];
+                self.link_energies[run.first_link] = stored_energy;
                 let k_and_z = [open_now * run.k, open_now * run.z];
-                let steps_before = if finer_travel.is_some() { &body.d } else { &d };
-                let frame_steps: [&[f64]; 2] = [steps_before, &body.d];
-                let history = &body.histories[run.slot()];
-                let pair_work = pair_energy::work(&pair_run, k_and_z, pair_buffer, body, frame_steps, history);
+                let steps_before = if finer_travel.is_some() { &modules.d } else { &d };
+                let frame_steps: [&[f64]; 2] = [steps_before, &modules.d];
+                let history = &modules.contact_histories[run.slot()];
+                let pair_work = pair_energy::work(&pair_run, k_and_z, pair_buffer, modules, frame_steps, history);
                 self.lost.add(pair_work.total - pair_work.elastic);
                 if finer_travel.is_none() {
                     self.produced.add(energy_rise - pair_work.elastic);
@@ -303,18 +309,19 @@ impl Ledger {
                 continue;
             }
             // Positions at which the frame's forces acted.
-            let position_at_force = |mat: usize| body.x[mat] - body.d[mat];
+            let position_at_force = |mat: usize| modules.x[mat] - modules.d[mat];
             if let Some((followed_law, rate)) = following_law(run) {
                 let Some(law_buffer) = law_buffers.next() else {
                     continue;
                 };
                 followed_law.update_law(law_buffer, position_at_force);
                 for i in 0..run.len {
-                    let (e_next, e) = elongation(run, body, i);
+                    let (e_next, e) = elongation(run, modules, i);
                     let e_before = run.elongation(i, |mat| position_at_force(mat) - d[mat]);
-                    let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
+                    let frame_stretch = run.stretch(i, position_at_force, |mat| modules.d[mat]);
                     let energy = FrameEnergies::new(law_buffer, rate, [e_before, e, e_next], frame_stretch);
-                    let energy_before = std::mem::replace(&mut self.link_energies[run.first + i], energy.stored_after);
+                    let energy_before =
+                        std::mem::replace(&mut self.link_energies[run.first_link + i], energy.stored_after);
                     self.injected.add(energy.stored_before - energy_before); // the law has changed
                     if finer_travel.is_some() {
                         self.lost.add(energy.damping_force * frame_stretch);
@@ -322,7 +329,8 @@ impl Ledger {
                     }
                     let stretch = 0.5 * run.stretch(i, position_at_force, s);
                     let elastic_work = stretch * energy.elastic_force;
-                    self.lost.add(stretch * body.link[run.first + i] - elastic_work);
+                    self.lost
+                        .add(stretch * modules.link_forces[run.first_link + i] - elastic_work);
                     self.produced
                         .add(energy.stored_after - energy.stored_before - elastic_work);
                 }
@@ -336,32 +344,32 @@ impl Ledger {
                     }
                     continue;
                 }
-                let (e_next, e) = elongation(run, body, i);
+                let (e_next, e) = elongation(run, modules, i);
                 let energy_next = open_next * link_energy(run, tension_next, e_next);
                 let stored_energy = 0.5 * (energy_next + open_now * link_energy(run, tension_now, e));
-                if permanent_stretch(run, body, i).is_infinite() {
-                    self.lost.add(self.link_energies[run.first + i]);
-                    self.link_energies[run.first + i] = 0.0;
+                if permanent_stretch(run, modules, i).is_infinite() {
+                    self.lost.add(self.link_energies[run.first_link + i]);
+                    self.link_energies[run.first_link + i] = 0.0;
                     continue;
                 }
                 if run.has_permanent_stretch() {
                     // Energy that was stored before the link yielded in this frame, and no longer is, counts as lost.
-                    let position_before = |mat: usize| body.x[mat] - body.d[mat] - d[mat];
-                    let e_before = run.elongation(i, position_before) - permanent_stretch(run, body, i);
+                    let position_before = |mat: usize| modules.x[mat] - modules.d[mat] - d[mat];
+                    let e_before = run.elongation(i, position_before) - permanent_stretch(run, modules, i);
                     let [potential_now, potential_before] = [e, e_before].map(|e| run.potential_energy(e));
                     let energy_left = 0.5 * open_now * (potential_now + potential_before);
-                    self.lost.add(self.link_energies[run.first + i] - energy_left);
-                    self.link_energies[run.first + i] = energy_left;
+                    self.lost.add(self.link_energies[run.first_link + i] - energy_left);
+                    self.link_energies[run.first_link + i] = energy_left;
                 }
-                let energy_rise = stored_energy - self.link_energies[run.first + i];
-                self.link_energies[run.first + i] = stored_energy;
+                let energy_rise = stored_energy - self.link_energies[run.first_link + i];
+                self.link_energies[run.first_link + i] = stored_energy;
                 if finer_travel.is_some() {
-                    let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
+                    let frame_stretch = run.stretch(i, position_at_force, |mat| modules.d[mat]);
                     let damping_force = open_now * run.damping_force(e, frame_stretch);
                     self.lost.add(damping_force * frame_stretch);
                     continue;
                 }
-                let link_work = 0.5 * stretch * body.link[run.first + i];
+                let link_work = 0.5 * stretch * modules.link_forces[run.first_link + i];
                 if is_exact(run) && run.z != 0.0 {
                     self.lost.add(link_work - energy_rise);
                 } else {
@@ -377,15 +385,15 @@ impl Ledger {
         }
         self.previous_steps = d;
         if finer_travel.is_some() {
-            self.produced.add(-self.energy(scheme, body).residual);
+            self.produced.add(-self.energy(scheme, modules).residual);
         }
     }
 
     /// Energy in masses and links between the last frame and this one [J].
-    fn stored_energy(&self, scheme: &Scheme, body: &Body) -> f64 {
+    fn stored_energy(&self, scheme: &Scheme, modules: &ModuleState) -> f64 {
         let mut energy_sum = CompensatedSum::default();
         for i in (0..scheme.n_mat()).filter(|&i| scheme.w[i] != 0.0) {
-            let (x, d, rest_position) = (body.x[i], body.d[i], scheme.rest[i]);
+            let (x, d, rest_position) = (modules.x[i], modules.d[i], scheme.rest[i]);
             if let Some(mat_weight) = scheme.weight.get(i) {
                 // With the same work a step as other forces: 0.5·(x[n+1] − x[n−1])·F.
                 energy_sum.add(-mat_weight * (x - 0.5 * d));
@@ -397,19 +405,19 @@ impl Ledger {
         for run in all_runs(scheme) {
             for i in 0..run.len {
                 energy_sum.add(if is_spring(run) {
-                    let (elongation_now, elongation_before) = elongation(run, body, i);
+                    let (elongation_now, elongation_before) = elongation(run, modules, i);
                     0.5 * run.k * elongation_now * elongation_before
                         - 0.25 * run.z * (elongation_now - elongation_before) * (elongation_now - elongation_before)
                 } else {
-                    self.link_energies[run.first + i]
+                    self.link_energies[run.first_link + i]
                 });
             }
         }
         energy_sum.value()
     }
 
-    pub(super) fn energy(&self, scheme: &Scheme, body: &Body) -> Energy {
-        let (start, stored) = (self.start, self.stored_energy(scheme, body));
+    pub(super) fn energy(&self, scheme: &Scheme, modules: &ModuleState) -> Energy {
+        let (start, stored) = (self.start, self.stored_energy(scheme, modules));
         let (injected, lost, produced) = (self.injected.value(), self.lost.value(), self.produced.value());
         Energy {
             start,
@@ -429,6 +437,6 @@ fn inverse_masses(scheme: &Scheme) -> impl Iterator<Item = f64> + '_ {
     following_masses.map(|mass| scheme.w[mass.mat])
 }
 
-fn is_exact(run: &Run) -> bool {
-    matches!(&run.kind, Kind::But(but) if but.contact == crate::network::Contact::Exact)
+fn is_exact(run: &LinkRun) -> bool {
+    matches!(&run.kind, LinkRunKind::But(but) if but.contact == crate::network::Contact::Exact)
 }

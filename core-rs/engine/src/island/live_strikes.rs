@@ -2,7 +2,7 @@
 
 use crate::archive::state;
 use crate::scheme::Scheme;
-use crate::state::Body;
+use crate::state::ModuleState;
 use crate::timeline::{Drive, DriveSource, Timeline};
 
 /// A MAT that may be struck while it plays.
@@ -79,18 +79,18 @@ pub(super) fn apply_strikes(
     strike_points: &[StrikePoint],
     pending: &mut [PendingStrikes],
     scheme: &Scheme,
-    body: &mut Body,
+    modules: &mut ModuleState,
 ) {
     let pending = strike_points.iter().zip(pending);
     for (strike_point, pending) in pending.filter(|(_, pending)| pending.has_impulses()) {
         let impulse = pending.take_next();
         if impulse != 0.0 && scheme.w[strike_point.mat] != 0.0 {
-            body.push(strike_point.mat, impulse * scheme.rate);
+            modules.push(strike_point.mat, impulse * scheme.rate);
         }
     }
 }
 
-impl super::Players {
+impl super::Excitations {
     /// Whether live strikes act in the next step or later.
     pub(super) fn has_pending_strikes(&self) -> bool {
         self.pending_strikes.iter().any(PendingStrikes::has_impulses)
@@ -102,7 +102,7 @@ impl super::Island {
     pub(crate) fn strike_point(&mut self, point: u32, impulse: f64) -> bool {
         let mut has_point = false;
         let strike_points = self.script.strike_points.iter();
-        for (strike_point, pending) in strike_points.zip(&mut self.state.players.pending_strikes) {
+        for (strike_point, pending) in strike_points.zip(&mut self.state.excitations.pending_strikes) {
             if strike_point.point == point {
                 pending.add_strike(&strike_point.shares, impulse);
                 has_point = true;
@@ -116,10 +116,14 @@ impl super::Island {
 
     /// Take over what the points of another island have still to receive, where it has the same points.
     pub(crate) fn continue_strikes(&mut self, old: &Self) {
-        let strikes = old.script.strike_points.iter().zip(&old.state.players.pending_strikes);
+        let strikes = old
+            .script
+            .strike_points
+            .iter()
+            .zip(&old.state.excitations.pending_strikes);
         for (old_point, old_pending) in strikes.filter(|(_, old_pending)| old_pending.has_impulses()) {
             let strike_points = self.script.strike_points.iter();
-            for (new_point, pending) in strike_points.zip(&mut self.state.players.pending_strikes) {
+            for (new_point, pending) in strike_points.zip(&mut self.state.excitations.pending_strikes) {
                 if new_point.point == old_point.point && new_point.shares.len() == old_point.shares.len() {
                     pending.impulses.copy_from_slice(&old_pending.impulses);
                     pending.steps_left = old_pending.steps_left;

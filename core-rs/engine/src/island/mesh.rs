@@ -10,7 +10,7 @@ use crate::integrate::{Integrator, MeshMethod};
 use crate::interrupt;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
-use crate::state::Body;
+use crate::state::ModuleState;
 use crate::timeline::Lead;
 use crate::units::Rate;
 
@@ -231,16 +231,16 @@ impl RunningMesh {
         }
     }
 
-    /// Set positions and steps of the ports in the island; `inner` is the part of the last step that the mesh's own
-    /// forces made.
-    pub(crate) fn set_ports(&self, body: &mut Body) {
+    /// Set positions and steps of the ports in the island; `free_port_motion` is the part of the last step that the
+    /// mesh's own forces made.
+    pub(crate) fn set_ports(&self, modules: &mut ModuleState) {
         let positions = self.integrator.positions();
         let port_memory = self.previous_positions.iter().zip(&self.inertial_steps);
         for (&(port, mat), (previous, inertial_step)) in self.plan.ports.iter().zip(port_memory) {
             let port_step = positions[port] - previous;
-            body.x[mat] = positions[port];
-            body.d[mat] = port_step;
-            body.inner[mat] = port_step - inertial_step;
+            modules.x[mat] = positions[port];
+            modules.d[mat] = port_step;
+            modules.free_port_motion[mat] = port_step - inertial_step;
         }
     }
 

@@ -15,11 +15,11 @@ pub(crate) use plan::{ComplexResponses, Modal, Mode, Port, StruckPoint};
 use std::sync::Arc;
 
 use instants::InstantTables;
-use script::{Script, StrikeStep, lanes};
+use script::{ModalScript, StrikeStep, lanes};
 
 use crate::kernel::bank::{GroupCoefficients, GroupMotion, LANES, LaneSum, Lanes, advance_and_observe, lane_total};
 use crate::kernel::ports;
-use crate::state::Body;
+use crate::state::ModuleState;
 
 /// Number of frames that are computed ahead at once: enough to keep the modes in registers, and few enough that
 /// discarding them costs little.
@@ -31,7 +31,7 @@ const CONTACT_FREE_FRAMES_MIN: u32 = 16;
 /// A running body.
 #[derive(Clone, Debug)]
 pub(crate) struct RunningModal {
-    script: Arc<Script>,
+    script: Arc<ModalScript>,
     /// The modes at the furthest frame in `row_history`.
     furthest_motions: Vec<GroupMotion>,
     /// The modes at the first frame in `row_history`.
@@ -91,7 +91,7 @@ const WINDOW_FRAMES: usize = FRAMES_AHEAD + 1;
 
 impl RunningModal {
     pub(crate) fn new(plan: &Modal) -> Self {
-        let mut script = Script::new(plan);
+        let mut script = ModalScript::new(plan);
         script.responses = pushes::responses(&script);
         let group_count = script.coefficients.len();
         let furthest_motions: Vec<GroupMotion> = (0..group_count)
@@ -163,12 +163,12 @@ impl RunningModal {
     }
 
     /// Set positions, steps and free motion of the ports in the island.
-    pub(crate) fn set_ports(&self, body: &mut Body) {
-        self.set_ports_ahead(0, body);
+    pub(crate) fn set_ports(&self, modules: &mut ModuleState) {
+        self.set_ports_ahead(0, modules);
     }
 
     /// Set the ports as they will be in `frames` frames, if nothing pushes the body until then.
-    pub(crate) fn set_ports_ahead(&self, frames: usize, body: &mut Body) {
+    pub(crate) fn set_ports_ahead(&self, frames: usize, modules: &mut ModuleState) {
         let window_frame = self.present_index + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
             let port_row = &self.row_history[row * WINDOW_FRAMES..(row + 1) * WINDOW_FRAMES];
@@ -178,9 +178,9 @@ impl RunningModal {
             } else {
                 port_row[window_frame - 1]
             };
-            body.x[port.mat] = position_now + port.rest;
-            body.d[port.mat] = position_now - previous;
-            body.inner[port.mat] = (position_next - position_now) - (position_now - previous);
+            modules.x[port.mat] = position_now + port.rest;
+            modules.d[port.mat] = position_now - previous;
+            modules.free_port_motion[port.mat] = (position_next - position_now) - (position_now - previous);
         }
     }
 
@@ -220,7 +220,7 @@ impl RunningModal {
     }
 
     /// Apply the strikes of frame `n`, so that contacts know where the ports go with them.
-    pub(crate) fn apply_strikes(&mut self, n: u64, body: &mut Body) {
+    pub(crate) fn apply_strikes(&mut self, n: u64, modules: &mut ModuleState) {
         if std::mem::take(&mut self.has_strike_kicks) {
             self.strike_kicks.fill(Lanes::ZERO);
         }
@@ -248,7 +248,7 @@ impl RunningModal {
                 self.has_strike_kicks = true;
             }
         }
-        self.set_ports(body);
+        self.set_ports(modules);
     }
 
     /// Add the kicks to the modes one frame ahead.

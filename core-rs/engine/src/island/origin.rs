@@ -3,7 +3,7 @@
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::start::backward_steps;
-use crate::state::Body;
+use crate::state::ModuleState;
 use crate::timeline::{Drive, DriveKind, Timeline};
 
 /// Where every MAT is at frame 0, and the step that led there.
@@ -13,7 +13,7 @@ pub(super) fn initial_motion(
     timeline: &Timeline,
     drives: &[Drive],
     link_acts: &dyn Fn(usize) -> bool,
-) -> Body {
+) -> ModuleState {
     let drive_forces: Vec<_> = drives
         .iter()
         .filter(|drive| drive.kind == DriveKind::Force)
@@ -24,7 +24,7 @@ pub(super) fn initial_motion(
     for (port, key) in timeline.delayed_ports() {
         start_steps[port] = start_steps[key];
     }
-    Body::new(scheme, start_positions, start_steps)
+    ModuleState::new(scheme, start_positions, start_steps)
 }
 
 /// Where every MAT is at frame 0 [m], (n_mat).

@@ -2,7 +2,7 @@
 
 use crate::kernel::{Neighbours, PairContact};
 use crate::network::{PairRun, difference};
-use crate::state::{Body, ContactHistory};
+use crate::state::{ContactHistory, ModuleState};
 
 /// Work of all pairs in a frame [J].
 #[derive(Clone, Copy, Debug, Default)]
@@ -14,9 +14,12 @@ pub(super) struct PairWork {
 }
 
 /// Energy of all pairs of stiffness `k` [J]: now, and a step before.
-pub(super) fn potentials(run: &PairRun, k: f64, neighbours: &mut Neighbours, body: &Body) -> [f64; 2] {
-    let energy_before = potential_energy(run, k, neighbours, |mat| body.x[mat] - body.d[mat]);
-    [potential_energy(run, k, neighbours, |mat| body.x[mat]), energy_before]
+pub(super) fn potentials(run: &PairRun, k: f64, neighbours: &mut Neighbours, modules: &ModuleState) -> [f64; 2] {
+    let energy_before = potential_energy(run, k, neighbours, |mat| modules.x[mat] - modules.d[mat]);
+    [
+        potential_energy(run, k, neighbours, |mat| modules.x[mat]),
+        energy_before,
+    ]
 }
 
 /// Energy of all pairs of stiffness `k` at positions `x` [J].
@@ -33,13 +36,13 @@ pub(super) fn work(
     run: &PairRun,
     k_and_z: [f64; 2],
     neighbours: &mut Neighbours,
-    body: &Body,
+    modules: &ModuleState,
     frame_steps: [&[f64]; 2],
     history: &ContactHistory,
 ) -> PairWork {
     let pair_link = &run.pairs.link;
     let mut pair_work = PairWork::default();
-    let position_before = |mat: usize| body.x[mat] - body.d[mat];
+    let position_before = |mat: usize| modules.x[mat] - modules.d[mat];
     neighbours.for_each_touching(run, position_before, |ends, e, along| {
         let stretch_before = pair_link.length_step(ends, along, |mat| frame_steps[0][mat]);
         let stretch = 0.5 * pair_link.length_step(ends, along, |mat| frame_steps[0][mat] + frame_steps[1][mat]);
@@ -70,18 +73,18 @@ pub(super) fn work(
 }
 
 /// Elastic energy of friction in all touching pairs of stiffness `k` [J].
-pub(super) fn friction_energy(run: &PairRun, k: f64, history: &ContactHistory, body: &Body) -> f64 {
+pub(super) fn friction_energy(run: &PairRun, k: f64, history: &ContactHistory, modules: &ModuleState) -> f64 {
     let pair_link = &run.pairs.link;
     let pair_energy = |(points, anchor): ([u32; 2], [f64; 3])| {
         let pair_ends = run.ends(points);
-        let e = pair_link.length_and_direction(pair_ends, |mat| body.x[mat]).0 - run.rest;
+        let e = pair_link.length_and_direction(pair_ends, |mat| modules.x[mat]).0 - run.rest;
         if e >= 0.0 {
             return 0.0;
         }
         let Some([k, _]) = pair_link.law.stiffness_and_pull(k, e, pair_link.law.elastic(k, e)) else {
             return 0.0;
         };
-        let spring_elongation = difference(pair_link.offset_between(pair_ends, |mat| body.x[mat]), anchor);
+        let spring_elongation = difference(pair_link.offset_between(pair_ends, |mat| modules.x[mat]), anchor);
         let stretch_square: f64 = spring_elongation.iter().map(|component| component * component).sum();
         0.5 * k * stretch_square
     };

@@ -6,7 +6,7 @@ use crate::kernel::Neighbours;
 use crate::maths::wide::wide;
 use crate::network::PairRun;
 use crate::scheme::Scheme;
-use crate::state::Body;
+use crate::state::ModuleState;
 
 /// Created energy is ignored up to that of a spring stretched by this many units of the last digit of a coordinate.
 const ELONGATION_ERROR_ULP: f64 = 1e4;
@@ -62,7 +62,7 @@ impl PairEnergyGains {
         let pair_contacts: Vec<PairContacts> = pair_runs
             .clone()
             .map(|(scheme_run, run)| PairContacts {
-                first_link: scheme_run.first,
+                first_link: scheme_run.first_link,
                 history_slot: scheme_run.slot(),
                 stiffness: scheme_run.k,
                 neighbours: Neighbours::new(&run),
@@ -108,18 +108,18 @@ impl PairEnergyGains {
         mat_spans.any(|span| mats[span].iter().any(|&is_marked| is_marked))
     }
 
-    pub(super) fn begin(&mut self, body: &Body) {
+    pub(super) fn begin(&mut self, modules: &ModuleState) {
         self.energy_account = EnergyAccount::default();
-        self.previous_steps.copy_from_slice(&body.d);
-        self.previous_forces.copy_from_slice(&body.pair_force);
-        self.start_friction_energy = self.friction_energy(body);
-        self.start_motion[0].copy_from_slice(&body.x);
-        self.start_motion[1].copy_from_slice(&body.d);
+        self.previous_steps.copy_from_slice(&modules.d);
+        self.previous_forces.copy_from_slice(&modules.pair_forces);
+        self.start_friction_energy = self.friction_energy(modules);
+        self.start_motion[0].copy_from_slice(&modules.x);
+        self.start_motion[1].copy_from_slice(&modules.d);
         self.includes_start_energy = false;
     }
 
-    pub(super) fn step(&mut self, body: &Body) {
-        let motion_now = [&*body.d, &*body.pair_force];
+    pub(super) fn step(&mut self, modules: &ModuleState) {
+        let motion_now = [&*modules.d, &*modules.pair_forces];
         self.energy_account
             .add_work(-work(&mut self.previous_steps, &mut self.previous_forces, motion_now));
     }
@@ -127,7 +127,7 @@ impl PairEnergyGains {
     /// The energy created by frame `n`, if that is worth reporting; `motion_energy` is the energy of all masses.
     pub(super) fn check(
         &mut self,
-        body: &Body,
+        modules: &ModuleState,
         (motion_energy, hand_work): (impl Fn() -> f64, f64),
         n: u64,
     ) -> Option<EnergyGain> {
@@ -139,12 +139,13 @@ impl PairEnergyGains {
         if !self.energy_account.is_overdrawn() {
             return None;
         }
-        let stored_energy = pair_energy(&mut self.pair_contacts, [&body.x, &body.d]) + self.friction_energy(body);
+        let stored_energy =
+            pair_energy(&mut self.pair_contacts, [&modules.x, &modules.d]) + self.friction_energy(modules);
         let gain = self
             .energy_account
             .energy_gain(stored_energy, motion_energy(), n)
             .with_reference_energy_min(hand_work);
-        if !gain.is_reportable() || gain.created_energy <= self.rounding_energy(body) {
+        if !gain.is_reportable() || gain.created_energy <= self.rounding_energy(modules) {
             return None;
         }
         self.worst_gain = Some(gain.worse_of(self.worst_gain));
@@ -152,23 +153,23 @@ impl PairEnergyGains {
     }
 
     /// Elastic energy of friction [J].
-    fn friction_energy(&self, body: &Body) -> f64 {
+    fn friction_energy(&self, modules: &ModuleState) -> f64 {
         let pair_contacts = self.pair_contacts.iter();
         let pair_energy = |contacts: &PairContacts| {
             friction_energy(
                 &contacts.run,
                 contacts.stiffness,
-                &body.histories[contacts.history_slot],
-                body,
+                &modules.contact_histories[contacts.history_slot],
+                modules,
             )
         };
         pair_contacts.map(pair_energy).sum()
     }
 
-    fn rounding_energy(&self, body: &Body) -> f64 {
+    fn rounding_energy(&self, modules: &ModuleState) -> f64 {
         let pair_energy = |contacts: &PairContacts| {
             let contact_mats = contacts.run.point_ranges().flatten();
-            let largest_position = contact_mats.map(|mat| body.x[mat].abs()).fold(0.0, f64::max);
+            let largest_position = contact_mats.map(|mat| modules.x[mat].abs()).fold(0.0, f64::max);
             let elongation_error = ELONGATION_ERROR_ULP * f64::EPSILON * largest_position;
             contacts.run.n_second as f64 * contacts.stiffness * elongation_error * elongation_error
         };

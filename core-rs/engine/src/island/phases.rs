@@ -1,7 +1,7 @@
 //! The phases of a step (`step` says what each reads and writes).
 
 use super::strikes::apply_pushes_and_ergons;
-use super::{Matter, Script, State, delayed_ports, glide, live_strikes, real_hands, sounds_in};
+use super::{MechanicalState, Script, State, delayed_ports, glide, live_strikes, real_hands, sounds_in};
 use crate::guard;
 use crate::island::written_hand::voice::{Voice, VoiceScene, VoiceScript};
 use crate::kernel;
@@ -12,8 +12,8 @@ use crate::scheme::Scheme;
 pub(super) fn set_inputs(script: &Script, state: &mut State, mut scheme: Option<&mut Scheme>, n: u64) {
     let State {
         parameters,
-        matter,
-        players,
+        mechanics: matter,
+        excitations: players,
         monitors,
         ..
     } = state;
@@ -26,22 +26,22 @@ pub(super) fn set_inputs(script: &Script, state: &mut State, mut scheme: Option<
     }
     parameters.set_gates(&script.gates, n);
     if parameters.step_decay < 1.0 {
-        matter.body.d.iter_mut().for_each(|d| *d *= parameters.step_decay);
+        matter.modules.d.iter_mut().for_each(|d| *d *= parameters.step_decay);
         if let Some(guard) = &mut monitors.guard {
             guard.scale_velocities(parameters.step_decay);
         }
         matter.set_ports(); // bodies are damped by themselves
     }
     let hand_states = &mut players.hand_states;
-    real_hands::move_hands(&script.hand_bindings, hand_states, n, &mut matter.body);
-    delayed_ports::follow_keys(&script.port_bindings, &mut matter.body);
+    real_hands::move_hands(&script.hand_bindings, hand_states, n, &mut matter.modules);
+    delayed_ports::follow_keys(&script.port_bindings, &mut matter.modules);
     if let Some(scheme) = scheme {
-        glide::apply_following_masses(&script.scheme, scheme, &matter.body.x);
+        glide::apply_following_masses(&script.scheme, scheme, &matter.modules.x);
     }
 }
 
 /// A frame while it is computed.
-pub(super) struct Frame<'a, 'team> {
+pub(super) struct StepInProgress<'a, 'team> {
     pub(super) n: u64,
     pub(super) script: &'a Script,
     /// The numbers of this frame.
@@ -67,21 +67,21 @@ pub(super) struct Moved {
     is_finer: bool,
 }
 
-impl Frame<'_, '_> {
+impl StepInProgress<'_, '_> {
     /// Computes the forces of links, drives, sounds and live strokes, and divides the forces on proxies among their
     /// masses.
     pub(super) fn apply_links(&mut self) -> LinksApplied {
         let (n, script, scheme) = (self.n, self.script, self.scheme);
         let State {
             parameters,
-            matter,
-            players,
+            mechanics: matter,
+            excitations: players,
             monitors,
             ..
         } = &mut *self.state;
-        let Matter {
-            body,
-            laws,
+        let MechanicalState {
+            modules: body,
+            kernel_scratch: laws,
             fine_links,
             targets,
             ..
@@ -113,7 +113,9 @@ impl Frame<'_, '_> {
         self.sum_layers();
         self.for_each_voice(Voice::step);
         apply_pushes_and_ergons(self.script, self.scheme, self.state, self.n);
-        let Matter { body, bodies, .. } = &mut self.state.matter;
+        let MechanicalState {
+            modules: body, bodies, ..
+        } = &mut self.state.mechanics;
         for running_body in bodies {
             running_body.apply_strikes(self.n, body);
         }
@@ -123,9 +125,13 @@ impl Frame<'_, '_> {
     /// Solves contacts and friction, which need all other forces. Then written hands compute their forces.
     pub(super) fn solve_contacts(&mut self, _: StrikesApplied) -> ForcesComplete {
         let scheme = self.scheme;
-        let State { parameters, matter, .. } = &mut *self.state;
-        let Matter {
-            body,
+        let State {
+            parameters,
+            mechanics: matter,
+            ..
+        } = &mut *self.state;
+        let MechanicalState {
+            modules: body,
             bodies,
             fine_links,
             targets,
@@ -145,18 +151,21 @@ impl Frame<'_, '_> {
         let (n, script, scheme) = (self.n, self.script, self.scheme);
         let State {
             parameters,
-            matter,
-            players,
+            mechanics: matter,
+            excitations: players,
             monitors,
             ..
         } = &mut *self.state;
-        let Matter {
-            body, bodies, targets, ..
+        let MechanicalState {
+            modules: body,
+            bodies,
+            targets,
+            ..
         } = matter;
         real_hands::add_hand_forces(&script.hand_bindings, &mut players.hand_states, n, body);
         delayed_ports::record_port_forces(&script.port_bindings, &mut players.port_states, body);
         delayed_ports::set_port_targets(&script.port_bindings, scheme, targets, body);
-        monitors.contact_peaks.note_forces(n, &body.link);
+        monitors.contact_peaks.note_forces(n, &body.link_forces);
         if let Some(out) = out {
             kernel::write_outputs(scheme, body, out);
             bodies.iter().for_each(|running_body| running_body.add_outputs(out));
@@ -175,13 +184,13 @@ impl Frame<'_, '_> {
     /// Masses and bodies move; the frame is computed again in finer steps if links have stiffened too much.
     pub(super) fn advance(&mut self, _: ForcesComplete) -> Moved {
         let scheme = self.scheme;
-        let Matter {
-            body,
+        let MechanicalState {
+            modules: body,
             bodies,
-            laws,
+            kernel_scratch: laws,
             targets,
             ..
-        } = &mut self.state.matter;
+        } = &mut self.state.mechanics;
         for running_body in &mut *bodies {
             running_body.step(self.n, &body.force, self.team);
         }
@@ -196,7 +205,7 @@ impl Frame<'_, '_> {
         let finer_plausible = recompute_finer(scheme, self.state, self.team);
         let State {
             parameters,
-            matter,
+            mechanics: matter,
             monitors,
             ..
         } = &mut *self.state;
@@ -205,10 +214,10 @@ impl Frame<'_, '_> {
             let fine_links = matter.fine_links.iter_mut();
             fine_links.for_each(|fine_links| fine_links.stepped_points_mut().restart());
         }
-        kernel::slide_bristles(scheme, &mut matter.body);
-        kernel::stop_resting_masses(scheme, &mut matter.body);
+        kernel::slide_bristles(scheme, &mut matter.modules);
+        kernel::stop_resting_masses(scheme, &mut matter.modules);
         if let Some(fine_links) = &matter.fine_links {
-            fine_links.stop_held_masses(scheme, &mut matter.body);
+            fine_links.stop_held_masses(scheme, &mut matter.modules);
         }
         Moved {
             is_plausible: finer_plausible.unwrap_or(is_plausible) && are_bodies_bounded,
@@ -220,7 +229,7 @@ impl Frame<'_, '_> {
     pub(super) fn account(&mut self, motion: &Moved) {
         let State {
             parameters,
-            matter,
+            mechanics: matter,
             monitors,
             ..
         } = &mut *self.state;
@@ -233,14 +242,14 @@ impl Frame<'_, '_> {
             self.scheme,
             [&parameters.gate_openings, &parameters.next_gate_openings],
             &matter.targets,
-            &matter.body,
+            &matter.modules,
             guard.map(|guard| guard.force_travel()),
         );
     }
 
     /// Sums the deviations that layers add to each key at this frame.
     fn sum_layers(&mut self) {
-        let players = &mut self.state.players;
+        let players = &mut self.state.excitations;
         players.layer_deviations.fill(0.0);
         for (voice, voice_script) in players.voices.iter().zip(&self.script.voices) {
             if voice_script.is_layer {
@@ -251,11 +260,15 @@ impl Frame<'_, '_> {
 
     /// Run one phase of the frame for every voice.
     fn for_each_voice(&mut self, phase: fn(&mut Voice, &VoiceScript, &mut VoiceScene<'_>, u64)) {
-        let State { matter, players, .. } = &mut *self.state;
+        let State {
+            mechanics: matter,
+            excitations: players,
+            ..
+        } = &mut *self.state;
         let mut voice_scene = VoiceScene {
             scheme: self.scheme,
             gestures: &self.script.gestures,
-            body: &mut matter.body,
+            modules: &mut matter.modules,
             targets: &mut matter.targets,
             reports: &mut players.reports,
             ergon_stream: &mut players.ergon_stream,
@@ -275,30 +288,30 @@ impl Frame<'_, '_> {
 fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
     let State {
         parameters,
-        matter,
+        mechanics: matter,
         monitors,
         ..
     } = state;
-    let (guard, body) = (monitors.guard.as_mut()?, &mut matter.body);
+    let (guard, body) = (monitors.guard.as_mut()?, &mut matter.modules);
     if !guard.needs_finer(&body.x, &body.d, &scheme.w) {
         return None;
     }
-    let previous = body.previous.as_mut()?;
+    let previous = body.previous_state.as_mut()?;
     previous.swap(&mut body.x, &mut body.d);
     let imposed_mats = matter.targets.iter().map(|target| target.mat);
     let (x, previous) = (&body.x, &previous.x);
     guard.set_imposed_paths(imposed_mats, |mat| (x[mat], previous[mat]));
-    let is_plausible = guard.compute_finer(&mut guard::KernelStage {
+    let is_plausible = guard.compute_finer(&mut guard::KernelSystem {
         scheme,
         gates: &parameters.gate_openings,
-        body,
-        laws: &mut matter.laws,
+        modules: body,
+        laws: &mut matter.kernel_scratch,
         team,
     });
-    if let Some(state_before) = &body.previous {
+    if let Some(state_before) = &body.previous_state {
         guard.restore_unrelated(state_before, &mut body.x, &mut body.d);
     }
     matter.set_ports();
-    kernel::proxies::move_to_masses(scheme, &mut matter.body);
+    kernel::proxies::move_to_masses(scheme, &mut matter.modules);
     Some(is_plausible)
 }

@@ -1,6 +1,6 @@
 //! Real hands in an island: positions in, mean forces out, once a tick.
 
-use crate::state::Body;
+use crate::state::ModuleState;
 use crate::timeline::{Drive, Hand, HandInterpolation};
 
 /// A hand, and the MAT that it moves.
@@ -60,9 +60,14 @@ pub(super) fn hand_bindings(drives: &[Drive]) -> Vec<HandBinding> {
 }
 
 /// Set positions and last steps of the hands' MATs at frame `n`.
-pub(super) fn move_hands(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64, body: &mut Body) {
+pub(super) fn move_hands(
+    hand_bindings: &[HandBinding],
+    hand_states: &mut [HandState],
+    n: u64,
+    modules: &mut ModuleState,
+) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
-        let (mat_position, mat_step) = (&mut body.x[binding.mat], &mut body.d[binding.mat]);
+        let (mat_position, mat_step) = (&mut modules.x[binding.mat], &mut modules.d[binding.mat]);
         let tick_frames = u64::from(binding.hand.tick_frames);
         let frame_in_tick = n % tick_frames;
         if frame_in_tick == 0 {
@@ -84,9 +89,14 @@ pub(super) fn move_hands(hand_bindings: &[HandBinding], hand_states: &mut [HandS
 }
 
 /// Add the summed forces of frame `n` to the mean of the tick.
-pub(super) fn add_hand_forces(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64, body: &Body) {
+pub(super) fn add_hand_forces(
+    hand_bindings: &[HandBinding],
+    hand_states: &mut [HandState],
+    n: u64,
+    modules: &ModuleState,
+) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
-        state.force_sum += body.force[binding.mat];
+        state.force_sum += modules.force[binding.mat];
         let tick_frames = u64::from(binding.hand.tick_frames);
         if (n + 1).is_multiple_of(tick_frames) {
             state.mean_force = state.force_sum / tick_frames as f64;
@@ -102,7 +112,7 @@ impl super::Island {
             .script
             .hand_bindings
             .iter()
-            .zip(&mut self.state.players.hand_states)
+            .zip(&mut self.state.excitations.hand_states)
         {
             if binding.hand.index == hand {
                 state.sent_motion = Some((x, step));
@@ -112,7 +122,11 @@ impl super::Island {
 
     /// Mean force on a hand of the scene over the last complete tick [N].
     pub(crate) fn hand_force(&self, hand: usize) -> f64 {
-        let hand_pairs = self.script.hand_bindings.iter().zip(&self.state.players.hand_states);
+        let hand_pairs = self
+            .script
+            .hand_bindings
+            .iter()
+            .zip(&self.state.excitations.hand_states);
         let hand_states = hand_pairs.filter(|(binding, _)| binding.hand.index == hand);
         hand_states.map(|(_, state)| state.mean_force).sum()
     }

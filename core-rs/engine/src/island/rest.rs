@@ -32,7 +32,7 @@ const STATE_BYTES_MAX: usize = 1 << 26;
 /// State of the search for rest.
 #[derive(Clone, Debug)]
 pub(super) struct RestSearch {
-    activity: Activity,
+    activity: IslandActivity,
     /// The step of the next check, and the frames from there to the check after it.
     next_check: u64,
     check_interval: u64,
@@ -46,7 +46,7 @@ pub(super) struct RestSearch {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Activity {
+enum IslandActivity {
     /// It moves, or may.
     Computed,
     /// This many frames since the last check left the state the same.
@@ -60,7 +60,7 @@ enum Activity {
 impl RestSearch {
     pub(super) fn new(n_out: usize) -> Self {
         Self {
-            activity: Activity::Computed,
+            activity: IslandActivity::Computed,
             next_check: 0,
             check_interval: CHECK_INTERVAL_MIN_FRAMES,
             noted_state: Vec::new(),
@@ -83,16 +83,16 @@ impl Island {
             let frames_until = |step: u64| frames_left.min(step.saturating_sub(self.state.frame) / steps_per_frame);
             let frames_to_check = frames_until(self.next_quiet_check());
             let frame_count = match self.rest_search.activity {
-                Activity::Computed => frames_to_check.min(frames_until(self.rest_search.next_check)),
-                Activity::Unchanged(_) => 1,
-                Activity::Resting(last_step) => frames_to_check.min(frames_until(last_step)),
-                Activity::Asleep(last_step) => frames_until(last_step),
+                IslandActivity::Computed => frames_to_check.min(frames_until(self.rest_search.next_check)),
+                IslandActivity::Unchanged(_) => 1,
+                IslandActivity::Resting(last_step) => frames_to_check.min(frames_until(last_step)),
+                IslandActivity::Asleep(last_step) => frames_until(last_step),
             };
             let out = &mut out[n_out * frames_done..n_out * (frames_done + frame_count as usize)];
             frames_done += frame_count as usize;
             match self.rest_search.activity {
-                Activity::Asleep(_) if frame_count == 0 => self.continue_sleep(),
-                Activity::Asleep(_) => {
+                IslandActivity::Asleep(_) if frame_count == 0 => self.continue_sleep(),
+                IslandActivity::Asleep(_) => {
                     for row in out.chunks_exact_mut(n_out.max(1)) {
                         self.sleep_monitor
                             .iter()
@@ -102,15 +102,15 @@ impl Island {
                     self.rest_search.skipped_steps += frame_count * steps_per_frame;
                     continue;
                 }
-                Activity::Computed if frame_count == 0 => self.begin_rest_check(),
-                Activity::Computed => self.compute(out, frame_count as usize, team)?,
-                Activity::Unchanged(frames) => {
+                IslandActivity::Computed if frame_count == 0 => self.begin_rest_check(),
+                IslandActivity::Computed => self.compute(out, frame_count as usize, team)?,
+                IslandActivity::Unchanged(frames) => {
                     let work_before = self.contact_work();
                     self.compute(out, 1, team)?;
                     self.compare_with_noted(out, frames, work_before);
                 }
-                Activity::Resting(_) if frame_count == 0 => self.wake(),
-                Activity::Resting(_) => {
+                IslandActivity::Resting(_) if frame_count == 0 => self.wake(),
+                IslandActivity::Resting(_) => {
                     for row in out.chunks_exact_mut(n_out.max(1)) {
                         row.copy_from_slice(&self.rest_search.noted_outputs);
                     }
@@ -121,7 +121,7 @@ impl Island {
             if frame_count > 0
                 && let Some(wake_step) = self.try_sleep(out)
             {
-                self.rest_search.activity = Activity::Asleep(wake_step);
+                self.rest_search.activity = IslandActivity::Asleep(wake_step);
             }
         }
         Ok(())
@@ -129,7 +129,7 @@ impl Island {
 
     /// Compute steps from here on, because something came from outside.
     pub(super) fn wake(&mut self) {
-        if !matches!(self.rest_search.activity, Activity::Computed) {
+        if !matches!(self.rest_search.activity, IslandActivity::Computed) {
             self.sleep_monitor.iter_mut().for_each(SleepMonitor::wake);
             self.restart_checks();
         }
@@ -137,7 +137,7 @@ impl Island {
 
     /// Compute steps from here on, unless it sleeps: what only watches it changes no sample.
     pub(super) fn wake_from_rest(&mut self) {
-        if !matches!(self.rest_search.activity, Activity::Asleep(_)) {
+        if !matches!(self.rest_search.activity, IslandActivity::Asleep(_)) {
             self.wake();
         }
     }
@@ -148,14 +148,14 @@ impl Island {
         self.restart_checks();
         if self.sleep_monitor.as_ref().is_some_and(SleepMonitor::is_asleep) {
             // Until when, the next frame decides: more of the state may come.
-            self.rest_search.activity = Activity::Asleep(self.state.frame);
+            self.rest_search.activity = IslandActivity::Asleep(self.state.frame);
         }
     }
 
     /// Sleep on until the next event, or wake for it.
     fn continue_sleep(&mut self) {
         match self.wake_step() {
-            Some(wake_step) => self.rest_search.activity = Activity::Asleep(wake_step),
+            Some(wake_step) => self.rest_search.activity = IslandActivity::Asleep(wake_step),
             None => self.wake(),
         }
     }
@@ -178,8 +178,13 @@ impl Island {
     /// The step up to which it rests or sleeps; `None` if it moves, may move, or rests for ever.
     pub(crate) fn rests_until(&self) -> Option<u64> {
         match self.rest_search.activity {
-            Activity::Resting(last) | Activity::Asleep(last) if last < u64::MAX - EVENT_MARGIN_STEPS => Some(last),
-            Activity::Resting(_) | Activity::Asleep(_) | Activity::Computed | Activity::Unchanged(_) => None,
+            IslandActivity::Resting(last) | IslandActivity::Asleep(last) if last < u64::MAX - EVENT_MARGIN_STEPS => {
+                Some(last)
+            }
+            IslandActivity::Resting(_)
+            | IslandActivity::Asleep(_)
+            | IslandActivity::Computed
+            | IslandActivity::Unchanged(_) => None,
         }
     }
 
@@ -199,7 +204,7 @@ impl Island {
                 if island_copy.process(&mut output_row, 1, team).is_err() || !is_silent(&output_row) {
                     return frame_now;
                 }
-                if let Activity::Resting(last_step) = island_copy.rest_search.activity {
+                if let IslandActivity::Resting(last_step) = island_copy.rest_search.activity {
                     // What it would give if it slept later.
                     island_copy
                         .sleep_monitor
@@ -222,20 +227,20 @@ impl Island {
         let mut state_size = 0;
         let _ = self.archive_whole_state(&mut Archive::Count(&mut state_size));
         // Some lists grow while it plays.
-        let reports_size = size_of_val(&*self.state.players.reports);
+        let reports_size = size_of_val(&*self.state.excitations.reports);
         let state_room = state_size + state_size / 4 + reports_size + 4_096;
         self.rest_search.noted_state.clear();
         if state_size <= STATE_BYTES_MAX {
             self.rest_search.noted_state.reserve_exact(state_room);
         }
-        if let Activity::Unchanged(_) = self.rest_search.activity {
+        if let IslandActivity::Unchanged(_) = self.rest_search.activity {
             self.schedule_check();
         }
     }
 
     fn schedule_check(&mut self) {
         let rest_search = &mut self.rest_search;
-        rest_search.activity = Activity::Computed;
+        rest_search.activity = IslandActivity::Computed;
         rest_search.next_check = self.state.frame + rest_search.check_interval * u64::from(self.oversampling);
         rest_search.check_interval = CHECK_INTERVAL_MAX_FRAMES.min(2 * rest_search.check_interval);
     }
@@ -251,11 +256,11 @@ impl Island {
                 .state
                 .monitors
                 .contact_peaks
-                .is_any_pushing(&self.state.matter.body.link)
+                .is_any_pushing(&self.state.mechanics.modules.link_forces)
             && self.archive_whole_state(&mut Archive::Note(&mut noted_state)).is_ok();
         self.rest_search.noted_state = noted_state;
         if may_rest {
-            self.rest_search.activity = Activity::Unchanged(0);
+            self.rest_search.activity = IslandActivity::Unchanged(0);
         } else {
             self.schedule_check();
         }
@@ -276,10 +281,10 @@ impl Island {
             self.schedule_check();
             return;
         }
-        self.rest_search.activity = Activity::Unchanged(frames + 1);
+        self.rest_search.activity = IslandActivity::Unchanged(frames + 1);
         if frames + 1 == UNCHANGED_FRAMES {
             let due_step = self.next_event_step(self.state.frame);
-            self.rest_search.activity = Activity::Resting(due_step.saturating_sub(EVENT_MARGIN_STEPS));
+            self.rest_search.activity = IslandActivity::Resting(due_step.saturating_sub(EVENT_MARGIN_STEPS));
         }
     }
 
@@ -300,7 +305,7 @@ impl Island {
         let state = &mut self.state;
         state.archive(archive)?;
         state.monitors.ledger.archive(archive)?;
-        state.players.ergon_stream.len().archive(archive)
+        state.excitations.ergon_stream.len().archive(archive)
     }
 
     /// Advance all counters of steps by `steps`, and the work of contacts by that of `frames` frames; both may be
@@ -308,13 +313,13 @@ impl Island {
     fn shift_frames(&mut self, steps: i64, frames: i64) {
         let state = &mut self.state;
         state.frame = state.frame.wrapping_add_signed(steps);
-        for body in &mut state.matter.bodies {
+        for body in &mut state.mechanics.bodies {
             body.shift_frames(steps);
         }
-        for voice in &mut state.players.voices {
+        for voice in &mut state.excitations.voices {
             voice.shift_frames(steps);
         }
-        if let Some(fine_state) = &mut state.matter.fine_links {
+        if let Some(fine_state) = &mut state.mechanics.fine_links {
             let [instants, products] = self.rest_search.noted_work.map(|fine_work| fine_work as i64 * frames);
             let fine_work = &mut fine_state.work;
             fine_work.instants = fine_work.instants.wrapping_add_signed(instants);
@@ -329,27 +334,27 @@ impl Island {
         let is_known = |drive: &Drive| matches!(drive.source, DriveSource::Constant(_) | DriveSource::Strikes { .. });
         if !script.drives.iter().all(is_known)
             || !script.hand_bindings.is_empty()
-            || state.players.has_pending_strikes()
+            || state.excitations.has_pending_strikes()
         {
             return n;
         }
-        let body_intervals = state.matter.bodies.iter().map(bodies::RunningBody::kick_interval);
-        let mut kick_intervals = body_intervals.chain(state.players.voices.iter().map(Voice::kick_interval));
+        let body_intervals = state.mechanics.bodies.iter().map(bodies::RunningBody::kick_interval);
+        let mut kick_intervals = body_intervals.chain(state.excitations.voices.iter().map(Voice::kick_interval));
         if kick_intervals.any(|interval| u64::from(interval) > UNCHANGED_FRAMES) {
             return n;
         }
         let push_frame = script
             .pushes
-            .get(state.players.next_push)
+            .get(state.excitations.next_push)
             .map(|push_frame| push_frame.frame);
         let ergon_frame = script
             .ergons
-            .get(state.players.next_ergon)
+            .get(state.excitations.next_ergon)
             .map(|ergon_frame| ergon_frame.0);
-        let voice_events = state.players.voices.iter().zip(&script.voices);
+        let voice_events = state.excitations.voices.iter().zip(&script.voices);
         let voice_events =
             voice_events.map(|(voice, voice_script)| voice.next_gesture_frame(voice_script, &script.gestures, n));
-        let body_events = state.matter.bodies.iter().map(|body| body.next_event_frame(n));
+        let body_events = state.mechanics.bodies.iter().map(|body| body.next_event_frame(n));
         let continuations = state.parameters.gate_continuations.iter();
         let gate_events = script.gates.iter().zip(continuations);
         let gate_events = gate_events.map(|(gate, continuation)| gate.next_change_frame(continuation.as_ref(), n));

@@ -12,7 +12,7 @@ use super::bodies::RunningBody;
 use crate::archive::{option, state};
 use crate::network::Network;
 use crate::scheme::Scheme;
-use crate::state::Body;
+use crate::state::ModuleState;
 use output_level::OutputLevel;
 
 /// Frames between two checks, on a grid from frame 0: more than a period of the lowest audible pitch at any rate in
@@ -100,13 +100,19 @@ impl SleepMonitor {
 
     /// Checks outputs, MATs and bodies; returns whether a period ends in which all checks were quiet. `check_index`
     /// counts the checks of a period from 1; the last is 0.
-    fn check_quiet(&mut self, scheme: &Scheme, body: &Body, bodies: &[RunningBody], check_index: u64) -> bool {
+    fn check_quiet(
+        &mut self,
+        scheme: &Scheme,
+        modules: &ModuleState,
+        bodies: &[RunningBody],
+        check_index: u64,
+    ) -> bool {
         let mut is_quiet = true;
         for output in &mut self.output_levels {
             is_quiet &= output.is_quiet(QUIET_AMPLITUDE);
         }
         let mut energy_sum = 0.0;
-        let mat_motions = body.x.iter().zip(&body.d).zip(&scheme.w);
+        let mat_motions = modules.x.iter().zip(&modules.d).zip(&scheme.w);
         for (((x, d), w), largest) in mat_motions.zip(&mut self.step_squares_max) {
             let step_square = d * d;
             *largest = largest.max(step_square);
@@ -140,10 +146,10 @@ impl Island {
         // Slow bodies are kicked only every `kick_interval` steps; such islands never sleep.
         let is_slow = |body: &RunningBody| matches!(body, RunningBody::Slow(slow) if slow.kick_interval() > 1);
         let state = &self.state;
-        if !state.matter.bodies.iter().any(is_slow)
-            && state.players.voices.iter().all(|voice| voice.kick_interval() == 1)
+        if !state.mechanics.bodies.iter().any(is_slow)
+            && state.excitations.voices.iter().all(|voice| voice.kick_interval() == 1)
         {
-            self.sleep_monitor = Some(SleepMonitor::new(&self.network, state.matter.bodies.len()));
+            self.sleep_monitor = Some(SleepMonitor::new(&self.network, state.mechanics.bodies.len()));
         }
     }
 
@@ -176,8 +182,8 @@ impl Island {
             .unwrap_or(&self.script.scheme);
         let may_sleep = sleep_monitor.check_quiet(
             frame_scheme,
-            &state.matter.body,
-            &state.matter.bodies,
+            &state.mechanics.modules,
+            &state.mechanics.bodies,
             (island_step / check_interval_steps) % CHECKS_PER_PERIOD,
         );
         let wake_step = may_sleep.then(|| self.wake_step()).flatten();

@@ -12,8 +12,8 @@ use std::sync::Arc;
 
 use crate::kernel::is_bounded;
 use crate::network::Network;
-use crate::state::Body;
-pub(crate) use block_flow::{BlockFlow, Interface, MASSES_MAX, PresentState, Weights, best_block_length};
+use crate::state::ModuleState;
+pub(crate) use block_flow::{BlockFlow, BodyInterface, MASSES_MAX, PresentState, Weights, best_block_length};
 use springs::RunningSprings;
 pub(crate) use springs::SpringMethod;
 
@@ -131,8 +131,8 @@ impl Slow {
     }
 
     /// Ports alone, without strikes.
-    fn port_interface(&self, ports: &[(usize, usize)]) -> Interface<'_> {
-        Interface {
+    fn port_interface(&self, ports: &[(usize, usize)]) -> BodyInterface<'_> {
+        BodyInterface {
             inverse_masses: &self.w,
             ports: ports.iter().map(|port| (port.0, None)).collect(),
             outputs: Vec::new(),
@@ -171,7 +171,7 @@ impl RunningSlow {
     }
 
     /// The body at frame 0, where the steps of its ports in `body` already contain all but the slow springs.
-    pub(crate) fn new(plan: &Slow, body: &Body) -> Self {
+    pub(crate) fn new(plan: &Slow, modules: &ModuleState) -> Self {
         let mut springs = plan.springs.start(plan);
         let mut v = springs.start_velocities(plan);
         // Half a kick lies between the velocity at the start and that of the straight motion.
@@ -180,10 +180,10 @@ impl RunningSlow {
         let mut previous_positions = Vec::with_capacity(plan.ports.len());
         let mut x = plan.x0.clone();
         for &(port, mat) in &plan.ports {
-            x[port] = body.x[mat];
-            v[port] += body.d[mat] - plan.v0[port];
+            x[port] = modules.x[mat];
+            v[port] += modules.d[mat] - plan.v0[port];
             let curve_step = if plan.is_discrete { 0.0 } else { half_share * kick[port] };
-            previous_positions.push(x[port] - (body.d[mat] - curve_step));
+            previous_positions.push(x[port] - (modules.d[mat] - curve_step));
         }
         if let RunningSprings::Exact(spring_block) = &mut springs {
             let mat_count = x.len();
@@ -263,16 +263,16 @@ impl RunningSlow {
             .iter_mut()
             .zip(&self.x)
             .zip(&plan.rest_positions);
-        state_pairs.for_each(|((u, x), rest)| *u = x - rest);
+        state_pairs.for_each(|((u, x), rest_position)| *u = x - rest_position);
         spring_block.set_velocities(&self.v[..mat_count]);
         spring_block.begin();
         self.read_block();
     }
 
     /// Set positions and steps of its ports from MATs of a network; the other MATs stay.
-    pub(crate) fn set_motion_of_ports(&mut self, body: &Body) {
+    pub(crate) fn set_motion_of_ports(&mut self, modules: &ModuleState) {
         for &(port_index, mat) in &self.plan.ports {
-            (self.x[port_index], self.v[port_index]) = (body.x[mat], body.d[mat]);
+            (self.x[port_index], self.v[port_index]) = (modules.x[mat], modules.d[mat]);
         }
         self.estimate_previous_positions();
         let Self { springs, plan, .. } = self;
@@ -368,12 +368,12 @@ impl RunningSlow {
         old_block.end_at_present();
         let block_state = spring_block.state_mut();
         block_state.copy_from_slice(old_block.state());
-        for ((u, old_rest_position), rest) in block_state
+        for ((u, old_rest_position), rest_position) in block_state
             .iter_mut()
             .zip(&old.plan.rest_positions)
             .zip(&self.plan.rest_positions)
         {
-            *u += old_rest_position - rest;
+            *u += old_rest_position - rest_position;
         }
         spring_block.begin();
         self.read_block();
@@ -398,12 +398,12 @@ impl RunningSlow {
     }
 
     /// Set positions, steps and free motion of the ports in the island.
-    pub(crate) fn set_ports(&self, body: &mut Body) {
+    pub(crate) fn set_ports(&self, modules: &mut ModuleState) {
         for (&(port, mat), previous) in self.plan.ports.iter().zip(&self.previous_positions) {
             let port_step = self.x[port] - previous;
-            body.x[mat] = self.x[port];
-            body.d[mat] = port_step;
-            body.inner[mat] = self.v[port] - port_step;
+            modules.x[mat] = self.x[port];
+            modules.d[mat] = port_step;
+            modules.free_port_motion[mat] = self.v[port] - port_step;
         }
     }
 

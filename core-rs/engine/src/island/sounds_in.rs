@@ -1,7 +1,7 @@
 //! Inputs in an island: samples of a sound card tick by tick, or single values to which an input glides. Before any
 //! arrive, an input plays its file.
 
-use crate::state::{Body, Target};
+use crate::state::{ImposedTarget, ModuleState};
 use crate::timeline::{Drive, DriveKind, DriveSource, InputSource, SoundIn};
 
 /// Most frames that are handed over at once.
@@ -122,14 +122,14 @@ pub(super) fn apply_inputs(
     drives: &[SoundDrive],
     input_signals: &[InputSignal],
     n: u64,
-    body: &mut Body,
-    targets: &mut Vec<Target>,
+    modules: &mut ModuleState,
+    targets: &mut Vec<ImposedTarget>,
 ) {
     for (drive, played) in drives.iter().zip(input_signals) {
         let score_frame = n / drive.steps_per_frame;
         let value_now = played.value(score_frame, &drive.input);
         if drive.kind == DriveKind::Force {
-            body.push(drive.mat, drive.scale * value_now);
+            modules.push(drive.mat, drive.scale * value_now);
             continue;
         }
         let steps_done = n % drive.steps_per_frame + 1;
@@ -141,7 +141,7 @@ pub(super) fn apply_inputs(
                 .map_or(0.0, |score_frame| played.value(score_frame, &drive.input));
             value_before + (value_now - value_before) * (steps_done as f64 / drive.steps_per_frame as f64)
         };
-        targets.push(Target {
+        targets.push(ImposedTarget {
             mat: drive.mat,
             x: drive.scale * ramped_value,
             previous: 0.0,
@@ -157,7 +157,7 @@ impl super::Island {
             .script
             .sound_drives
             .iter()
-            .zip(&mut self.state.players.input_signals);
+            .zip(&mut self.state.excitations.input_signals);
         for (_, played) in input_pairs.filter(|(drive, _)| drive.input.index == index) {
             let InputSignal::Samples(samples) = played else {
                 continue;
@@ -196,7 +196,7 @@ impl super::Island {
             .script
             .sound_drives
             .iter()
-            .zip(&mut self.state.players.input_signals);
+            .zip(&mut self.state.excitations.input_signals);
         input_pairs.filter_map(move |(drive, played)| match (drive.input.settings.source, played) {
             (
                 InputSource::Value {
@@ -210,7 +210,11 @@ impl super::Island {
 
     /// The ramps of inputs whose value was set, with their numbers.
     pub(crate) fn input_ramps(&self) -> impl Iterator<Item = (u64, Ramp)> {
-        let input_pairs = self.script.sound_drives.iter().zip(&self.state.players.input_signals);
+        let input_pairs = self
+            .script
+            .sound_drives
+            .iter()
+            .zip(&self.state.excitations.input_signals);
         input_pairs.filter_map(|(drive, played)| match (drive.input.settings.source, played) {
             (InputSource::Value { number, .. }, InputSignal::Ramp(Some(ramp))) => Some((number, *ramp)),
             _ => None,

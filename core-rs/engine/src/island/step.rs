@@ -13,7 +13,7 @@
 //! Each phase takes a value that only the phase before it returns, so no other order compiles. A step does not lock or
 //! panic, and it allocates only to record ergons.
 
-use super::phases::{Frame, set_inputs};
+use super::phases::{StepInProgress, set_inputs};
 use super::{Fault, Island, energy_account};
 use crate::interrupt;
 use crate::kernel::thread_team::ThreadTeam;
@@ -82,7 +82,7 @@ impl Island {
         let n = state.frame;
         let mut changing_scheme = state.parameters.changing_scheme.take();
         set_inputs(script, state, changing_scheme.as_deref_mut(), n);
-        let mut frame = Frame {
+        let mut frame = StepInProgress {
             n,
             script,
             scheme: changing_scheme.as_deref().unwrap_or(&script.scheme),
@@ -93,11 +93,11 @@ impl Island {
         let strikes_applied = frame.apply_strikes(links_applied);
         let forces_complete = frame.solve_contacts(strikes_applied);
         frame.observe(&forces_complete, outputs);
-        let moved = frame.advance(forces_complete);
-        frame.account(&moved);
+        let move_result = frame.advance(forces_complete);
+        frame.account(&move_result);
         state.parameters.changing_scheme = changing_scheme;
         state.frame += 1;
-        if !moved.is_plausible {
+        if !move_result.is_plausible {
             return self.handle_fault();
         }
         if n.is_multiple_of(energy_account::CHECK_STEPS) {

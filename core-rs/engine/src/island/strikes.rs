@@ -1,14 +1,20 @@
 //! Pushes and ergons of a timeline.
 
-use super::{ErgonRecord, Matter, Script, State};
+use super::{ErgonRecord, MechanicalState, Script, State};
 use crate::kernel;
 use crate::scheme::Scheme;
 
 /// Applies the pushes and ergons that fall on frame `n`.
 pub(super) fn apply_pushes_and_ergons(script: &Script, scheme: &Scheme, state: &mut State, n: u64) {
     let time_step = 1.0 / scheme.rate;
-    let State { matter, players, .. } = state;
-    let Matter { body, bodies, .. } = matter;
+    let State {
+        mechanics: matter,
+        excitations: players,
+        ..
+    } = state;
+    let MechanicalState {
+        modules: body, bodies, ..
+    } = matter;
     while let Some(due_push) = script
         .pushes
         .get(players.next_push)

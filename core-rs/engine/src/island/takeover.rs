@@ -17,34 +17,34 @@ pub(crate) enum ItemTakeover {
     /// From a delayed port to a delayed port.
     Port(usize, usize),
     /// From a gesture's report to that of the same gesture, and whether MATs have the same indices in both islands.
-    Report(usize, usize, bool),
+    GestureReport(usize, usize, bool),
     /// From a body to an equal one.
     Body(usize, usize),
     /// The memory of a link, from one index to another.
-    Memory(usize, usize),
+    LinkMemory(usize, usize),
     /// The sliding history of contacts of all pairs, from the first link of one run to that of another.
-    History(usize, usize),
+    PairHistory(usize, usize),
     /// Whether a part is muted, from one index to another.
-    Part(usize, usize),
+    MutedPart(usize, usize),
 }
 
 impl State {
     /// The memory of a link [m]; infinite if the link is broken.
     pub(super) fn memory_of(&self, link: usize) -> f64 {
         let bristle_deflection = self
-            .matter
+            .mechanics
             .fine_links
             .as_ref()
             .and_then(|fine_links| fine_links.bristle_deflection(link));
-        let stepped_memory = self.matter.body.memory.get(link).copied();
+        let stepped_memory = self.mechanics.modules.link_memories.get(link).copied();
         bristle_deflection.or(stepped_memory).unwrap_or(0.0)
     }
 
     fn set_memory(&mut self, link: usize, memory: f64) {
-        if let Some(link_memory) = self.matter.body.memory.get_mut(link) {
+        if let Some(link_memory) = self.mechanics.modules.link_memories.get_mut(link) {
             *link_memory = memory;
         }
-        if let Some(fine_state) = &mut self.matter.fine_links {
+        if let Some(fine_state) = &mut self.mechanics.fine_links {
             fine_state.set_bristle_deflection(link, memory);
         }
     }
@@ -57,22 +57,22 @@ impl Island {
         let (script, state) = (&*self.script, &mut self.state);
         let step_rate = script.scheme.rate;
         state.frame = start_step;
-        state.players.next_push = script.pushes.partition_point(|push| push.frame < start_step);
-        state.players.next_ergon = script.ergons.partition_point(|(frame, _)| *frame < start_step);
-        for (voice, voice_script) in state.players.voices.iter_mut().zip(&script.voices) {
+        state.excitations.next_push = script.pushes.partition_point(|push| push.frame < start_step);
+        state.excitations.next_ergon = script.ergons.partition_point(|(frame, _)| *frame < start_step);
+        for (voice, voice_script) in state.excitations.voices.iter_mut().zip(&script.voices) {
             voice.seek(voice_script, &script.gestures, start_step);
         }
-        for body in &mut state.matter.bodies {
+        for body in &mut state.mechanics.bodies {
             body.seek(start_step);
         }
         for drive in &script.drives {
             if drive.is_path() && start_step > 0 {
                 let path_position = drive.value(start_step, step_rate);
-                state.matter.body.x[drive.mat] = path_position;
-                state.matter.body.d[drive.mat] = path_position - drive.value(start_step - 1, step_rate);
+                state.mechanics.modules.x[drive.mat] = path_position;
+                state.mechanics.modules.d[drive.mat] = path_position - drive.value(start_step - 1, step_rate);
             }
         }
-        super::real_hands::seek(&script.hand_bindings, &mut state.players.hand_states, start_step);
+        super::real_hands::seek(&script.hand_bindings, &mut state.excitations.hand_states, start_step);
         self.resume_computing();
     }
 
@@ -82,37 +82,45 @@ impl Island {
         self.resume_computing();
         if old.n_muted_parts() > 0 {
             // Muted parts were removed from the old island's lists, so only positions and steps are sure to match.
-            self.state.matter.body.x.copy_from_slice(&old.state.matter.body.x);
-            self.state.matter.body.d.copy_from_slice(&old.state.matter.body.d);
+            self.state
+                .mechanics
+                .modules
+                .x
+                .copy_from_slice(&old.state.mechanics.modules.x);
+            self.state
+                .mechanics
+                .modules
+                .d
+                .copy_from_slice(&old.state.mechanics.modules.d);
             if let Some(guard) = &mut self.state.monitors.guard {
                 guard.reset();
             }
             self.set_ports();
             return;
         }
-        let (matter, old_matter) = (&mut self.state.matter, &mut old.state.matter);
-        let (body, old_body) = (&mut matter.body, &mut old_matter.body);
+        let (matter, old_matter) = (&mut self.state.mechanics, &mut old.state.mechanics);
+        let (body, old_body) = (&mut matter.modules, &mut old_matter.modules);
         std::mem::swap(&mut body.x, &mut old_body.x);
         std::mem::swap(&mut body.d, &mut old_body.d);
-        std::mem::swap(&mut body.inner, &mut old_body.inner);
-        std::mem::swap(&mut body.link, &mut old_body.link);
-        std::mem::swap(&mut body.memory, &mut old_body.memory);
-        std::mem::swap(&mut body.histories, &mut old_body.histories);
+        std::mem::swap(&mut body.free_port_motion, &mut old_body.free_port_motion);
+        std::mem::swap(&mut body.link_forces, &mut old_body.link_forces);
+        std::mem::swap(&mut body.link_memories, &mut old_body.link_memories);
+        std::mem::swap(&mut body.contact_histories, &mut old_body.contact_histories);
         for (running_body, old_running) in matter.bodies.iter_mut().zip(&mut old_matter.bodies) {
             running_body.continue_from(old_running);
         }
         if let (Some(fine), Some(old_fine)) = (&mut matter.fine_links, &mut old_matter.fine_links) {
             fine.continue_from(old_fine);
         }
-        let (watch, old_watch) = (&mut self.state.monitors, &mut old.state.monitors);
-        watch.muted_parts.continue_from(&old_watch.muted_parts);
-        std::mem::swap(&mut watch.guard, &mut old_watch.guard);
+        let (monitors, old_monitors) = (&mut self.state.monitors, &mut old.state.monitors);
+        monitors.muted_parts.continue_from(&old_monitors.muted_parts);
+        std::mem::swap(&mut monitors.guard, &mut old_monitors.guard);
         std::mem::swap(
-            &mut self.state.players.ergon_stream,
-            &mut old.state.players.ergon_stream,
+            &mut self.state.excitations.ergon_stream,
+            &mut old.state.excitations.ergon_stream,
         );
-        if watch.ledger.is_some() && old_watch.ledger.is_some() {
-            std::mem::swap(&mut watch.ledger, &mut old_watch.ledger);
+        if monitors.ledger.is_some() && old_monitors.ledger.is_some() {
+            std::mem::swap(&mut monitors.ledger, &mut old_monitors.ledger);
         }
         if self.sleep_monitor.is_some() && old.sleep_monitor.is_some() {
             std::mem::swap(&mut self.sleep_monitor, &mut old.sleep_monitor);
@@ -127,9 +135,9 @@ impl Island {
         match *item {
             ItemTakeover::Voice(ref takeover) if has_all_parts => {
                 let script = &self.script;
-                let voice = &mut self.state.players.voices[takeover.new_voice];
+                let voice = &mut self.state.excitations.voices[takeover.new_voice];
                 let (old_voice, old_script) = (
-                    &mut old.state.players.voices[takeover.old_voice],
+                    &mut old.state.excitations.voices[takeover.old_voice],
                     &old.script.voices[takeover.old_voice],
                 );
                 voice.continue_from(&script.voices[takeover.new_voice], old_voice, old_script, takeover);
@@ -160,38 +168,38 @@ impl Island {
                 };
             }
             ItemTakeover::Hand(old_index, new_index) => {
-                self.state.players.hand_states[new_index] = old.state.players.hand_states[old_index].clone();
+                self.state.excitations.hand_states[new_index] = old.state.excitations.hand_states[old_index].clone();
                 let mat = self.script.hand_bindings[new_index].mat();
                 let old_mat = old.script.hand_bindings[old_index].mat();
-                self.state.matter.body.x[mat] = old.state.matter.body.x[old_mat];
-                self.state.matter.body.d[mat] = old.state.matter.body.d[old_mat];
+                self.state.mechanics.modules.x[mat] = old.state.mechanics.modules.x[old_mat];
+                self.state.mechanics.modules.d[mat] = old.state.mechanics.modules.d[old_mat];
             }
             ItemTakeover::Port(old_index, new_index) => {
-                self.state.players.port_states[new_index].take_over(&old.state.players.port_states[old_index]);
+                self.state.excitations.port_states[new_index].take_over(&old.state.excitations.port_states[old_index]);
             }
-            ItemTakeover::Report(old_index, new_index, has_same_mats) => {
-                let new_report = &mut self.state.players.reports[new_index];
-                *new_report = old.state.players.reports[old_index];
+            ItemTakeover::GestureReport(old_index, new_index, has_same_mats) => {
+                let new_report = &mut self.state.excitations.reports[new_index];
+                *new_report = old.state.excitations.reports[old_index];
                 new_report.pushed_by_mat = new_report.pushed_by_mat.filter(|_| has_same_mats);
             }
             ItemTakeover::Body(old_index, new_index) if has_all_parts => {
-                self.state.matter.bodies[new_index].continue_from(&mut old.state.matter.bodies[old_index]);
+                self.state.mechanics.bodies[new_index].continue_from(&mut old.state.mechanics.bodies[old_index]);
             }
-            ItemTakeover::Memory(old_index, new_index) => {
+            ItemTakeover::LinkMemory(old_index, new_index) => {
                 let link_memory = old.state.memory_of(old_index);
                 self.state.set_memory(new_index, link_memory);
             }
-            ItemTakeover::History(old_index, new_index) => {
+            ItemTakeover::PairHistory(old_index, new_index) => {
                 let history_slots = (
                     old.script.scheme.slot_of(old_index),
                     self.script.scheme.slot_of(new_index),
                 );
                 if let (Some(old_slot), Some(new_slot)) = history_slots {
-                    let history = &mut self.state.matter.body.histories[new_slot];
-                    history.copy_from(&old.state.matter.body.histories[old_slot]);
+                    let history = &mut self.state.mechanics.modules.contact_histories[new_slot];
+                    history.copy_from(&old.state.mechanics.modules.contact_histories[old_slot]);
                 }
             }
-            ItemTakeover::Part(old_index, new_index) => {
+            ItemTakeover::MutedPart(old_index, new_index) => {
                 if old.has_muted(old_index) && !self.has_muted(new_index) {
                     // A muted part stays muted in the next version.
                     self.mute(new_index, self.state.frame);
@@ -209,7 +217,7 @@ impl Island {
 
     /// Position of a MAT [m], and its step in a frame of the scene [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
-        let body = &self.state.matter.body;
+        let body = &self.state.mechanics.modules;
         (body.x[mat], body.d[mat] * self.steps_per_frame())
     }
 
@@ -217,8 +225,8 @@ impl Island {
     pub(crate) fn set_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
         self.resume_computing();
         if kernel::is_bounded(x) && step.is_finite() {
-            self.state.matter.body.x[mat] = x;
-            self.state.matter.body.d[mat] = step / self.steps_per_frame();
+            self.state.mechanics.modules.x[mat] = x;
+            self.state.mechanics.modules.d[mat] = step / self.steps_per_frame();
             if let Some(guard) = &mut self.state.monitors.guard {
                 guard.reset();
             }
@@ -231,18 +239,18 @@ impl Island {
         if self.n_muted_parts() > 0 {
             return None;
         }
-        self.state.matter.bodies.get_mut(body_index)
+        self.state.mechanics.bodies.get_mut(body_index)
     }
 
     /// Set the ports to where their bodies have them.
     pub(crate) fn set_ports(&mut self) {
         self.resume_computing();
-        for body in &self.state.matter.bodies {
-            body.set_ports(&mut self.state.matter.body);
+        for body in &self.state.mechanics.bodies {
+            body.set_ports(&mut self.state.mechanics.modules);
         }
         let changing_scheme = self.state.parameters.changing_scheme.as_deref();
         let frame_scheme = changing_scheme.unwrap_or(&self.script.scheme);
-        kernel::proxies::set_from_masses(frame_scheme, &mut self.state.matter.body);
+        kernel::proxies::set_from_masses(frame_scheme, &mut self.state.mechanics.modules);
     }
 
     /// The script, whose voices, gates, hands and parts are matched with those of another version.

@@ -9,8 +9,8 @@ pub(crate) use friction::{SLIDE_DISTANCE_MIN, stop_resting_masses};
 use super::predict_position;
 use super::runs::scatter;
 use crate::network::ContactLaw;
-use crate::scheme::{Kind, Run, Scheme};
-use crate::state::{Body, Target};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
+use crate::state::{ImposedTarget, ModuleState};
 
 /// Largest number of secant steps; 5 to 10 are usual. Two steps at least halve the bracket, so that so many steps
 /// always close it.
@@ -29,27 +29,38 @@ const FORCE_ROUNDING_RATIO: f64 = 4.0 * f64::EPSILON;
 
 /// Solve all exact contacts and all dry friction, after all other forces are summed. Those that share a MAT are solved
 /// in turn until they converge (Gauss-Seidel; the problem is convex, so that this converges).
-pub(crate) fn solve_exact_contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
+pub(crate) fn solve_exact_contacts(
+    scheme: &Scheme,
+    gates: &[f64],
+    targets: &[ImposedTarget],
+    modules: &mut ModuleState,
+) {
     for run in &scheme.exact_runs {
-        body.link[run.first] = 0.0;
+        modules.link_forces[run.first_link] = 0.0;
     }
-    solve(scheme, gates, targets, body, |_| true);
+    solve(scheme, gates, targets, modules, |_| true);
 }
 
 /// Solve all dry friction again, after the forces of contacts in substeps were added: friction is the last force on a
 /// mass.
-pub(crate) fn solve_friction(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
-    solve(scheme, gates, targets, body, Run::is_dry);
+pub(crate) fn solve_friction(scheme: &Scheme, gates: &[f64], targets: &[ImposedTarget], modules: &mut ModuleState) {
+    solve(scheme, gates, targets, modules, LinkRun::is_dry);
 }
 
 /// Solve those exact runs for which `is_solved` holds, in turn until they converge.
-fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is_solved: impl Fn(&Run) -> bool) {
+fn solve(
+    scheme: &Scheme,
+    gates: &[f64],
+    targets: &[ImposedTarget],
+    modules: &mut ModuleState,
+    is_solved: impl Fn(&LinkRun) -> bool,
+) {
     if scheme.exact_runs.is_empty() {
         return;
     }
-    let is_solved = |run: &&Run| is_solved(run);
+    let is_solved = |run: &&LinkRun| is_solved(run);
     let round_limit = if scheme.has_coupled_exact_runs { ROUNDS_MAX } else { 1 };
-    let mut force_mixing = std::mem::take(&mut body.mixing);
+    let mut force_mixing = std::mem::take(&mut modules.round_mixing);
     if scheme.has_coupled_exact_runs {
         force_mixing.start(scheme.exact_runs.iter().filter(is_solved).count());
     }
@@ -59,16 +70,16 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
             force_mixing.next_round();
         }
         for (index, run) in scheme.exact_runs.iter().filter(is_solved).enumerate() {
-            body.exact_work.n_resolved += u64::from(round > 0);
-            let force_before = body.link[run.first];
+            modules.exact_work.n_resolved += u64::from(round > 0);
+            let force_before = modules.link_forces[run.first_link];
             // Subtract the force of the last round, so that the run is solved given all other forces.
-            body.link[run.first] = -force_before;
-            scatter(run, body);
-            let (force, evaluations) = run_force(scheme, gates, targets, body, run);
-            body.link[run.first] = force;
-            body.exact_work.evaluations += evaluations;
-            scatter(run, body);
-            let force_now = body.link[run.first];
+            modules.link_forces[run.first_link] = -force_before;
+            scatter(run, modules);
+            let (force, evaluations) = run_force(scheme, gates, targets, modules, run);
+            modules.link_forces[run.first_link] = force;
+            modules.exact_work.evaluations += evaluations;
+            scatter(run, modules);
+            let force_now = modules.link_forces[run.first_link];
             change_max = change_max.max((force_now - force_before).abs() - FORCE_TOLERANCE * force_now.abs());
             force_max = force_max.max(force_now.abs());
             if scheme.has_coupled_exact_runs {
@@ -81,29 +92,35 @@ fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is
         if round >= UNACCELERATED_ROUNDS && round + 1 < round_limit {
             let solved_runs = scheme.exact_runs.iter().filter(is_solved);
             for (run, &guess) in solved_runs.zip(force_mixing.guess()) {
-                body.link[run.first] = guess - body.link[run.first];
-                scatter(run, body);
-                body.link[run.first] = guess;
+                modules.link_forces[run.first_link] = guess - modules.link_forces[run.first_link];
+                scatter(run, modules);
+                modules.link_forces[run.first_link] = guess;
             }
         }
     }
-    body.mixing = force_mixing;
+    modules.round_mixing = force_mixing;
 }
 
 /// Force of one exact contact or dry friction, given all other forces [N], and how often it evaluated a power law.
-fn run_force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> (f64, u64) {
+fn run_force(
+    scheme: &Scheme,
+    gates: &[f64],
+    targets: &[ImposedTarget],
+    modules: &ModuleState,
+    run: &LinkRun,
+) -> (f64, u64) {
     let but = match &run.kind {
-        Kind::But(but) => but,
-        Kind::Dry { .. } => return (friction::force(scheme, gates, targets, body, run), 0),
+        LinkRunKind::But(but) => but,
+        LinkRunKind::Dry { .. } => return (friction::force(scheme, gates, targets, modules, run), 0),
         _ => return (0.0, 0),
     };
     let contact_side = but.sign();
     let next_position_and_compliance = |i: usize| match targets.iter().find(|target| target.mat == i) {
         Some(target) => (target.x, 0.0),
-        None => (predict_position(scheme, body, i), scheme.w[i]),
+        None => (predict_position(scheme, modules, i), scheme.w[i]),
     };
     let ((xa, wa), (xb, wb)) = (next_position_and_compliance(run.a), next_position_and_compliance(run.b));
-    let (x, d) = (&body.x, &body.d);
+    let (x, d) = (&modules.x, &modules.d);
     let depth_now = contact_side * (x[run.b] - x[run.a] - run.rest);
     let depth_before = depth_now - contact_side * (d[run.b] - d[run.a]);
     let free_depth = contact_side * (xb - xa - run.rest);

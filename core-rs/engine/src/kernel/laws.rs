@@ -6,7 +6,7 @@ use super::space::SpaceScratch;
 use super::springs::{ForcePart, SpringPass};
 use super::thread_team::ThreadTeam;
 use crate::law::{Law, Scratch};
-use crate::scheme::{FusedSprings, Kind, Scheme, Spring};
+use crate::scheme::{FusedSprings, LinkRunKind, Scheme, Spring};
 
 /// Scratch memory in which the laws of a scheme are evaluated.
 #[derive(Clone, Debug)]
@@ -70,7 +70,7 @@ impl KernelScratch {
         };
         let mut longest_runs: Vec<usize> = Vec::new();
         for run in &scheme.runs {
-            if let Kind::Lnl { law, slot, .. } = &run.kind {
+            if let LinkRunKind::Lnl { law, slot, .. } = &run.kind {
                 // A law without runs in the scheme keeps its index and needs no memory.
                 let n_laws = laws.law_scratch.len().max(slot + 1);
                 laws.law_scratch.resize_with(n_laws, Scratch::default);
@@ -97,7 +97,7 @@ pub(crate) fn following_laws(scheme: &Scheme) -> Vec<Law> {
     let scheme_runs = scheme.runs.iter();
     let mut followed_laws: Vec<Law> = Vec::new();
     for run in scheme_runs {
-        if let Kind::Followed {
+        if let LinkRunKind::Followed {
             law: followed_law,
             slot,
             ..
@@ -115,7 +115,7 @@ pub(crate) fn following_laws(scheme: &Scheme) -> Vec<Law> {
 fn neighbour_lists(scheme: &Scheme) -> Vec<Neighbours> {
     let mut lists = Vec::new();
     for run in &scheme.runs {
-        if let (Kind::Pairwise { slot, .. }, Some(pair_run)) = (&run.kind, run.pairwise()) {
+        if let (LinkRunKind::Pairwise { slot, .. }, Some(pair_run)) = (&run.kind, run.pairwise()) {
             let room_count = lists.len().max(slot + 1);
             lists.resize_with(room_count, Neighbours::default);
             lists[*slot] = Neighbours::new(&pair_run);

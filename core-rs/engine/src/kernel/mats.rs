@@ -7,58 +7,59 @@ use super::mesh_partition::MeshPartition;
 use super::thread_team::ThreadTeam;
 use crate::maths::wide::wide;
 use crate::scheme::Scheme;
-use crate::state::{Body, PreviousState, Target};
+use crate::state::{ImposedTarget, ModuleState, PreviousState};
 
 /// Positions beyond this are treated as non-finite [m].
 const POSITION_MAX: f64 = 1e4;
 
 /// Position of a MAT at the next frame [m], given the forces summed so far.
-pub(crate) fn predict_position(scheme: &Scheme, body: &Body, i: usize) -> f64 {
-    let step_change =
-        body.force[i] * scheme.w[i] - scheme.kappa[i] * (body.x[i] - scheme.rest[i]) - scheme.zeta[i] * body.d[i];
-    body.x[i] + (body.d[i] + step_change + body.inner.get(i).copied().unwrap_or(0.0))
+pub(crate) fn predict_position(scheme: &Scheme, modules: &ModuleState, i: usize) -> f64 {
+    let step_change = modules.force[i] * scheme.w[i]
+        - scheme.kappa[i] * (modules.x[i] - scheme.rest[i])
+        - scheme.zeta[i] * modules.d[i];
+    modules.x[i] + (modules.d[i] + step_change + modules.free_port_motion.get(i).copied().unwrap_or(0.0))
 }
 
 /// Force that, added to the forces summed so far, brings a MAT to `x` [m] at the next frame [N].
-pub(crate) fn force_to_reach(scheme: &Scheme, body: &Body, i: usize, x: f64) -> f64 {
-    (x - predict_position(scheme, body, i)) / scheme.w[i]
+pub(crate) fn force_to_reach(scheme: &Scheme, modules: &ModuleState, i: usize, x: f64) -> f64 {
+    (x - predict_position(scheme, modules, i)) / scheme.w[i]
 }
 
 /// Velocity of a MAT at the current frame, given the forces summed so far: (x̂[n+1] − x[n−1])/2T [m/s].
-pub(crate) fn centred_velocity(scheme: &Scheme, body: &Body, i: usize) -> f64 {
-    let position_before = body.x[i] - body.d[i];
-    (predict_position(scheme, body, i) - position_before) * (0.5 * scheme.rate)
+pub(crate) fn centred_velocity(scheme: &Scheme, modules: &ModuleState, i: usize) -> f64 {
+    let position_before = modules.x[i] - modules.d[i];
+    (predict_position(scheme, modules, i) - position_before) * (0.5 * scheme.rate)
 }
 
 /// Move every MAT by one frame, and each MAT with a target to its target. Returns whether all positions are bounded.
 pub(crate) fn advance_mats(
     scheme: &Scheme,
-    targets: &mut [Target],
-    body: &mut Body,
+    targets: &mut [ImposedTarget],
+    modules: &mut ModuleState,
     mesh_partition: Option<&MeshPartition>,
     team: &mut ThreadTeam<'_>,
 ) -> bool {
     for target in &mut *targets {
-        target.previous = body.x[target.mat];
+        target.previous = modules.x[target.mat];
     }
     let mut all_bounded = match mesh_partition {
-        Some(mesh_partition) => advance_free_in_ranges(mesh_partition, team, scheme, body),
-        None => advance_free(scheme, body),
+        Some(mesh_partition) => advance_free_in_ranges(mesh_partition, team, scheme, modules),
+        None => advance_free(scheme, modules),
     };
     for target in targets {
-        body.d[target.mat] = target.x - target.previous;
-        body.x[target.mat] = target.x;
+        modules.d[target.mat] = target.x - target.previous;
+        modules.x[target.mat] = target.x;
         all_bounded &= is_bounded(target.x);
     }
     all_bounded
 }
 
-fn advance_free(scheme: &Scheme, body: &mut Body) -> bool {
-    let Body { x, d, force, .. } = body;
-    if let Some(previous) = &mut body.previous {
+fn advance_free(scheme: &Scheme, modules: &mut ModuleState) -> bool {
+    let ModuleState { x, d, force, .. } = modules;
+    if let Some(previous) = &mut modules.previous_state {
         previous.swap(x, d);
     }
-    let previous = body.previous.as_deref();
+    let previous = modules.previous_state.as_deref();
     move_range(scheme, 0..force.len(), force, previous, [x, d])
 }
 
@@ -67,13 +68,13 @@ fn advance_free_in_ranges(
     mesh_partition: &MeshPartition,
     team: &mut ThreadTeam<'_>,
     scheme: &Scheme,
-    body: &mut Body,
+    modules: &mut ModuleState,
 ) -> bool {
-    let Body { x, d, force, .. } = body;
-    if let Some(previous) = &mut body.previous {
+    let ModuleState { x, d, force, .. } = modules;
+    if let Some(previous) = &mut modules.previous_state {
         previous.swap(x, d);
     }
-    let previous = body.previous.as_deref();
+    let previous = modules.previous_state.as_deref();
     let all_bounded = AtomicBool::new(true);
     mesh_partition.for_each_range(team, [x, d], |mats, moved| {
         if !move_range(scheme, mats, force, previous, moved) {
@@ -83,7 +84,8 @@ fn advance_free_in_ranges(
     all_bounded.into_inner()
 }
 
-/// Move a range of MATs: in place, or from the positions and steps in `previous`. `force` holds the forces of all MATs,
+/// Move a range of MATs: in place, or from the positions and steps in `previous_state`. `force` holds the forces of all
+/// MATs,
 /// `moved` the positions and steps of the range. Returns whether all positions are bounded.
 fn move_range(
     scheme: &Scheme,
@@ -146,7 +148,7 @@ fn update(mat_coefficients: impl Fn(usize) -> [f64; 4], force: &[f64], x: &mut [
     diverged_flag == 0
 }
 
-/// [`update`] from positions and steps in `previous`, which are not changed.
+/// [`update`] from positions and steps in `previous_state`, which are not changed.
 #[inline(always)]
 fn update_from(
     mat_coefficients: impl Fn(usize) -> [f64; 4],
@@ -184,7 +186,7 @@ wide! {
 }
 
 wide! {
-    /// [`move_all`] from positions and steps in `previous`, which are not changed.
+    /// [`move_all`] from positions and steps in `previous_state`, which are not changed.
     pub(super) fn move_from(
         coefficients: [&[f64]; 4],
         force: &[f64],

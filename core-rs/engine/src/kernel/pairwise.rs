@@ -17,8 +17,8 @@ pub(crate) use contact::TouchingPair;
 pub(crate) use neighbours::Neighbours;
 
 use crate::network::{AXES_MAX, PairRun};
-use crate::scheme::Run;
-use crate::state::Body;
+use crate::scheme::LinkRun;
+use crate::state::ModuleState;
 
 /// Coordinates of a point, or components of a force, and one more number, so that a single vector load takes all.
 type Quad = [f64; AXES_MAX + 1];
@@ -29,23 +29,23 @@ type Pair = [u32; 2];
 /// Add the forces of all pairs to the coordinates of the points. Also store the sum of the pair forces on each point of
 /// the second group [N].
 pub(super) fn add_pair_forces(
-    run: &Run,
+    run: &LinkRun,
     pair_run: &PairRun,
     gates: &[f64],
-    body: &mut Body,
+    modules: &mut ModuleState,
     (history_index, neighbours): (usize, &mut Neighbours),
 ) {
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let gated_k_and_z = [gate_opening * run.k, gate_opening * run.z];
-    let Body {
+    let ModuleState {
         x,
         d,
-        pair_force,
-        link,
-        histories,
+        pair_forces: pair_force,
+        link_forces: link,
+        contact_histories: histories,
         ..
-    } = body;
-    let run_forces = &mut link[run.first..run.first + run.len];
+    } = modules;
+    let run_forces = &mut link[run.first_link..run.first_link + run.len];
     let history = &mut histories[history_index];
     history.begin_pass();
     if pair_run.pairs.is_searched() {

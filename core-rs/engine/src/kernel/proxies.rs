@@ -2,11 +2,11 @@
 //! of the masses.
 
 use crate::scheme::Scheme;
-use crate::state::Body;
+use crate::state::ModuleState;
 
 /// Add the force on each proxy to its masses, by their shares.
-pub(crate) fn distribute_forces(scheme: &Scheme, body: &mut Body) {
-    let Body { x, force, .. } = body;
+pub(crate) fn distribute_forces(scheme: &Scheme, modules: &mut ModuleState) {
+    let ModuleState { x, force, .. } = modules;
     for proxy in &scheme.proxies {
         let proxy_force = force[proxy.mat];
         if proxy_force != 0.0 {
@@ -16,8 +16,12 @@ pub(crate) fn distribute_forces(scheme: &Scheme, body: &mut Body) {
 }
 
 /// Store the positions of proxies before anything moves.
-pub(crate) fn record_positions(scheme: &Scheme, body: &mut Body) {
-    let Body { x, proxies, .. } = body;
+pub(crate) fn record_positions(scheme: &Scheme, modules: &mut ModuleState) {
+    let ModuleState {
+        x,
+        proxy_positions: proxies,
+        ..
+    } = modules;
     for (proxy, position_before) in scheme.proxies.iter().zip(proxies) {
         *position_before = x[proxy.mat];
     }
@@ -25,8 +29,13 @@ pub(crate) fn record_positions(scheme: &Scheme, body: &mut Body) {
 
 /// Move proxies to the positions that follow from their masses; for proxies that change their masses, the step is that
 /// since [`record_positions`].
-pub(crate) fn move_to_masses(scheme: &Scheme, body: &mut Body) {
-    let Body { x, d, proxies, .. } = body;
+pub(crate) fn move_to_masses(scheme: &Scheme, modules: &mut ModuleState) {
+    let ModuleState {
+        x,
+        d,
+        proxy_positions: proxies,
+        ..
+    } = modules;
     for (proxy, position_before) in scheme.proxies.iter().zip(&*proxies) {
         x[proxy.mat] = proxy.weighted_sum(|mat| x[mat], |mat| x[mat]);
         // The weighted sum of last steps keeps more digits than a difference of positions.
@@ -39,8 +48,8 @@ pub(crate) fn move_to_masses(scheme: &Scheme, body: &mut Body) {
 }
 
 /// Set positions and last steps of proxies from those of their masses.
-pub(crate) fn set_from_masses(scheme: &Scheme, body: &mut Body) {
-    let Body { x, d, .. } = body;
+pub(crate) fn set_from_masses(scheme: &Scheme, modules: &mut ModuleState) {
+    let ModuleState { x, d, .. } = modules;
     for proxy in &scheme.proxies {
         x[proxy.mat] = proxy.weighted_sum(|mat| x[mat], |mat| x[mat]);
         d[proxy.mat] = proxy.weighted_sum(|mat| x[mat], |mat| d[mat]);

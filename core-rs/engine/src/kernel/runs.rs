@@ -8,20 +8,21 @@ use super::thread_team::ThreadTeam;
 use super::{pairwise, space};
 use crate::law::Hardening;
 use crate::maths::wide::wide;
-use crate::scheme::{Kind, Run, Scheme};
-use crate::state::Body;
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
+use crate::state::ModuleState;
 
-/// Set `body.force` to the sum of all link forces on each MAT [N], and `body.link` to the force of each link [N].
+/// Set `body.force` to the sum of all link forces on each MAT [N], and `body.link_forces` to the force of each link
+/// [N].
 pub(crate) fn compute_link_forces(
     scheme: &Scheme,
     gates: &[f64],
-    body: &mut Body,
+    modules: &mut ModuleState,
     laws: &mut KernelScratch,
     team: &mut ThreadTeam<'_>,
 ) {
-    body.outside.fill(0.0);
-    body.pair_force.fill(0.0);
-    let Body { x, d, force, .. } = body;
+    modules.outside_forces.fill(0.0);
+    modules.pair_forces.fill(0.0);
+    let ModuleState { x, d, force, .. } = modules;
     if scheme.fused_springs.is_empty() {
         force.fill(0.0);
     } else {
@@ -31,20 +32,20 @@ pub(crate) fn compute_link_forces(
         *force += weight;
     }
     for run in &scheme.runs {
-        if let Kind::Space(space_link) = &run.kind {
-            space::add_space_forces(run, space_link, gates, body, &mut laws.space_scratch);
+        if let LinkRunKind::Space(space_link) = &run.kind {
+            space::add_space_forces(run, space_link, gates, modules, &mut laws.space_scratch);
             continue;
         }
-        if let (Kind::Pairwise { slot, .. }, Some(pairs)) = (&run.kind, run.pairwise()) {
+        if let (LinkRunKind::Pairwise { slot, .. }, Some(pairs)) = (&run.kind, run.pairwise()) {
             let pair_memory = (*slot, &mut laws.neighbours[*slot]);
-            pairwise::add_pair_forces(run, &pairs, gates, body, pair_memory);
+            pairwise::add_pair_forces(run, &pairs, gates, modules, pair_memory);
             continue;
         }
-        let run_ends = EndMotions::new(run, &body.x, &body.d);
-        let link_force = &mut body.link[run.first..run.first + run.len];
+        let run_ends = EndMotions::new(run, &modules.x, &modules.d);
+        let link_force = &mut modules.link_forces[run.first_link..run.first_link + run.len];
         match &run.kind {
-            Kind::Ref => set_spring_forces(run.k, run.z, run.rest, &run_ends, link_force),
-            Kind::Hardening(q) => {
+            LinkRunKind::Ref => set_spring_forces(run.k, run.z, run.rest, &run_ends, link_force),
+            LinkRunKind::Hardening(q) => {
                 let hardening_law = Hardening {
                     k: run.k,
                     q: *q,
@@ -52,33 +53,33 @@ pub(crate) fn compute_link_forces(
                 };
                 set_hardening_forces(hardening_law, 1.0, run.rest, &run_ends, link_force);
             }
-            Kind::But(but) => {
+            LinkRunKind::But(but) => {
                 let EndMotions { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
                     let (e, step) = (xb[i] - xa[i] - run.rest, db[i] - da[i]);
                     link_force[i] = but.force(run.k, run.z, e, step);
                 }
             }
-            Kind::Bristle { .. } => {
+            LinkRunKind::Bristle { .. } => {
                 if let Some((bristle_law, step)) = run.bristle() {
-                    let bristle_bends = &body.memory[run.first..run.first + run.len];
+                    let bristle_bends = &modules.link_memories[run.first_link..run.first_link + run.len];
                     let EndMotions { da, db, .. } = run_ends;
                     for i in 0..run.len {
                         link_force[i] = bristle_law.force(bristle_bends[i], (db[i] - da[i]) / step);
                     }
                 }
             }
-            Kind::Followed { law, rate, slot } => {
+            LinkRunKind::Followed { law, rate, slot } => {
                 let current_law = &mut laws.following_laws[*slot];
-                law.update_law(current_law, |mat| body.x[mat]);
+                law.update_law(current_law, |mat| modules.x[mat]);
                 let EndMotions { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
                     link_force[i] = current_law.force(xb[i] - xa[i] - run.rest, (db[i] - da[i]) * rate);
                 }
             }
             // Dry friction is solved later, with the exact contacts; links in space are already computed above.
-            Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => link_force.fill(0.0),
-            Kind::Lnl { law, rate, slot } => match law.hardening_spring() {
+            LinkRunKind::Dry { .. } | LinkRunKind::Space(_) | LinkRunKind::Pairwise { .. } => link_force.fill(0.0),
+            LinkRunKind::Lnl { law, rate, slot } => match law.hardening_spring() {
                 Some(hardening_law) => set_hardening_forces(hardening_law, *rate, run.rest, &run_ends, link_force),
                 None => {
                     let EndMotions { xa, xb, da, db } = run_ends;
@@ -95,16 +96,16 @@ pub(crate) fn compute_link_forces(
             let gate_opening = gates[gate];
             link_force.iter_mut().for_each(|link_force| *link_force *= gate_opening);
         }
-        scatter(run, body);
+        scatter(run, modules);
     }
-    for (force, pair_force) in body.force.iter_mut().zip(&body.pair_force) {
+    for (force, pair_force) in modules.force.iter_mut().zip(&modules.pair_forces) {
         *force += pair_force;
     }
 }
 
 /// Update the bending of all bristles at the end of a frame, from the motion of their ends in it.
-pub(crate) fn slide_bristles(scheme: &Scheme, body: &mut Body) {
-    if body.memory.is_empty() {
+pub(crate) fn slide_bristles(scheme: &Scheme, modules: &mut ModuleState) {
+    if modules.link_memories.is_empty() {
         return;
     }
     for run in &scheme.runs {
@@ -112,8 +113,8 @@ pub(crate) fn slide_bristles(scheme: &Scheme, body: &mut Body) {
             continue;
         };
         for i in 0..run.len {
-            let ends_step = body.d[run.b + i] - body.d[run.a + i];
-            let bristle = &mut body.memory[run.first + i];
+            let ends_step = modules.d[run.b + i] - modules.d[run.a + i];
+            let bristle = &mut modules.link_memories[run.first_link + i];
             *bristle = bristle_law.slide(*bristle, ends_step / time_step, time_step);
         }
     }
@@ -128,7 +129,7 @@ pub(super) struct EndMotions<'a> {
 }
 
 impl<'a> EndMotions<'a> {
-    fn new(run: &Run, x: &'a [f64], d: &'a [f64]) -> Self {
+    fn new(run: &LinkRun, x: &'a [f64], d: &'a [f64]) -> Self {
         let (mats_at_a, mats_at_b) = (run.a..run.a + run.len, run.b..run.b + run.len);
         Self {
             xa: &x[mats_at_a.clone()],
@@ -175,7 +176,7 @@ wide! {
 }
 
 /// Add a run's forces to its two ends: F_a += f, F_b −= f.
-pub(super) fn scatter(run: &Run, body: &mut Body) {
-    let link_force = &body.link[run.first..run.first + run.len];
-    pull(link_force, &mut body.force, run.a, run.b);
+pub(super) fn scatter(run: &LinkRun, modules: &mut ModuleState) {
+    let link_force = &modules.link_forces[run.first_link..run.first_link + run.len];
+    pull(link_force, &mut modules.force, run.a, run.b);
 }

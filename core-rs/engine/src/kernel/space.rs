@@ -4,8 +4,8 @@
 use super::pull::pull;
 use crate::maths::wide::wide;
 use crate::network::{AXES_MAX, SpaceLaw, SpaceLink, length_and_unit_vector};
-use crate::scheme::{Kind, Run, Scheme};
-use crate::state::Body;
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
+use crate::state::ModuleState;
 
 /// Scratch memory for a run of links in space   (longest run each).
 #[derive(Clone, Debug, Default)]
@@ -21,7 +21,7 @@ pub(crate) struct SpaceScratch {
 impl SpaceScratch {
     pub(super) fn new(scheme: &Scheme) -> Self {
         let space_runs = scheme.runs.iter();
-        let space_runs = space_runs.filter(|run| matches!(run.kind, Kind::Space(_)));
+        let space_runs = space_runs.filter(|run| matches!(run.kind, LinkRunKind::Space(_)));
         let scratch_row = vec![0.0; space_runs.map(|run| run.len).max().unwrap_or(0)];
         Self {
             directions: [scratch_row.clone(), scratch_row.clone(), scratch_row.clone()],
@@ -33,15 +33,15 @@ impl SpaceScratch {
 
 /// Add the forces of a run to the coordinates of its ends, and store the force along each link [N].
 pub(super) fn add_space_forces(
-    run: &Run,
+    run: &LinkRun,
     link: &SpaceLink,
     gates: &[f64],
-    body: &mut Body,
+    modules: &mut ModuleState,
     scratch: &mut SpaceScratch,
 ) {
     let link_count = run.len;
     if link_count == 1 {
-        return add_single_link(run, link, gates, body);
+        return add_single_link(run, link, gates, modules);
     }
     let SpaceScratch {
         directions: [direction_x, direction_y, direction_z],
@@ -50,15 +50,15 @@ pub(super) fn add_space_forces(
     } = scratch;
     let [direction_x, direction_y, direction_z] =
         [direction_x, direction_y, direction_z].map(|axis_values| &mut axis_values[..link_count]);
-    let Body {
+    let ModuleState {
         x,
         d,
         force,
-        link: link_force,
-        memory,
+        link_forces: link_force,
+        link_memories: memory,
         ..
-    } = body;
-    let link_force = &mut link_force[run.first..run.first + link_count];
+    } = modules;
+    let link_force = &mut link_force[run.first_link..run.first_link + link_count];
     let axis_ends: [(usize, usize); AXES_MAX] = std::array::from_fn(|axis| run.pair(0, axis.min(link.n_axes - 1)));
     let end_motion = SpaceEndMotions::new(link.n_axes, &axis_ends, [x, d], link_count);
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
@@ -76,7 +76,7 @@ pub(super) fn add_space_forces(
         let (e, step) = (&mut elongations[..link_count], &mut elongation_steps[..link_count]);
         set_directions_and_elongations(run.rest, &end_motion, e, step, direction_x, direction_y, direction_z);
         if link.law.yields() {
-            let memory = &mut memory[run.first..run.first + link_count];
+            let memory = &mut memory[run.first_link..run.first_link + link_count];
             for (e, memory) in e.iter_mut().zip(memory) {
                 *e = update_rest(link, run.k, *e, memory);
             }
@@ -131,7 +131,8 @@ fn link_line([x, d]: &[[[&[f64]; 2]; AXES_MAX]; 2], rest: f64, i: usize) -> ([f6
     (direction, link_length - rest, length_step)
 }
 
-/// Distance − rest [m] of a link whose rest length has grown by `memory` [m]; updates `memory` if the link yields.
+/// Distance − rest [m] of a link whose rest length has grown by `link_memories` [m]; updates `link_memories` if the
+/// link yields.
 fn update_rest(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
     let elastic_elongation = link.law.after_yielding(k, e, *memory);
     *memory = e - elastic_elongation;
@@ -139,22 +140,22 @@ fn update_rest(link: &SpaceLink, k: f64, e: f64, memory: &mut f64) -> f64 {
 }
 
 /// [`add_space_forces`] of a run of one link, for which separate passes would cost ten times as much.
-fn add_single_link(run: &Run, link: &SpaceLink, gates: &[f64], body: &mut Body) {
+fn add_single_link(run: &LinkRun, link: &SpaceLink, gates: &[f64], modules: &mut ModuleState) {
     let link_ends = (run.a, run.b);
-    let (link_length, direction) = link.length_and_direction(link_ends, |mat| body.x[mat]);
-    let length_step = link.length_step(link_ends, direction, |mat| body.d[mat]);
+    let (link_length, direction) = link.length_and_direction(link_ends, |mat| modules.x[mat]);
+    let length_step = link.length_step(link_ends, direction, |mat| modules.d[mat]);
     let mut elongation = link_length - run.rest;
     if link.law.yields() {
-        elongation = update_rest(link, run.k, elongation, &mut body.memory[run.first]);
+        elongation = update_rest(link, run.k, elongation, &mut modules.link_memories[run.first_link]);
     }
     let mut link_force = link.law.force([run.k, run.z], elongation, length_step);
     if let Some(gate) = run.gate {
         link_force *= gates[gate];
     }
-    body.link[run.first] = link_force;
+    modules.link_forces[run.first_link] = link_force;
     for ((a, b), direction) in run.pairs(0).zip(direction) {
-        body.force[a] += link_force * direction;
-        body.force[b] -= link_force * direction;
+        modules.force[a] += link_force * direction;
+        modules.force[b] -= link_force * direction;
     }
 }
 

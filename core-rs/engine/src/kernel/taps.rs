@@ -3,17 +3,18 @@
 use crate::maths::wide::wide;
 use crate::network::Term;
 use crate::scheme::{Scheme, Tap};
-use crate::state::Body;
+use crate::state::ModuleState;
 
 /// Write one frame of outputs, (n_out).
-pub(crate) fn write_outputs(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
+pub(crate) fn write_outputs(scheme: &Scheme, modules: &ModuleState, frame: &mut [f64]) {
     for (taps, sample) in scheme.taps.iter().zip(frame) {
         let tap_value = |tap: &Tap| match tap {
-            Tap::Term(term) => term_value(scheme, body, term),
-            Tap::Scattered { mats, weight } => weight * scattered_sum(&body.x, mats),
+            Tap::Term(term) => term_value(scheme, modules, term),
+            Tap::Scattered { mats, weight } => weight * scattered_sum(&modules.x, mats),
             Tap::Lengths { links, weight } => {
                 let line_links = links.iter();
-                let line_lengths = line_links.map(|(ends, link)| link.length_and_direction(*ends, |mat| body.x[mat]).0);
+                let line_lengths =
+                    line_links.map(|(ends, link)| link.length_and_direction(*ends, |mat| modules.x[mat]).0);
                 weight * line_lengths.sum::<f64>()
             }
         };
@@ -21,15 +22,15 @@ pub(crate) fn write_outputs(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
     }
 }
 
-fn term_value(scheme: &Scheme, body: &Body, term: &Term) -> f64 {
+fn term_value(scheme: &Scheme, modules: &ModuleState, term: &Term) -> f64 {
     match *term {
-        Term::Position { first, len, weight } => weight * range_sum(&body.x[first..first + len]),
+        Term::Position { first, len, weight } => weight * range_sum(&modules.x[first..first + len]),
         Term::Length { .. } => 0.0, // summed by `Tap::Lengths`
         // A link with force f acts with −f on its second point.
-        Term::Force { first, len, weight } => -weight * range_sum(&body.link[first..first + len]),
+        Term::Force { first, len, weight } => -weight * range_sum(&modules.link_forces[first..first + len]),
         Term::Ground { first, len, weight } => {
             let mat_range = first..first + len;
-            let (stiffnesses, positions) = (&scheme.tie_stiffness[mat_range.clone()], &body.x[mat_range.clone()]);
+            let (stiffnesses, positions) = (&scheme.tie_stiffness[mat_range.clone()], &modules.x[mat_range.clone()]);
             weight * ground_force_sum(stiffnesses, positions, &scheme.rest[mat_range])
         }
     }

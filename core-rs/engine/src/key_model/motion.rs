@@ -108,7 +108,7 @@ impl<const N: usize> Motion<N> {
         let shift_ticks = (key.delay + 0.5 * step) * rate;
         let full_ticks = floor(shift_ticks);
         let mut dx = [0.0; N];
-        if let Some(start_column) = columns.iter().position(|&to| to == Parameter::Start) {
+        if let Some(start_column) = columns.iter().position(|&parameter| parameter == Parameter::Start) {
             dx[start_column] = 1.0;
         }
         let mode_motion = |mode: &Mode| {

@@ -105,6 +105,6 @@ impl Points {
 }
 
 /// Energy along a straight line.
-fn line(from: (f64, f64), to: (f64, f64)) -> f64 {
-    (to.0 - from.0) * (0.5 * (from.1 + to.1))
+fn line(start_point: (f64, f64), end_point: (f64, f64)) -> f64 {
+    (end_point.0 - start_point.0) * (0.5 * (start_point.1 + end_point.1))
 }

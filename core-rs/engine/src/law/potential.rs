@@ -84,8 +84,8 @@ pub(super) fn integrate(f: impl Fn(f64) -> f64, d: f64) -> f64 {
     // a simulation steps.
     let mut waiting = [const { Panel::NONE }; ROOM];
     let mut n_waiting = 0;
-    for to in panel_ends {
-        waiting[n_waiting] = Panel::new(&f, d * to[1], d * to[0], 0);
+    for panel_end in panel_ends {
+        waiting[n_waiting] = Panel::new(&f, d * panel_end[1], d * panel_end[0], 0);
         n_waiting += 1;
     }
     let mut integral_scale: f64 = waiting[..n_waiting].iter().map(|panel| panel.size).sum();

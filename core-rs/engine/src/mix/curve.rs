@@ -28,9 +28,9 @@ pub struct Point {
 }
 
 /// The progress from one point to another at a frame between them, from 0 to 1.
-fn progress_between(from: &Point, to: &Point, frame: i64) -> f64 {
-    let u = (frame - from.frame) as f64 / (to.frame - from.frame) as f64;
-    match to.segment {
+fn progress_between(start_point: &Point, end_point: &Point, frame: i64) -> f64 {
+    let u = (frame - start_point.frame) as f64 / (end_point.frame - start_point.frame) as f64;
+    match end_point.segment {
         Segment::Line => u,
         Segment::Smooth => u * u * (3.0 - 2.0 * u),
     }
@@ -41,9 +41,9 @@ fn enclosing_points<'a>(points: &'a [Point], frames: &Range<u64>) -> Option<(&'a
     let start_frame = i64::try_from(frames.start).ok()?;
     let stop_frame = i64::try_from(frames.end).ok()?;
     let next_index = points.partition_point(|point| point.frame <= start_frame);
-    let from = points.get(next_index.checked_sub(1)?)?;
-    let to = points.get(next_index).filter(|to| stop_frame <= to.frame)?;
-    Some((from, to))
+    let start_point = points.get(next_index.checked_sub(1)?)?;
+    let end_point = points.get(next_index).filter(|to| stop_frame <= to.frame)?;
+    Some((start_point, end_point))
 }
 
 /// The value at a frame, interpolated between points whose frames rise. Before the first point and after the last one
@@ -134,10 +134,10 @@ impl Pan {
 /// ```
 /// use ergon_engine::mix::curve::{Curve, Point, Segment};
 ///
-/// let from = Point { frame: 100, value: 0.01, segment: Segment::Line };
-/// let to = Point { frame: 200, value: 1.0, segment: Segment::Line };
-/// let curve = Curve::new(vec![from, to]);
-/// assert!((curve.gain_at(150) - 0.1).abs() < 1e-15); // -20 dB, halfway from -40 dB
+/// let start_point = Point { frame: 100, value: 0.01, segment: Segment::Line };
+/// let end_point = Point { frame: 200, value: 1.0, segment: Segment::Line };
+/// let curve = Curve::new(vec![start_point, end_point]);
+/// assert!((curve.gain_at(150) - 0.1).abs() < 1e-15); // -20 dB, halfway start_point -40 dB
 /// assert_eq!((curve.gain_at(0), curve.gain_at(1000)), (0.01, 1.0));
 /// ```
 #[derive(Clone, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 
 use crate::archive::state;
 use crate::maths::{pow, sqrt};
-use crate::section::{BUTTERWORTH_2, Section};
+use crate::section::{BUTTERWORTH_2, FilterSection};
 
 /// What a filter does. `f` is its cutoff or corner [Hz], above 0 and below half of the rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +72,7 @@ enum SectionWeights {
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
     kind: FilterKind,
-    section: Section,
+    section: FilterSection,
     weights: SectionWeights,
 }
 
@@ -81,7 +81,7 @@ state!(Filter { section });
 impl Filter {
     /// A filter at rest, at `rate` [Hz].
     pub(super) fn new(kind: FilterKind, rate: f64) -> Self {
-        let section = |scale| Section::scaled(kind.frequency(), rate, BUTTERWORTH_2, scale);
+        let section = |scale| FilterSection::scaled(kind.frequency(), rate, BUTTERWORTH_2, scale);
         let (section, weights) = match kind {
             FilterKind::Highpass { .. } => (section(1.0), SectionWeights::High),
             FilterKind::Lowpass { .. } => (section(1.0), SectionWeights::Low),
@@ -122,7 +122,7 @@ impl Filter {
     }
 
     /// The section of a high-pass.
-    pub(super) fn highpass_section(&mut self) -> Option<&mut Section> {
+    pub(super) fn highpass_section(&mut self) -> Option<&mut FilterSection> {
         matches!(self.weights, SectionWeights::High).then_some(&mut self.section)
     }
 

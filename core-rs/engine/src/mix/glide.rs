@@ -45,9 +45,9 @@ impl GainGlide {
 
     /// A glide from one gain to another, from the next multiple of the grid on.
     #[must_use]
-    pub(super) fn between(rate: f64, from: f64, to: f64) -> Self {
-        let mut glide = Self::new(rate, from);
-        glide.set(to);
+    pub(super) fn between(rate: f64, start_value: f64, target_value: f64) -> Self {
+        let mut glide = Self::new(rate, start_value);
+        glide.set(target_value);
         glide
     }
 
@@ -123,8 +123,8 @@ pub(super) fn update_residual(residual: &mut Option<GainGlide>, n: u64) -> bool 
 }
 
 /// A gain that glides to 0; `None` if it is 0 already.
-pub(super) fn glide_to_zero(rate: f64, from: f64) -> Option<GainGlide> {
-    (from != 0.0).then(|| GainGlide::between(rate, from, 0.0))
+pub(super) fn glide_to_zero(rate: f64, start_value: f64) -> Option<GainGlide> {
+    (start_value != 0.0).then(|| GainGlide::between(rate, start_value, 0.0))
 }
 
 /// Number of frames from `n` on in which no glide begins: unlimited if `is_steady`, otherwise up to the next multiple

@@ -11,7 +11,7 @@ use super::delay::DelayLine;
 use crate::archive::{Archive, Damaged, State, state, state_of};
 use crate::maths::wide::{half_wide, wide};
 use crate::maths::{cos, exp, log, pow, sin, sqrt};
-use crate::section::{BUTTERWORTH_2, Section};
+use crate::section::{BUTTERWORTH_2, FilterSection};
 
 /// Number of delay lines; a power of two, because the matrix is a Hadamard matrix.
 const N_LINES: usize = 16;
@@ -86,7 +86,7 @@ pub(super) struct Room {
     channel_gains: Vec<f64>,
     /// Whether nothing has come in yet, so that nothing comes out.
     is_silent: bool,
-    highpass: Section,
+    highpass: FilterSection,
 }
 
 state!(Filters { x, y });
@@ -143,7 +143,7 @@ impl Room {
             line_filters,
             channel_gains,
             is_silent: true,
-            highpass: Section::new(HIGHPASS_HERTZ.min(0.4 * rate), rate, BUTTERWORTH_2),
+            highpass: FilterSection::new(HIGHPASS_HERTZ.min(0.4 * rate), rate, BUTTERWORTH_2),
         })
     }
 

@@ -6,7 +6,7 @@ use super::checks::Rule;
 use super::error::Error;
 use super::{LinkKind, Mat, MatKind, Network};
 use crate::chance::Chance;
-use crate::generator::{self, BankCell, BankForm, Decay, Losses, Topology, Tuned};
+use crate::generator::{self, BankCell, BankForm, Decay, Losses, Topology, TunedLinks};
 use crate::interrupt;
 use crate::law::Law;
 
@@ -240,7 +240,7 @@ impl Network {
             ],
         )?;
         let mesh_losses = Losses {
-            tuned: Tuned { k, z },
+            tuned: TunedLinks { k, z },
             ground: 0.0,
             dampers: Vec::new(),
         };

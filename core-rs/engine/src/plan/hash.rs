@@ -28,7 +28,7 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             Computation::Slow { is_exact: true, .. } => 6,
             Computation::Slow { .. } => 8,
             Computation::LeftOut(LeftOutReason::Unheard) => 4,
-            Computation::LeftOut(LeftOutReason::Still) => 5,
+            Computation::LeftOut(LeftOutReason::Motionless) => 5,
         };
         let numbers = [row.parts.len() as u64, row.mats as u64, row.links as u64, computed_code];
         numbers.iter().for_each(|number| hash_sink.add(number.to_le_bytes()));

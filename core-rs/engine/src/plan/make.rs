@@ -25,7 +25,7 @@ use crate::assembly::unit::ComputationUnit;
 use crate::body_modes::linear::NoModes;
 use crate::island::bodies::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
-use crate::plan::constants::ISLAND_SHARE_MIN;
+use crate::plan::constants::ISLAND_ALLOWANCE_SHARE_MIN;
 use crate::plan::row::{self, Computation, MeasuredError, Row};
 use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
 use crate::plan::trial::horizon;
@@ -119,7 +119,7 @@ pub(super) fn make_plan(
     final_plan.n_heard_units = final_plan.units.len();
     final_plan.motionless_mats.sort_unstable();
     if !sorted.displayed_unheard.is_empty() {
-        let seen_plan = unheard::plan_displayed(&network, timeline, budget, context, sorted.displayed_unheard)?;
+        let seen_plan = unheard::plan_displayed_islands(&network, timeline, budget, context, sorted.displayed_unheard)?;
         final_plan.units.extend(seen_plan.units);
         final_plan.displayed_rows = seen_plan.rows;
     }
@@ -137,7 +137,7 @@ impl<'a> PlanBuilder<'a> {
             trial_seconds_max: 0.0,
             trial_seconds_left: 0.0,
             allowance_share: 1.0,
-            allowance: Allowance::with_total(0.0),
+            allowance: Allowance::with_seconds(0.0),
             mode_cache: ModeCache::new(None),
             trial_store: None,
             earlier_trials: &[],
@@ -186,7 +186,7 @@ impl<'a> PlanBuilder<'a> {
                     true => self.begin_session_allowance(subset_size(&subset)),
                     false => self.begin_allowance(subset_size(&subset), n_modules),
                 }
-                let island_result = self.stored_island(subset, island_timeline);
+                let island_result = self.island_from_store(subset, island_timeline);
                 self.trial_seconds_left -= self.allowance.seconds_spent().0;
                 island_result
             } else {
@@ -206,8 +206,8 @@ impl<'a> PlanBuilder<'a> {
     /// gets depends on no other island, as long as the plan's allowance is not spent.
     fn begin_allowance(&mut self, n_modules: usize, n_total: usize) {
         let size_share = n_modules as f64 / n_total as f64;
-        let island_work = self.trial_seconds_max * size_share.max(ISLAND_SHARE_MIN);
-        self.allowance = Allowance::with_total(island_work.min(self.trial_seconds_left));
+        let island_work = self.trial_seconds_max * size_share.max(ISLAND_ALLOWANCE_SHARE_MIN);
+        self.allowance = Allowance::with_seconds(island_work.min(self.trial_seconds_left));
     }
 
     /// Isolated CELs.
@@ -245,7 +245,7 @@ impl<'a> PlanBuilder<'a> {
                 pinned_modes,
                 &self.mode_cache,
             );
-            self.allowance.spend_regardless(self.mode_cache.take_seconds());
+            self.allowance.spend_unchecked(self.mode_cache.take_seconds());
             match bank_result {
                 Ok(mut solved_bank) => {
                     set_bank_origin(&mut solved_bank, &subset, &island_timeline);
@@ -321,16 +321,16 @@ impl<'a> PlanBuilder<'a> {
         island_timeline: &LocalTimeline,
         module_count: usize,
         earlier_choice: Option<&SteppedChoice>,
-        why: Option<NoModes>,
+        reason: Option<NoModes>,
     ) -> Result<(), Error> {
         ported::check_supported(&subset.network, &island_timeline.timeline, self.budget)?;
         let n_refused = self.allowance.n_refused_trials();
         let planned_island = match self.choose_stepping(subset, island_timeline, earlier_choice) {
             Ok(solved) if earlier_choice.is_none() => {
-                let solved = self.without_costly_rates(subset, island_timeline, solved);
-                self.with_offered_parts(subset, island_timeline, solved)
+                let solved = self.without_unhelpful_rates(subset, island_timeline, solved);
+                self.with_slow_parts_offered(subset, island_timeline, solved)
             }
-            Err(error) => match earlier_choice.and_then(|pin| self.pinned_offer(subset, island_timeline, pin)) {
+            Err(error) => match earlier_choice.and_then(|pin| self.planned_by_pin(subset, island_timeline, pin)) {
                 Some(solved) => solved,
                 None => return Err(error),
             },
@@ -377,7 +377,7 @@ impl<'a> PlanBuilder<'a> {
             let mut report_row = Row::stepped(&island_plan, certificate);
             report_row.mats -= port_count;
             (report_row.oversampling, report_row.error) = (island_plan.oversampling, error);
-            let because = why.filter(|_| bodies.is_empty()).or(because);
+            let because = reason.filter(|_| bodies.is_empty()).or(because);
             report_row.modes_refusal = because.map(|no_modes| no_modes.as_str().to_owned());
             self.plan.rows.push(report_row);
         }
@@ -422,7 +422,7 @@ impl<'a> PlanBuilder<'a> {
         pin: Option<&SteppedChoice>,
     ) -> Result<Assembled, Error> {
         let island = Assembled::new(subset, island_timeline, self.budget, options, pin, &self.mode_cache);
-        self.allowance.spend_regardless(self.mode_cache.take_seconds());
+        self.allowance.spend_unchecked(self.mode_cache.take_seconds());
         island
     }
 
@@ -535,6 +535,6 @@ fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<
 /// Why parts of a row that ask for a rate of their own are computed at every frame.
 fn rate_refusals(refused_slow: &[RefusedSlowPart], row: &Row) -> Option<String> {
     let row_refusals = refused_slow.iter().filter(|(part, _)| row.parts.contains(part));
-    let reason_texts: Vec<String> = row_refusals.map(|(part, why)| format!("{part}: {why}")).collect();
+    let reason_texts: Vec<String> = row_refusals.map(|(part, reason)| format!("{part}: {reason}")).collect();
     (!reason_texts.is_empty()).then(|| reason_texts.join("; "))
 }

@@ -22,7 +22,7 @@ pub enum LeftOutReason {
     /// No output listens to it, or to anything it can move.
     Unheard,
     /// Nothing ever moves it.
-    Still,
+    Motionless,
 }
 
 /// The method by which modules are computed.
@@ -156,12 +156,12 @@ impl Row {
     }
 
     /// A row of parts, with their moving MATs and their LIAs; nothing else is filled in.
-    fn new(parts: Vec<String>, [mats, links]: [usize; 2], what: Computation) -> Self {
+    fn new(parts: Vec<String>, [mats, links]: [usize; 2], computation: Computation) -> Self {
         Self {
             parts,
             mats,
             links,
-            computation: what,
+            computation,
             work_per_second: 0.0,
             stability: None,
             oversampling: 1,

@@ -10,7 +10,7 @@ use std::collections::HashSet;
 
 use nalgebra::DMatrix;
 
-use super::{Kind, Run, Scheme};
+use super::{LinkRun, LinkRunKind, Scheme};
 use crate::interrupt;
 use crate::law::Law;
 use crate::network::{Error, Network, Proxy, SpaceLaw, SpaceLink};
@@ -62,21 +62,23 @@ fn oversampling(lambda: f64) -> u32 {
 }
 
 /// K + c·Z of one link in its stiffest known state.
-fn weighted_stiffness(run: &Run, c: f64) -> f64 {
+fn weighted_stiffness(run: &LinkRun, c: f64) -> f64 {
     match &run.kind {
-        Kind::Ref | Kind::Hardening(_) => run.k + c * run.z,
-        Kind::Dry { .. } => 0.0, // solved implicitly: it stops a motion, but never reverses it
+        LinkRunKind::Ref | LinkRunKind::Hardening(_) => run.k + c * run.z,
+        LinkRunKind::Dry { .. } => 0.0, // solved implicitly: it stops a motion, but never reverses it
         // The stiffness of a link in space along its line. Across the line it is less stiff: its matrix is K·nnᵀ +
         // (f/ℓ)(1 − nnᵀ), with f/ℓ ≤ K. So springs with this stiffness along all axes are an upper bound in any
         // position.
-        Kind::Space(SpaceLink { law, .. }) => space_weight(law, run, c),
-        Kind::Pairwise { pairs, .. } => space_weight(&pairs.link.law, run, c),
-        Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
-        Kind::But(_) => c * run.z,
-        Kind::Bristle { law, rate } => run.k + c * law.with_stiffness_and_level(run.k, run.z).steepest_damping() * rate,
-        Kind::Lnl { law, rate, .. } => law_weight(law, *rate, c),
+        LinkRunKind::Space(SpaceLink { law, .. }) => space_weight(law, run, c),
+        LinkRunKind::Pairwise { pairs, .. } => space_weight(&pairs.link.law, run, c),
+        LinkRunKind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
+        LinkRunKind::But(_) => c * run.z,
+        LinkRunKind::Bristle { law, rate } => {
+            run.k + c * law.with_stiffness_and_level(run.k, run.z).steepest_damping() * rate
+        }
+        LinkRunKind::Lnl { law, rate, .. } => law_weight(law, *rate, c),
         // The stiffest law that it can become: each constant at one end of its range.
-        Kind::Followed {
+        LinkRunKind::Followed {
             law: followed_law,
             rate,
             ..
@@ -97,7 +99,7 @@ fn law_weight(law: &Law, rate: f64, c: f64) -> f64 {
     law.slope(0.0).max(0.0) + c * (law.damping_slope(0.0) * rate).max(0.0)
 }
 
-fn space_weight(law: &SpaceLaw, run: &Run, c: f64) -> f64 {
+fn space_weight(law: &SpaceLaw, run: &LinkRun, c: f64) -> f64 {
     match law {
 // An attraction is stiffest, along its line and across, if its two ends are at the same position.
 SpaceLaw::Spring | SpaceLaw::Yielding { .. } | SpaceLaw::Attraction { .. } | SpaceLaw::Lnl { .. }
@@ -108,9 +110,9 @@ SpaceLaw::Spring | SpaceLaw::Yielding { .. } | SpaceLaw::Attraction { .. } | Spa
 
 /// The MATs of points in contacts between all pairs, axis by axis, each with an upper bound of the sum of K + c·Z of
 /// the contacts on it.
-fn pairwise_weights(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
+fn pairwise_weights(run: &LinkRun, weight: f64) -> impl Iterator<Item = (usize, f64)> + '_ {
     let point_pairs = match &run.kind {
-        Kind::Pairwise { pairs, .. } => Some(pairs),
+        LinkRunKind::Pairwise { pairs, .. } => Some(pairs),
         _ => None,
     };
     let point_count = run.len;
@@ -127,8 +129,8 @@ fn pairwise_weights(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)
 }
 
 /// Whether each link of a run always joins the same two MATs.
-fn has_fixed_pairs(run: &Run) -> bool {
-    !matches!(run.kind, Kind::Pairwise { .. })
+fn has_fixed_pairs(run: &LinkRun) -> bool {
+    !matches!(run.kind, LinkRunKind::Pairwise { .. })
 }
 
 /// The stability limit of 4, reduced by the possible rounding error of an eigenvalue.
@@ -342,13 +344,13 @@ pub(crate) enum RefusalDetail {
 /// λmax/4, and for CELs it depends on their poles at that rate; so multiples are tried.
 fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u32 {
     const MULTIPLE_MAX: u32 = 1 << 20;
-    let first_links: HashSet<usize> = scheme.runs.iter().map(|run| run.first).collect();
+    let first_links: HashSet<usize> = scheme.runs.iter().map(|run| run.first_link).collect();
     let is_stable = |multiple: u32| {
         let Ok(finer_rate) = Rate::new(scheme.rate * f64::from(multiple)) else {
             return false;
         };
         Scheme::new(network, finer_rate).is_ok_and(|mut finer| {
-            finer.runs.retain(|run| first_links.contains(&run.first));
+            finer.runs.retain(|run| first_links.contains(&run.first_link));
             let largest_eigen = largest_eigenvalue_up_to(&finer, network, 2.0, STABILITY_LIMIT, STABILITY_LIMIT);
             largest_eigen.is_ok_and(|largest_eigen| largest_eigen.lambda < STABILITY_LIMIT)
         })

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::{FusedSprings, Kind, Run, Scheme};
-use crate::cell::{self, Cell, Ratios};
+use super::{FusedSprings, LinkRun, LinkRunKind, Scheme};
+use crate::cell::{self, Cell, CellRatios};
 use crate::law::Law;
 use crate::network::forest::Forest;
-use crate::network::{But, Contact, Error, LinkKind, MatKind, Network, Run as LinkRun};
+use crate::network::{But, Contact, Error, LinkKind, MatKind, Network, Run as NetworkRun};
 use crate::units::Rate;
 
 /// How κ and ζ of a CEL are computed.
@@ -77,7 +77,7 @@ fn set_masses(
         (scheme.w[i], cell_ratios) = match ca_rate(network, mats.part[i] as usize) {
             None if tie_discretisation == TieDiscretisation::Physical || has_negative_stiffness[i] => {
                 let w = rate.step() * rate.step() / m;
-                let cell_ratios = Ratios {
+                let cell_ratios = CellRatios {
                     kappa: k * w,
                     zeta: z * rate.step() / m,
                 };
@@ -91,7 +91,7 @@ fn set_masses(
             Some(design_rate) => {
                 // The number is M at the part's own rate, so m = M·T²; if `rate` is that rate, the factor is exactly 1.
                 let rate_ratio = design_rate.hertz() / rate.hertz();
-                let design_ratios = Ratios {
+                let design_ratios = CellRatios {
                     kappa: k / m,
                     zeta: z / m,
                 };
@@ -117,12 +117,12 @@ fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), E
         let design_rate = ca_rate(network, run.part);
         // z = Z·T_ca under `ca`; then Z = z/T. Without `ca`, Z = z/T.
         let velocity_factor = rate.hertz() / design_rate.map_or(1.0, Rate::hertz);
-        let mut scheme_run = Run {
+        let mut scheme_run = LinkRun {
             kind: scratch_slots.run_kind(&run.kind, velocity_factor),
             a: run.a,
             b: run.b,
             len: run.len,
-            first: run.first,
+            first_link: run.first,
             k: run.k,
             z: match run.kind {
                 LinkKind::Bristle(_) | LinkKind::Dry(_) => run.z,
@@ -162,30 +162,30 @@ struct ScratchSlots {
 
 impl ScratchSlots {
     /// The kind of a link, with its coefficients for one step.
-    fn run_kind(&mut self, kind: &LinkKind, velocity_factor: f64) -> Kind {
+    fn run_kind(&mut self, kind: &LinkKind, velocity_factor: f64) -> LinkRunKind {
         match kind {
-            LinkKind::Ref => Kind::Ref,
-            LinkKind::But(but) => Kind::But(*but),
-            LinkKind::Space(space) => Kind::Space(space.resampled(velocity_factor)),
-            LinkKind::Pairwise(pairs) => Kind::Pairwise {
+            LinkKind::Ref => LinkRunKind::Ref,
+            LinkKind::But(but) => LinkRunKind::But(*but),
+            LinkKind::Space(space) => LinkRunKind::Space(space.resampled(velocity_factor)),
+            LinkKind::Pairwise(pairs) => LinkRunKind::Pairwise {
                 pairs: pairs.clone(),
                 slot: next_slot(&mut self.n_pairwise),
             },
-            LinkKind::Lnl(law) => Kind::Lnl {
+            LinkKind::Lnl(law) => LinkRunKind::Lnl {
                 law: law.clone(),
                 rate: velocity_factor,
                 slot: self.slot_of(law),
             },
-            LinkKind::Followed(followed) => Kind::Followed {
+            LinkKind::Followed(followed) => LinkRunKind::Followed {
                 law: followed.clone(),
                 rate: velocity_factor,
                 slot: next_slot(&mut self.n_followed),
             },
-            LinkKind::Bristle(bristle) => Kind::Bristle {
+            LinkKind::Bristle(bristle) => LinkRunKind::Bristle {
                 law: *bristle,
                 rate: velocity_factor,
             },
-            LinkKind::Dry(dry) => Kind::Dry {
+            LinkKind::Dry(dry) => LinkRunKind::Dry {
                 law: *dry,
                 rate: velocity_factor,
             },
@@ -209,7 +209,7 @@ fn next_slot(count: &mut usize) -> usize {
 }
 
 /// Stiffness and viscosity of a magic contact, by the masses of its two ends.
-fn magic_numbers(scheme: &Scheme, network: &Network, run: &LinkRun, but: But) -> Result<(f64, f64), Error> {
+fn magic_numbers(scheme: &Scheme, network: &Network, run: &NetworkRun, but: But) -> Result<(f64, f64), Error> {
     check_no_other_link(network, run.a, run.first)?;
     check_no_other_link(network, run.b, run.first)?;
     if scheme.w[run.a] + scheme.w[run.b] == 0.0 {
@@ -274,14 +274,14 @@ fn check_below_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Opt
 
 /// κ and ζ of a discrete CEL at another rate: from its poles if they have a pitch and a decay, else by M = m/T², Z =
 /// z/T.
-fn resampled(ratios: Ratios, design_rate: Rate, rate: Rate) -> Ratios {
+fn resampled(ratios: CellRatios, design_rate: Rate, rate: Rate) -> CellRatios {
     if design_rate.hertz() == rate.hertz() {
         return ratios;
     }
     let rate_ratio = design_rate.hertz() / rate.hertz();
     match ratios.pitch(design_rate) {
         Some((f, t60)) => cell::tune(f, t60.is_finite().then_some(t60), rate),
-        None => Ratios {
+        None => CellRatios {
             kappa: ratios.kappa * rate_ratio * rate_ratio,
             zeta: ratios.zeta * rate_ratio,
         },
@@ -289,13 +289,13 @@ fn resampled(ratios: Ratios, design_rate: Rate, rate: Rate) -> Ratios {
 }
 
 /// Whether an end of a run is a proxy.
-fn ends_on_proxy(network: &Network, run: &LinkRun) -> bool {
+fn ends_on_proxy(network: &Network, run: &NetworkRun) -> bool {
     let mut end_pairs = (0..run.len).flat_map(|i| run.pairs(i));
     !network.proxies().is_empty() && end_pairs.any(|(a, b)| network.is_proxy(a) || network.is_proxy(b))
 }
 
 /// A link that cannot end on a proxy.
-fn refuse_proxy(network: &Network, run: &LinkRun) -> Error {
+fn refuse_proxy(network: &Network, run: &NetworkRun) -> Error {
     Error::Refused {
         module: network.link_name(run.first),
         message:

@@ -2,52 +2,58 @@
 //!
 //! A new kind of link is defined here; `kernel::runs` computes whole runs of it.
 
-use super::{ForceEnds, Kind, Run, Spring};
+use super::{ForceEnds, LinkRun, LinkRunKind, Spring};
 use crate::law::Hardening;
 use crate::network::Contact;
 
-impl Run {
+impl LinkRun {
     /// Force of one link at elongation `e` [m] that grows by `step` [m] a frame [N]; 0 where the force depends on more
     /// than that.
     pub(crate) fn force(&self, e: f64, step: f64) -> f64 {
         match &self.kind {
-            Kind::Ref => self.k * e + self.z * step,
-            Kind::Hardening(q) => self.k * e + q * (e * e * e) + self.z * step,
-            Kind::Lnl { law, rate, .. } => law.force(e, step * rate),
-            Kind::But(but) => but.force(self.k, self.z, e, step),
-            Kind::Space(space) => space.law.force([self.k, self.z], e, step),
-            Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Pairwise { .. } => 0.0,
+            LinkRunKind::Ref => self.k * e + self.z * step,
+            LinkRunKind::Hardening(q) => self.k * e + q * (e * e * e) + self.z * step,
+            LinkRunKind::Lnl { law, rate, .. } => law.force(e, step * rate),
+            LinkRunKind::But(but) => but.force(self.k, self.z, e, step),
+            LinkRunKind::Space(space) => space.law.force([self.k, self.z], e, step),
+            LinkRunKind::Followed { .. }
+            | LinkRunKind::Bristle { .. }
+            | LinkRunKind::Dry { .. }
+            | LinkRunKind::Pairwise { .. } => 0.0,
         }
     }
 
     /// The elastic part of a link's force [N], also where a clamp holds it back.
     pub(crate) fn elastic_force(&self, e: f64) -> f64 {
         match &self.kind {
-            Kind::Ref => self.k * e,
-            Kind::Hardening(q) => self.k * e + q * (e * e * e),
-            Kind::But(but) => {
+            LinkRunKind::Ref => self.k * e,
+            LinkRunKind::Hardening(q) => self.k * e + q * (e * e * e),
+            LinkRunKind::But(but) => {
                 let (contact_sign, law) = (but.sign(), but.elastic(self.k));
                 let penetration = contact_sign * e;
                 contact_sign * if penetration > 0.0 { law.force(penetration) } else { 0.0 }
             }
-            Kind::Lnl { law, .. } => law.spring(e),
-            Kind::Space(space) => space.law.elastic(self.k, e),
-            Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } | Kind::Pairwise { .. } => 0.0,
+            LinkRunKind::Lnl { law, .. } => law.spring(e),
+            LinkRunKind::Space(space) => space.law.elastic(self.k, e),
+            LinkRunKind::Followed { .. }
+            | LinkRunKind::Bristle { .. }
+            | LinkRunKind::Dry { .. }
+            | LinkRunKind::Pairwise { .. } => 0.0,
         }
     }
 
     /// The force that a law's damping adds when the link stretches by `step` [m] a frame [N].
     pub(crate) fn damping_force(&self, e: f64, step: f64) -> f64 {
         match &self.kind {
-            Kind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
-            Kind::Hardening(_) => self.z * step,
-            Kind::Space(space) => space.law.force([self.k, self.z], e, step) - space.law.elastic(self.k, e),
-            Kind::Ref
-            | Kind::But(_)
-            | Kind::Followed { .. }
-            | Kind::Bristle { .. }
-            | Kind::Dry { .. }
-            | Kind::Pairwise { .. } => 0.0,
+            LinkRunKind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
+            LinkRunKind::Hardening(_) => self.z * step,
+            LinkRunKind::Space(space) => space.law.force([self.k, self.z], e, step) - space.law.elastic(self.k, e),
+            LinkRunKind::Ref
+            | LinkRunKind::But(_)
+            | LinkRunKind::Followed { .. }
+            | LinkRunKind::Bristle { .. }
+            | LinkRunKind::Dry { .. }
+            | LinkRunKind::Pairwise { .. } => 0.0,
         }
     }
 
@@ -55,9 +61,9 @@ impl Run {
     /// force is no function of the elongation alone.
     pub(crate) fn potential_energy(&self, e: f64) -> f64 {
         match &self.kind {
-            Kind::Ref => 0.5 * self.k * e * e,
-            Kind::Hardening(q) => 0.5 * self.k * e * e + 0.25 * q * (e * e * e * e),
-            Kind::But(but) => {
+            LinkRunKind::Ref => 0.5 * self.k * e * e,
+            LinkRunKind::Hardening(q) => 0.5 * self.k * e * e + 0.25 * q * (e * e * e * e),
+            LinkRunKind::But(but) => {
                 let penetration = but.sign() * e;
                 if penetration > 0.0 {
                     but.elastic(self.k).energy(penetration)
@@ -65,19 +71,19 @@ impl Run {
                     0.0
                 }
             }
-            Kind::Lnl { law, .. } => law.potential(e),
-            Kind::Space(space) => space.law.potential(self.k, e),
-            Kind::Pairwise { pairs, .. } => pairs.link.law.potential(self.k, e), // of one pair
-            Kind::Followed { .. } | Kind::Bristle { .. } | Kind::Dry { .. } => 0.0,
+            LinkRunKind::Lnl { law, .. } => law.potential(e),
+            LinkRunKind::Space(space) => space.law.potential(self.k, e),
+            LinkRunKind::Pairwise { pairs, .. } => pairs.link.law.potential(self.k, e), // of one pair
+            LinkRunKind::Followed { .. } | LinkRunKind::Bristle { .. } | LinkRunKind::Dry { .. } => 0.0,
         }
     }
 
     /// Slope of the elastic force of a link over its elongation [N/m].
     pub(crate) fn slope(&self, e: f64) -> f64 {
         match &self.kind {
-            Kind::Ref => self.k,
-            Kind::Hardening(q) => self.k + 3.0 * q * e * e,
-            Kind::But(but) => {
+            LinkRunKind::Ref => self.k,
+            LinkRunKind::Hardening(q) => self.k + 3.0 * q * e * e,
+            LinkRunKind::But(but) => {
                 let penetration = but.sign() * e;
                 if penetration > 0.0 {
                     but.elastic(self.k).slope(penetration)
@@ -85,24 +91,24 @@ impl Run {
                     0.0
                 }
             }
-            Kind::Lnl { law, .. } => law.slope(e),
-            Kind::Followed { .. }
-            | Kind::Bristle { .. }
-            | Kind::Dry { .. }
-            | Kind::Space(_)
-            | Kind::Pairwise { .. } => 0.0,
+            LinkRunKind::Lnl { law, .. } => law.slope(e),
+            LinkRunKind::Followed { .. }
+            | LinkRunKind::Bristle { .. }
+            | LinkRunKind::Dry { .. }
+            | LinkRunKind::Space(_)
+            | LinkRunKind::Pairwise { .. } => 0.0,
         }
     }
 
     /// K and Z of one link near rest, a contact being closed; `None` if it has no linear form.
     pub(crate) fn linear_form(&self) -> Option<[f64; 2]> {
         match &self.kind {
-            Kind::Ref | Kind::Hardening(_) => Some([self.k, self.z]),
-            Kind::But(but) if but.exponent == 1.0 => Some([self.k, self.z]),
-            Kind::But(_) => Some([0.0, self.z]),
-            Kind::Bristle { law, rate } => Some([self.k, law.damping_at_rest() * rate]),
-            Kind::Lnl { law, rate, .. } => Some([law.slope(0.0), law.damping_slope(0.0) * rate]),
-            Kind::Followed {
+            LinkRunKind::Ref | LinkRunKind::Hardening(_) => Some([self.k, self.z]),
+            LinkRunKind::But(but) if but.exponent == 1.0 => Some([self.k, self.z]),
+            LinkRunKind::But(_) => Some([0.0, self.z]),
+            LinkRunKind::Bristle { law, rate } => Some([self.k, law.damping_at_rest() * rate]),
+            LinkRunKind::Lnl { law, rate, .. } => Some([law.slope(0.0), law.damping_slope(0.0) * rate]),
+            LinkRunKind::Followed {
                 law: followed_law,
                 rate,
                 ..
@@ -110,7 +116,7 @@ impl Run {
                 let law = followed_law.law();
                 Some([law.slope(0.0), law.damping_slope(0.0) * rate])
             }
-            Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => None,
+            LinkRunKind::Dry { .. } | LinkRunKind::Space(_) | LinkRunKind::Pairwise { .. } => None,
         }
     }
 
@@ -118,7 +124,7 @@ impl Run {
     /// own.
     pub(crate) fn shared_stiffness(&self, e: impl Fn(usize) -> f64) -> f64 {
         match &self.kind {
-            Kind::Lnl { law, .. } if law.is_shared() => law.tension((0..self.len).map(|i| e(i) * e(i)).sum()),
+            LinkRunKind::Lnl { law, .. } if law.is_shared() => law.tension((0..self.len).map(|i| e(i) * e(i)).sum()),
             _ => 0.0,
         }
     }
@@ -127,9 +133,13 @@ impl Run {
     /// (both have the same equation).
     pub(crate) fn can_substep(&self) -> bool {
         let is_fine_kind = match &self.kind {
-            Kind::Ref | Kind::Followed { .. } | Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => false,
-            Kind::But(but) => but.contact != Contact::Magic,
-            Kind::Lnl { .. } | Kind::Bristle { .. } | Kind::Hardening(_) => true,
+            LinkRunKind::Ref
+            | LinkRunKind::Followed { .. }
+            | LinkRunKind::Dry { .. }
+            | LinkRunKind::Space(_)
+            | LinkRunKind::Pairwise { .. } => false,
+            LinkRunKind::But(but) => but.contact != Contact::Magic,
+            LinkRunKind::Lnl { .. } | LinkRunKind::Bristle { .. } | LinkRunKind::Hardening(_) => true,
         };
         is_fine_kind && self.len == 1
     }
@@ -137,15 +147,15 @@ impl Run {
     /// The run as hardening springs; `None` for contacts and other laws.
     pub(crate) fn spring(&self) -> Option<Spring> {
         let (k, q, z) = match &self.kind {
-            Kind::Ref => (self.k, 0.0, self.z),
-            Kind::Hardening(q) => (self.k, *q, self.z),
-            Kind::But(_)
-            | Kind::Followed { .. }
-            | Kind::Bristle { .. }
-            | Kind::Dry { .. }
-            | Kind::Space(_)
-            | Kind::Pairwise { .. } => return None,
-            Kind::Lnl { law, rate, .. } => {
+            LinkRunKind::Ref => (self.k, 0.0, self.z),
+            LinkRunKind::Hardening(q) => (self.k, *q, self.z),
+            LinkRunKind::But(_)
+            | LinkRunKind::Followed { .. }
+            | LinkRunKind::Bristle { .. }
+            | LinkRunKind::Dry { .. }
+            | LinkRunKind::Space(_)
+            | LinkRunKind::Pairwise { .. } => return None,
+            LinkRunKind::Lnl { law, rate, .. } => {
                 let Hardening { k, q, z } = law.hardening_spring()?;
                 (k, q, z.unwrap_or(0.0) * rate)
             }

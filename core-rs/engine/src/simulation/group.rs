@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use crate::assembly::unit::{ComputationUnit, IslandPlan};
 use crate::bank::Bank;
 use crate::interrupt;
-use crate::island::{Fault, Island, Options};
+use crate::island::{Fault, Island, SimulationOptions};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::plan::Plan;
@@ -84,7 +84,12 @@ pub(super) enum RunningUnit {
 
 impl Group {
     /// The units `range` of a plan, at frame 0; `block_frames`: frames of the buffer for their sum.
-    pub(super) fn new(plan: &Plan, range: Range<usize>, block_frames: usize, options: Options) -> Result<Self, Error> {
+    pub(super) fn new(
+        plan: &Plan,
+        range: Range<usize>,
+        block_frames: usize,
+        options: SimulationOptions,
+    ) -> Result<Self, Error> {
         let outputs: BTreeSet<u32> = plan.units[range.clone()].iter().flat_map(outputs_of).collect();
         let mut new_group = Self {
             first_unit: range.start,
@@ -101,7 +106,7 @@ impl Group {
         Ok(new_group)
     }
 
-    fn push_unit(&mut self, unit: &ComputationUnit, rate: Rate, options: Options) -> Result<(), Error> {
+    fn push_unit(&mut self, unit: &ComputationUnit, rate: Rate, options: SimulationOptions) -> Result<(), Error> {
         self.units.push(match unit {
             ComputationUnit::IslandPlan(island_plan) => {
                 let IslandPlan {

@@ -1,8 +1,8 @@
 //! What can be seen of a simulation: the position of every mass, whatever method computes it.
 //!
-//! A [`Look`] is made outside real time and lists where each number comes from; [`Simulation::write_tracks`] then only
-//! copies. A free oscillator is described by its oscillation, which two frames determine; a body by the oscillations of
-//! its modes; all other masses by their positions.
+//! A [`MotionLook`] is made outside real time and lists where each number comes from; [`Simulation::write_tracks`] then
+//! only copies. A free oscillator is described by its oscillation, which two frames determine; a body by the
+//! oscillations of its modes; all other masses by their positions.
 
 use std::sync::Arc;
 
@@ -15,13 +15,13 @@ use crate::network::Network;
 use crate::plan::Plan;
 use crate::timeline::Timeline;
 use crate::units::Rate;
-use maker::LookMaker;
+use maker::LookBuilder;
 
 mod glance;
 mod maker;
 mod oscillation;
 
-pub use glance::{Glance, Push};
+pub use glance::{ContactPush, MotionSnapshot};
 pub use oscillation::Oscillation;
 
 /// How the motion of a point is described.
@@ -31,7 +31,7 @@ pub enum PointMotion {
     Free(Oscillation),
     /// By its positions, frame by frame.
     Sampled,
-    /// By the modes of a body: its index in [`Look::bodies`].
+    /// By the modes of a body: its index in [`MotionLook::bodies`].
     Modal(usize),
     /// The point is not computed, because no output hears it or nothing moves it.
     NotComputed {
@@ -42,7 +42,7 @@ pub enum PointMotion {
 
 /// A mass that can be seen.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Point {
+pub struct VisiblePoint {
     /// Its MAT in the network.
     pub mat: usize,
     /// Its part in the network.
@@ -62,7 +62,7 @@ pub struct VisibleBody {
     pub first_mode: usize,
     /// Number of its modes that the engine computes; `modes` holds the lowest of them.
     pub n_modes: usize,
-    /// Its points: indices in [`Look::points`], rising.
+    /// Its points: indices in [`MotionLook::points`], rising.
     pub points: Vec<usize>,
     /// Displacement of each point per unit of each mode   (n_points, n_modes)
     pub shapes: Vec<f64>,
@@ -70,7 +70,7 @@ pub struct VisibleBody {
 
 /// A contact: a link that opens and closes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Contact {
+pub struct VisibleContact {
     /// Its name in the score.
     pub name: String,
     /// The LIA in the network.
@@ -81,13 +81,13 @@ pub struct Contact {
 
 /// What can be seen of a simulation, and where each number is found.
 #[derive(Clone, Debug)]
-pub struct Look {
+pub struct MotionLook {
     /// Sorted by part, then by how they move, then by MAT.
-    pub points: Vec<Point>,
+    pub points: Vec<VisiblePoint>,
     /// Bodies that are computed by their modes.
     pub bodies: Vec<VisibleBody>,
     /// Contacts.
-    pub contacts: Vec<Contact>,
+    pub contacts: Vec<VisibleContact>,
     /// LIAs of the network that may break, rising.
     pub breakable: Vec<usize>,
     plan: Arc<Plan>,
@@ -113,11 +113,11 @@ enum TrackSource {
     Bank(Vec<(u32, u32)>),
 }
 
-impl Look {
+impl MotionLook {
     /// What can be seen of a simulation. Takes as long as finding the modes of its bodies.
     fn new(simulation: &Simulation) -> Self {
         let plan = &simulation.plan;
-        let mut maker = LookMaker::new(&plan.network, plan.timeline_rate.hertz());
+        let mut maker = LookBuilder::new(&plan.network, plan.timeline_rate.hertz());
         for (unit_index, unit) in plan.units.iter().enumerate() {
             match unit {
                 ComputationUnit::IslandPlan(island) => maker.add_island(unit_index, island),
@@ -195,13 +195,13 @@ impl Simulation {
     }
 
     /// What can be seen of the simulation. Takes longer than finding the modes of its bodies.
-    pub fn make_look(&self) -> Look {
-        Look::new(self)
+    pub fn make_look(&self) -> MotionLook {
+        MotionLook::new(self)
     }
 
     /// Displacements now and one frame before [m]   (2 · n_tracks): first all of now, then all of before. The value
     /// before is set only for free points and modes, not for points that are sampled or not computed. Only copies.
-    pub fn write_tracks(&self, look: &Look, out: &mut [f64]) {
+    pub fn write_tracks(&self, look: &MotionLook, out: &mut [f64]) {
         let (displacements, previous_displacements) = out.split_at_mut(look.n_tracks());
         for (unit, source) in &look.sources {
             match self.running_unit(*unit) {
@@ -236,9 +236,9 @@ impl Simulation {
         }
     }
 
-    /// Calls `report` for each contact of [`Look::contacts`] that pushed since the last call: its index, the frame of
-    /// its strongest push, and the force in that frame [N], above 0 if the contact pushes its first end up.
-    pub fn take_contacts(&mut self, look: &Look, mut report: impl FnMut(usize, u64, f64)) {
+    /// Calls `report` for each contact of [`MotionLook::contacts`] that pushed since the last call: its index, the
+    /// frame of its strongest push, and the force in that frame [N], above 0 if the contact pushes its first end up.
+    pub fn take_contacts(&mut self, look: &MotionLook, mut report: impl FnMut(usize, u64, f64)) {
         for (unit, contacts) in &look.contacts_by_unit {
             if let RunningUnit::Island(island) = self.running_unit_mut(*unit) {
                 island.take_contact_peaks(|link, frame, force| {
@@ -265,7 +265,7 @@ impl Simulation {
     }
 
     /// Largest number of sparks between two looks.
-    pub(super) fn sparks_max(&self, look: &Look) -> usize {
+    pub(super) fn sparks_max(&self, look: &MotionLook) -> usize {
         let spark_counts = look
             .gestures_by_unit
             .iter()
@@ -279,7 +279,7 @@ impl Simulation {
     /// Calls `report` for the ergons of written gestures since the last call, as they are drawn. A throw or a grain is
     /// reported by itself; ergons that lead along a path are gathered by sign, and one is reported with the impulse of
     /// all. If too many strike to be reported one by one, the others are gathered as well.
-    pub fn take_sparks(&mut self, look: &Look, mut report: impl FnMut(ErgonRecord)) {
+    pub fn take_sparks(&mut self, look: &MotionLook, mut report: impl FnMut(ErgonRecord)) {
         for (unit, mats) in &look.gestures_by_unit {
             if let RunningUnit::Island(island) = self.running_unit_mut(*unit) {
                 island.take_sparks(|spark| {
@@ -290,8 +290,8 @@ impl Simulation {
         }
     }
 
-    /// Calls `report` for each computed link of [`Look::breakable`]: its index, and whether it is broken.
-    fn for_each_breakable(&self, look: &Look, mut report: impl FnMut(usize, bool)) {
+    /// Calls `report` for each computed link of [`MotionLook::breakable`]: its index, and whether it is broken.
+    fn for_each_breakable(&self, look: &MotionLook, mut report: impl FnMut(usize, bool)) {
         for (unit, links) in &look.breakable_by_unit {
             if let RunningUnit::Island(island) = self.running_unit(*unit) {
                 for &(island_link, link) in links {
@@ -307,7 +307,7 @@ impl TrackSource {
     /// island is ahead of the scene, its motion is followed back to the scene's frame.
     fn read_tracks(
         &self,
-        look: &Look,
+        look: &MotionLook,
         (island, frame): (&Island, u64),
         rate: f64,
         displacements: &mut [f64],

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{OnFault, Options, Simulation};
+use super::{OnFault, Simulation, SimulationOptions};
 use crate::network::{Error, Network, ReachableNetwork, Term};
 use crate::plan::{Budget, Method, Plan};
 use crate::scheme::Scheme;
@@ -121,7 +121,7 @@ impl ReachableNetwork {
 
     /// The force in each tick of `tick_frames` as a plan computes it; `None` if something diverged.
     fn force_in_ticks(&self, plan: Plan, tick_frames: u32, ticks: [usize; 2]) -> Result<Option<Vec<f64>>, Error> {
-        let options = Options {
+        let options = SimulationOptions {
             ledger: false,
             record: false,
             on_fault: OnFault::Mute,

@@ -206,7 +206,7 @@ impl Takeover {
         for (name, (new_unit, new_link)) in links_by_name(new_side, &same_islands[1]) {
             if let Some(&(old_unit, old_link)) = old_by_name.get(&name) {
                 self.items
-                    .push((old_unit, new_unit, ItemTakeover::Memory(old_link, new_link)));
+                    .push((old_unit, new_unit, ItemTakeover::LinkMemory(old_link, new_link)));
             }
         }
     }
@@ -236,7 +236,7 @@ impl Takeover {
         for (name, (new_unit, first_link)) in contact_runs(new_side, &same_islands[1]) {
             if let Some(&(old_unit, old_link)) = old_runs.get(&name) {
                 self.items
-                    .push((old_unit, new_unit, ItemTakeover::History(old_link, first_link)));
+                    .push((old_unit, new_unit, ItemTakeover::PairHistory(old_link, first_link)));
             }
         }
     }

@@ -13,7 +13,7 @@ pub(crate) use inverse::inverse;
 
 /// Eigenvalues and eigenvectors of a real matrix.
 #[derive(Clone, Debug)]
-pub(crate) struct General {
+pub(crate) struct Eigensystem {
     /// Eigenvalues: real and imaginary part; the two of a conjugate pair are adjacent, positive imaginary part first
     /// (n)
     pub values: Vec<(f64, f64)>,
@@ -24,7 +24,7 @@ pub(crate) struct General {
 /// The eigenvalues and eigenvectors of `matrix` (n, n), row after row.
 ///
 /// `None` if a number is not finite or QR does not converge.
-pub(crate) fn general(mut matrix: Vec<f64>) -> Option<General> {
+pub(crate) fn general(mut matrix: Vec<f64>) -> Option<Eigensystem> {
     let dimension = matrix.len().isqrt();
     if !matrix.iter().all(|x| x.is_finite()) {
         return None;
@@ -34,5 +34,5 @@ pub(crate) fn general(mut matrix: Vec<f64>) -> Option<General> {
     let values = schur::iterate(&mut matrix, dimension, &mut rotated)?;
     let vectors = triangular::vectors(&matrix, dimension, &values, &rotated);
     let is_finite = vectors.iter().all(|x| x.is_finite());
-    is_finite.then_some(General { values, vectors })
+    is_finite.then_some(Eigensystem { values, vectors })
 }

@@ -4,7 +4,7 @@ use super::delayed_port::DelayedPort;
 use super::hand::{Hand, HandInterpolation};
 use super::sound_in::SoundIn;
 use crate::gesture::placed::PlacedPath;
-use crate::state::{Body, Target};
+use crate::state::{ImposedTarget, ModuleState};
 
 /// Quantity that a drive imposes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,26 +120,26 @@ impl Drive {
     }
 
     /// Add the force at frame `n`, or impose the position at frame n + 1.
-    pub(crate) fn apply(&self, n: u64, rate: f64, body: &mut Body, targets: &mut Vec<Target>) {
+    pub(crate) fn apply(&self, n: u64, rate: f64, modules: &mut ModuleState, targets: &mut Vec<ImposedTarget>) {
         if self.is_sound_in() {
             return; // its island applies the live values
         }
         match self.kind {
-            DriveKind::Force => body.push(self.mat, self.value(n, rate)),
+            DriveKind::Force => modules.push(self.mat, self.value(n, rate)),
             DriveKind::Position => {
                 let x = match &self.source {
                     // The best known value: a device's position arrives at the beginning of a frame.
                     DriveSource::Hand(Hand {
                         interpolation: mode, ..
                     }) => match mode {
-                        HandInterpolation::Hold => body.x[self.mat],
-                        HandInterpolation::Line => body.x[self.mat] + body.d[self.mat],
+                        HandInterpolation::Hold => modules.x[self.mat],
+                        HandInterpolation::Line => modules.x[self.mat] + modules.d[self.mat],
                     },
                     // It continues with the last step of the key until the key has moved.
-                    DriveSource::Key(_) => body.x[self.mat] + body.d[self.mat],
+                    DriveSource::Key(_) => modules.x[self.mat] + modules.d[self.mat],
                     _ => self.value(n + 1, rate),
                 };
-                targets.push(Target {
+                targets.push(ImposedTarget {
                     mat: self.mat,
                     x,
                     previous: 0.0,

@@ -121,7 +121,7 @@ pub(crate) fn with_first_factors(network: &Network, leads: &[Lead]) -> Result<Ne
 /// The first frame, `n` or later, at which a value that is linear between points (frames, rising) may change.
 pub(crate) fn next_change<T: PartialEq>(points: &[(u64, T)], n: u64) -> u64 {
     let point_pairs = points.windows(2);
-    let mut later_changes = point_pairs.filter(|way| way[1].0 > n && way[0].1 != way[1].1);
+    let mut later_changes = point_pairs.filter(|point_pair| point_pair[1].0 > n && point_pair[0].1 != point_pair[1].1);
     later_changes.next().map_or(u64::MAX, |way| way[0].0.max(n))
 }
 

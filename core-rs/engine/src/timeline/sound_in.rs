@@ -7,7 +7,7 @@ use std::sync::Arc;
 use sha2::{Digest, Sha256};
 
 use super::{DriveKind, DriveSource, StrikeError, Timeline};
-use crate::section::{BUTTERWORTH_2, Section};
+use crate::section::{BUTTERWORTH_2, FilterSection};
 
 /// Largest number of inputs of a piece.
 const INPUTS_MAX: usize = 64;
@@ -58,7 +58,7 @@ impl SoundInSettings {
 #[derive(Clone, Debug)]
 pub struct Conditioner {
     settings: SoundInSettings,
-    section: Option<Section>,
+    section: Option<FilterSection>,
     /// The last output value [m or N].
     last_value: f64,
 }
@@ -66,7 +66,7 @@ pub struct Conditioner {
 impl Conditioner {
     /// Stages at rest, at `rate` [Hz]; the cutoff must be below half of this rate.
     pub fn new(settings: SoundInSettings, rate: f64) -> Self {
-        let section = |cutoff| Section::new(cutoff, rate, BUTTERWORTH_2);
+        let section = |cutoff| FilterSection::new(cutoff, rate, BUTTERWORTH_2);
         Self {
             section: settings.highpass.map(section),
             settings,

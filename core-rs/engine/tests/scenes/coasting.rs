@@ -8,7 +8,7 @@ use ergon_engine::gesture::script::{ErgonKind, Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{But, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Choice, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -98,7 +98,7 @@ fn plan(below: f64, contacts: Contacts) -> Arc<Plan> {
 
 /// The outputs, in blocks of these sizes; then the reports of gestures and the final state.
 fn played(plan: &Arc<Plan>, blocks: &[usize]) -> (Vec<u64>, String) {
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     };

@@ -8,7 +8,7 @@ use super::scene::options;
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::network::{Network, Term};
 use ergon_engine::plan::{Budget, Method, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -43,8 +43,8 @@ fn listen(network: &mut Network, name: &str, first: usize) {
     network.listen(name, vec![term]).unwrap();
 }
 
-fn by(threads: usize) -> Options {
-    Options {
+fn by(threads: usize) -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         threads,
         ..options(OnFault::Mute)

@@ -7,14 +7,14 @@ use ergon_engine::gesture::script::{Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{Network, Term, Tie};
-use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::{DriveKind, DriveSource, Timeline};
 use ergon_engine::units::Rate;
 
 use super::scene::hand;
 
 const HERTZ: f64 = 44_100.0;
-const OPTIONS: Options = Options {
+const OPTIONS: SimulationOptions = SimulationOptions {
     ledger: true,
     record: true,
     on_fault: OnFault::Mute,
@@ -67,7 +67,7 @@ fn gesture(touch: Touch, t: [f64; 2]) -> Gesture {
 #[test]
 fn fault_of_a_stopped_run_names_its_place() {
     let (network, timeline, _) = scene();
-    let options = Options {
+    let options = SimulationOptions {
         on_fault: OnFault::Stop,
         ..OPTIONS
     };
@@ -86,7 +86,7 @@ fn fault_without_parts_names_the_module() {
     let mut network = Network::new();
     network.mas("m", 1.0, 0.0, 1e9).unwrap();
     let timeline = Timeline::new(Rate::new(HERTZ).unwrap());
-    let options = Options {
+    let options = SimulationOptions {
         on_fault: OnFault::Stop,
         ..OPTIONS
     };
@@ -229,12 +229,12 @@ fn unchecked_simulation_runs_until_it_diverges() {
     network.cel("m", 1.0, tie, 0.0, 1e-3, 0.0).unwrap();
     let timeline = Timeline::new(Rate::new(HERTZ).unwrap());
     let network = Arc::new(network);
-    let stop = Options {
+    let stop = SimulationOptions {
         on_fault: OnFault::Stop,
         ..OPTIONS
     };
     assert!(Simulation::new(network.clone(), &timeline, stop).is_err());
-    let unchecked = Options {
+    let unchecked = SimulationOptions {
         unchecked: true,
         ..stop
     };

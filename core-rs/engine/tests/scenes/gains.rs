@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use ergon_engine::network::{But, Network, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan, PlanContext};
-use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
 const HERTZ: f64 = 44_100.0;
 
-const fn options(on_fault: OnFault) -> Options {
-    Options {
+const fn options(on_fault: OnFault) -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         record: false,
         on_fault,

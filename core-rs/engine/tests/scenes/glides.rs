@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ergon_engine::network::{But, Network, Term, Tie};
 use ergon_engine::plan::{Budget, Computation, Method, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -16,8 +16,8 @@ const RATE: f64 = 44_100.0;
 const BORDER: u64 = 6_400;
 const OVER: u64 = 64;
 
-fn plain() -> Options {
-    Options {
+fn plain() -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     }

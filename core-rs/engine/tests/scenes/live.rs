@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ergon_engine::cell::Cell;
 use ergon_engine::network::{But, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::{DriveKind, DriveSource, HandInterpolation, Timeline};
 use ergon_engine::units::Rate;
 
@@ -39,8 +39,8 @@ fn scene(side: Side) -> Network {
     network
 }
 
-fn plain() -> Options {
-    Options {
+fn plain() -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::network::{But, Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan, PlanContext};
-use ergon_engine::simulation::{Look, OnFault, Options, PointMotion, Simulation};
+use ergon_engine::simulation::{MotionLook, OnFault, PointMotion, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -88,7 +88,7 @@ fn all(network: &Network) -> Vec<String> {
 }
 
 fn running(plan: &Arc<Plan>, threads: usize) -> Simulation {
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         threads,
         ..options(OnFault::Stop)
@@ -111,7 +111,7 @@ fn sound(plan: &Arc<Plan>, threads: usize) -> Vec<u64> {
 }
 
 /// Positions of all points from what was seen of a simulation [m].
-fn positions(look: &Look, tracks: &[f64]) -> Vec<f64> {
+fn positions(look: &MotionLook, tracks: &[f64]) -> Vec<f64> {
     let n = look.points.len();
     let mut x: Vec<f64> = (0..n).map(|i| tracks[i] + look.points[i].rest).collect();
     for body in &look.bodies {
@@ -126,7 +126,7 @@ fn positions(look: &Look, tracks: &[f64]) -> Vec<f64> {
 #[test]
 fn look_sees_masses_at_their_positions() {
     let (network, timeline) = scene(true);
-    let plain = Options {
+    let plain = SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     };

@@ -8,7 +8,7 @@ use ergon_engine::chance::Chance;
 use ergon_engine::maths::{cos, sin};
 use ergon_engine::network::{Measure, Network, PairLaw, PointGroup, SpaceLaw, SpacePoint, SpacePoints, Term};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{Energy, OnFault, Options, Simulation};
+use ergon_engine::simulation::{Energy, OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 use proptest::prelude::*;
@@ -211,7 +211,7 @@ proptest! {
         let timeline = Timeline::new(Rate::new(RATE).unwrap());
         let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-20.0), None).unwrap();
         let plan = Arc::new(plan);
-        let by = |threads| Options { threads, ledger: false, ..options(OnFault::Stop) };
+        let by = |threads| SimulationOptions { threads, ledger: false, ..options(OnFault::Stop) };
         let mut one = Simulation::from_plan(plan.clone(), by(1)).unwrap();
         let mut other = Simulation::from_plan(plan, by(3)).unwrap();
         let n = 3_000;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Computation, Method, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -24,7 +24,7 @@ fn islands_equal_the_unsplit_network() {
         let scene = Scene::random(seed);
         let network = Arc::new(scene.network.clone());
         let plan = Plan::new(network, &scene.timeline, &Budget::Method(Method::Ca), None).unwrap();
-        let options = Options {
+        let options = SimulationOptions {
             ledger: false,
             ..options(OnFault::Stop)
         };
@@ -72,7 +72,7 @@ fn discrete() -> (Network, Timeline) {
 fn modal_discrete_body_equals_its_network() {
     let (network, timeline) = discrete();
     let network = Arc::new(network);
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     };
@@ -136,7 +136,7 @@ fn modal_discrete_body_equals_its_network_in_contact() {
             .unwrap();
         timeline.strike(&network, 4, 0.015, 2e-6, Some(0.0), 0).unwrap();
         let network = Arc::new(network);
-        let options = Options {
+        let options = SimulationOptions {
             ledger: false,
             ..options(OnFault::Stop)
         };

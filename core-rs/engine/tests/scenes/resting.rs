@@ -12,7 +12,7 @@ use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{But, Dry, Network, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
-use ergon_engine::simulation::{Glance, OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{MotionSnapshot, OnFault, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::{DriveKind, DriveSource, Timeline};
 use ergon_engine::units::Rate;
 
@@ -145,8 +145,8 @@ fn timeline(network: &Network) -> Timeline {
     timeline
 }
 
-fn plain() -> Options {
-    Options {
+fn plain() -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     }
@@ -187,7 +187,7 @@ fn stored(simulation: &mut Simulation) -> Vec<Vec<u8>> {
 }
 
 fn simulations(network: &Arc<Network>, timeline: &Timeline) -> Vec<(String, Simulation)> {
-    let saved = Options {
+    let saved = SimulationOptions {
         record: true,
         ..options(OnFault::Stop)
     };
@@ -202,7 +202,7 @@ fn simulations(network: &Arc<Network>, timeline: &Timeline) -> Vec<(String, Simu
         let plan = Arc::new(Plan::new(network.clone(), timeline, &budget, None).unwrap());
         let simulation = Simulation::from_plan(plan.clone(), plain()).unwrap();
         all.push((format!("{budget:?}"), simulation));
-        let options = Options { threads: 4, ..plain() };
+        let options = SimulationOptions { threads: 4, ..plain() };
         let simulation = Simulation::from_plan(plan, options).unwrap();
         all.push((format!("{budget:?}, 4 threads"), simulation));
     }
@@ -307,7 +307,7 @@ fn look_at_rest_sees_pressing_contacts() {
     let mut rested = Simulation::new(network.clone(), &timeline, plain()).unwrap();
     let mut reference = rested.fork();
     let look = rested.make_look();
-    let (mut single, mut other) = (Glance::new(&rested, &look), Glance::new(&rested, &look));
+    let (mut single, mut other) = (MotionSnapshot::new(&rested, &look), MotionSnapshot::new(&rested, &look));
     assert!(play(&mut rested, 5_000, &[256]) == awake(&mut reference, 5_000));
     assert!(rested.steps_at_rest() > 0);
     rested.start_watching();
@@ -315,8 +315,8 @@ fn look_at_rest_sees_pressing_contacts() {
     for _ in 0..30 {
         play(&mut rested, 1_470, &[49]);
         play(&mut reference, 1_470, &[49]);
-        rested.fill_glance(&look, &mut single);
-        reference.fill_glance(&look, &mut other);
+        rested.fill_snapshot(&look, &mut single);
+        reference.fill_snapshot(&look, &mut other);
         assert_eq!(format!("{single:?}"), format!("{other:?}"));
         assert!(single.pushes.iter().any(|push| push.force != 0.0));
     }

@@ -10,7 +10,7 @@ use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::maths;
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
-use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::{DriveKind, DriveSource, Rain, Timeline};
 use ergon_engine::units::Rate;
 
@@ -26,8 +26,8 @@ pub(crate) struct Scene {
     chance: Chance,
 }
 
-pub(crate) fn options(on_fault: OnFault) -> Options {
-    Options {
+pub(crate) fn options(on_fault: OnFault) -> SimulationOptions {
+    SimulationOptions {
         ledger: true,
         record: false,
         on_fault,
@@ -77,7 +77,7 @@ impl Scene {
         scene
     }
 
-    pub(crate) fn simulation(&self, options: Options) -> Simulation {
+    pub(crate) fn simulation(&self, options: SimulationOptions) -> Simulation {
         Simulation::new(Arc::new(self.network.clone()), &self.timeline, options).unwrap()
     }
 

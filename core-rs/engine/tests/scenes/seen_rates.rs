@@ -6,7 +6,7 @@ use super::scene::options;
 use super::space::{RATE, hear, link, point};
 use ergon_engine::network::{Network, SpaceLaw, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan, PlanContext};
-use ergon_engine::simulation::{OnFault, Options, PointMotion, Simulation, Takeover};
+use ergon_engine::simulation::{OnFault, PointMotion, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -69,15 +69,15 @@ fn plan(network: &Arc<Network>, timeline: &Timeline, every: u32, budget: &Budget
     Arc::new(Plan::in_context(network.clone(), timeline, budget, None, known).unwrap())
 }
 
-fn plain() -> Options {
-    Options {
+fn plain() -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     }
 }
 
 fn playing(plan: &Arc<Plan>, threads: usize) -> Simulation {
-    Simulation::from_plan(plan.clone(), Options { threads, ..plain() }).unwrap()
+    Simulation::from_plan(plan.clone(), SimulationOptions { threads, ..plain() }).unwrap()
 }
 
 /// Positions of the pendulum and the ball, as bits.

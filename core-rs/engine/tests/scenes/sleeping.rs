@@ -7,7 +7,7 @@ use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{But, Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -52,7 +52,7 @@ fn simulation(network: &Arc<Network>, timeline: &Timeline) -> Simulation {
 
 fn simulation_from(network: &Arc<Network>, timeline: &Timeline, from: usize) -> Simulation {
     let plan = Plan::new(network.clone(), timeline, &Budget::default(), None).unwrap();
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     };

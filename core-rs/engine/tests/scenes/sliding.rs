@@ -8,7 +8,7 @@ use super::scene::options;
 use ergon_engine::maths::{cos, sin};
 use ergon_engine::network::{Measure, Network, PairLaw, PointGroup, SpaceLaw, Term};
 use ergon_engine::plan::{Budget, Method, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -126,7 +126,7 @@ fn take_over_of_sticking_contacts_without_slip() {
         let budget = Budget::Method(Method::Ca);
         Arc::new(Plan::new(Arc::new(network), &timeline, &budget, None).unwrap())
     };
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     };

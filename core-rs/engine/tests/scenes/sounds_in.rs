@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::{DriveKind, InputSource, SoundInSettings, Timeline};
 use ergon_engine::units::Rate;
 
@@ -28,8 +28,8 @@ const PLACE: SoundInSettings = SoundInSettings {
     clamp: 1.0,
 };
 
-fn plain() -> Options {
-    Options {
+fn plain() -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     }

@@ -8,7 +8,7 @@ use ergon_engine::gesture::script::{ErgonKind, Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{ErgonRecord, Glance, Look, OnFault, Options, Simulation};
+use ergon_engine::simulation::{ErgonRecord, MotionLook, MotionSnapshot, OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -22,7 +22,7 @@ const LOOK: usize = 735;
 /// Ergons of a stream that are at most this far apart are seen as one [s].
 const TOGETHER: f64 = 1e-3;
 
-const RECORDED: Options = Options {
+const RECORDED: SimulationOptions = SimulationOptions {
     ledger: false,
     record: true,
     on_fault: OnFault::Stop,
@@ -67,10 +67,10 @@ fn simulation(network: Network, timeline: &Timeline) -> Simulation {
 fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<ErgonRecord>, Vec<ErgonRecord>)> {
     let look = simulation.make_look();
     simulation.start_watching();
-    let mut glance = Glance::new(simulation, &look);
-    let mut first = |simulation: &mut Simulation, look: &Look| {
+    let mut glance = MotionSnapshot::new(simulation, &look);
+    let mut first = |simulation: &mut Simulation, look: &MotionLook| {
         simulation.skip(frames as u64).unwrap();
-        simulation.fill_glance(look, &mut glance);
+        simulation.fill_snapshot(look, &mut glance);
         (simulation.take_ergons(), glance.sparks().to_vec())
     };
     (0..n).map(|_| first(simulation, &look)).collect()
@@ -238,7 +238,7 @@ fn watch_changes_no_sample() {
         let sound = |is_watched: bool| -> Vec<u64> {
             let mut single = scene.simulation(RECORDED);
             let look = single.make_look();
-            let mut glance = Glance::new(&single, &look);
+            let mut glance = MotionSnapshot::new(&single, &look);
             if is_watched {
                 single.start_watching();
             }
@@ -246,7 +246,7 @@ fn watch_changes_no_sample() {
             for block in out.chunks_mut(500 * single.n_out()) {
                 single.process(block).unwrap();
                 if is_watched {
-                    single.fill_glance(&look, &mut glance);
+                    single.fill_snapshot(&look, &mut glance);
                 }
             }
             out.iter().map(|x| x.to_bits()).collect()

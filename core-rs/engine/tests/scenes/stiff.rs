@@ -9,7 +9,7 @@ use ergon_engine::law::{Law, LawText};
 use ergon_engine::maths::log10;
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -17,16 +17,16 @@ const HERTZ: f64 = 44_100.0;
 /// Frames of a twentieth of a second.
 const N: usize = 2_205;
 
-fn plain() -> Options {
-    Options {
+fn plain() -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     }
 }
 
 /// Options without the guard.
-fn bare() -> Options {
-    Options {
+fn bare() -> SimulationOptions {
+    SimulationOptions {
         unchecked: true,
         ..plain()
     }
@@ -78,7 +78,7 @@ fn struck(network: &Network, impulse: f64, times: f64) -> Timeline {
     timeline
 }
 
-fn begin(network: &Arc<Network>, impulse: f64, options: Options) -> Simulation {
+fn begin(network: &Arc<Network>, impulse: f64, options: SimulationOptions) -> Simulation {
     Simulation::new(network.clone(), &struck(network, impulse, 1.0), options).unwrap()
 }
 

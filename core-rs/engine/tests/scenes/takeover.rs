@@ -9,7 +9,7 @@ use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{But, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan, PlanContext};
-use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::{HandInterpolation, Timeline};
 use ergon_engine::units::Rate;
 
@@ -18,8 +18,8 @@ use super::scene::{Scene, options};
 const RATE: f64 = 44_100.0;
 const TICK: u32 = 44;
 
-fn plain() -> Options {
-    Options {
+fn plain() -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     }
@@ -213,7 +213,7 @@ fn seen(simulation: &Simulation) -> String {
 }
 
 /// Plays versions one after the other, each from its frame on.
-fn versions(plans: &[(Arc<Plan>, u64)], until: u64, options: Options, block: usize) -> (Vec<u64>, String) {
+fn versions(plans: &[(Arc<Plan>, u64)], until: u64, options: SimulationOptions, block: usize) -> (Vec<u64>, String) {
     let mut sound = Vec::new();
     let mut now = Simulation::from_plan(plans[0].0.clone(), options).unwrap();
     for (plan, from) in &plans[1..] {
@@ -332,7 +332,7 @@ fn plan_of_a_session_ignores_written_events() {
     // No event of the first version has begun yet: after the takeover, the samples are those of the other, to the last
     // bit, with threads too.
     let plans = [(Arc::new(other), 0), (complete, 150)];
-    let options = Options { threads: 3, ..plain() };
+    let options = SimulationOptions { threads: 3, ..plain() };
     assert_eq!(versions(&plans, LENGTH, options, 4_400), listened);
 }
 
@@ -499,7 +499,7 @@ fn go_on(seeds: Range<u64>) {
         };
         let budgets = [None, Some(Budget::default()), Some(Budget::Method(Method::Ca))];
         for budget in budgets {
-            let options = Options {
+            let options = SimulationOptions {
                 ledger: budget.is_none(),
                 ..plain()
             };
@@ -550,7 +550,7 @@ fn take_over_keeps_muted_parts_muted() {
         let budget = Budget::Method(Method::Ca);
         Arc::new(Plan::new(Arc::new(network), &timeline, &budget, None).unwrap())
     };
-    let mute = Options {
+    let mute = SimulationOptions {
         on_fault: OnFault::Mute,
         ..plain()
     };

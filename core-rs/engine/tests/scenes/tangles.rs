@@ -10,7 +10,7 @@ use ergon_engine::chance::Chance;
 use ergon_engine::maths::{cos, sin};
 use ergon_engine::network::{Network, SpaceLaw, SpacePoint, Tie};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{Energy, OnFault, Options, Simulation};
+use ergon_engine::simulation::{Energy, OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 use proptest::prelude::*;
@@ -104,7 +104,7 @@ proptest! {
         let network = Arc::new(network);
         let plan = Plan::new(network, &timeline, &Budget::Error(-20.0), None).unwrap();
         let plan = Arc::new(plan);
-        let by = |threads| Options { threads, ledger: false, ..options(OnFault::Stop) };
+        let by = |threads| SimulationOptions { threads, ledger: false, ..options(OnFault::Stop) };
         let mut one = Simulation::from_plan(plan.clone(), by(1)).unwrap();
         let mut three = Simulation::from_plan(plan, by(3)).unwrap();
         play(&mut one, n / 2, &[64]);

@@ -8,7 +8,7 @@ use super::space::{RATE, link, point, start};
 use ergon_engine::maths::sin;
 use ergon_engine::network::{Network, SpaceLaw, SpacePoint, SpacePoints, Term};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -155,7 +155,7 @@ fn take_over_keeps_broken_links_broken() {
         let network = Arc::new(torn_row(is_more));
         Arc::new(Plan::new(network, &timeline, &Budget::Error(-20.0), None).unwrap())
     };
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     };

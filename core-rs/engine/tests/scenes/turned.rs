@@ -6,7 +6,7 @@ use std::sync::Arc;
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::network::{But, Network, Term};
 use ergon_engine::plan::{Budget, Computation, Plan};
-use ergon_engine::simulation::{OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -64,8 +64,8 @@ fn n_computed(plan: &Plan) -> usize {
     modes.unwrap_or_else(|| panic!("{:?}", plan.rows()))
 }
 
-fn alone() -> Options {
-    Options {
+fn alone() -> SimulationOptions {
+    SimulationOptions {
         ledger: false,
         ..options(OnFault::Stop)
     }

@@ -1,50 +1,50 @@
-//! Opens the output that a `Spec` names, and lists the available outputs.
+//! Opens the output that a `AudioSpec` names, and lists the available outputs.
 
 use std::sync::Arc;
 
-use super::shared::Shared;
-use super::sink::Opened;
-use super::spec::{Backend, Spec};
+use super::sink::OpenedOutput;
+use super::spec::{AudioSpec, Backend};
+use super::stream_state::StreamState;
 use super::{AudioError, file, jack, null, pulse, system};
 
-const HAS_SYSTEM: bool = cfg!(any(target_os = "macos", windows));
+const HAS_SYSTEM_BACKEND: bool = cfg!(any(target_os = "macos", windows));
 
 /// Opens the output that `spec` names; for `auto`, the first one available. Also returns the spec of the output found.
 pub(super) fn connect(
-    spec: &Spec,
+    spec: &AudioSpec,
     rate: u32,
     channels: usize,
-    shared: &Arc<Shared>,
-) -> Result<(Opened, Spec), AudioError> {
+    stream_state: &Arc<StreamState>,
+) -> Result<(OpenedOutput, AudioSpec), AudioError> {
     let opened = match &spec.backend {
-        Backend::Auto => return first_available(spec, rate, channels, shared),
-        Backend::Jack => jack::open(spec, channels, shared)?,
+        Backend::Auto => return first_available(spec, rate, channels, stream_state),
+        Backend::Jack => jack::open(spec, channels, stream_state)?,
         Backend::Pulse => pulse::open(spec, channels)?,
         Backend::System => system::open(spec, rate, channels)?,
         Backend::File(path) => file::open(path, rate, channels, None)?,
         Backend::Clock(path) => file::open(path, rate, channels, Some(spec.block))?,
-        Backend::Null => null::open(rate, spec.block),
-        Backend::Fast => null::fast(rate, spec.block),
+        Backend::Null => null::open_paced(rate, spec.block),
+        Backend::Fast => null::open_unpaced(rate, spec.block),
     };
     Ok((opened, spec.clone()))
 }
 
 fn first_available(
-    spec: &Spec,
+    spec: &AudioSpec,
     rate: u32,
     channels: usize,
-    shared: &Arc<Shared>,
-) -> Result<(Opened, Spec), AudioError> {
+    stream_state: &Arc<StreamState>,
+) -> Result<(OpenedOutput, AudioSpec), AudioError> {
     let mut failures = Vec::new();
     let mut backends = vec![Backend::Jack, Backend::Pulse, Backend::System, Backend::Null];
     // Where there is no system backend, its absence is not worth a remark.
-    backends.retain(|backend| HAS_SYSTEM || *backend != Backend::System);
+    backends.retain(|backend| HAS_SYSTEM_BACKEND || *backend != Backend::System);
     for backend in backends {
-        let candidate = Spec {
+        let candidate = AudioSpec {
             backend,
             ..spec.clone()
         };
-        match connect(&candidate, rate, channels, shared) {
+        match connect(&candidate, rate, channels, stream_state) {
             Ok((mut opened, candidate)) => {
                 opened.remarks.append(&mut failures);
                 return Ok((opened, candidate));
@@ -66,7 +66,7 @@ pub fn survey() -> Vec<(String, Result<String, String>)> {
         ("jack".into(), as_text(jack::survey())),
         ("pulse".into(), as_text(pulse::survey())),
     ];
-    if HAS_SYSTEM {
+    if HAS_SYSTEM_BACKEND {
         result.push(("system".into(), as_text(system::survey())));
     }
     result.extend([

@@ -7,13 +7,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::AudioError;
-use super::ring::Drain;
-use super::sink::{Opened, PRIORITY, RingThread, Sink};
+use super::ring::RingReader;
+use super::sink::{OpenedOutput, RingThread, SINK_THREAD_PRIORITY, Sink};
 use super::{null, wave};
 use crate::realtime;
 
-const BLOCK: u32 = 1024;
-const POLL: Duration = Duration::from_micros(200);
+const BLOCK_FRAMES: u32 = 1024;
+const POLL_INTERVAL: Duration = Duration::from_micros(200);
 
 /// A new file; until it is closed it has a temporary name in the same folder.
 ///
@@ -24,22 +24,22 @@ pub(super) fn open(
     rate: u32,
     channels: usize,
     clock_block: Option<Option<u32>>,
-) -> Result<Opened, AudioError> {
-    let mut recording = Recording::create(path, rate, channels)?;
-    let block = clock_block.map_or(BLOCK, |block| block.unwrap_or(null::BLOCK));
-    Ok(Opened {
+) -> Result<OpenedOutput, AudioError> {
+    let mut recording = WaveFileWriter::create(path, rate, channels)?;
+    let block = clock_block.map_or(BLOCK_FRAMES, |block| block.unwrap_or(null::BLOCK_FRAMES));
+    Ok(OpenedOutput {
         backend: "file",
         device: path.display().to_string(),
         rate,
         block,
         paced: clock_block.is_some(),
         remarks: Vec::new(),
-        start: Box::new(move |drain| {
-            drain.shared().set_timing(block, 0);
-            let writer_thread = RingThread::start("ergon file", drain, move |drain, stop| {
+        start: Box::new(move |ring_reader| {
+            ring_reader.stream_state().set_timing(block, 0);
+            let writer_thread = RingThread::start("ergon file", ring_reader, move |ring_reader, stop| {
                 let run_result = match clock_block {
-                    Some(_) => recording.run_by_the_clock(drain, stop, block),
-                    None => recording.run(drain, stop),
+                    Some(_) => recording.write_by_clock(ring_reader, stop, block),
+                    None => recording.write_until_closed(ring_reader, stop),
                 };
                 run_result
                     .and_then(|()| recording.finish())
@@ -51,7 +51,7 @@ pub(super) fn open(
 }
 
 /// A new file beside `path`: `.NAME.PID.part`, or `.NAME.PID-1.part` and so on where a file has that name.
-fn new_unfinished(path: &Path) -> io::Result<(PathBuf, File)> {
+fn create_unfinished_file(path: &Path) -> io::Result<(PathBuf, File)> {
     let file_name = path.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
     let process_id = std::process::id();
     let mut attempt = 0;
@@ -71,7 +71,7 @@ fn new_unfinished(path: &Path) -> io::Result<(PathBuf, File)> {
 }
 
 /// Rename a file, but never over another one that has got the name meanwhile.
-fn rename_to_new(unfinished_path: &Path, path: &Path) -> io::Result<()> {
+fn rename_to_final(unfinished_path: &Path, path: &Path) -> io::Result<()> {
     match fs::hard_link(unfinished_path, path) {
         Ok(()) => fs::remove_file(unfinished_path),
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Err(error),
@@ -82,7 +82,7 @@ fn rename_to_new(unfinished_path: &Path, path: &Path) -> io::Result<()> {
 }
 
 /// A WAVE file that is being written.
-pub(super) struct Recording {
+pub(super) struct WaveFileWriter {
     path: PathBuf,
     unfinished_path: PathBuf,
     writer: BufWriter<File>,
@@ -93,7 +93,7 @@ pub(super) struct Recording {
     frames_in_header: u64,
 }
 
-impl Recording {
+impl WaveFileWriter {
     /// A new file, with a temporary name until it is complete.
     pub(super) fn create(path: &Path, rate: u32, channels: usize) -> Result<Self, AudioError> {
         let file_error = |error| AudioError::File {
@@ -104,11 +104,11 @@ impl Recording {
             let sentence = "this file exists; played sound never overwrites a file: choose another name";
             return Err(file_error(io::Error::new(io::ErrorKind::AlreadyExists, sentence)));
         }
-        Self::begin(path, rate, channels).map_err(file_error)
+        Self::start_writing(path, rate, channels).map_err(file_error)
     }
 
-    fn begin(path: &Path, rate: u32, channels: usize) -> io::Result<Self> {
-        let (unfinished_path, file) = new_unfinished(path)?;
+    fn start_writing(path: &Path, rate: u32, channels: usize) -> io::Result<Self> {
+        let (unfinished_path, file) = create_unfinished_file(path)?;
         let mut writer = BufWriter::with_capacity(1 << 18, file);
         writer.write_all(&wave::header(rate, channels, 0))?;
         Ok(Self {
@@ -122,23 +122,25 @@ impl Recording {
         })
     }
 
-    fn run(&mut self, drain: &mut Drain, stop: &AtomicBool) -> io::Result<()> {
-        let mut block_samples = vec![0.0; BLOCK as usize * self.channels];
+    fn write_until_closed(&mut self, ring_reader: &mut RingReader, stop: &AtomicBool) -> io::Result<()> {
+        let mut block_samples = vec![0.0; BLOCK_FRAMES as usize * self.channels];
         loop {
             // `stop` is read first, so that everything pushed before it was set is written.
             let stop_requested = stop.load(Ordering::Acquire);
-            match drain.take(&mut block_samples) {
+            match ring_reader.take_waiting(&mut block_samples) {
                 0 if stop_requested => return Ok(()),
-                0 => std::thread::sleep(POLL),
+                0 => std::thread::sleep(POLL_INTERVAL),
                 frames => self.write(&block_samples[..frames * self.channels], frames)?,
             }
         }
     }
 
-    fn run_by_the_clock(&mut self, drain: &mut Drain, stop: &AtomicBool, block: u32) -> io::Result<()> {
-        drain.shared().set_priority(realtime::set_priority(PRIORITY));
+    fn write_by_clock(&mut self, ring_reader: &mut RingReader, stop: &AtomicBool, block: u32) -> io::Result<()> {
+        ring_reader
+            .stream_state()
+            .set_priority(realtime::set_priority(SINK_THREAD_PRIORITY));
         let sample_rate = self.rate;
-        null::by_the_clock(drain, stop, sample_rate, block, |block_samples| {
+        null::pace_by_clock(ring_reader, stop, sample_rate, block, |block_samples| {
             self.write(block_samples, block as usize)
         })
     }
@@ -169,7 +171,7 @@ impl Recording {
     pub(super) fn finish(&mut self) -> io::Result<()> {
         self.write_header()?;
         self.writer.get_ref().sync_all()?;
-        rename_to_new(&self.unfinished_path, &self.path)
+        rename_to_final(&self.unfinished_path, &self.path)
     }
 
     /// A sentence on why the file could not be written.
@@ -195,7 +197,7 @@ mod tests {
         let wave_path = folder.join("a.wav");
         let other_part = folder.join(format!(".a.wav.{}.part", std::process::id()));
         fs::write(&other_part, "mine").expect("written");
-        let mut recording = Recording::create(&wave_path, 1000, 1).expect("a recording");
+        let mut recording = WaveFileWriter::create(&wave_path, 1000, 1).expect("a recording");
         recording.write(&[1.0, 2.0], 2).expect("written");
         recording.finish().expect("ended");
         assert_eq!(fs::read(&other_part).expect("it is there"), b"mine");
@@ -208,7 +210,7 @@ mod tests {
     fn recording_keeps_a_file_created_meanwhile() {
         let folder = folder("meanwhile");
         let wave_path = folder.join("a.wav");
-        let mut recording = Recording::create(&wave_path, 1000, 1).expect("a recording");
+        let mut recording = WaveFileWriter::create(&wave_path, 1000, 1).expect("a recording");
         recording.write(&[1.0, 2.0], 2).expect("written");
         fs::write(&wave_path, "mine").expect("written");
         let end_error = recording.finish().expect_err("the name is taken");

@@ -7,20 +7,20 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::output::Event;
-use super::ring::{CHANNELS_MAX, Drain, Feed};
-use super::shared::Shared;
+use super::output::AudioEvent;
+use super::ring::{CHANNELS_MAX, RingReader, RingWriter};
 use super::source::{OpenedInput, Source};
-use super::spec::{Backend, Spec};
+use super::spec::{AudioSpec, Backend};
+use super::stream_state::StreamState;
 use super::{AudioError, jack, pulse, rate, ring};
 
 /// Time between two checks by the supervisor.
 const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 /// Time between two attempts to find a server that died.
-const RETRY: Duration = Duration::from_secs(1);
+const RETRY_INTERVAL: Duration = Duration::from_secs(1);
 /// If more than this many times the wanted frames wait in the ring, the excess is thrown away: otherwise the input
 /// would be heard later and later.
-const EXCESS_FACTOR: usize = 4;
+const RING_EXCESS_FACTOR: usize = 4;
 
 /// Properties of an input.
 #[derive(Clone, Debug)]
@@ -39,7 +39,7 @@ pub struct InputInfo {
     /// conversion.
     pub latency_s: f64,
     /// All of the above in words.
-    pub sentence: String,
+    pub description: String,
 }
 
 /// An open input, until it is dropped.
@@ -49,55 +49,55 @@ pub struct Input {
 }
 
 struct InputState {
-    spec: Spec,
+    spec: AudioSpec,
     channels: usize,
-    shared: Arc<Shared>,
-    began: Instant,
+    stream_state: Arc<StreamState>,
+    opened_at: Instant,
     stop: AtomicBool,
-    report: Mutex<(InputInfo, Vec<Event>)>,
+    report: Mutex<(InputInfo, Vec<AudioEvent>)>,
 }
 
 /// The end of an input on the physics thread; it neither allocates nor waits.
 pub struct InputReader {
-    drain: Drain,
+    ring_reader: RingReader,
     /// Frames that wait in the ring before sound begins, and begins again after an underrun.
-    target: usize,
+    target_frames: usize,
     /// Whether `read` was called. Frames that came before are old: they are dropped and not counted.
-    has_begun: bool,
+    has_been_read: bool,
 }
 
 impl InputReader {
-    /// The end of a ring that holds `target` frames before sound begins, at `rate` [Hz].
+    /// The end of a ring that holds `target_frames` frames before sound begins, at `rate` [Hz].
     #[must_use]
-    pub fn new(mut drain: Drain, target: usize, rate: u32) -> Self {
-        drain.set_rate(rate);
-        drain.set_outermost(false);
+    pub fn new(mut ring_reader: RingReader, target: usize, rate: u32) -> Self {
+        ring_reader.set_rate(rate);
+        ring_reader.set_feeds_device(false);
         let target = target.max(1);
         Self {
-            drain,
-            target,
-            has_begun: false,
+            ring_reader,
+            target_frames: target,
+            has_been_read: false,
         }
     }
 
     /// Fill interleaved frames. Missing frames become silence, with ramps of 2 ms before and after it, and are counted.
     pub fn read(&mut self, out: &mut [f32]) {
-        if !std::mem::replace(&mut self.has_begun, true) {
-            self.drain.catch_up(0);
-            self.drain.set_outermost(true);
+        if !std::mem::replace(&mut self.has_been_read, true) {
+            self.ring_reader.discard_excess(0);
+            self.ring_reader.set_feeds_device(true);
         }
-        let frames = out.len() / self.drain.channels();
-        let wanted_frames = self.target + frames;
-        if self.drain.waiting() > EXCESS_FACTOR * wanted_frames {
-            self.drain.catch_up(wanted_frames);
+        let frames = out.len() / self.ring_reader.channels();
+        let wanted_frames = self.target_frames + frames;
+        if self.ring_reader.waiting_frames() > RING_EXCESS_FACTOR * wanted_frames {
+            self.ring_reader.discard_excess(wanted_frames);
         }
-        self.drain.fill(out);
+        self.ring_reader.fill(out);
     }
 
     /// Channels of a frame.
     #[must_use]
     pub fn channels(&self) -> usize {
-        self.drain.channels()
+        self.ring_reader.channels()
     }
 }
 
@@ -107,22 +107,22 @@ impl InputReader {
 /// # Errors
 /// A sentence on why the input cannot be opened; nothing was started then.
 pub fn open_input(
-    spec: &Spec,
+    spec: &AudioSpec,
     rate: u32,
     channels: usize,
     frames_at_once: usize,
 ) -> Result<(Input, InputReader), AudioError> {
     if !(1..=CHANNELS_MAX).contains(&channels) {
-        let why = format!("an input has 1 to {CHANNELS_MAX}");
-        return Err(AudioError::Channels { channels, why });
+        let reason = format!("an input has 1 to {CHANNELS_MAX}");
+        return Err(AudioError::Channels { channels, why: reason });
     }
-    let shared = Arc::new(Shared::default());
-    let opened = connect(spec, channels, &shared)?;
+    let stream_state = Arc::new(StreamState::default());
+    let opened = connect(spec, channels, &stream_state)?;
     let block_frames = opened.block as usize;
     let mut target_frames = block_frames + frames_at_once;
-    let capacity = (2 * EXCESS_FACTOR * (target_frames + block_frames)).max(opened.rate as usize / 4);
-    let (feed, inner_drain) = ring::joined(channels, capacity, shared.clone());
-    feed.set_prefill(target_frames);
+    let capacity = (2 * RING_EXCESS_FACTOR * (target_frames + block_frames)).max(opened.rate as usize / 4);
+    let (ring_writer, inner_drain) = ring::ring_with_state(channels, capacity, stream_state.clone());
+    ring_writer.set_prefill(target_frames);
     let mut info = InputInfo {
         backend: opened.backend.into(),
         device: opened.device.clone(),
@@ -130,9 +130,9 @@ pub fn open_input(
         channels,
         block: opened.block,
         latency_s: 0.0,
-        sentence: String::new(),
+        description: String::new(),
     };
-    let (converter, drain) = if opened.rate == rate {
+    let (converter, ring_reader) = if opened.rate == rate {
         (None, inner_drain)
     } else {
         let conversion = rate::convert_rate(inner_drain, opened.rate, rate, opened.block.max(frames_at_once as u32));
@@ -141,18 +141,18 @@ pub fn open_input(
         (Some(converter), outer_drain)
     };
     info.latency_s = target_frames as f64 / f64::from(rate);
-    let input_source = (opened.start)(feed).map_err(|(_, error)| error)?;
+    let input_source = (opened.start)(ring_writer).map_err(|(_, error)| error)?;
     info.latency_s += f64::from(input_source.latency()) / f64::from(info.rate);
-    info.sentence = sentence(&info, rate);
+    info.description = sentence(&info, rate);
     let state = Arc::new(InputState {
         spec: spec.clone(),
         channels,
-        shared,
-        began: Instant::now(),
+        stream_state,
+        opened_at: Instant::now(),
         stop: AtomicBool::new(false),
         report: Mutex::new((info, Vec::new())),
     });
-    state.shared.set_alive(true);
+    state.stream_state.set_alive(true);
     let thread_state = state.clone();
     let supervisor = std::thread::Builder::new()
         .name("ergon input".into())
@@ -162,12 +162,12 @@ pub fn open_input(
         state,
         supervisor: Some(supervisor),
     };
-    Ok((input, InputReader::new(drain, target_frames, rate)))
+    Ok((input, InputReader::new(ring_reader, target_frames, rate)))
 }
 
-fn connect(spec: &Spec, channels: usize, shared: &Arc<Shared>) -> Result<OpenedInput, AudioError> {
+fn connect(spec: &AudioSpec, channels: usize, stream_state: &Arc<StreamState>) -> Result<OpenedInput, AudioError> {
     match &spec.backend {
-        Backend::Jack => jack::open_input(spec, channels, shared),
+        Backend::Jack => jack::open_input(spec, channels, stream_state),
         Backend::Pulse => pulse::open_input(spec, channels),
         _ => Err(AudioError::Unavailable {
             backend: "input",
@@ -204,14 +204,14 @@ impl Input {
 
     /// Events since the input was opened.
     #[must_use]
-    pub fn events(&self) -> Vec<Event> {
+    pub fn events(&self) -> Vec<AudioEvent> {
         self.state.report().1.clone()
     }
 
     /// Counts: `underruns` and `missing` for silence put in, `discarded` for frames in excess.
     #[must_use]
-    pub fn shared(&self) -> &Arc<Shared> {
-        &self.state.shared
+    pub fn stream_state(&self) -> &Arc<StreamState> {
+        &self.state.stream_state
     }
 }
 
@@ -226,14 +226,14 @@ impl Drop for Input {
 }
 
 impl InputState {
-    fn report(&self) -> MutexGuard<'_, (InputInfo, Vec<Event>)> {
+    fn report(&self) -> MutexGuard<'_, (InputInfo, Vec<AudioEvent>)> {
         self.report.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn add_event(&self, sentence: String) {
-        let event = Event {
-            time: self.began.elapsed().as_secs_f64(),
-            frame: self.shared.played(),
+        let event = AudioEvent {
+            time: self.opened_at.elapsed().as_secs_f64(),
+            frame: self.stream_state.played(),
             sentence,
         };
         self.report().1.push(event);
@@ -251,24 +251,24 @@ impl InputState {
                     if stream.is_alive() {
                         continue;
                     }
-                    self.shared.set_alive(false);
+                    self.stream_state.set_alive(false);
                     self.add_event(format!(
                         "the input {} is lost; it is silent until it is found again",
                         self.spec
                     ));
                     idle_feed = source.take().and_then(Source::stop);
-                    next_retry = Instant::now() + RETRY;
+                    next_retry = Instant::now() + RETRY_INTERVAL;
                 }
                 None if Instant::now() < next_retry => {}
                 None => {
-                    next_retry = Instant::now() + RETRY;
+                    next_retry = Instant::now() + RETRY_INTERVAL;
                     let Some(stream) = idle_feed.take() else {
                         break;
                     };
                     match self.reopen(stream) {
                         Ok(back) => {
                             source = Some(back);
-                            self.shared.set_alive(true);
+                            self.stream_state.set_alive(true);
                             self.add_event(format!("the input {} is back", self.spec));
                         }
                         Err(stream) => idle_feed = stream.map(|stream| *stream),
@@ -280,12 +280,14 @@ impl InputState {
         drop(converter.map(rate::Converter::stop));
     }
 
-    /// Open the input again, at the rate that it had; otherwise return the feed.
-    fn reopen(&self, feed: Feed) -> Result<Box<dyn Source>, Option<Box<Feed>>> {
+    /// Open the input again, at the rate that it had; otherwise return the ring writer.
+    fn reopen(&self, ring_writer: RingWriter) -> Result<Box<dyn Source>, Option<Box<RingWriter>>> {
         let source_rate = self.report().0.rate;
-        match connect(&self.spec, self.channels, &self.shared) {
-            Ok(opened) if opened.rate == source_rate => (opened.start)(feed).map_err(|(feed, _)| feed),
-            _ => Err(Some(Box::new(feed))),
+        match connect(&self.spec, self.channels, &self.stream_state) {
+            Ok(opened) if opened.rate == source_rate => {
+                (opened.start)(ring_writer).map_err(|(ring_writer, _)| ring_writer)
+            }
+            _ => Err(Some(Box::new(ring_writer))),
         }
     }
 }
@@ -302,14 +304,14 @@ mod tests {
 
     #[test]
     fn input_reader_returns_frames_in_time() {
-        let (mut feed, drain) = ring::ring(1, 4096);
-        feed.set_prefill(300);
-        let mut reader = InputReader::new(drain, 300, 48_000);
+        let (mut ring_writer, ring_reader) = ring::ring(1, 4096);
+        ring_writer.set_prefill(300);
+        let mut reader = InputReader::new(ring_reader, 300, 48_000);
         assert_eq!(read_frames(&mut reader, 64), [0.0; 64], "silence before the first");
         let pushed_sound: Vec<f32> = (0..2560).map(|n| n as f32).collect();
         let mut read_sound = Vec::new();
         for block in pushed_sound.chunks(256) {
-            assert_eq!(feed.push(block), 256);
+            assert_eq!(ring_writer.push(block), 256);
             (0..4).for_each(|_| read_sound.extend(read_frames(&mut reader, 64)));
         }
         let sound_start = read_sound.iter().position(|&x| x != 0.0).expect("sound") - 1;
@@ -318,16 +320,16 @@ mod tests {
             read_sound[sound_start + 96..],
             pushed_sound[96..read_sound.len() - sound_start]
         );
-        assert_eq!(feed.shared().underruns(), 0);
+        assert_eq!(ring_writer.stream_state().underruns(), 0);
     }
 
     #[test]
     fn input_reader_counts_missing_frames_as_silence() {
-        let (mut feed, drain) = ring::ring(2, 4096);
-        feed.set_prefill(1);
-        let mut reader = InputReader::new(drain, 1, 48_000);
+        let (mut ring_writer, ring_reader) = ring::ring(2, 4096);
+        ring_writer.set_prefill(1);
+        let mut reader = InputReader::new(ring_reader, 1, 48_000);
         read_frames(&mut reader, 1);
-        feed.push(&[1.0; 400]);
+        ring_writer.push(&[1.0; 400]);
         read_frames(&mut reader, 100);
         assert_eq!(read_frames(&mut reader, 100), [1.0; 200]);
         let faded_frames = read_frames(&mut reader, 200);
@@ -337,24 +339,24 @@ mod tests {
                 .all(|w| (w[0] - w[2]).abs() <= 1.0 / 96.0 + 1e-6)
         );
         assert_eq!(faded_frames[398..], [0.0, 0.0]);
-        assert_eq!(feed.shared().underruns(), 1);
-        assert_eq!(feed.shared().missing(), 200);
+        assert_eq!(ring_writer.stream_state().underruns(), 1);
+        assert_eq!(ring_writer.stream_state().missing_frames(), 200);
     }
 
     #[test]
     fn input_reader_discards_excess_frames() {
-        let (mut feed, drain) = ring::ring(1, 4096);
-        feed.set_prefill(100);
-        let mut reader = InputReader::new(drain, 100, 48_000);
+        let (mut ring_writer, ring_reader) = ring::ring(1, 4096);
+        ring_writer.set_prefill(100);
+        let mut reader = InputReader::new(ring_reader, 100, 48_000);
         let pushed_sound: Vec<f32> = (0..2000).map(|n| n as f32).collect();
-        feed.push(&pushed_sound);
+        ring_writer.push(&pushed_sound);
         assert_eq!(read_frames(&mut reader, 50), [0.0; 50]);
-        assert_eq!(feed.filled(), 0, "what came before it begins is old");
-        assert_eq!(feed.shared().discarded(), 0);
-        feed.push(&pushed_sound);
+        assert_eq!(ring_writer.filled_frames(), 0, "what came before it begins is old");
+        assert_eq!(ring_writer.stream_state().discarded_frames(), 0);
+        ring_writer.push(&pushed_sound);
         read_frames(&mut reader, 50);
-        assert_eq!(feed.shared().discarded(), 2000 - 150);
-        assert_eq!(feed.filled(), 100);
+        assert_eq!(ring_writer.stream_state().discarded_frames(), 2000 - 150);
+        assert_eq!(ring_writer.filled_frames(), 100);
         assert_eq!(read_frames(&mut reader, 100)[99], 1999.0);
     }
 }

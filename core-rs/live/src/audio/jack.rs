@@ -11,30 +11,30 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use self::api::{PLAYBACK_LATENCY, PORT_IS_INPUT, PORT_IS_OUTPUT, PORT_IS_PHYSICAL};
-use self::client::{Active, Client, Cycle, Process};
+use self::client::{ActiveClient, Client, ProcessCallback, ProcessCycle};
 use super::AudioError;
-use super::ring::Drain;
-use super::shared::Shared;
-use super::sink::{Opened, Sink, StartFailure};
-use super::spec::Spec;
+use super::ring::RingReader;
+use super::sink::{OpenedOutput, OutputFailure, Sink};
+use super::spec::AudioSpec;
+use super::stream_state::StreamState;
 
 pub use self::capture::Capture;
 pub(super) use self::input::open as open_input;
 
 /// Frames that are copied to the ports at a time.
-const SLICE: usize = 256;
+const SLICE_FRAMES: usize = 256;
 /// Longest wait of the callback for the physics while the server runs as fast as its clients (freewheel).
-const PATIENCE: Duration = Duration::from_secs(2);
+const FREEWHEEL_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// A client of the running server, the ports that it is to be connected to, and its description; starts no server.
 fn connect(
     name: &CStr,
-    spec: &Spec,
-    shared: &Arc<Shared>,
+    spec: &AudioSpec,
+    stream_state: &Arc<StreamState>,
     direction: c_ulong,
     preposition: &str,
 ) -> Result<(Client, Vec<String>, String), AudioError> {
-    let client = Client::open(name, shared.clone())?;
+    let client = Client::open(name, stream_state.clone())?;
     let targets = targets(&client, spec.device.as_deref(), direction);
     let device = match targets.first() {
         Some(first) => format!("client {}, {preposition} {first} and on", client.name()),
@@ -44,8 +44,12 @@ fn connect(
 }
 
 /// Opens a client that plays.
-pub(super) fn open(spec: &Spec, channels: usize, shared: &Arc<Shared>) -> Result<Opened, AudioError> {
-    let (client, targets, device) = connect(c"ergon", spec, shared, PORT_IS_INPUT, "to")?;
+pub(super) fn open(
+    spec: &AudioSpec,
+    channels: usize,
+    stream_state: &Arc<StreamState>,
+) -> Result<OpenedOutput, AudioError> {
+    let (client, targets, device) = connect(c"ergon", spec, stream_state, PORT_IS_INPUT, "to")?;
     let mut remarks = Vec::new();
     if let Some(wanted_block) = spec.block.filter(|wanted_block| *wanted_block != client.block()) {
         remarks.push(format!("the server keeps its own block size, not {wanted_block}"));
@@ -58,26 +62,26 @@ pub(super) fn open(spec: &Spec, channels: usize, shared: &Arc<Shared>) -> Result
     }
     let (rate, block) = (client.rate(), client.block());
     let pattern = spec.device.clone();
-    Ok(Opened {
+    Ok(OpenedOutput {
         backend: "jack",
         device,
         rate,
         block,
         paced: true,
         remarks,
-        start: Box::new(move |drain| start(client, drain, pattern.as_deref())),
+        start: Box::new(move |ring_reader| start(client, ring_reader, pattern.as_deref())),
     })
 }
 
-fn start(client: Client, drain: Drain, device: Option<&str>) -> Result<Box<dyn Sink>, StartFailure> {
-    let channels = drain.channels();
+fn start(client: Client, ring_reader: RingReader, device: Option<&str>) -> Result<Box<dyn Sink>, OutputFailure> {
+    let channels = ring_reader.channels();
     let callback = OutputCallback {
-        scratch: vec![0.0; SLICE * channels].into(),
-        drain,
+        scratch: vec![0.0; SLICE_FRAMES * channels].into(),
+        ring_reader,
     };
     let active = client
         .activate("out", channels, PORT_IS_OUTPUT, callback)
-        .map_err(|(callback, error)| (Some(Box::new(callback.drain)), error))?;
+        .map_err(|(callback, error)| (Some(Box::new(callback.ring_reader)), error))?;
     let mut playing = Playback(active);
     playing.connect_ports(device);
     playing.is_alive();
@@ -97,26 +101,26 @@ fn targets(client: &Client, device: Option<&str>, direction: c_ulong) -> Vec<Str
 
 /// The process callback, which runs in the server's thread.
 struct OutputCallback {
-    drain: Drain,
+    ring_reader: RingReader,
     scratch: Box<[f32]>,
 }
 
-impl Process for OutputCallback {
-    fn cycle(&mut self, cycle: &Cycle<'_>) {
-        let channels = self.drain.channels();
-        for first in (0..cycle.frames()).step_by(SLICE) {
-            let slice_frames = (cycle.frames() - first).min(SLICE);
-            if self.drain.shared().freewheeling() {
-                self.drain.wait_for(slice_frames, PATIENCE);
+impl ProcessCallback for OutputCallback {
+    fn process(&mut self, cycle: &ProcessCycle<'_>) {
+        let channels = self.ring_reader.channels();
+        for first in (0..cycle.frames()).step_by(SLICE_FRAMES) {
+            let slice_frames = (cycle.frames() - first).min(SLICE_FRAMES);
+            if self.ring_reader.stream_state().freewheeling() {
+                self.ring_reader.wait_for(slice_frames, FREEWHEEL_TIMEOUT);
             }
             let slice_samples = &mut self.scratch[..slice_frames * channels];
-            self.drain.fill(slice_samples);
+            self.ring_reader.fill(slice_samples);
             cycle.write(first, slice_samples);
         }
     }
 }
 
-struct Playback(Active<OutputCallback>);
+struct Playback(ActiveClient<OutputCallback>);
 
 impl Playback {
     fn connect_ports(&self, device: Option<&str>) {
@@ -140,21 +144,21 @@ impl Sink for Playback {
             return false;
         }
         let latency = self.0.latency(PLAYBACK_LATENCY);
-        client.shared().set_timing(client.block(), latency);
+        client.stream_state().set_timing(client.block(), latency);
         true
     }
 
-    fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
+    fn stop(self: Box<Self>) -> (Option<RingReader>, Option<String>) {
         let is_gone = !self.0.client().is_alive();
-        let drain = self.0.close().drain;
+        let ring_reader = self.0.close().ring_reader;
         let stop_reason = "the server ended or changed its rate";
-        (Some(drain), is_gone.then(|| stop_reason.into()))
+        (Some(ring_reader), is_gone.then(|| stop_reason.into()))
     }
 }
 
 /// What the running server would play on.
 pub(super) fn survey() -> Result<String, AudioError> {
-    let client = Client::open(c"ergon_survey", Arc::<Shared>::default())?;
+    let client = Client::open(c"ergon_survey", Arc::<StreamState>::default())?;
     let (server_rate, server_block) = (client.rate(), client.block());
     let port_count = client.find("", PORT_IS_INPUT | PORT_IS_PHYSICAL).len();
     Ok(format!(

@@ -1,18 +1,18 @@
 //! Stand-in for the system backend where it is not built.
 
-use super::sink::Opened;
-use super::{AudioError, Spec};
+use super::sink::OpenedOutput;
+use super::{AudioError, AudioSpec};
 
-const WHY: &str = "used on macOS and Windows only; use jack or pulse here";
+const MISSING_REASON: &str = "used on macOS and Windows only; use jack or pulse here";
 
 fn missing() -> AudioError {
     AudioError::Unavailable {
         backend: "system",
-        why: WHY.into(),
+        why: MISSING_REASON.into(),
     }
 }
 
-pub(super) fn open(_: &Spec, _: u32, _: usize) -> Result<Opened, AudioError> {
+pub(super) fn open(_: &AudioSpec, _: u32, _: usize) -> Result<OpenedOutput, AudioError> {
     Err(missing())
 }
 

@@ -5,20 +5,20 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::ring::{CHANNELS_MAX, Drain};
-use super::shared::Shared;
-use super::sink::{Opened, Sink, StartFailure};
-use super::spec::{Backend, Spec};
+use super::ring::{CHANNELS_MAX, RingReader};
+use super::sink::{OpenedOutput, OutputFailure, Sink};
+use super::spec::{AudioSpec, Backend};
+use super::stream_state::StreamState;
 use super::{AudioError, connect, null, rate};
 
 /// Time between two checks by the supervisor.
 const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 /// Waits before the first attempt to find a server that died, and longest wait between two attempts.
-const RETRY: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(2));
+const RETRY_INTERVALS: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(2));
 
 /// Properties of an output.
 #[derive(Clone, Debug)]
-pub struct Info {
+pub struct OutputInfo {
     /// `jack`, `pulse`, `system`, `file` or `null`.
     pub backend: String,
     /// The device that it plays on.
@@ -38,18 +38,18 @@ pub struct Info {
     /// SCHED_FIFO priority of the card's thread; `None`: scheduled like any other.
     pub priority: Option<i32>,
     /// All of the above in words.
-    pub sentence: String,
+    pub description: String,
 }
 
 /// Timing of the frames that go to the card.
 #[derive(Clone, Copy, Debug)]
-pub struct Sounding {
+pub struct PlaybackTiming {
     /// How long ago frame 0 went to the card [s], calculated from the last block.
-    pub since: f64,
+    pub first_frame_age: f64,
     /// From the card to the ear [s].
     pub latency: f64,
     /// Number of underruns.
-    pub gaps: u64,
+    pub underruns: u64,
     /// Whether a card takes the frames.
     pub is_alive: bool,
 }
@@ -60,26 +60,26 @@ pub struct SoundClock(Arc<OutputState>);
 impl SoundClock {
     /// Timing of the frames; `None` before the first block, and for outputs without a clock.
     #[must_use]
-    pub fn sounding(&self) -> Option<Sounding> {
+    pub fn playback_timing(&self) -> Option<PlaybackTiming> {
         let (card_rate, is_paced) = {
             let info = &self.0.report().info;
             (info.rate, info.paced)
         };
-        let shared = &self.0.shared;
-        let (_, latency) = shared.timing();
-        let sounding_since = shared.sounding().filter(|_| is_paced)?;
-        Some(Sounding {
-            since: sounding_since.as_secs_f64(),
+        let stream_state = &self.0.stream_state;
+        let (_, latency) = stream_state.timing();
+        let sounding_since = stream_state.first_frame_age().filter(|_| is_paced)?;
+        Some(PlaybackTiming {
+            first_frame_age: sounding_since.as_secs_f64(),
             latency: f64::from(latency) / f64::from(card_rate.max(1)),
-            gaps: shared.underruns(),
-            is_alive: shared.is_alive(),
+            underruns: stream_state.underruns(),
+            is_alive: stream_state.is_alive(),
         })
     }
 }
 
 /// An event of the sound output or input.
 #[derive(Clone, Debug)]
-pub struct Event {
+pub struct AudioEvent {
     /// Time since the output or input was opened [s].
     pub time: f64,
     /// Frames that had been played by then.
@@ -95,51 +95,51 @@ pub struct Output {
 }
 
 struct OutputState {
-    spec: Spec,
+    spec: AudioSpec,
     score_rate: u32,
     channels: usize,
-    shared: Arc<Shared>,
-    began: Instant,
+    stream_state: Arc<StreamState>,
+    opened_at: Instant,
     stop: AtomicBool,
-    report: Mutex<Report>,
+    report: Mutex<OutputReport>,
 }
 
-struct Report {
-    info: Info,
+struct OutputReport {
+    info: OutputInfo,
     remarks: Vec<String>,
-    events: Vec<Event>,
+    events: Vec<AudioEvent>,
 }
 
-/// Open the output `spec` for the frames that come through `drain`: `channels` at `rate` [Hz].
+/// Open the output `spec` for the frames that come through `ring_reader`: `channels` at `rate` [Hz].
 ///
 /// # Errors
 ///
 /// A sentence on why the output cannot be opened; nothing was started then.
-pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Output, AudioError> {
-    if !(1..=CHANNELS_MAX).contains(&channels) || channels != drain.channels() {
+pub fn open(spec: &AudioSpec, rate: u32, channels: usize, ring_reader: RingReader) -> Result<Output, AudioError> {
+    if !(1..=CHANNELS_MAX).contains(&channels) || channels != ring_reader.channels() {
         return Err(AudioError::Channels {
             channels,
             why: format!("an output has 1 to {CHANNELS_MAX}, as many as the ring"),
         });
     }
-    let shared = drain.shared().clone();
-    let (opened, connected) = connect::connect(spec, rate, channels, &shared)?;
+    let stream_state = ring_reader.stream_state().clone();
+    let (opened, connected) = connect::connect(spec, rate, channels, &stream_state)?;
     let state = OutputState {
         // If the server dies, the supervisor looks for the backend that `auto` found, not for any other.
         spec: connected,
         score_rate: rate,
         channels,
-        shared,
-        began: Instant::now(),
+        stream_state,
+        opened_at: Instant::now(),
         stop: AtomicBool::new(false),
-        report: Mutex::new(Report {
-            info: Info::new(&opened, rate, channels),
+        report: Mutex::new(OutputReport {
+            info: OutputInfo::new(&opened, rate, channels),
             remarks: opened.remarks.clone(),
             events: Vec::new(),
         }),
     };
-    let playback = Playback::start(opened, rate, drain).map_err(|(_, error)| error)?;
-    state.note_start(&playback);
+    let playback = Playback::start(opened, rate, ring_reader).map_err(|(_, error)| error)?;
+    state.report_start(&playback);
     let state = Arc::new(state);
     let thread_state = state.clone();
     let supervisor = std::thread::Builder::new()
@@ -155,11 +155,11 @@ pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Out
 impl Output {
     /// Properties of the output now.
     #[must_use]
-    pub fn info(&self) -> Info {
+    pub fn info(&self) -> OutputInfo {
         let report = self.state.report();
         let mut info = report.info.clone();
-        info.priority = self.state.shared.priority();
-        info.sentence = sentence(&info, &report.remarks);
+        info.priority = self.state.stream_state.priority();
+        info.description = sentence(&info, &report.remarks);
         info
     }
 
@@ -171,21 +171,21 @@ impl Output {
 
     /// Events since the output was opened.
     #[must_use]
-    pub fn events(&self) -> Vec<Event> {
+    pub fn events(&self) -> Vec<AudioEvent> {
         self.state.report().events.clone()
     }
 
     /// Counts, and the panic switch.
     #[must_use]
-    pub fn shared(&self) -> &Arc<Shared> {
-        &self.state.shared
+    pub fn stream_state(&self) -> &Arc<StreamState> {
+        &self.state.stream_state
     }
 
-    /// Wait until the feed is closed and all of it was heard; false if `limit` passes first.
+    /// Wait until the ring writer is closed and all of it was heard; false if `limit` passes first.
     #[must_use]
     pub fn wait(&self, limit: Duration) -> bool {
         let deadline = Instant::now() + limit;
-        while !self.state.shared.finished() {
+        while !self.state.stream_state.finished() {
             if Instant::now() >= deadline {
                 return false;
             }
@@ -228,8 +228,8 @@ impl Drop for Output {
     }
 }
 
-impl Info {
-    fn new(opened: &Opened, score_rate: u32, channels: usize) -> Self {
+impl OutputInfo {
+    fn new(opened: &OpenedOutput, score_rate: u32, channels: usize) -> Self {
         Self {
             backend: opened.backend.into(),
             device: opened.device.clone(),
@@ -240,12 +240,12 @@ impl Info {
             latency_s: 0.0,
             paced: opened.paced,
             priority: None,
-            sentence: String::new(),
+            description: String::new(),
         }
     }
 }
 
-fn sentence(info: &Info, remarks: &[String]) -> String {
+fn sentence(info: &OutputInfo, remarks: &[String]) -> String {
     let channels = match info.channels {
         1 => "1 channel".into(),
         n => format!("{n} channels"),
@@ -268,26 +268,26 @@ fn sentence(info: &Info, remarks: &[String]) -> String {
 }
 
 impl OutputState {
-    fn report(&self) -> MutexGuard<'_, Report> {
+    fn report(&self) -> MutexGuard<'_, OutputReport> {
         self.report.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn add_event(&self, sentence: String) {
-        let event = Event {
-            time: self.began.elapsed().as_secs_f64(),
-            frame: self.shared.played(),
+        let event = AudioEvent {
+            time: self.opened_at.elapsed().as_secs_f64(),
+            frame: self.stream_state.played(),
             sentence,
         };
         self.report().events.push(event);
     }
 
-    fn note_start(&self, playback: &Playback) {
-        self.shared.set_alive(true);
+    fn report_start(&self, playback: &Playback) {
+        self.stream_state.set_alive(true);
         self.update_latency(playback);
     }
 
     fn update_latency(&self, playback: &Playback) {
-        let (block_frames, latency) = self.shared.timing();
+        let (block_frames, latency) = self.stream_state.timing();
         let mut report = self.report();
         let latency = f64::from(latency) + playback.converter_latency() as f64;
         report.info.latency_s = latency / f64::from(report.info.rate.max(1));
@@ -302,9 +302,9 @@ impl OutputState {
                 self.update_latency(&playback);
                 continue;
             }
-            self.shared.set_alive(false);
-            self.shared.set_freewheel(false);
-            let (drain, trouble) = playback.stop();
+            self.stream_state.set_alive(false);
+            self.stream_state.set_freewheel(false);
+            let (ring_reader, trouble) = playback.stop();
             let is_retried = matches!(self.spec.backend, Backend::Jack | Backend::Pulse | Backend::System);
             let loss_reason = trouble.clone().unwrap_or_else(|| "the device disappeared".into());
             self.add_event(if is_retried {
@@ -315,48 +315,49 @@ impl OutputState {
             } else {
                 format!("{} is lost ({loss_reason}); the piece plays on in silence", self.spec)
             });
-            let Some(new_playback) = self.play_silently(drain?, is_retried) else {
+            let Some(new_playback) = self.play_silence_until_found(ring_reader?, is_retried) else {
                 return trouble.filter(|_| !is_retried);
             };
             playback = new_playback;
-            self.note_start(&playback);
+            self.report_start(&playback);
             self.add_event(format!("{} is back", self.spec));
         }
-        self.shared.set_alive(false);
+        self.stream_state.set_alive(false);
         playback.stop().1
     }
 
     /// Take the frames by the silent clock until the server is back; `None` if the output was stopped first.
-    fn play_silently(&self, drain: Drain, is_retried: bool) -> Option<Playback> {
-        let mut playback = Playback::start(null::open(self.score_rate, None), self.score_rate, drain).ok()?;
-        let mut retry_wait = RETRY.0;
+    fn play_silence_until_found(&self, ring_reader: RingReader, is_retried: bool) -> Option<Playback> {
+        let mut playback =
+            Playback::start(null::open_paced(self.score_rate, None), self.score_rate, ring_reader).ok()?;
+        let mut retry_wait = RETRY_INTERVALS.0;
         let mut next_retry = Instant::now() + retry_wait;
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(CHECK_INTERVAL);
             if !is_retried || Instant::now() < next_retry {
                 continue;
             }
-            retry_wait = (retry_wait * 3 / 2).min(RETRY.1);
+            retry_wait = (retry_wait * 3 / 2).min(RETRY_INTERVALS.1);
             next_retry = Instant::now() + retry_wait;
             let (score_rate, channels) = (self.score_rate, self.channels);
-            let Ok((opened, _)) = connect::connect(&self.spec, score_rate, channels, &self.shared) else {
+            let Ok((opened, _)) = connect::connect(&self.spec, score_rate, channels, &self.stream_state) else {
                 continue;
             };
             let (new_info, remarks) = (
-                Info::new(&opened, self.score_rate, self.channels),
+                OutputInfo::new(&opened, self.score_rate, self.channels),
                 opened.remarks.clone(),
             );
-            let mut drain = playback.stop().0?;
-            drain.changed_card();
-            match Playback::start(opened, self.score_rate, drain) {
+            let mut ring_reader = playback.stop().0?;
+            ring_reader.restart_after_card_change();
+            match Playback::start(opened, self.score_rate, ring_reader) {
                 Ok(back) => {
                     let mut report = self.report();
                     (report.info, report.remarks) = (new_info, remarks);
                     return Some(back);
                 }
-                Err((drain, _)) => {
-                    let silence = null::open(self.score_rate, None);
-                    playback = Playback::start(silence, self.score_rate, *drain?).ok()?;
+                Err((ring_reader, _)) => {
+                    let silence = null::open_paced(self.score_rate, None);
+                    playback = Playback::start(silence, self.score_rate, *ring_reader?).ok()?;
                 }
             }
         }
@@ -372,13 +373,13 @@ struct Playback {
 }
 
 impl Playback {
-    fn start(opened: Opened, score_rate: u32, mut drain: Drain) -> Result<Self, StartFailure> {
-        drain.set_rate(score_rate);
+    fn start(opened: OpenedOutput, score_rate: u32, mut ring_reader: RingReader) -> Result<Self, OutputFailure> {
+        ring_reader.set_rate(score_rate);
         if opened.rate == score_rate {
-            let sink = (opened.start)(drain)?;
+            let sink = (opened.start)(ring_reader)?;
             return Ok(Self { sink, converter: None });
         }
-        let (converter, outer_drain) = rate::convert_rate(drain, score_rate, opened.rate, opened.block)?;
+        let (converter, outer_drain) = rate::convert_rate(ring_reader, score_rate, opened.rate, opened.block)?;
         match (opened.start)(outer_drain) {
             Ok(sink) => Ok(Self {
                 sink,
@@ -397,11 +398,11 @@ impl Playback {
         self.converter.as_ref().map_or(0, |converter| converter.latency)
     }
 
-    fn stop(self) -> (Option<Drain>, Option<String>) {
-        let (drain, trouble) = self.sink.stop();
+    fn stop(self) -> (Option<RingReader>, Option<String>) {
+        let (ring_reader, trouble) = self.sink.stop();
         match self.converter {
             Some(converter) => (converter.stop(), trouble),
-            None => (drain, trouble),
+            None => (ring_reader, trouble),
         }
     }
 }

@@ -14,20 +14,20 @@ pub(super) use stream::{open, survey};
 
 #[cfg(not(unix))]
 mod absent {
-    use crate::audio::sink::Opened;
+    use crate::audio::sink::OpenedOutput;
     use crate::audio::source::OpenedInput;
-    use crate::audio::{AudioError, Spec};
+    use crate::audio::{AudioError, AudioSpec};
 
     const NOWHERE: AudioError = AudioError::Unavailable {
         backend: "pulse",
         why: String::new(),
     };
 
-    pub(in crate::audio) fn open(_: &Spec, _: usize) -> Result<Opened, AudioError> {
+    pub(in crate::audio) fn open(_: &AudioSpec, _: usize) -> Result<OpenedOutput, AudioError> {
         Err(NOWHERE)
     }
 
-    pub(in crate::audio) fn open_input(_: &Spec, _: usize) -> Result<OpenedInput, AudioError> {
+    pub(in crate::audio) fn open_input(_: &AudioSpec, _: usize) -> Result<OpenedInput, AudioError> {
         Err(NOWHERE)
     }
 

@@ -8,61 +8,67 @@ use rubato::audioadapter_buffers::direct::InterleavedSlice;
 use rubato::{Fft, FixedSync, Indexing, Resampler};
 
 use super::AudioError;
-use super::ring::{self, Drain, Feed};
-use super::sink::{PRIORITY, RingThread, Sink, StartFailure};
+use super::ring::{self, RingReader, RingWriter};
+use super::sink::{OutputFailure, RingThread, SINK_THREAD_PRIORITY, Sink};
 use crate::realtime;
 
 /// Frames that are converted at once. More frames: the filter's cutoff is nearer to half the rate, and the latency is
 /// longer.
-const CHUNK: usize = 512;
-const POLL: Duration = Duration::from_micros(200);
+const CHUNK_FRAMES: usize = 512;
+const POLL_INTERVAL: Duration = Duration::from_micros(200);
 
 /// The converter's thread, and its latency [frames at the output rate].
 pub(super) struct Converter {
-    pump: RingThread<Drain>,
+    ring_thread: RingThread<RingReader>,
     pub(super) latency: usize,
 }
 
-/// Put a converter from rate `from` to rate `to` behind the ring `inner`, for a reader that takes `block` frames at a
-/// time; returns the drain for that reader.
+/// Put a converter from rate `input_rate` to rate `output_rate` behind the ring `inner`, for a reader that takes
+/// `block` frames at a time; returns the ring reader for that reader.
 pub(super) fn convert_rate(
-    mut inner: Drain,
-    from: u32,
-    to: u32,
+    mut inner: RingReader,
+    input_rate: u32,
+    output_rate: u32,
     block: u32,
-) -> Result<(Converter, Drain), StartFailure> {
+) -> Result<(Converter, RingReader), OutputFailure> {
     let channels = inner.channels();
-    let filter = match RateFilter::new(from, to, channels) {
+    let filter = match RateFilter::new(input_rate, output_rate, channels) {
         Ok(filter) => filter,
         Err(error) => return Err((Some(Box::new(inner)), error)),
     };
-    let shared = inner.shared().clone();
+    let stream_state = inner.stream_state().clone();
     let frames_ahead = 2 * block as usize + filter.output.len() / channels;
-    let (feed, mut outer_drain) = ring::joined(channels, 2 * frames_ahead, shared.clone());
-    feed.set_prefill(frames_ahead);
-    outer_drain.set_rate(to);
-    outer_drain.count_from(shared.played(), from, to);
-    inner.set_outermost(false);
+    let (ring_writer, mut outer_drain) = ring::ring_with_state(channels, 2 * frames_ahead, stream_state.clone());
+    ring_writer.set_prefill(frames_ahead);
+    outer_drain.set_rate(output_rate);
+    outer_drain.start_counting(stream_state.played(), input_rate, output_rate);
+    inner.set_feeds_device(false);
     let latency = frames_ahead + filter.delay;
     let pump = RingThread::start("ergon rate", inner, move |inner, stop| {
-        realtime::set_priority(PRIORITY);
-        filter.run(inner, feed, stop)
+        realtime::set_priority(SINK_THREAD_PRIORITY);
+        filter.run(inner, ring_writer, stop)
     })?;
-    Ok((Converter { pump, latency }, outer_drain))
+    Ok((
+        Converter {
+            ring_thread: pump,
+            latency,
+        },
+        outer_drain,
+    ))
 }
 
 impl Converter {
     pub(super) fn is_alive(&mut self) -> bool {
-        self.pump.is_alive()
+        self.ring_thread.is_alive()
     }
 
-    /// Stop, and return the inner drain.
-    pub(super) fn stop(self) -> Option<Drain> {
-        let (mut drain, _) = Box::new(self.pump).stop();
-        if let Some(drain) = &mut drain {
-            drain.set_outermost(true);
+    /// Stop, and return the inner ring reader.
+    pub(super) fn stop(self) -> Option<RingReader> {
+        let (mut ring_reader, _) = Box::new(self.ring_thread).stop();
+        if let Some(ring_reader) = &mut ring_reader {
+            ring_reader.set_feeds_device(true);
         }
-        drain
+        ring_reader
     }
 }
 
@@ -76,24 +82,24 @@ struct RateFilter {
 }
 
 impl RateFilter {
-    fn new(from: u32, to: u32, channels: usize) -> Result<Self, AudioError> {
+    fn new(input_rate: u32, output_rate: u32, channels: usize) -> Result<Self, AudioError> {
         let fft = Fft::new_custom(
-            from as usize,
-            to as usize,
-            CHUNK,
+            input_rate as usize,
+            output_rate as usize,
+            CHUNK_FRAMES,
             1,
             channels,
             rubato::WindowFunction::BlackmanHarris2,
             FixedSync::Input,
         )
         .map_err(|error| AudioError::Rate {
-            from,
-            to,
+            from: input_rate,
+            to: output_rate,
             why: error.to_string(),
         })?;
         Ok(Self {
             channels,
-            ratio: (to.into(), from.into()),
+            ratio: (output_rate.into(), input_rate.into()),
             delay: fft.output_delay(),
             input: vec![0.0; fft.input_frames_max() * channels],
             output: vec![0.0; fft.output_frames_max() * channels],
@@ -101,24 +107,24 @@ impl RateFilter {
         })
     }
 
-    fn run(mut self, inner: &mut Drain, mut feed: Feed, stop: &AtomicBool) -> Result<(), String> {
+    fn run(mut self, inner: &mut RingReader, mut ring_writer: RingWriter, stop: &AtomicBool) -> Result<(), String> {
         let channels = self.channels;
         let (mut frames_in, mut frames_out) = (0_u64, 0_u64);
         let mut frames_skipped = 0; // frames of the filter's own delay, which come before the first frame of the input
         let mut frames_held = 0;
         while !stop.load(Ordering::Acquire) {
             let frames_wanted = self.fft.input_frames_next();
-            let frames_taken = inner.take(&mut self.input[frames_held * channels..frames_wanted * channels]);
+            let frames_taken = inner.take_waiting(&mut self.input[frames_held * channels..frames_wanted * channels]);
             (frames_held, frames_in) = (frames_held + frames_taken, frames_in + frames_taken as u64);
-            let has_ended = frames_taken == 0 && inner.ended();
+            let has_ended = frames_taken == 0 && inner.has_ended();
             if frames_held < frames_wanted && !has_ended {
-                std::thread::sleep(POLL);
+                std::thread::sleep(POLL_INTERVAL);
                 continue;
             }
             let frames_due = (frames_in * self.ratio.0).div_ceil(self.ratio.1);
             if has_ended && frames_out >= frames_due {
-                feed.close();
-                std::thread::sleep(POLL);
+                ring_writer.close();
+                std::thread::sleep(POLL_INTERVAL);
                 continue;
             }
             let mut n_frames = self.convert(frames_held)?;
@@ -131,8 +137,8 @@ impl RateFilter {
             }
             let mut samples_left = &self.output[skip_count * channels..(skip_count + n_frames) * channels];
             while !samples_left.is_empty() && !stop.load(Ordering::Acquire) {
-                match feed.push(samples_left) {
-                    0 => std::thread::sleep(POLL),
+                match ring_writer.push(samples_left) {
+                    0 => std::thread::sleep(POLL_INTERVAL),
                     frames => samples_left = &samples_left[frames * channels..],
                 }
             }
@@ -164,10 +170,10 @@ mod tests {
     use ergon_engine::maths::sin;
     use std::f64::consts::TAU;
 
-    /// One second of a sine at `from` [Hz], converted to `to` [Hz], two channels.
+    /// One second of a sine at `input_rate` [Hz], converted to `output_rate` [Hz], two channels.
     fn converted(from: u32, to: u32, pitch: f64) -> Vec<f32> {
-        let (mut feed, drain) = ring::ring(2, 4096);
-        let (converter, mut outer_drain) = convert_rate(drain, from, to, 256)
+        let (mut ring_writer, ring_reader) = ring::ring(2, 4096);
+        let (converter, mut outer_drain) = convert_rate(ring_reader, from, to, 256)
             .map_err(|(_, error)| error)
             .expect("the rates can be converted");
         let source_sound: Vec<f32> = (0..from)
@@ -178,20 +184,20 @@ mod tests {
             .collect();
         let mut sound_left = &source_sound[..];
         let (mut all_samples, mut block_samples) = (Vec::new(), [0.0; 512]);
-        while !outer_drain.ended() {
-            let frames_taken = feed.push(sound_left);
+        while !outer_drain.has_ended() {
+            let frames_taken = ring_writer.push(sound_left);
             sound_left = &sound_left[2 * frames_taken..];
             if sound_left.is_empty() {
-                feed.close();
+                ring_writer.close();
             }
-            match outer_drain.take(&mut block_samples) {
-                0 => std::thread::sleep(POLL),
+            match outer_drain.take_waiting(&mut block_samples) {
+                0 => std::thread::sleep(POLL_INTERVAL),
                 frames => all_samples.extend_from_slice(&block_samples[..2 * frames]),
             }
         }
         let inner_drain = converter.stop().expect("the drain comes back");
-        assert!(inner_drain.ended());
-        assert_eq!(inner_drain.shared().played(), u64::from(from));
+        assert!(inner_drain.has_ended());
+        assert_eq!(inner_drain.stream_state().played(), u64::from(from));
         all_samples
     }
 

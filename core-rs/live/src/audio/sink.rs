@@ -1,5 +1,5 @@
-//! What all outputs have in common: they are opened, started with a drain, and stopped; and the thread that some of
-//! them run.
+//! What all outputs have in common: they are opened, started with a ring reader, and stopped; and the thread that some
+//! of them run.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,13 +7,13 @@ use std::sync::mpsc;
 use std::thread::JoinHandle;
 
 use super::AudioError;
-use super::ring::Drain;
+use super::ring::RingReader;
 
 /// Priority of a thread that passes frames to a server: that of JACK's own clients, below the physics thread.
-pub(super) const PRIORITY: i32 = 65;
+pub(super) const SINK_THREAD_PRIORITY: i32 = 65;
 
 /// An output that is opened but does not play yet.
-pub(super) struct Opened {
+pub(super) struct OpenedOutput {
     pub(super) backend: &'static str,
     pub(super) device: String,
     /// Its own rate [Hz].
@@ -23,24 +23,24 @@ pub(super) struct Opened {
     pub(super) paced: bool,
     /// Remarks for the user, as sentences.
     pub(super) remarks: Vec<String>,
-    pub(super) start: Start,
+    pub(super) start: StartOutput,
 }
 
-pub(super) type Start = Box<dyn FnOnce(Drain) -> Result<Box<dyn Sink>, StartFailure> + Send>;
+pub(super) type StartOutput = Box<dyn FnOnce(RingReader) -> Result<Box<dyn Sink>, OutputFailure> + Send>;
 
-/// The error of an output that did not start, with the drain if it comes back.
-pub(super) type StartFailure = (Option<Box<Drain>>, AudioError);
+/// The error of an output that did not start, with the ring reader if it comes back.
+pub(super) type OutputFailure = (Option<Box<RingReader>>, AudioError);
 
 /// An output that plays.
 pub(super) trait Sink: Send {
     /// Whether it still takes frames; also updates its timing. Called a few times a second.
     fn is_alive(&mut self) -> bool;
 
-    /// Stop and give the drain back; the sentence says what went wrong, if anything.
-    fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>);
+    /// Stop and give the ring reader back; the sentence says what went wrong, if anything.
+    fn stop(self: Box<Self>) -> (Option<RingReader>, Option<String>);
 }
 
-/// A thread that works on one end of a ring: a drain or a feed.
+/// A thread that works on one end of a ring: a ring reader or a ring writer.
 pub(super) struct RingThread<R> {
     stop: Arc<AtomicBool>,
     thread: JoinHandle<(R, Option<String>)>,
@@ -86,12 +86,12 @@ impl<R: Send + 'static> RingThread<R> {
     }
 }
 
-impl Sink for RingThread<Drain> {
+impl Sink for RingThread<RingReader> {
     fn is_alive(&mut self) -> bool {
         self.is_running()
     }
 
-    fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
+    fn stop(self: Box<Self>) -> (Option<RingReader>, Option<String>) {
         RingThread::stop(*self)
     }
 }

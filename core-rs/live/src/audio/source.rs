@@ -1,7 +1,7 @@
-//! What all inputs have in common: they are opened, started with a feed, and stopped.
+//! What all inputs have in common: they are opened, started with a ring writer, and stopped.
 
 use super::AudioError;
-use super::ring::Feed;
+use super::ring::RingWriter;
 
 /// An input that is opened but does not record yet.
 pub(super) struct OpenedInput {
@@ -10,13 +10,13 @@ pub(super) struct OpenedInput {
     /// Its own rate [Hz].
     pub(super) rate: u32,
     pub(super) block: u32,
-    pub(super) start: Start,
+    pub(super) start: StartInput,
 }
 
-pub(super) type Start = Box<dyn FnOnce(Feed) -> Result<Box<dyn Source>, InputFailure> + Send>;
+pub(super) type StartInput = Box<dyn FnOnce(RingWriter) -> Result<Box<dyn Source>, InputFailure> + Send>;
 
-/// The error of an input that did not start, with the feed if it comes back.
-pub(super) type InputFailure = (Option<Box<Feed>>, AudioError);
+/// The error of an input that did not start, with the ring writer if it comes back.
+pub(super) type InputFailure = (Option<Box<RingWriter>>, AudioError);
 
 /// A running input.
 pub(super) trait Source: Send {
@@ -26,6 +26,6 @@ pub(super) trait Source: Send {
     /// Frames from the microphone to the ring, as far as the server reports them.
     fn latency(&self) -> u32;
 
-    /// Stop, and give the feed back.
-    fn stop(self: Box<Self>) -> Option<Feed>;
+    /// Stop, and give the ring writer back.
+    fn stop(self: Box<Self>) -> Option<RingWriter>;
 }

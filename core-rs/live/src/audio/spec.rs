@@ -30,15 +30,15 @@ pub enum Backend {
 /// A backend and its options.
 ///
 /// ```
-/// use ergon_live::audio::Spec;
+/// use ergon_live::audio::AudioSpec;
 ///
-/// let spec: Spec = "jack:system:playback_*,channels=4".parse()?;
+/// let spec: AudioSpec = "jack:system:playback_*,channels=4".parse()?;
 /// assert_eq!((spec.device.as_deref(), spec.channels), (Some("system:playback_*"), Some(4)));
-/// assert!("jackal".parse::<Spec>().is_err());
+/// assert!("jackal".parse::<AudioSpec>().is_err());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Spec {
+pub struct AudioSpec {
     /// The backend.
     pub backend: Backend,
     /// Pulse: the name of the sink. JACK: a pattern for the names of the ports to connect to, or `none`. System: the
@@ -54,7 +54,7 @@ pub struct Spec {
 pub const USAGE: &str = "auto, jack[:PORTS], pulse[:SINK], system[:DEVICE] (macOS, Windows), file:PATH, clock:PATH (a file, in real time), \
      null or null:fast; then ,block=FRAMES and ,channels=N where wanted";
 
-impl Spec {
+impl AudioSpec {
     /// A backend without options.
     #[must_use]
     pub fn plain(backend: Backend) -> Self {
@@ -67,7 +67,7 @@ impl Spec {
     }
 }
 
-impl FromStr for Spec {
+impl FromStr for AudioSpec {
     type Err = AudioError;
 
     fn from_str(text: &str) -> Result<Self, AudioError> {
@@ -118,14 +118,14 @@ impl FromStr for Spec {
     }
 }
 
-fn spec_error(text: &str, why: String) -> AudioError {
+fn spec_error(text: &str, reason: String) -> AudioError {
     AudioError::Spec {
         text: text.to_owned(),
-        why,
+        why: reason,
     }
 }
 
-impl fmt::Display for Spec {
+impl fmt::Display for AudioSpec {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         let backend_name = match &self.backend {
             Backend::Auto => "auto",
@@ -151,17 +151,17 @@ mod tests {
 
     #[test]
     fn spec_with_device_and_options() {
-        let spec: Spec = "pulse:dome,block=512,channels=24".parse().expect("is one");
+        let spec: AudioSpec = "pulse:dome,block=512,channels=24".parse().expect("is one");
         assert_eq!(spec.backend, Backend::Pulse);
         assert_eq!(spec.device.as_deref(), Some("dome"));
         assert_eq!((spec.block, spec.channels), (Some(512), Some(24)));
-        let spec: Spec = "jack:system:playback_".parse().expect("is one");
+        let spec: AudioSpec = "jack:system:playback_".parse().expect("is one");
         assert_eq!(spec.device.as_deref(), Some("system:playback_"));
     }
 
     #[test]
     fn spec_of_a_path_with_commas() {
-        let spec: Spec = "file:a,b=c.wav,block=64".parse().expect("is one");
+        let spec: AudioSpec = "file:a,b=c.wav,block=64".parse().expect("is one");
         assert_eq!(spec.backend, Backend::File("a,b=c.wav".into()));
         assert_eq!(spec.block, Some(64));
     }
@@ -178,7 +178,7 @@ mod tests {
             "jack,block=0",
             "jack,black=2",
         ] {
-            assert!(text.parse::<Spec>().is_err(), "{text}");
+            assert!(text.parse::<AudioSpec>().is_err(), "{text}");
         }
     }
 }

@@ -10,21 +10,21 @@ use std::sync::mpsc;
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
 use cpal::{BufferSize, Device, ErrorKind, SampleFormat, Stream, StreamConfig};
 
-use super::ring::Drain;
-use super::sink::{Opened, Sink, StartFailure};
-use super::{AudioError, Spec};
+use super::ring::RingReader;
+use super::sink::{OpenedOutput, OutputFailure, Sink};
+use super::{AudioError, AudioSpec};
 
-const BLOCK: u32 = 512;
+const BLOCK_FRAMES: u32 = 512;
 
-fn missing(why: impl ToString) -> AudioError {
+fn missing(reason: impl ToString) -> AudioError {
     AudioError::Unavailable {
         backend: "system",
-        why: why.to_string(),
+        why: reason.to_string(),
     }
 }
 
 /// Opens the named device, or the default one.
-pub(super) fn open(spec: &Spec, rate: u32, channels: usize) -> Result<Opened, AudioError> {
+pub(super) fn open(spec: &AudioSpec, rate: u32, channels: usize) -> Result<OpenedOutput, AudioError> {
     let device = find(spec.device.as_deref())?;
     let rate = playable(&device, rate, channels)?;
     let block = spec.block;
@@ -33,14 +33,14 @@ pub(super) fn open(spec: &Spec, rate: u32, channels: usize) -> Result<Opened, Au
         sample_rate: rate,
         buffer_size: block.map_or(BufferSize::Default, BufferSize::Fixed),
     };
-    Ok(Opened {
+    Ok(OpenedOutput {
         backend: "system",
         device: device.to_string(),
         rate,
-        block: block.unwrap_or(BLOCK),
+        block: block.unwrap_or(BLOCK_FRAMES),
         paced: true,
         remarks: Vec::new(),
-        start: Box::new(move |drain| start(&device, config, drain)),
+        start: Box::new(move |ring_reader| start(&device, config, ring_reader)),
     })
 }
 
@@ -78,16 +78,16 @@ fn playable(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioErr
     Ok(default_config.sample_rate())
 }
 
-fn start(device: &Device, config: StreamConfig, drain: Drain) -> Result<Box<dyn Sink>, StartFailure> {
+fn start(device: &Device, config: StreamConfig, ring_reader: RingReader) -> Result<Box<dyn Sink>, OutputFailure> {
     let gone = Arc::new(AtomicBool::new(false));
-    let (lost_flag, shared) = (gone.clone(), drain.shared().clone());
-    let (drain_sender, returned) = mpsc::sync_channel(1);
-    let mut lent_drain = LentDrain(Some((drain, drain_sender)));
+    let (lost_flag, stream_state) = (gone.clone(), ring_reader.stream_state().clone());
+    let (reader_sender, returned) = mpsc::sync_channel(1);
+    let mut lent_reader = LentRingReader(Some((ring_reader, reader_sender)));
     let stream = device.build_output_stream::<f32, _, _>(
         config,
-        move |out, _| lent_drain.fill(out),
+        move |out, _| lent_reader.fill(out),
         move |error| match error.kind() {
-            ErrorKind::Xrun => shared.add_xruns(1),
+            ErrorKind::Xrun => stream_state.add_xruns(1),
             ErrorKind::DeviceChanged | ErrorKind::RealtimeDenied => {}
             _ => lost_flag.store(true, Ordering::Release),
         },
@@ -100,29 +100,29 @@ fn start(device: &Device, config: StreamConfig, drain: Drain) -> Result<Box<dyn 
     }
 }
 
-/// The drain in the callback; it is sent back when the callback is dropped.
-struct LentDrain(Option<(Drain, mpsc::SyncSender<Drain>)>);
+/// The reader in the callback; it is sent back when the callback is dropped.
+struct LentRingReader(Option<(RingReader, mpsc::SyncSender<RingReader>)>);
 
-impl LentDrain {
+impl LentRingReader {
     fn fill(&mut self, out: &mut [f32]) {
         match &mut self.0 {
-            Some((drain, _)) => drain.fill(out),
+            Some((ring_reader, _)) => ring_reader.fill(out),
             None => out.fill(0.0),
         }
     }
 }
 
-impl Drop for LentDrain {
+impl Drop for LentRingReader {
     fn drop(&mut self) {
-        if let Some((drain, drain_sender)) = self.0.take() {
-            let _ = drain_sender.try_send(drain);
+        if let Some((ring_reader, reader_sender)) = self.0.take() {
+            let _ = reader_sender.try_send(ring_reader);
         }
     }
 }
 
 struct SystemStream {
     stream: Stream,
-    returned: mpsc::Receiver<Drain>,
+    returned: mpsc::Receiver<RingReader>,
     gone: Arc<AtomicBool>,
 }
 
@@ -131,7 +131,7 @@ impl Sink for SystemStream {
         !self.gone.load(Ordering::Acquire)
     }
 
-    fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
+    fn stop(self: Box<Self>) -> (Option<RingReader>, Option<String>) {
         let is_gone = self.gone.load(Ordering::Acquire);
         drop(self.stream);
         let stop_reason = is_gone.then(|| "the device disappeared".into());

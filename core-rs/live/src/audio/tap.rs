@@ -9,29 +9,29 @@ use std::time::Duration;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::AudioError;
-use super::file::Recording;
+use super::file::WaveFileWriter;
 
 /// Capacity of the ring [s]: if the disk stalls for longer, frames are lost.
 const RING_SECONDS: usize = 8;
-const POLL: Duration = Duration::from_millis(5);
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// State shared by both ends of a tap.
 #[derive(Debug)]
-struct Shared {
-    /// Whether `first`, the first frame of the file, is known.
+struct TapState {
+    /// Whether `first_frame`, the first frame of the file, is known.
     has_begun: AtomicBool,
-    first: AtomicU64,
+    first_frame: AtomicU64,
     /// Frames that found no room; the file has silence in their place.
-    missing: AtomicU64,
+    missing_frames: AtomicU64,
     /// Frames in the file.
-    written: AtomicU64,
-    ended: AtomicBool,
+    written_frames: AtomicU64,
+    has_ended: AtomicBool,
     /// No more frames will be pushed.
     closing: AtomicBool,
     error: Mutex<Option<String>>,
 }
 
-impl Shared {
+impl TapState {
     fn is_over(&self, from: &Consumer<f32>) -> bool {
         from.is_abandoned() || self.closing.load(Ordering::Acquire)
     }
@@ -39,9 +39,9 @@ impl Shared {
 
 /// The end of a tap on the physics thread; it neither allocates nor waits. Dropping it ends the file.
 #[derive(Debug)]
-pub(crate) struct Tap {
-    to: Producer<f32>,
-    shared: Arc<Shared>,
+pub(crate) struct AudioTap {
+    producer: Producer<f32>,
+    tap_state: Arc<TapState>,
     channels: usize,
     /// Samples of silence still to be written in place of frames that found no room.
     silence_samples: usize,
@@ -50,7 +50,7 @@ pub(crate) struct Tap {
 /// The end of a tap for other threads.
 #[derive(Debug)]
 pub struct TapHandle {
-    shared: Arc<Shared>,
+    tap_state: Arc<TapState>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -58,13 +58,13 @@ pub struct TapHandle {
 #[derive(Clone, Debug, PartialEq)]
 pub struct TapStatus {
     /// The first frame of the file; `None`: not begun.
-    pub first: Option<u64>,
+    pub first_frame: Option<u64>,
     /// Frames in the file so far.
     pub frames: u64,
     /// Silent frames among them, because the disk was too slow.
-    pub missing: u64,
+    pub missing_frames: u64,
     /// Whether the file is closed.
-    pub ended: bool,
+    pub has_ended: bool,
     /// Why it could not be written.
     pub error: Option<String>,
 }
@@ -73,25 +73,25 @@ pub struct TapStatus {
 ///
 /// # Errors
 /// [`AudioError::File`] if the file exists or cannot be created.
-pub(crate) fn open(path: &Path, rate: u32, channels: usize) -> Result<(Tap, TapHandle), AudioError> {
-    let mut recording = Recording::create(path, rate, channels)?;
-    let (to, mut consumer) = RingBuffer::new(RING_SECONDS * rate as usize * channels);
-    let shared = Arc::new(Shared {
+pub(crate) fn open(path: &Path, rate: u32, channels: usize) -> Result<(AudioTap, TapHandle), AudioError> {
+    let mut recording = WaveFileWriter::create(path, rate, channels)?;
+    let (producer, mut consumer) = RingBuffer::new(RING_SECONDS * rate as usize * channels);
+    let tap_state = Arc::new(TapState {
         has_begun: AtomicBool::new(false),
-        first: AtomicU64::new(0),
-        missing: AtomicU64::new(0),
-        written: AtomicU64::new(0),
-        ended: AtomicBool::new(false),
+        first_frame: AtomicU64::new(0),
+        missing_frames: AtomicU64::new(0),
+        written_frames: AtomicU64::new(0),
+        has_ended: AtomicBool::new(false),
         closing: AtomicBool::new(false),
         error: Mutex::new(None),
     });
-    let tap = Tap {
-        to,
-        shared: shared.clone(),
+    let tap = AudioTap {
+        producer,
+        tap_state: tap_state.clone(),
         channels,
         silence_samples: 0,
     };
-    let shared_state = shared.clone();
+    let shared_state = tap_state.clone();
     let thread = std::thread::Builder::new()
         .name("ergon recording of sound".into())
         .spawn(move || {
@@ -101,59 +101,66 @@ pub(crate) fn open(path: &Path, rate: u32, channels: usize) -> Result<(Tap, TapH
                     Some(recording.failure_sentence(&error));
                 // Keep the ring alive until the tap is dropped: the physics thread must not free memory.
                 while !shared_state.is_over(&consumer) {
-                    std::thread::sleep(POLL);
+                    std::thread::sleep(POLL_INTERVAL);
                 }
             }
-            shared_state.ended.store(true, Ordering::Release);
+            shared_state.has_ended.store(true, Ordering::Release);
         })
         .map_err(|error| AudioError::Broken(error.to_string()))?;
     let handle = TapHandle {
-        shared,
+        tap_state,
         thread: Some(thread),
     };
     Ok((tap, handle))
 }
 
-fn pump(recording: &mut Recording, from: &mut Consumer<f32>, channels: usize, shared: &Shared) -> std::io::Result<()> {
+fn pump(
+    recording: &mut WaveFileWriter,
+    consumer: &mut Consumer<f32>,
+    channels: usize,
+    tap_state: &TapState,
+) -> std::io::Result<()> {
     loop {
         // The end is read first, so that everything pushed before it is written.
-        let is_last = shared.is_over(from);
-        let sample_count = from.slots() / channels * channels;
+        let is_last = tap_state.is_over(consumer);
+        let sample_count = consumer.slots() / channels * channels;
         if sample_count == 0 {
             if is_last {
                 return Ok(());
             }
-            std::thread::sleep(POLL);
+            std::thread::sleep(POLL_INTERVAL);
             continue;
         }
-        let Ok(ring_chunk) = from.read_chunk(sample_count) else {
+        let Ok(ring_chunk) = consumer.read_chunk(sample_count) else {
             continue;
         };
         let (first_slice, second_slice) = ring_chunk.as_slices();
         recording.write(first_slice, first_slice.len() / channels)?;
         recording.write(second_slice, second_slice.len() / channels)?;
         ring_chunk.commit_all();
-        shared
-            .written
+        tap_state
+            .written_frames
             .fetch_add((sample_count / channels) as u64, Ordering::Relaxed);
     }
 }
 
-impl Tap {
+impl AudioTap {
     /// Write frames, the first of which is frame `frame` of the performance; zeros if `is_silent`.
     pub(crate) fn push(&mut self, frame: u64, samples: &[f32], is_silent: bool) {
         if samples.is_empty() {
             return;
         }
-        if !self.shared.has_begun.load(Ordering::Relaxed) {
-            self.shared.first.store(frame, Ordering::Relaxed);
-            self.shared.has_begun.store(true, Ordering::Release);
+        if !self.tap_state.has_begun.load(Ordering::Relaxed) {
+            self.tap_state.first_frame.store(frame, Ordering::Relaxed);
+            self.tap_state.has_begun.store(true, Ordering::Release);
         }
         let sample_count = self.silence_samples + samples.len();
-        let Ok(ring_chunk) = self.to.write_chunk_uninit(sample_count) else {
+        let Ok(ring_chunk) = self.producer.write_chunk_uninit(sample_count) else {
             self.silence_samples = sample_count;
             let missing_frames = (samples.len() / self.channels) as u64;
-            self.shared.missing.fetch_add(missing_frames, Ordering::Relaxed);
+            self.tap_state
+                .missing_frames
+                .fetch_add(missing_frames, Ordering::Relaxed);
             return;
         };
         let silence = std::iter::repeat_n(0.0, self.silence_samples);
@@ -166,14 +173,14 @@ impl Tap {
 impl TapHandle {
     /// The state now.
     pub fn status(&self) -> TapStatus {
-        let shared = &self.shared;
-        let has_begun = shared.has_begun.load(Ordering::Acquire);
+        let tap_state = &self.tap_state;
+        let has_begun = tap_state.has_begun.load(Ordering::Acquire);
         TapStatus {
-            first: has_begun.then(|| shared.first.load(Ordering::Relaxed)),
-            ended: shared.ended.load(Ordering::Acquire),
-            frames: shared.written.load(Ordering::Relaxed),
-            missing: shared.missing.load(Ordering::Relaxed),
-            error: shared.error.lock().unwrap_or_else(PoisonError::into_inner).clone(),
+            first_frame: has_begun.then(|| tap_state.first_frame.load(Ordering::Relaxed)),
+            has_ended: tap_state.has_ended.load(Ordering::Acquire),
+            frames: tap_state.written_frames.load(Ordering::Relaxed),
+            missing_frames: tap_state.missing_frames.load(Ordering::Relaxed),
+            error: tap_state.error.lock().unwrap_or_else(PoisonError::into_inner).clone(),
         }
     }
 }
@@ -181,7 +188,7 @@ impl TapHandle {
 impl Drop for TapHandle {
     /// Waits until the file is closed. The physics thread has ended before, so everything it pushed is written.
     fn drop(&mut self) {
-        self.shared.closing.store(true, Ordering::Release);
+        self.tap_state.closing.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -193,8 +200,8 @@ mod tests {
     use super::*;
 
     fn ended(handle: &TapHandle) -> TapStatus {
-        while !handle.status().ended {
-            std::thread::sleep(POLL);
+        while !handle.status().has_ended {
+            std::thread::sleep(POLL_INTERVAL);
         }
         handle.status()
     }
@@ -205,7 +212,7 @@ mod tests {
         std::fs::create_dir_all(&folder).expect("a folder");
         let wave_path = folder.join("a.wav");
         let (mut tap, handle) = open(&wave_path, 44_100, 2).expect("a tap");
-        assert_eq!(handle.status().first, None);
+        assert_eq!(handle.status().first_frame, None);
         for block in 0..100_u64 {
             let samples: Vec<f32> = (0..128).map(|i| (block * 128 + i) as f32).collect();
             tap.push(640 + block * 64, &samples, block == 99);
@@ -213,7 +220,7 @@ mod tests {
         drop(tap);
         let tap_status = ended(&handle);
         assert_eq!(
-            (tap_status.first, tap_status.frames, tap_status.missing),
+            (tap_status.first_frame, tap_status.frames, tap_status.missing_frames),
             (Some(640), 6400, 0)
         );
         let file_bytes = std::fs::read(&wave_path).expect("a file");
@@ -235,16 +242,16 @@ mod tests {
         let wave_path = folder.join("a.wav");
         let (small_producer, mut small_consumer) = RingBuffer::new(4);
         let (mut tap, handle) = open(&wave_path, 1000, 1).expect("a tap");
-        let real_producer = std::mem::replace(&mut tap.to, small_producer);
+        let real_producer = std::mem::replace(&mut tap.producer, small_producer);
         tap.push(0, &[1.0, 2.0, 3.0], false);
         tap.push(3, &[4.0, 5.0], false); // no room
-        assert_eq!(handle.status().missing, 2);
+        assert_eq!(handle.status().missing_frames, 2);
         let read_samples: Vec<f32> = small_consumer.read_chunk(3).expect("three").into_iter().collect();
         assert_eq!(read_samples, [1.0, 2.0, 3.0]);
         tap.push(5, &[6.0, 7.0], false);
         let read_samples: Vec<f32> = small_consumer.read_chunk(4).expect("four").into_iter().collect();
         assert_eq!(read_samples, [0.0, 0.0, 6.0, 7.0]);
-        tap.to = real_producer;
+        tap.producer = real_producer;
         drop(tap);
         ended(&handle);
         std::fs::remove_dir_all(&folder).expect("removed");

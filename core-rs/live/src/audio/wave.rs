@@ -5,8 +5,8 @@
 //! layout; it is written here because a performance records sound without Python.
 
 const RIFF_LIMIT: u64 = u32::MAX as u64;
-const DS64: usize = 28;
-const BEXT: usize = 602;
+const DS64_BYTES: usize = 28;
+const BEXT_BYTES: usize = 602;
 const GUID_TAIL: [u8; 14] = [0, 0, 0, 0, 0x10, 0, 0x80, 0, 0, 0xAA, 0, 0x38, 0x9B, 0x71];
 
 /// The bytes before the samples of a file of `frames`.
@@ -21,15 +21,15 @@ fn header_above(rate: u32, channels: usize, frames: u64, limit: u64) -> Vec<u8> 
     chunk(&mut chunk_bytes, b"fmt ", &format(rate, channels, frame_bytes));
     let fact_frames = u32::try_from(frames).unwrap_or(u32::MAX);
     chunk(&mut chunk_bytes, b"fact", &fact_frames.to_le_bytes());
-    chunk(&mut chunk_bytes, b"bext", &bext());
+    chunk(&mut chunk_bytes, b"bext", &broadcast_extension());
     // A frame of floats has an even number of bytes: no padding.
-    let riff_bytes = 4 + (8 + DS64 as u64) + chunk_bytes.len() as u64 + 8 + data_bytes;
+    let riff_bytes = 4 + (8 + DS64_BYTES as u64) + chunk_bytes.len() as u64 + 8 + data_bytes;
     let mut header_bytes = Vec::new();
     if riff_bytes <= limit {
         header_bytes.extend(b"RIFF");
         header_bytes.extend((riff_bytes as u32).to_le_bytes());
         header_bytes.extend(b"WAVE");
-        chunk(&mut header_bytes, b"JUNK", &[0; DS64]);
+        chunk(&mut header_bytes, b"JUNK", &[0; DS64_BYTES]);
         header_bytes.extend(chunk_bytes);
         header_bytes.extend(b"data");
         header_bytes.extend((data_bytes as u32).to_le_bytes());
@@ -47,10 +47,10 @@ fn header_above(rate: u32, channels: usize, frames: u64, limit: u64) -> Vec<u8> 
     header_bytes
 }
 
-fn chunk(to: &mut Vec<u8>, name: &[u8; 4], content: &[u8]) {
-    to.extend(name);
-    to.extend((content.len() as u32).to_le_bytes());
-    to.extend(content);
+fn chunk(out: &mut Vec<u8>, name: &[u8; 4], content: &[u8]) {
+    out.extend(name);
+    out.extend((content.len() as u32).to_le_bytes());
+    out.extend(content);
 }
 
 fn format(rate: u32, channels: usize, frame_bytes: u32) -> Vec<u8> {
@@ -75,8 +75,8 @@ fn format(rate: u32, channels: usize, frame_bytes: u32) -> Vec<u8> {
 }
 
 /// Broadcast data: the originator, and a fixed date, so that equal sounds give equal files.
-fn bext() -> Vec<u8> {
-    let mut bext_bytes = vec![0; BEXT];
+fn broadcast_extension() -> Vec<u8> {
+    let mut bext_bytes = vec![0; BEXT_BYTES];
     bext_bytes[256..261].copy_from_slice(b"ergon");
     bext_bytes[320..330].copy_from_slice(b"1970-01-01");
     bext_bytes[330..338].copy_from_slice(b"00:00:00");

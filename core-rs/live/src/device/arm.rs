@@ -3,24 +3,26 @@
 
 use std::time::Instant;
 
-use super::{Device, DeviceError, Gone, LastResort, MAX_AXES, Sample, Spec, Stats, Unit, Url};
+use super::{
+    Device, DeviceError, DeviceLoss, DeviceSample, DeviceSpec, DeviceUrl, MAX_AXES, Unit, WireStats, ZeroForcePacket,
+};
 use crate::safety::SafeForce;
 
 /// Longest arm [m]; with it a torque in N·m is not greater than the force in N.
-const ARM_MAX: f64 = 1.0;
+const ARM_LENGTH_MAX: f64 = 1.0;
 
 /// A device of rotary axes with an arm on each.
-struct Arm {
+struct LeverDevice {
     device: Box<dyn Device>,
     length: f64,
-    spec: Spec,
+    spec: DeviceSpec,
 }
 
 /// The device, with the arm that its address names.
 ///
 /// # Errors
 /// [`DeviceError`] for an arm on an axis that does not rotate, or one that is impossible.
-pub(super) fn with_arm(device: Box<dyn Device>, url: &Url) -> Result<Box<dyn Device>, DeviceError> {
+pub(super) fn with_arm(device: Box<dyn Device>, url: &DeviceUrl) -> Result<Box<dyn Device>, DeviceError> {
     if url.text("arm").is_none() {
         return Ok(device);
     }
@@ -28,16 +30,18 @@ pub(super) fn with_arm(device: Box<dyn Device>, url: &Url) -> Result<Box<dyn Dev
     if device.spec().unit != Unit::Radian {
         return Err(url.cannot("its axes do not rotate, so they have no arm; leave ?arm out"));
     }
-    if arm_length <= 0.0 || arm_length > ARM_MAX {
-        return Err(url.closed(format!("arm must be above 0 and at most {ARM_MAX} m, not {arm_length}")));
+    if arm_length <= 0.0 || arm_length > ARM_LENGTH_MAX {
+        return Err(url.closed(format!(
+            "arm must be above 0 and at most {ARM_LENGTH_MAX} m, not {arm_length}"
+        )));
     }
-    Ok(Box::new(Arm::new(device, arm_length)))
+    Ok(Box::new(LeverDevice::new(device, arm_length)))
 }
 
-impl Arm {
+impl LeverDevice {
     fn new(device: Box<dyn Device>, length: f64) -> Self {
         let axis_spec = device.spec();
-        let spec = Spec {
+        let spec = DeviceSpec {
             unit: Unit::Metre,
             pos_lsb: axis_spec.pos_lsb * length,
             pos_range: axis_spec.pos_range.map(|angle| angle * length),
@@ -57,8 +61,8 @@ impl Arm {
     }
 }
 
-impl Device for Arm {
-    fn spec(&self) -> &Spec {
+impl Device for LeverDevice {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
 
@@ -66,12 +70,12 @@ impl Device for Arm {
         self.device.range(axis).map(|angle| angle * self.length)
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         let torque = self.torque(force);
         self.device.send(&torque)
     }
 
-    fn switch_off(&mut self) -> Result<(), Gone> {
+    fn switch_off(&mut self) -> Result<(), DeviceLoss> {
         self.device.switch_off()
     }
 
@@ -80,9 +84,9 @@ impl Device for Arm {
         torques.map(|torque| torque / self.length)
     }
 
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        let is_fresh = self.device.receive(into, deadline)?;
-        for position in &mut into.position {
+    fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
+        let is_fresh = self.device.receive(sample, deadline)?;
+        for position in &mut sample.position {
             *position *= self.length;
         }
         Ok(is_fresh)
@@ -96,11 +100,11 @@ impl Device for Arm {
         self.device.zero();
     }
 
-    fn stats(&self) -> Stats {
+    fn stats(&self) -> WireStats {
         self.device.stats()
     }
 
-    fn last_resort(&self) -> Option<LastResort> {
-        self.device.last_resort()
+    fn zero_force_packet(&self) -> Option<ZeroForcePacket> {
+        self.device.zero_force_packet()
     }
 }

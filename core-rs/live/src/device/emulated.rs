@@ -2,21 +2,23 @@
 
 use std::time::{Duration, Instant};
 
-use super::{Device, DeviceError, Gone, InProcess, Kind, Sample, Spec, Stats, Unit, Url};
+use super::{
+    Device, DeviceError, DeviceKind, DeviceLoss, DeviceSample, DeviceSpec, DeviceUrl, InProcessPort, Unit, WireStats,
+};
 use crate::device::MAX_AXES;
-use crate::emulate::{Firmware, Hand, Key, Keys, Options};
+use crate::emulate::{EmulatedHand, EmulatedKeys, EmulationOptions, Firmware, KeyConstants};
 use crate::safety::SafeForce;
 
 /// Rate of a tick of 44 samples at 44.1 kHz [Hz].
-const RATE: f64 = 44_100.0 / 44.0;
+const KEY_RATE: f64 = 44_100.0 / 44.0;
 /// Greatest force [N].
 const FORCE_MAX: f64 = 20.0;
 
 /// What keys without a wire are capable of: exact positions and forces, at `rate` ticks a second [Hz], of a key of a
 /// mass
 /// [kg] and a damping [N·s/m].
-pub(super) fn exact_spec((dof, rate): (usize, f64), pos_range: [f64; 2], (mass, damping): (f64, f64)) -> Spec {
-    Spec {
+pub(super) fn exact_spec((dof, rate): (usize, f64), pos_range: [f64; 2], (mass, damping): (f64, f64)) -> DeviceSpec {
+    DeviceSpec {
         dof,
         unit: Unit::Metre,
         pos_lsb: 0.0,
@@ -30,47 +32,47 @@ pub(super) fn exact_spec((dof, rate): (usize, f64), pos_range: [f64; 2], (mass, 
         damping: Some(damping),
         touch_gated: false,
         can_lockstep: true,
-        can_wide: true,
+        can_send_wide: true,
     }
 }
 
 /// Keys that advance by one step for every force sent.
-pub struct Emulated {
-    keys: Keys,
-    spec: Spec,
-    stats: Stats,
-    answered: bool,
+pub struct EmulatedDevice {
+    keys: EmulatedKeys,
+    spec: DeviceSpec,
+    stats: WireStats,
+    has_answered: bool,
 }
 
-impl Emulated {
-    pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
-        let default_key = Key::default();
-        let key_model = Key {
+impl EmulatedDevice {
+    pub(super) fn open(url: &DeviceUrl) -> Result<Self, DeviceError> {
+        let default_key = KeyConstants::default();
+        let key_model = KeyConstants {
             mass: url.number("mass", default_key.mass)?,
             stiffness: url.number("stiffness", default_key.stiffness)?,
             damping: url.number("damping", default_key.damping)?,
             ..default_key
         };
-        let (axis_count, key_rate) = (url.number("axes", 1.0)? as usize, url.number("rate", RATE)?);
-        let resting_hands = vec![Hand::Resting; axis_count.min(MAX_AXES)];
+        let (axis_count, key_rate) = (url.number("axes", 1.0)? as usize, url.number("rate", KEY_RATE)?);
+        let resting_hands = vec![EmulatedHand::Resting; axis_count.min(MAX_AXES)];
         let emulated_keys =
-            Keys::new(axis_count, key_model, key_rate, resting_hands).map_err(|error| url.closed(error))?;
+            EmulatedKeys::new(axis_count, key_model, key_rate, resting_hands).map_err(|error| url.closed(error))?;
         Ok(Self::new(emulated_keys, key_model))
     }
 
     /// Keys with the hands that are on them.
-    pub fn new(keys: Keys, key: Key) -> Self {
+    pub fn new(keys: EmulatedKeys, key: KeyConstants) -> Self {
         let spec = exact_spec((keys.n(), keys.rate().hertz()), key.range, (key.mass, key.damping));
         Self {
             keys,
             spec,
-            stats: Stats::default(),
-            answered: false,
+            stats: WireStats::default(),
+            has_answered: false,
         }
     }
 
     /// The keys.
-    pub fn keys(&self) -> &Keys {
+    pub fn keys(&self) -> &EmulatedKeys {
         &self.keys
     }
 }
@@ -79,12 +81,12 @@ impl Emulated {
 ///
 /// # Errors
 /// [`DeviceError`] if the options are impossible, or if this kind cannot be emulated inside the process.
-pub fn open_board(options: &Options) -> Result<Box<dyn Device>, DeviceError> {
-    let device_kind = Kind::from(options.board.protocol);
-    let board_url = Url::in_process(device_kind);
+pub fn open_board(options: &EmulationOptions) -> Result<Box<dyn Device>, DeviceError> {
+    let device_kind = DeviceKind::from(options.board.protocol);
+    let board_url = DeviceUrl::in_process(device_kind);
     let firmware = options.firmware().map_err(|error| board_url.closed(error))?;
-    let local_board = BoardHere {
-        periods: options
+    let local_board = InProcessBoard {
+        periods_left: options
             .seconds
             .map(|seconds| (seconds * firmware.keys().rate().hertz()) as u64),
         firmware,
@@ -94,61 +96,61 @@ pub fn open_board(options: &Options) -> Result<Box<dyn Device>, DeviceError> {
 }
 
 /// An emulated board, and its replies that were not read yet.
-struct BoardHere {
+struct InProcessBoard {
     firmware: Firmware,
     /// Number of periods after which the board is gone.
-    periods: Option<u64>,
+    periods_left: Option<u64>,
     replies: Vec<u8>,
 }
 
-impl InProcess for BoardHere {
-    fn write(&mut self, packet: &[u8]) -> Result<(), Gone> {
+impl InProcessPort for InProcessBoard {
+    fn write(&mut self, packet: &[u8]) -> Result<(), DeviceLoss> {
         if self
-            .periods
+            .periods_left
             .is_some_and(|periods| self.firmware.keys().periods() >= periods)
         {
-            return Err(Gone::Closed);
+            return Err(DeviceLoss::Closed);
         }
         let Self { firmware, replies, .. } = self;
         firmware.receive(packet, Duration::ZERO, &mut |reply| replies.extend(reply));
         Ok(())
     }
 
-    fn read(&mut self, into: &mut [u8]) -> Result<usize, Gone> {
-        let byte_count = self.replies.len().min(into.len());
-        into[..byte_count].copy_from_slice(&self.replies[..byte_count]);
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, DeviceLoss> {
+        let byte_count = self.replies.len().min(buffer.len());
+        buffer[..byte_count].copy_from_slice(&self.replies[..byte_count]);
         self.replies.drain(..byte_count);
         Ok(byte_count)
     }
 }
 
-impl Device for Emulated {
-    fn spec(&self) -> &Spec {
+impl Device for EmulatedDevice {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         let mut forces = [0.0; MAX_AXES];
         forces[..force.newtons().len()].copy_from_slice(force.newtons());
         self.keys.step(&forces);
         self.stats.packets_sent += 1;
-        self.answered = false;
+        self.has_answered = false;
         Ok(())
     }
 
-    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
-        into.fresh = !self.answered;
-        self.stats.replies_received += u64::from(into.fresh);
-        self.answered = true;
-        into.position = *self.keys.positions();
+    fn receive(&mut self, sample: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
+        sample.is_fresh = !self.has_answered;
+        self.stats.replies_received += u64::from(sample.is_fresh);
+        self.has_answered = true;
+        sample.position = *self.keys.positions();
         for axis in 0..self.keys.n() {
-            into.touch[axis] = self.keys.touched(axis);
-            into.force_enabled[axis] = true;
+            sample.is_touched[axis] = self.keys.touched(axis);
+            sample.force_enabled[axis] = true;
         }
-        (into.hot, into.let_go) = (false, false);
-        into.seq = self.keys.periods() as u32;
-        into.t_dev_us = Some(self.keys.t_us());
-        Ok(into.fresh)
+        (sample.is_hot, sample.let_go) = (false, false);
+        sample.seq = self.keys.periods() as u32;
+        sample.t_dev_us = Some(self.keys.t_us());
+        Ok(sample.is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {
@@ -158,7 +160,7 @@ impl Device for Emulated {
     /// The keys advance only when a force is sent, so there is no force to end.
     fn zero(&mut self) {}
 
-    fn stats(&self) -> Stats {
+    fn stats(&self) -> WireStats {
         self.stats
     }
 }

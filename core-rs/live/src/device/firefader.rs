@@ -5,34 +5,34 @@ use std::time::Instant;
 use super::port::Port;
 use super::wait_canceller::next_check;
 use super::{
-    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec, Stats,
-    Unit, Url, WaitCanceller,
+    Device, DeviceError, DeviceLoss, DeviceSample, DeviceSpec, DeviceUrl, FIRST_REPLY_TIMEOUT, LOCKSTEP_TIMEOUT,
+    MAX_AXES, REQUEST_RETRY_INTERVAL, Unit, WaitCanceller, WireStats, ZeroForcePacket,
 };
 use crate::safety::SafeForce;
-use crate::wire::{Inbox, firefader as wire};
+use crate::wire::{PacketBuffer, firefader as wire};
 
 /// Only boards with an FTDI chip use the baud rate.
-const BAUD: u32 = 57_600;
+const BAUD_RATE: u32 = 57_600;
 
 pub(super) struct FireFader {
     port: Port,
-    spec: Spec,
+    spec: DeviceSpec,
     lockstep: bool,
     canceller: WaitCanceller,
-    inbox: Inbox<64>,
-    last_reply: Option<wire::Reply>,
+    inbox: PacketBuffer<64>,
+    last_reply: Option<wire::FaderReply>,
     /// Number of replies still to come, and when the latest request was sent.
     n_outstanding: u32,
     sent_at: Instant,
     seq: u32,
-    stats: Stats,
+    stats: WireStats,
     /// Whether the first position has not yet been returned by `receive`.
     has_new_position: bool,
 }
 
 /// The published data of the board; its mass and friction must be measured (metrology).
-fn spec() -> Spec {
-    Spec {
+fn spec() -> DeviceSpec {
+    DeviceSpec {
         dof: 2,
         unit: Unit::Metre,
         pos_lsb: wire::POS_LSB,
@@ -49,35 +49,35 @@ fn spec() -> Spec {
         damping: None,
         touch_gated: true,
         can_lockstep: true,
-        can_wide: false,
+        can_send_wide: false,
     }
 }
 
 impl FireFader {
-    pub(super) fn open(url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
+    pub(super) fn open(url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         if url.wide {
             return Err(url.cannot("the option wide is only for the open frame"));
         }
-        let baud_rate = url.number("baud", f64::from(BAUD))? as u32;
+        let baud_rate = url.number("baud", f64::from(BAUD_RATE))? as u32;
         Self::on_port(Port::serial(url, baud_rate)?, url, canceller)
     }
 
     /// The driver on an open port.
-    pub(super) fn on_port(port: Port, url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
+    pub(super) fn on_port(port: Port, url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         let mut new_fader = Self {
             port,
             spec: spec(),
             lockstep: url.lockstep,
             canceller: canceller.clone(),
-            inbox: Inbox::new_bytes(),
+            inbox: PacketBuffer::new_bytes(),
             last_reply: None,
             n_outstanding: 0,
             sent_at: Instant::now(),
             seq: 0,
-            stats: Stats::default(),
+            stats: WireStats::default(),
             has_new_position: true,
         };
-        new_fader.connect().map_err(|gone| url.closed(gone))?;
+        new_fader.connect().map_err(|loss| url.closed(loss))?;
         if new_fader.last_reply.is_none() {
             return Err(url.no_answer("FireFader"));
         }
@@ -86,16 +86,20 @@ impl FireFader {
 
     /// Send requests until the board answers, because opening the port restarts some boards; then read all outstanding
     /// replies.
-    fn connect(&mut self) -> Result<(), Gone> {
-        let patience = Instant::now() + FIRST_REPLY;
+    fn connect(&mut self) -> Result<(), DeviceLoss> {
+        let deadline = Instant::now() + FIRST_REPLY_TIMEOUT;
         // In lockstep every packet advances the device by one period, so it is sent only once, even if the reply is
         // late.
-        let retry_after = if self.lockstep { FIRST_REPLY } else { ASK_AGAIN };
-        while self.last_reply.is_none() && self.canceller.may_wait(patience) {
+        let retry_after = if self.lockstep {
+            FIRST_REPLY_TIMEOUT
+        } else {
+            REQUEST_RETRY_INTERVAL
+        };
+        while self.last_reply.is_none() && self.canceller.may_wait(deadline) {
             self.write_request([0.0; 2])?;
             self.read_replies(Instant::now() + retry_after)?;
         }
-        let quiet_until = Instant::now() + ASK_AGAIN;
+        let quiet_until = Instant::now() + REQUEST_RETRY_INTERVAL;
         while self.n_outstanding > 0 && Instant::now() < quiet_until {
             self.read_replies(quiet_until)?;
         }
@@ -103,7 +107,7 @@ impl FireFader {
         Ok(())
     }
 
-    fn write_request(&mut self, force: [f64; 2]) -> Result<(), Gone> {
+    fn write_request(&mut self, force: [f64; 2]) -> Result<(), DeviceLoss> {
         self.port.write(&wire::request(force))?;
         self.n_outstanding = self.n_outstanding.saturating_add(1);
         self.sent_at = Instant::now();
@@ -112,7 +116,7 @@ impl FireFader {
     }
 
     /// Read all replies that are there, or wait for the first one until the deadline.
-    fn read_replies(&mut self, deadline: Instant) -> Result<bool, Gone> {
+    fn read_replies(&mut self, deadline: Instant) -> Result<bool, DeviceLoss> {
         let (mut read_bytes, mut is_fresh) = ([0; 64], false);
         loop {
             let wait_until = if is_fresh { self.sent_at } else { deadline };
@@ -121,11 +125,12 @@ impl FireFader {
                 return Ok(is_fresh);
             }
             let (mut reply_count, last_reply) = (0_u32, &mut self.last_reply);
-            self.inbox.feed(&read_bytes[..byte_count], wire::parse_reply, |reply| {
-                (*last_reply, reply_count) = (Some(reply), reply_count + 1);
-            });
+            self.inbox
+                .add_bytes(&read_bytes[..byte_count], wire::parse_reply, |reply| {
+                    (*last_reply, reply_count) = (Some(reply), reply_count + 1);
+                });
             self.seq = self.seq.wrapping_add(reply_count);
-            self.stats.garbage_bytes = self.inbox.garbage;
+            self.stats.garbage_bytes = self.inbox.garbage_bytes;
             self.stats.replies_received += u64::from(reply_count);
             self.n_outstanding = self.n_outstanding.saturating_sub(reply_count);
             is_fresh |= reply_count > 0;
@@ -138,11 +143,11 @@ impl FireFader {
 }
 
 impl Device for FireFader {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
         if self.n_outstanding > 1 {
             // The firmware answers only the newest of the requests that it finds.
@@ -159,12 +164,14 @@ impl Device for FireFader {
         wire_force
     }
 
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        into.fresh = if self.lockstep && self.n_outstanding > 0 {
-            let patience = Instant::now() + LOCKSTEP_PATIENCE;
+    fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
+        sample.is_fresh = if self.lockstep && self.n_outstanding > 0 {
+            let deadline_in_lockstep = Instant::now() + LOCKSTEP_TIMEOUT;
             while self.n_outstanding > 0 {
-                if !self.read_replies(next_check(patience))? && !self.canceller.may_wait(patience) {
-                    return Err(Gone::Silent);
+                if !self.read_replies(next_check(deadline_in_lockstep))?
+                    && !self.canceller.may_wait(deadline_in_lockstep)
+                {
+                    return Err(DeviceLoss::Silent);
                 }
             }
             true
@@ -176,16 +183,16 @@ impl Device for FireFader {
         self.has_new_position = false;
         if let Some(reply) = self.last_reply {
             for axis in 0..2 {
-                into.position[axis] = reply.metres(axis);
-                into.touch[axis] = reply.cap[axis] > wire::CAP_TOUCHED;
+                sample.position[axis] = reply.metres(axis);
+                sample.is_touched[axis] = reply.capacitance[axis] > wire::CAP_TOUCHED;
                 // The firmware's own gate is not reported; a finger on the key, within the range, opens it.
                 let within_range = (5..251).contains(&reply.position[axis]);
-                into.force_enabled[axis] = into.touch[axis] && within_range;
+                sample.force_enabled[axis] = sample.is_touched[axis] && within_range;
             }
         }
-        (into.hot, into.let_go) = (false, false); // the board does not report these
-        into.seq = self.seq;
-        Ok(into.fresh)
+        (sample.is_hot, sample.let_go) = (false, false); // the board does not report these
+        sample.seq = self.seq;
+        Ok(sample.is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {
@@ -196,11 +203,14 @@ impl Device for FireFader {
         let _ = self.write_request([0.0; 2]);
     }
 
-    fn stats(&self) -> Stats {
+    fn stats(&self) -> WireStats {
         self.stats
     }
 
-    fn last_resort(&self) -> Option<LastResort> {
-        Some(LastResort::new(self.port.raw_descriptor(), &wire::request([0.0; 2])))
+    fn zero_force_packet(&self) -> Option<ZeroForcePacket> {
+        Some(ZeroForcePacket::new(
+            self.port.raw_descriptor(),
+            &wire::request([0.0; 2]),
+        ))
     }
 }

@@ -5,58 +5,58 @@ use std::time::{Duration, Instant};
 use super::port::Port;
 use super::wait_canceller::next_check;
 use super::{
-    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec,
-    Stats, Unit, Url, WaitCanceller,
+    Device, DeviceError, DeviceKind, DeviceLoss, DeviceSample, DeviceSpec, DeviceUrl, FIRST_REPLY_TIMEOUT,
+    LOCKSTEP_TIMEOUT, MAX_AXES, REQUEST_RETRY_INTERVAL, Unit, WaitCanceller, WireStats, ZeroForcePacket,
 };
 use crate::safety::SafeForce;
-use crate::safety::contract::{Drift, SentRequests};
-use crate::wire::Inbox;
+use crate::safety::contract::{ClockDrift, SentRequests};
+use crate::wire::PacketBuffer;
 use crate::wire::frame::{self as wire, flag, status, trait_flag};
 
 /// Longest wait for a reply in lockstep [s].
-const LONGEST_PATIENCE: f64 = 3600.0;
+const LOCKSTEP_TIMEOUT_MAX: f64 = 3600.0;
 /// Boards on USB ignore the baud rate.
-const BAUD: u32 = 1_000_000;
+const BAUD_RATE: u32 = 1_000_000;
 
-pub(super) struct Frame {
+pub(super) struct OpenFrameDevice {
     port: Port,
-    spec: Spec,
+    spec: DeviceSpec,
     lockstep: bool,
     /// Longest wait for a reply in lockstep.
-    patience: Duration,
+    lockstep_timeout: Duration,
     canceller: WaitCanceller,
     wide: bool,
-    inbox: Inbox<512>,
-    sent: SentRequests,
-    last: Option<wire::Reply>,
+    inbox: PacketBuffer<512>,
+    sent_requests: SentRequests,
+    last_reply: Option<wire::FrameReply>,
     /// Number of the latest request.
-    latest: u16,
-    drift: Drift,
-    stats: Stats,
+    last_request: u16,
+    drift: ClockDrift,
+    stats: WireStats,
     /// Whether any reply since the last `receive`, not only the newest, said that the board let go.
     let_go: bool,
     /// Whether the first position has not yet been returned by `receive`.
-    new: bool,
+    has_new_position: bool,
 }
 
 /// Greatest travel that a key can have [m] or [rad]: more means another unit, or nonsense.
 const TRAVEL_MAX: f64 = 10.0;
 
 /// The numbers that a device reports about itself: name, unit, and whether zero (unknown) is allowed.
-const NUMBERS: [(&str, &str, Allowed); 8] = [
-    ("continuous force", "N", Allowed::ZeroOrMore),
-    ("greatest force", "N", Allowed::AboveZero),
-    ("step of the position", "m", Allowed::ZeroOrMore),
-    ("least position", "m", Allowed::Finite),
-    ("greatest position", "m", Allowed::Finite),
-    ("rate", "Hz", Allowed::ZeroOrMore),
-    ("mass", "kg", Allowed::ZeroOrMore),
-    ("friction", "N·s/m", Allowed::ZeroOrMore),
+const REPORTED_NUMBERS: [(&str, &str, AllowedRange); 8] = [
+    ("continuous force", "N", AllowedRange::ZeroOrMore),
+    ("greatest force", "N", AllowedRange::AboveZero),
+    ("step of the position", "m", AllowedRange::ZeroOrMore),
+    ("least position", "m", AllowedRange::Finite),
+    ("greatest position", "m", AllowedRange::Finite),
+    ("rate", "Hz", AllowedRange::ZeroOrMore),
+    ("mass", "kg", AllowedRange::ZeroOrMore),
+    ("friction", "N·s/m", AllowedRange::ZeroOrMore),
 ];
 
 /// The values that a number may have.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Allowed {
+enum AllowedRange {
     Finite,
     ZeroOrMore,
     AboveZero,
@@ -66,13 +66,13 @@ enum Allowed {
 ///
 /// # Errors
 /// A sentence that names the first number that is impossible.
-fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
+fn spec(info: &wire::DeviceInfo) -> Result<DeviceSpec, String> {
     let numbers = info.spec_numbers.map(f64::from);
-    for (&number, (name, unit, allowed)) in numbers.iter().zip(NUMBERS) {
+    for (&number, (name, unit, allowed)) in numbers.iter().zip(REPORTED_NUMBERS) {
         let broken_rule = match allowed {
             _ if !number.is_finite() => "it has to be a finite number",
-            Allowed::AboveZero if number <= 0.0 => "it has to be above zero",
-            Allowed::ZeroOrMore if number < 0.0 => "it has to be above zero, or zero if it is not known",
+            AllowedRange::AboveZero if number <= 0.0 => "it has to be above zero",
+            AllowedRange::ZeroOrMore if number < 0.0 => "it has to be above zero, or zero if it is not known",
             _ => continue,
         };
         return Err(format!(
@@ -96,7 +96,7 @@ fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
         ));
     }
     let reported = |number: f64| (number > 0.0).then_some(number);
-    Ok(Spec {
+    Ok(DeviceSpec {
         dof: info.axis_count,
         unit: if info.trait_flags & trait_flag::RADIANS == 0 {
             Unit::Metre
@@ -114,88 +114,88 @@ fn spec(info: &wire::DeviceInfo) -> Result<Spec, String> {
         damping: reported(damping),
         touch_gated: info.trait_flags & trait_flag::TOUCH_GATED != 0,
         can_lockstep: info.trait_flags & trait_flag::LOCKSTEP != 0,
-        can_wide: info.trait_flags & trait_flag::WIDE != 0,
+        can_send_wide: info.trait_flags & trait_flag::WIDE != 0,
     })
 }
 
-impl Frame {
-    pub(super) fn open(url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
+impl OpenFrameDevice {
+    pub(super) fn open(url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         let device_port = match url.kind {
-            Kind::FrameUdp => Port::udp(url)?,
-            _ => Port::serial(url, url.number("baud", f64::from(BAUD))? as u32)?,
+            DeviceKind::FrameUdp => Port::udp(url)?,
+            _ => Port::serial(url, url.number("baud", f64::from(BAUD_RATE))? as u32)?,
         };
         Self::on_port(device_port, url, canceller)
     }
 
     /// The driver on an open port.
-    pub(super) fn on_port(mut port: Port, url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
-        let device_info = request_info(&mut port, first_reply(url)?, canceller).map_err(|gone| url.closed(gone))?;
+    pub(super) fn on_port(mut port: Port, url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
+        let device_info = request_info(&mut port, first_reply(url)?, canceller).map_err(|loss| url.closed(loss))?;
         let device_info = device_info.ok_or_else(|| url.no_answer("device of the open frame"))?;
         let spec = spec(&device_info).map_err(|reason| url.impossible(reason))?;
         if url.lockstep && !spec.can_lockstep {
             return Err(url.cannot("a real device runs by its own clock; lockstep is only for emulators"));
         }
-        if url.wide && !spec.can_wide {
+        if url.wide && !spec.can_send_wide {
             return Err(url.cannot("the device sends integers only and does not support the option wide"));
         }
-        let patience = patience(url)?;
+        let patience = lockstep_timeout(url)?;
         let mut new_frame = Self {
             port,
             spec,
             lockstep: url.lockstep,
-            patience,
+            lockstep_timeout: patience,
             canceller: canceller.clone(),
             wide: url.wide,
-            inbox: Inbox::new_bytes(),
-            sent: SentRequests::default(),
-            last: None,
-            latest: 0,
-            drift: Drift::default(),
-            stats: Stats::default(),
+            inbox: PacketBuffer::new_bytes(),
+            sent_requests: SentRequests::default(),
+            last_reply: None,
+            last_request: 0,
+            drift: ClockDrift::default(),
+            stats: WireStats::default(),
             let_go: false,
-            new: true,
+            has_new_position: true,
         };
         // Read the position before the first force is sent: X(0).
         let patience = Instant::now() + first_reply(url)?;
-        while new_frame.last.is_none() && canceller.may_wait(patience) {
+        while new_frame.last_reply.is_none() && canceller.may_wait(patience) {
             new_frame
-                .put([0.0; MAX_AXES], flag::REQUEST)
-                .and_then(|()| new_frame.take(Instant::now() + ASK_AGAIN))
+                .write_request([0.0; MAX_AXES], flag::REQUEST)
+                .and_then(|()| new_frame.read_replies(Instant::now() + REQUEST_RETRY_INTERVAL))
                 .map_err(|gone| url.closed(gone))?;
         }
-        match new_frame.last {
+        match new_frame.last_reply {
             Some(_) => Ok(new_frame),
             None => Err(url.no_answer("device of the open frame")),
         }
     }
 
-    fn put(&mut self, force: [f64; MAX_AXES], flags: u8) -> Result<(), Gone> {
+    fn write_request(&mut self, force: [f64; MAX_AXES], flags: u8) -> Result<(), DeviceLoss> {
         let send_instant = Instant::now();
-        self.latest = self.sent.number_request(send_instant, &mut self.stats);
-        let (packet_bytes, packet_length) = self.packet(self.latest, force, flags);
+        self.last_request = self.sent_requests.number_request(send_instant, &mut self.stats);
+        let (packet_bytes, packet_length) = self.packet(self.last_request, force, flags);
         self.port.write(&packet_bytes[..packet_length])
     }
 
-    fn packet(&self, seq: u16, force: [f64; MAX_AXES], flags: u8) -> ([u8; wire::LONGEST], usize) {
-        let request = wire::Request {
+    fn packet(&self, seq: u16, force: [f64; MAX_AXES], flags: u8) -> ([u8; wire::FRAME_BYTES_MAX], usize) {
+        let request = wire::FrameRequest {
             seq,
             axis_count: self.spec.dof,
             wide: self.wide,
             flags,
             force,
         };
-        let mut packet_bytes = [0; wire::LONGEST];
+        let mut packet_bytes = [0; wire::FRAME_BYTES_MAX];
         let packet_length = request.write(self.spec.force_max_peak, &mut packet_bytes);
         (packet_bytes, packet_length)
     }
 
     /// Read all replies that are there, or wait for the first one until the deadline. Replies out of order are skipped:
     /// a datagram may overtake another.
-    fn take(&mut self, deadline: Instant) -> Result<bool, Gone> {
+    fn read_replies(&mut self, deadline: Instant) -> Result<bool, DeviceLoss> {
         let (mut read_bytes, mut is_fresh) = ([0; 512], false);
         loop {
             if self.port.was_refused() && self.lockstep {
-                return Err(Gone::Silent); // in lockstep a refused datagram means that the device is gone
+                return Err(DeviceLoss::Silent); // in lockstep a refused datagram means that the device is gone
             }
             let wait_until = if is_fresh { Instant::now() } else { deadline };
             let byte_count = self.port.read(&mut read_bytes, wait_until)?;
@@ -208,18 +208,18 @@ impl Frame {
             }
             let Self {
                 inbox,
-                sent,
-                last,
+                sent_requests: sent_instant,
+                last_reply: last,
                 drift,
                 stats,
                 spec,
                 let_go,
                 ..
             } = self;
-            inbox.feed(&read_bytes[..byte_count], wire::Reply::parse, |reply| {
-                let is_newer = |last: &wire::Reply| reply.seq.wrapping_sub(last.seq) < 0x8000;
+            inbox.add_bytes(&read_bytes[..byte_count], wire::FrameReply::parse, |reply| {
+                let is_newer = |last: &wire::FrameReply| reply.seq.wrapping_sub(last.seq) < 0x8000;
                 if reply.axis_count == spec.dof
-                    && sent.note_reply(reply.seq, read_instant, stats)
+                    && sent_instant.note_reply(reply.seq, read_instant, stats)
                     && last.as_ref().is_none_or(is_newer)
                 {
                     stats.drift_ppm = drift.add(read_instant, reply.t_us).or(stats.drift_ppm);
@@ -227,11 +227,11 @@ impl Frame {
                     (*last, is_fresh) = (Some(reply), true);
                 }
             });
-            stats.garbage_bytes = inbox.garbage;
-            if self.sent.is_shared() {
-                return Err(Gone::Shared);
+            stats.garbage_bytes = inbox.garbage_bytes;
+            if self.sent_requests.is_shared() {
+                return Err(DeviceLoss::Shared);
             }
-            if is_fresh && last.as_ref().is_some_and(|last| last.seq == self.latest) {
+            if is_fresh && last.as_ref().is_some_and(|last| last.seq == self.last_request) {
                 return Ok(true);
             }
         }
@@ -239,15 +239,19 @@ impl Frame {
 }
 
 /// Longest wait for a reply in lockstep.
-fn patience(url: &Url) -> Result<Duration, DeviceError> {
-    let patience = url.number("patience", LOCKSTEP_PATIENCE.as_secs_f64())?;
-    Ok(Duration::from_secs_f64(patience.clamp(0.0, LONGEST_PATIENCE)))
+fn lockstep_timeout(url: &DeviceUrl) -> Result<Duration, DeviceError> {
+    let patience = url.number("patience", LOCKSTEP_TIMEOUT.as_secs_f64())?;
+    Ok(Duration::from_secs_f64(patience.clamp(0.0, LOCKSTEP_TIMEOUT_MAX)))
 }
 
 /// Longest wait for the first reply.
-fn first_reply(url: &Url) -> Result<Duration, DeviceError> {
-    let reply_limit = if url.lockstep { patience(url)? } else { Duration::ZERO };
-    Ok(reply_limit.max(FIRST_REPLY))
+fn first_reply(url: &DeviceUrl) -> Result<Duration, DeviceError> {
+    let reply_limit = if url.lockstep {
+        lockstep_timeout(url)?
+    } else {
+        Duration::ZERO
+    };
+    Ok(reply_limit.max(FIRST_REPLY_TIMEOUT))
 }
 
 /// Ask for the device's information until it answers; `None` if it does not.
@@ -255,23 +259,23 @@ fn request_info(
     port: &mut Port,
     patience: Duration,
     canceller: &WaitCanceller,
-) -> Result<Option<wire::DeviceInfo>, Gone> {
+) -> Result<Option<wire::DeviceInfo>, DeviceLoss> {
     let patience = Instant::now() + patience;
-    let mut inbox = Inbox::<512>::new_bytes();
-    let (mut read_bytes, mut packet_bytes, mut device_info) = ([0; 512], [0; wire::LONGEST], None);
+    let mut inbox = PacketBuffer::<512>::new_bytes();
+    let (mut read_bytes, mut packet_bytes, mut device_info) = ([0; 512], [0; wire::FRAME_BYTES_MAX], None);
     let mut seq = 0;
     while device_info.is_none() && canceller.may_wait(patience) {
-        let request = wire::Request {
+        let request = wire::FrameRequest {
             seq,
-            ..wire::Request::default()
+            ..wire::FrameRequest::default()
         };
         let packet_length = request.write(1.0, &mut packet_bytes);
         port.write(&packet_bytes[..packet_length])?;
         seq = seq.wrapping_add(1);
-        let retry_instant = Instant::now() + ASK_AGAIN;
+        let retry_instant = Instant::now() + REQUEST_RETRY_INTERVAL;
         while device_info.is_none() && Instant::now() < retry_instant {
             let byte_count = port.read(&mut read_bytes, retry_instant)?;
-            inbox.feed(&read_bytes[..byte_count], wire::DeviceInfo::parse, |parsed_info| {
+            inbox.add_bytes(&read_bytes[..byte_count], wire::DeviceInfo::parse, |parsed_info| {
                 device_info = Some(parsed_info)
             });
         }
@@ -279,19 +283,19 @@ fn request_info(
     Ok(device_info)
 }
 
-impl Device for Frame {
-    fn spec(&self) -> &Spec {
+impl Device for OpenFrameDevice {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         let mut forces = [0.0; MAX_AXES];
         forces[..force.newtons().len()].copy_from_slice(force.newtons());
-        self.put(forces, flag::ENABLE)
+        self.write_request(forces, flag::ENABLE)
     }
 
-    fn switch_off(&mut self) -> Result<(), Gone> {
-        self.put([0.0; MAX_AXES], 0)
+    fn switch_off(&mut self) -> Result<(), DeviceLoss> {
+        self.write_request([0.0; MAX_AXES], 0)
     }
 
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
@@ -306,31 +310,31 @@ impl Device for Frame {
         carried
     }
 
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        let is_latest = |last: &Option<wire::Reply>, seq| last.as_ref().is_some_and(|last| last.seq == seq);
+    fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
+        let is_latest = |last: &Option<wire::FrameReply>, seq| last.as_ref().is_some_and(|last| last.seq == seq);
         if self.lockstep {
-            let patience = Instant::now() + self.patience;
-            into.fresh = self.new || !is_latest(&self.last, self.latest);
-            while !is_latest(&self.last, self.latest) {
-                if !self.take(next_check(patience))? && !self.canceller.may_wait(patience) {
-                    return Err(Gone::Silent);
+            let patience = Instant::now() + self.lockstep_timeout;
+            sample.is_fresh = self.has_new_position || !is_latest(&self.last_reply, self.last_request);
+            while !is_latest(&self.last_reply, self.last_request) {
+                if !self.read_replies(next_check(patience))? && !self.canceller.may_wait(patience) {
+                    return Err(DeviceLoss::Silent);
                 }
             }
         } else {
-            into.fresh = self.new || self.take(deadline)?;
+            sample.is_fresh = self.has_new_position || self.read_replies(deadline)?;
         }
-        self.new = false;
-        into.let_go = std::mem::take(&mut self.let_go);
-        if let Some(reply) = &self.last {
-            into.position = reply.position;
-            into.touch = [reply.status & status::TOUCHED != 0; MAX_AXES];
-            into.force_enabled = [reply.status & status::ENABLED != 0; MAX_AXES];
-            into.hot = reply.status & status::HOT != 0;
-            into.seq = u32::from(reply.seq);
-            into.behind = self.latest.wrapping_sub(reply.seq);
-            into.t_dev_us = Some(reply.t_us);
+        self.has_new_position = false;
+        sample.let_go = std::mem::take(&mut self.let_go);
+        if let Some(reply) = &self.last_reply {
+            sample.position = reply.position;
+            sample.is_touched = [reply.status & status::TOUCHED != 0; MAX_AXES];
+            sample.force_enabled = [reply.status & status::ENABLED != 0; MAX_AXES];
+            sample.is_hot = reply.status & status::HOT != 0;
+            sample.seq = u32::from(reply.seq);
+            sample.requests_behind = self.last_request.wrapping_sub(reply.seq);
+            sample.t_dev_us = Some(reply.t_us);
         }
-        Ok(into.fresh)
+        Ok(sample.is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {
@@ -338,22 +342,22 @@ impl Device for Frame {
     }
 
     fn zero(&mut self) {
-        let _ = self.put([0.0; MAX_AXES], 0);
+        let _ = self.write_request([0.0; MAX_AXES], 0);
     }
 
-    fn stats(&self) -> Stats {
+    fn stats(&self) -> WireStats {
         self.stats
     }
 
-    fn last_resort(&self) -> Option<LastResort> {
+    fn zero_force_packet(&self) -> Option<ZeroForcePacket> {
         // Not wide, because that is shorter; a device accepts both.
-        let request = wire::Request {
+        let request = wire::FrameRequest {
             axis_count: self.spec.dof,
-            ..wire::Request::default()
+            ..wire::FrameRequest::default()
         };
-        let mut packet_bytes = [0; wire::LONGEST];
+        let mut packet_bytes = [0; wire::FRAME_BYTES_MAX];
         let packet_length = request.write(1.0, &mut packet_bytes);
-        Some(LastResort::new(
+        Some(ZeroForcePacket::new(
             self.port.raw_descriptor(),
             &packet_bytes[..packet_length],
         ))
@@ -366,7 +370,7 @@ mod tests {
 
     const SOUND: [f32; 8] = [10.0, 20.0, 1e-5, -0.05, 0.05, 8000.0, 0.05, 1.0];
 
-    fn described(change: impl Fn(&mut [f32; 8])) -> Result<Spec, String> {
+    fn described(change: impl Fn(&mut [f32; 8])) -> Result<DeviceSpec, String> {
         let mut numbers = SOUND;
         change(&mut numbers);
         spec(&wire::DeviceInfo {
@@ -382,7 +386,7 @@ mod tests {
         for number in 0..8 {
             for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
                 let refusal_text = described(|numbers| numbers[number] = value).unwrap_err();
-                assert!(refusal_text.contains(NUMBERS[number].0), "{refusal_text}");
+                assert!(refusal_text.contains(REPORTED_NUMBERS[number].0), "{refusal_text}");
             }
         }
         for (number, value, name) in [

@@ -14,41 +14,41 @@ use std::time::{Duration, Instant};
 
 use super::wait_canceller::next_check;
 use super::{
-    Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec, Stats, Unit, Url,
-    WaitCanceller,
+    Device, DeviceError, DeviceLoss, DeviceSample, DeviceSpec, DeviceUrl, FIRST_REPLY_TIMEOUT, LOCKSTEP_TIMEOUT,
+    MAX_AXES, Unit, WaitCanceller, WireStats, ZeroForcePacket,
 };
 use crate::safety::SafeForce;
 use crate::safety::contract::SentRequests;
-use guardian::{HostRequest, Reply};
+use guardian::{HostRequest, OpenReply};
 pub(crate) use line::ForceCommand;
-use line::{GuardianReply, Line, put_text, take_text};
-pub(crate) use rules::{Action, Rules};
+use line::{GuardianLine, GuardianReply, read_text, write_text};
+pub(crate) use rules::{GuardianAction, GuardianRules};
 
 /// Longest time for a guardian to start, on a busy machine.
-const START_TIMEOUT: Duration = Duration::from_secs(10);
+const GUARDIAN_START_TIMEOUT: Duration = Duration::from_secs(10);
 
-pub(super) struct Haply {
-    spec: Spec,
+pub(super) struct HaplyDevice {
+    spec: DeviceSpec,
     lockstep: bool,
     canceller: WaitCanceller,
     // Declared before the guardian, so that it is closed before the wait for the guardian's end.
-    line: Line,
-    _guardian: start::Started,
-    sent: SentRequests,
+    line: GuardianLine,
+    _guardian: start::GuardianProcess,
+    sent_requests: SentRequests,
     /// Numbers of the latest order and of the latest order that was answered.
-    last_order: u16,
-    last_answered: u16,
+    last_order_number: u16,
+    last_answered_number: u16,
     position: [f64; 3],
     let_go: bool,
-    gone: Option<Gone>,
+    loss: Option<DeviceLoss>,
     /// Whether the first position has not yet been returned by `receive`.
     has_unread_position: bool,
-    stats: Stats,
+    stats: WireStats,
 }
 
 /// Data of an Inverse3, as a community driver lists them; its mass and friction must be measured (metrology).
-pub(crate) fn spec() -> Spec {
-    Spec {
+pub(crate) fn spec() -> DeviceSpec {
+    DeviceSpec {
         dof: 3,
         unit: Unit::Metre,
         pos_lsb: 1e-5,
@@ -62,12 +62,12 @@ pub(crate) fn spec() -> Spec {
         damping: None,
         touch_gated: false,
         can_lockstep: true,
-        can_wide: false,
+        can_send_wide: false,
     }
 }
 
-impl Haply {
-    pub(super) fn open(url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
+impl HaplyDevice {
+    pub(super) fn open(url: &DeviceUrl, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
         if url.wide {
             return Err(url.cannot("the option wide is only for the open frame"));
         }
@@ -81,70 +81,70 @@ impl Haply {
             id: url.text("id"),
             lockstep: url.lockstep,
         };
-        let reply = put_text(&mut guardian_stream, &request.text())
-            .and_then(|()| take_text(&mut guardian_stream, START_TIMEOUT + 2 * FIRST_REPLY))
+        let reply = write_text(&mut guardian_stream, &request.text())
+            .and_then(|()| read_text(&mut guardian_stream, GUARDIAN_START_TIMEOUT + 2 * FIRST_REPLY_TIMEOUT))
             .map_err(|error| url.closed(format!("its guardian process did not start ({error})")))?;
-        let position = match Reply::parse(&reply) {
-            Some(Reply::Open(position)) => position,
-            Some(Reply::OpenError(why)) => return Err(url.closed(why)),
-            Some(Reply::OwnClock) => {
+        let position = match OpenReply::parse(&reply) {
+            Some(OpenReply::Opened(position)) => position,
+            Some(OpenReply::Refused(reason)) => return Err(url.closed(reason)),
+            Some(OpenReply::NotInLockstep) => {
                 return Err(url.cannot("a real device runs by its own clock; lockstep is only for emulators"));
             }
-            Some(Reply::NoAnswer) | None => return Err(url.no_answer("Haply device")),
+            Some(OpenReply::NoAnswer) | None => return Err(url.no_answer("Haply device")),
         };
         Ok(Self {
             spec: spec(),
             lockstep: url.lockstep,
             canceller: canceller.clone(),
-            line: Line::new(guardian_stream).map_err(closed_error)?,
+            line: GuardianLine::new(guardian_stream).map_err(closed_error)?,
             _guardian: guardian,
-            sent: SentRequests::default(),
-            last_order: u16::MAX,
-            last_answered: u16::MAX,
+            sent_requests: SentRequests::default(),
+            last_order_number: u16::MAX,
+            last_answered_number: u16::MAX,
             position,
             let_go: false,
-            gone: None,
+            loss: None,
             has_unread_position: true,
-            stats: Stats::default(),
+            stats: WireStats::default(),
         })
     }
 
-    fn send_order(&mut self, force: [f64; 3]) -> Result<(), Gone> {
-        self.last_order = self.sent.number_request(Instant::now(), &mut self.stats);
+    fn send_order(&mut self, force: [f64; 3]) -> Result<(), DeviceLoss> {
+        self.last_order_number = self.sent_requests.number_request(Instant::now(), &mut self.stats);
         let force_order = ForceCommand {
-            number: self.last_order,
+            number: self.last_order_number,
             force,
         };
-        match self.gone {
-            Some(gone) => Err(gone),
-            None => self.line.put(&force_order.bytes()),
+        match self.loss {
+            Some(loss) => Err(loss),
+            None => self.line.send(&force_order.bytes()),
         }
     }
 
     /// Read all replies that are there, or wait for the first one until the deadline.
-    fn read_replies(&mut self, deadline: Instant) -> Result<bool, Gone> {
+    fn read_replies(&mut self, deadline: Instant) -> Result<bool, DeviceLoss> {
         loop {
             let Self {
                 line,
-                sent,
-                last_answered,
+                sent_requests: sent_instant,
+                last_answered_number: last_answered,
                 position: last_position,
                 let_go: is_let_go,
-                gone,
+                loss: gone,
                 stats,
                 ..
             } = self;
             let (read_instant, mut is_fresh) = (Instant::now(), false);
-            let take_result = line.take(|bytes| match GuardianReply::parse(bytes) {
+            let take_result = line.receive(|bytes| match GuardianReply::parse(bytes) {
                 GuardianReply::State {
                     number,
                     position,
                     let_go,
                 } => {
-                    sent.note_reply(number, read_instant, stats);
+                    sent_instant.note_reply(number, read_instant, stats);
                     (*last_answered, *last_position, *is_let_go, is_fresh) = (number, position, let_go, true);
                 }
-                GuardianReply::Gone(why) => *gone = Some(why),
+                GuardianReply::Gone(reason) => *gone = Some(reason),
             });
             if let Err(line_failure) = take_result {
                 *gone = gone.or(Some(line_failure));
@@ -152,8 +152,8 @@ impl Haply {
             if is_fresh {
                 return Ok(true);
             }
-            if let Some(gone) = self.gone {
-                return Err(gone);
+            if let Some(loss) = self.loss {
+                return Err(loss);
             }
             if read_instant >= deadline {
                 return Ok(false);
@@ -163,36 +163,36 @@ impl Haply {
     }
 }
 
-impl Device for Haply {
-    fn spec(&self) -> &Spec {
+impl Device for HaplyDevice {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
         self.send_order([axis_force(0), axis_force(1), axis_force(2)])
     }
 
-    fn receive(&mut self, sample: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
         if self.lockstep && !self.has_unread_position {
-            let lockstep_deadline = Instant::now() + LOCKSTEP_PATIENCE;
-            sample.fresh = self.last_answered != self.last_order;
-            while self.last_answered != self.last_order {
+            let lockstep_deadline = Instant::now() + LOCKSTEP_TIMEOUT;
+            sample.is_fresh = self.last_answered_number != self.last_order_number;
+            while self.last_answered_number != self.last_order_number {
                 if !self.read_replies(next_check(lockstep_deadline))? && !self.canceller.may_wait(lockstep_deadline) {
-                    return Err(Gone::Silent);
+                    return Err(DeviceLoss::Silent);
                 }
             }
         } else {
-            sample.fresh = self.has_unread_position || self.read_replies(deadline)?;
+            sample.is_fresh = self.has_unread_position || self.read_replies(deadline)?;
         }
         self.has_unread_position = false;
         sample.position[..3].copy_from_slice(&self.position);
-        sample.touch = [true; MAX_AXES];
+        sample.is_touched = [true; MAX_AXES];
         sample.force_enabled = [!self.let_go; MAX_AXES];
-        (sample.hot, sample.let_go) = (false, self.let_go); // the service does not report whether it is hot
-        sample.seq = u32::from(self.last_answered);
-        sample.behind = self.last_order.wrapping_sub(self.last_answered);
-        Ok(sample.fresh)
+        (sample.is_hot, sample.let_go) = (false, self.let_go); // the service does not report whether it is hot
+        sample.seq = u32::from(self.last_answered_number);
+        sample.requests_behind = self.last_order_number.wrapping_sub(self.last_answered_number);
+        Ok(sample.is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {
@@ -203,19 +203,19 @@ impl Device for Haply {
         let _ = self.send_order([0.0; 3]);
     }
 
-    fn stats(&self) -> Stats {
+    fn stats(&self) -> WireStats {
         self.stats
     }
 
     #[cfg(unix)]
-    fn last_resort(&self) -> Option<LastResort> {
+    fn zero_force_packet(&self) -> Option<ZeroForcePacket> {
         use std::os::fd::AsRawFd;
         // A number that no order has soon, so that a late reply to it is not taken for the reply to an order.
         let zero_order = ForceCommand {
-            number: self.last_order.wrapping_add(u16::MAX / 2),
+            number: self.last_order_number.wrapping_add(u16::MAX / 2),
             ..ForceCommand::default()
         };
         let socket_fd = self.line.stream().as_raw_fd();
-        Some(LastResort::new(socket_fd, &zero_order.bytes()))
+        Some(ZeroForcePacket::new(socket_fd, &zero_order.bytes()))
     }
 }

@@ -5,35 +5,35 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::emulated::exact_spec;
-use super::{Device, DeviceError, Gone, Sample, Spec, Stats, Url};
+use super::{Device, DeviceError, DeviceLoss, DeviceSample, DeviceSpec, DeviceUrl, WireStats};
 use crate::device::MAX_AXES;
-use crate::lead::finger::{FingerMotion, Pull};
+use crate::lead::finger::{FingerMotion, PointerPull};
 use crate::lead::path::PathReader;
-use crate::lead::{self, Lead};
+use crate::lead::{self, PointerStream};
 use crate::safety::SafeForce;
 
 /// Distance of the ticks' clock from the wall's beyond which it is set anew [s], and the share of a smaller distance
 /// that is corrected in a tick.
-const CLOCK_OFF: f64 = 0.02;
-const CORRECTION: f64 = 0.01;
+const CLOCK_ERROR_MAX: f64 = 0.02;
+const CLOCK_CORRECTION_SHARE: f64 = 0.01;
 
 /// A key under a led finger.
-pub(super) struct Led {
-    lead: Arc<Lead>,
+pub(super) struct PointerDevice {
+    pointer_stream: Arc<PointerStream>,
     path: PathReader,
     motion: FingerMotion,
-    spec: Spec,
-    stats: Stats,
+    spec: DeviceSpec,
+    stats: WireStats,
     period: f64,
     /// End of the present tick on the clock of the lead [s].
     time: f64,
     ticks: u64,
     pointer: Option<(f64, f64)>,
-    answered: bool,
+    has_answered: bool,
 }
 
-impl Led {
-    pub(super) fn open(url: &Url, period: f64, is_retry: bool) -> Result<Self, DeviceError> {
+impl PointerDevice {
+    pub(super) fn open(url: &DeviceUrl, period: f64, is_retry: bool) -> Result<Self, DeviceError> {
         let key_lead = lead::find(url.led_name());
         let key_lead = key_lead.ok_or_else(|| url.closed("nothing leads this key"))?;
         if is_retry && !key_lead.is_present() {
@@ -41,67 +41,67 @@ impl Led {
         }
         let mut new_led = Self::new(key_lead, period);
         // What the pointer did meanwhile moved nothing, but it may still be down.
-        if is_retry && let Some(last_place) = new_led.lead.forget() {
+        if is_retry && let Some(last_place) = new_led.pointer_stream.forget() {
             new_led.path.begin_at(last_place);
         }
         Ok(new_led)
     }
 
-    fn new(lead: Arc<Lead>, period: f64) -> Self {
+    fn new(lead: Arc<PointerStream>, period: f64) -> Self {
         let options = lead.options();
         let key_model = options.key;
         Self {
             path: PathReader::new(options.delay),
             motion: FingerMotion::new(options.finger, key_model, period),
             spec: exact_spec((1, 1.0 / period), key_model.range, (key_model.mass, key_model.damping)),
-            stats: Stats::default(),
+            stats: WireStats::default(),
             period,
             time: if options.lockstep { 0.0 } else { lead.now() },
             ticks: 0,
             pointer: None,
-            answered: false,
-            lead,
+            has_answered: false,
+            pointer_stream: lead,
         }
     }
 
     /// The end of the next tick on the clock of the lead [s]: ticks are even, and follow the wall's clock slowly.
     fn next_time(&self) -> f64 {
-        if self.lead.options().lockstep {
+        if self.pointer_stream.options().lockstep {
             return self.ticks as f64 * self.period;
         }
         let tick_time = self.time + self.period;
-        let clock_offset = self.lead.now() - tick_time;
-        if clock_offset.abs() > CLOCK_OFF {
+        let clock_offset = self.pointer_stream.now() - tick_time;
+        if clock_offset.abs() > CLOCK_ERROR_MAX {
             tick_time + clock_offset
         } else {
-            tick_time + CORRECTION * clock_offset
+            tick_time + CLOCK_CORRECTION_SHARE * clock_offset
         }
     }
 
     fn is_gone(&self) -> bool {
-        !self.lead.is_present()
+        !self.pointer_stream.is_present()
     }
 
     fn advance(&mut self, force: f64) {
         self.ticks += 1;
         self.time = self.next_time();
-        let key_lead = &self.lead;
+        let key_lead = &self.pointer_stream;
         let path_delay = key_lead.options().delay;
-        let to = self.path.read(self.time - path_delay, &mut || key_lead.next());
-        let pull = to.map(|(to, firmness)| Pull {
+        let pointer_target = self.path.read(self.time - path_delay, &mut || key_lead.next());
+        let pull = pointer_target.map(|(to, firmness)| PointerPull {
             // A finger that has just landed has no earlier position.
             start_position: self.pointer.map_or(to, |pointer| pointer.0),
             end_position: to,
             firmness,
         });
-        self.pointer = to;
+        self.pointer = pointer_target;
         self.motion.advance(force, pull);
         let motion = &self.motion;
         let [from, to, firmness] = pull.map_or([f64::NAN; 3], |pull| {
             [pull.start_position, pull.end_position, pull.firmness]
         });
         let tick_row = [from, to, firmness, force, motion.finger(), motion.key()];
-        self.lead.trace_tick(tick_row);
+        self.pointer_stream.trace_tick(tick_row);
         let if_held = |x: f64| if motion.is_held() { x } else { f64::NAN };
         let led_points = [
             if_held(motion.pointer()),
@@ -109,50 +109,50 @@ impl Led {
             motion.key(),
             motion.force(),
         ];
-        self.lead.publish(led_points, self.path.n_late());
+        self.pointer_stream.publish(led_points, self.path.n_late());
     }
 }
 
-impl Device for Led {
-    fn spec(&self) -> &Spec {
+impl Device for PointerDevice {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         if self.is_gone() {
-            return Err(Gone::Closed);
+            return Err(DeviceLoss::Closed);
         }
         self.advance(force.newtons().first().copied().unwrap_or(0.0));
         self.stats.packets_sent += 1;
-        self.answered = false;
+        self.has_answered = false;
         Ok(())
     }
 
-    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, sample: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
         if self.is_gone() {
-            return Err(Gone::Closed);
+            return Err(DeviceLoss::Closed);
         }
-        into.fresh = !self.answered;
-        self.stats.replies_received += u64::from(into.fresh);
-        self.answered = true;
-        into.position = [0.0; MAX_AXES];
-        into.position[0] = self.motion.key();
-        into.touch[0] = self.motion.is_held();
-        into.force_enabled[0] = true;
-        (into.hot, into.let_go) = (false, false);
-        into.seq = self.ticks as u32;
-        into.t_dev_us = Some((self.ticks as f64 * self.period * 1e6) as u64 as u32);
-        Ok(into.fresh)
+        sample.is_fresh = !self.has_answered;
+        self.stats.replies_received += u64::from(sample.is_fresh);
+        self.has_answered = true;
+        sample.position = [0.0; MAX_AXES];
+        sample.position[0] = self.motion.key();
+        sample.is_touched[0] = self.motion.is_held();
+        sample.force_enabled[0] = true;
+        (sample.is_hot, sample.let_go) = (false, false);
+        sample.seq = self.ticks as u32;
+        sample.t_dev_us = Some((self.ticks as f64 * self.period * 1e6) as u64 as u32);
+        Ok(sample.is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {
-        self.lead.options().lockstep
+        self.pointer_stream.options().lockstep
     }
 
     /// The key advances only when a force is sent, so there is no force to end.
     fn zero(&mut self) {}
 
-    fn stats(&self) -> Stats {
+    fn stats(&self) -> WireStats {
         self.stats
     }
 }

@@ -3,7 +3,7 @@
 use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
 use std::time::{Duration, Instant};
 
-use super::{DeviceError, Gone, Url};
+use super::{DeviceError, DeviceLoss, DeviceUrl};
 
 /// The connection to a device.
 pub(super) enum Port {
@@ -18,7 +18,7 @@ pub(super) enum Port {
     #[cfg(not(unix))]
     Udp(UdpSocket, (), RefusalFlag),
     /// A board in this process.
-    InProcess(Box<dyn InProcess>),
+    InProcess(Box<dyn InProcessPort>),
 }
 
 /// Whether a datagram was refused because nobody listens at its address, or the device left with an empty datagram.
@@ -27,7 +27,7 @@ pub(super) struct RefusalFlag(bool);
 
 impl RefusalFlag {
     /// Note the error if it is a refusal; other errors are returned.
-    fn note(&mut self, error: std::io::Error) -> std::io::Result<()> {
+    fn note_refusal(&mut self, error: std::io::Error) -> std::io::Result<()> {
         if error.kind() == std::io::ErrorKind::ConnectionRefused {
             self.0 = true;
             return Ok(());
@@ -37,22 +37,22 @@ impl RefusalFlag {
 }
 
 /// An emulated board inside this process.
-pub(crate) trait InProcess: Send {
+pub(crate) trait InProcessPort: Send {
     /// Send a packet to the board.
     ///
     /// # Errors
-    /// [`Gone`] when there is no board.
-    fn write(&mut self, packet: &[u8]) -> Result<(), Gone>;
+    /// [`DeviceLoss`] when there is no board.
+    fn write(&mut self, packet: &[u8]) -> Result<(), DeviceLoss>;
 
     /// Read what the board has sent, without waiting; returns the number of bytes.
     ///
     /// # Errors
-    /// [`Gone`] when there is no board.
-    fn read(&mut self, into: &mut [u8]) -> Result<usize, Gone>;
+    /// [`DeviceLoss`] when there is no board.
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, DeviceLoss>;
 }
 
 impl Port {
-    pub(super) fn serial(url: &Url, baud: u32) -> Result<Self, DeviceError> {
+    pub(super) fn serial(url: &DeviceUrl, baud: u32) -> Result<Self, DeviceError> {
         let builder = serialport::new(url.target.as_str(), baud);
         #[cfg(unix)]
         {
@@ -71,7 +71,7 @@ impl Port {
     }
 
     /// A socket connected to one address; datagrams from other addresses are ignored.
-    pub(super) fn udp(url: &Url) -> Result<Self, DeviceError> {
+    pub(super) fn udp(url: &DeviceUrl) -> Result<Self, DeviceError> {
         let closed_error = |error: std::io::Error| url.closed(error);
         let mut addresses = url.target.to_socket_addrs().map_err(closed_error)?;
         let peer_address = addresses
@@ -99,7 +99,7 @@ impl Port {
     }
 
     /// Send a packet; it is dropped if there is no room.
-    pub(super) fn write(&mut self, packet: &[u8]) -> Result<(), Gone> {
+    pub(super) fn write(&mut self, packet: &[u8]) -> Result<(), DeviceLoss> {
         match self {
             #[cfg(unix)]
             Self::Serial(fd) => unix::write(fd, packet),
@@ -108,7 +108,7 @@ impl Port {
             Self::Udp(socket, _, refused) => {
                 let send_result = socket.send(packet).map(drop);
                 send_result
-                    .or_else(|error| refused.note(error))
+                    .or_else(|error| refused.note_refusal(error))
                     .or_else(ignore_transient)
             }
             Self::InProcess(board) => board.write(packet),
@@ -116,7 +116,7 @@ impl Port {
     }
 
     /// Read what is there, waiting for something until `deadline`; returns the number of bytes.
-    pub(super) fn read(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, Gone> {
+    pub(super) fn read(&mut self, buffer: &mut [u8], deadline: Instant) -> Result<usize, DeviceLoss> {
         loop {
             let bytes_read = match self {
                 // The board only answers packets, so waiting would not help.
@@ -129,7 +129,7 @@ impl Port {
                     let was_refused = refused.0;
                     let receive_result = socket.recv(buffer);
                     refused.0 |= matches!(receive_result, Ok(0)); // an empty datagram: the device leaves
-                    let receive_result = receive_result.or_else(|error| refused.note(error).map(|()| 0));
+                    let receive_result = receive_result.or_else(|error| refused.note_refusal(error).map(|()| 0));
                     if refused.0 && !was_refused {
                         return Ok(0);
                     }
@@ -153,13 +153,13 @@ impl Port {
     }
 
     #[cfg(unix)]
-    fn wait(&self, timeout: Duration) -> Result<(), Gone> {
+    fn wait(&self, timeout: Duration) -> Result<(), DeviceLoss> {
         unix::wait(self.raw_descriptor(), timeout)
     }
 
     #[cfg(not(unix))]
     #[allow(clippy::unnecessary_wraps)]
-    fn wait(&self, timeout: Duration) -> Result<(), Gone> {
+    fn wait(&self, timeout: Duration) -> Result<(), DeviceLoss> {
         std::thread::sleep(timeout.min(Duration::from_micros(200)));
         Ok(())
     }
@@ -181,20 +181,20 @@ impl Port {
     }
 }
 
-fn gone_reason(error: &std::io::Error) -> Option<Gone> {
+fn gone_reason(error: &std::io::Error) -> Option<DeviceLoss> {
     use std::io::ErrorKind::{ConnectionRefused, Interrupted, TimedOut, WouldBlock};
     match error.kind() {
         // Nobody listens at the address: the device is silent, and may come back.
         WouldBlock | TimedOut | Interrupted | ConnectionRefused => None,
-        _ => Some(error.raw_os_error().map_or(Gone::Closed, Gone::System)),
+        _ => Some(error.raw_os_error().map_or(DeviceLoss::Closed, DeviceLoss::System)),
     }
 }
 
-fn ignore_transient(error: std::io::Error) -> Result<(), Gone> {
+fn ignore_transient(error: std::io::Error) -> Result<(), DeviceLoss> {
     gone_reason(&error).map_or(Ok(()), Err)
 }
 
-fn zero_if_transient(error: std::io::Error) -> Result<usize, Gone> {
+fn zero_if_transient(error: std::io::Error) -> Result<usize, DeviceLoss> {
     gone_reason(&error).map_or(Ok(0), Err)
 }
 
@@ -204,7 +204,7 @@ pub(super) mod unix {
     use std::os::fd::{AsRawFd, OwnedFd};
     use std::time::Duration;
 
-    use super::Gone;
+    use super::DeviceLoss;
 
     /// Make reads non-blocking, and let an FTDI chip pass every byte on at once: by default it waits 16 ms.
     pub(super) fn prepare(fd: &OwnedFd) {
@@ -241,13 +241,13 @@ pub(super) mod unix {
         }
     }
 
-    pub(super) fn write(fd: &OwnedFd, packet: &[u8]) -> Result<(), Gone> {
+    pub(super) fn write(fd: &OwnedFd, packet: &[u8]) -> Result<(), DeviceLoss> {
         // SAFETY: the descriptor is open and the slice valid. A packet is far shorter than a port's buffer.
         let bytes_written = unsafe { libc::write(fd.as_raw_fd(), packet.as_ptr().cast(), packet.len()) };
         if bytes_written < 0 { last_error() } else { Ok(()) }
     }
 
-    pub(super) fn read(fd: &OwnedFd, buffer: &mut [u8]) -> Result<usize, Gone> {
+    pub(super) fn read(fd: &OwnedFd, buffer: &mut [u8]) -> Result<usize, DeviceLoss> {
         // SAFETY: the descriptor is open and the slice valid.
         let bytes_read = unsafe { libc::read(fd.as_raw_fd(), buffer.as_mut_ptr().cast(), buffer.len()) };
         match usize::try_from(bytes_read) {
@@ -256,20 +256,20 @@ pub(super) mod unix {
         }
     }
 
-    fn last_error() -> Result<(), Gone> {
+    fn last_error() -> Result<(), DeviceLoss> {
         match Error::last_os_error().raw_os_error() {
             Some(libc::EAGAIN | libc::EINTR) => Ok(()),
             // The errors of a port that was pulled out, or of a pty whose program has ended.
-            Some(libc::EIO | libc::ENXIO | libc::ENODEV) => Err(Gone::Closed),
-            error_code => Err(Gone::System(error_code.unwrap_or(0))),
+            Some(libc::EIO | libc::ENXIO | libc::ENODEV) => Err(DeviceLoss::Closed),
+            error_code => Err(DeviceLoss::System(error_code.unwrap_or(0))),
         }
     }
 
     /// Wait for something to read.
-    pub(super) fn wait(fd: i32, timeout: Duration) -> Result<(), Gone> {
+    pub(super) fn wait(fd: i32, timeout: Duration) -> Result<(), DeviceLoss> {
         let [ready_events] = poll([fd], timeout);
         if ready_events & libc::POLLIN == 0 && ready_events & (libc::POLLHUP | libc::POLLNVAL) != 0 {
-            return Err(Gone::Closed);
+            return Err(DeviceLoss::Closed);
         }
         Ok(())
     }

@@ -8,12 +8,12 @@ pub struct SerialPort {
     /// Its path or name.
     pub path: String,
     /// The USB device behind the port, if there is one.
-    pub usb: Option<Usb>,
+    pub usb: Option<UsbInfo>,
 }
 
 /// What a USB device reports about itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Usb {
+pub struct UsbInfo {
     /// Number of the vendor.
     pub vendor: u16,
     /// Number of the product, given by the vendor.
@@ -58,7 +58,7 @@ fn identity_among(ports: &[SerialPort], is_it: impl Fn(&str) -> bool) -> Option<
     let usb_identity = |port: &SerialPort| {
         let usb_info = port.usb.as_ref()?;
         let serial_number = usb_info.serial.trim();
-        let Usb { vendor, product, .. } = usb_info;
+        let UsbInfo { vendor, product, .. } = usb_info;
         (!serial_number.is_empty()).then(|| format!("usb:{vendor:04x}:{product:04x}:{serial_number}"))
     };
     let identity = usb_identity(ports.iter().find(|port| is_it(&port.path))?)?;
@@ -68,11 +68,11 @@ fn identity_among(ports: &[SerialPort], is_it: impl Fn(&str) -> bool) -> Option<
     (same_ports.count() == 1).then_some(identity)
 }
 
-fn usb(kind: SerialPortType) -> Option<Usb> {
+fn usb(kind: SerialPortType) -> Option<UsbInfo> {
     let SerialPortType::UsbPort(usb_port) = kind else {
         return None;
     };
-    Some(Usb {
+    Some(UsbInfo {
         vendor: usb_port.vid,
         product: usb_port.pid,
         name: usb_port.product.or(usb_port.manufacturer).unwrap_or_default(),
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     fn port(path: &str, vendor: u16, serial: Option<&str>) -> SerialPort {
-        let usb = serial.map(|serial| Usb {
+        let usb = serial.map(|serial| UsbInfo {
             vendor,
             product: 0x0042,
             name: "board".into(),

@@ -7,7 +7,7 @@ use crate::emulate::Protocol;
 
 /// The protocols.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum DeviceKind {
     /// Two motor faders on a serial port.
     FireFader,
     /// The open frame (docs/open-frame.md) on a serial port.
@@ -22,7 +22,7 @@ pub enum Kind {
     Led,
 }
 
-impl Kind {
+impl DeviceKind {
     /// All kinds, by their names.
     const NAMED: &[(&str, Self)] = &[
         ("firefader", Self::FireFader),
@@ -60,7 +60,7 @@ impl Kind {
 }
 
 /// The driver for an emulated board.
-impl From<Protocol> for Kind {
+impl From<Protocol> for DeviceKind {
     fn from(protocol: Protocol) -> Self {
         match protocol {
             Protocol::FireFader => Self::FireFader,
@@ -71,8 +71,8 @@ impl From<Protocol> for Kind {
 }
 
 /// Options without a value, and options with one.
-const FLAGS: [&str; 2] = ["lockstep", "wide"];
-const VALUES: [&str; 9] = [
+const FLAG_OPTIONS: [&str; 2] = ["lockstep", "wide"];
+const VALUE_OPTIONS: [&str; 9] = [
     "arm",
     "id",
     "baud",
@@ -86,9 +86,9 @@ const VALUES: [&str; 9] = [
 
 /// The URL of a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Url {
+pub struct DeviceUrl {
     /// The protocol.
-    pub kind: Kind,
+    pub kind: DeviceKind,
     /// A path or an address; empty for `emul`.
     pub target: String,
     /// Whether the host waits for every reply.
@@ -97,7 +97,7 @@ pub struct Url {
     pub wide: bool,
     /// The axis that is meant, if the device has several.
     pub axis: Option<usize>,
-    values: Vec<(String, String)>,
+    option_values: Vec<(String, String)>,
     text: String,
 }
 
@@ -105,7 +105,7 @@ pub struct Url {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UrlError {
     /// No such protocol.
-    #[error("'{0}' is not a kind of device; the kinds are {names}", names = Kind::names())]
+    #[error("'{0}' is not a kind of device; the kinds are {names}", names = DeviceKind::names())]
     Kind(String),
     /// A protocol that is known but not supported.
     #[error(
@@ -114,7 +114,7 @@ pub enum UrlError {
     Unsupported(String),
     /// Something is missing or not understood.
     #[error("'{text}': {what}")]
-    Bad {
+    Invalid {
         /// The text.
         text: String,
         /// What is wrong.
@@ -122,24 +122,24 @@ pub enum UrlError {
     },
 }
 
-impl Url {
+impl DeviceUrl {
     /// Parse a URL.
     ///
     /// ```
-    /// use ergon_live::device::Url;
+    /// use ergon_live::device::DeviceUrl;
     ///
-    /// let url = Url::parse("frame+udp:192.168.1.7:4000?lockstep")?;
+    /// let url = DeviceUrl::parse("frame+udp:192.168.1.7:4000?lockstep")?;
     /// assert!(url.lockstep && url.target == "192.168.1.7:4000");
-    /// assert!(Url::parse("nothing").is_err());
+    /// assert!(DeviceUrl::parse("nothing").is_err());
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Errors
     /// [`UrlError`] names what is not understood.
     pub fn parse(text: &str) -> Result<Self, UrlError> {
-        let url_error = |what: String| UrlError::Bad {
+        let url_error = |problem: String| UrlError::Invalid {
             text: text.to_owned(),
-            what,
+            what: problem,
         };
         let (kind_name, remainder) = text
             .split_once(':')
@@ -147,9 +147,9 @@ impl Url {
         if kind_name == "hapi" {
             return Err(UrlError::Unsupported(kind_name.to_owned()));
         }
-        let kind = Kind::NAMED.iter().find(|known| known.0 == kind_name);
+        let kind = DeviceKind::NAMED.iter().find(|known| known.0 == kind_name);
         let kind = kind.ok_or_else(|| UrlError::Kind(kind_name.to_owned()))?.1;
-        if kind == Kind::Led {
+        if kind == DeviceKind::Led {
             // Its options are those of the stream, which is found by its whole name.
             return Ok(Self {
                 target: remainder.to_owned(),
@@ -167,15 +167,15 @@ impl Url {
         };
         let (target, options) = remainder.split_once('?').unwrap_or((remainder, ""));
         let target = target.strip_prefix("//").unwrap_or(target);
-        if target.is_empty() != (kind == Kind::Emul) {
+        if target.is_empty() != (kind == DeviceKind::Emul) {
             return Err(url_error(match kind {
-                Kind::Emul => "`emul:` takes no address".to_owned(),
+                DeviceKind::Emul => "`emul:` takes no address".to_owned(),
                 _ => "a path or an address must follow the colon".to_owned(),
             }));
         }
         if kind.is_serial() && is_network_address(target) {
             return Err(url_error(match kind {
-                Kind::Frame => {
+                DeviceKind::Frame => {
                     let address = target.strip_prefix("udp:").unwrap_or(target);
                     format!("'{target}' is a network address; over a network, write frame+udp:{address}")
                 }
@@ -190,15 +190,15 @@ impl Url {
             lockstep: false,
             wide: false,
             axis,
-            values: Vec::new(),
+            option_values: Vec::new(),
             text: text.to_owned(),
         };
         for option in options.split('&').filter(|option| !option.is_empty()) {
             match option.split_once('=') {
-                None if option == FLAGS[0] => new_url.lockstep = true,
-                None if option == FLAGS[1] => new_url.wide = true,
-                Some((key, value)) if VALUES.contains(&key) => {
-                    new_url.values.push((key.to_owned(), value.to_owned()));
+                None if option == FLAG_OPTIONS[0] => new_url.lockstep = true,
+                None if option == FLAG_OPTIONS[1] => new_url.wide = true,
+                Some((key, value)) if VALUE_OPTIONS.contains(&key) => {
+                    new_url.option_values.push((key.to_owned(), value.to_owned()));
                 }
                 _ => return Err(url_error(format!("unknown option '{option}'"))),
             }
@@ -207,14 +207,14 @@ impl Url {
     }
 
     /// The URL of a device of a kind that is emulated inside this process.
-    pub(super) fn in_process(kind: Kind) -> Self {
+    pub(super) fn in_process(kind: DeviceKind) -> Self {
         Self {
             kind,
             target: String::new(),
             lockstep: false,
             wide: false,
             axis: None,
-            values: Vec::new(),
+            option_values: Vec::new(),
             text: "a board in this process".to_owned(),
         }
     }
@@ -226,7 +226,7 @@ impl Url {
 
     /// The text of an option.
     pub(crate) fn text(&self, key: &str) -> Option<&str> {
-        let option_entry = self.values.iter().find(|(known, _)| known == key);
+        let option_entry = self.option_values.iter().find(|(known, _)| known == key);
         option_entry.map(|(_, value)| value.as_str())
     }
 
@@ -263,10 +263,10 @@ impl Url {
         }
     }
 
-    pub(crate) fn cannot(&self, what: &'static str) -> DeviceError {
+    pub(crate) fn cannot(&self, capability: &'static str) -> DeviceError {
         DeviceError::Unsupported {
             url: self.text.clone(),
-            what,
+            what: capability,
         }
     }
 }
@@ -279,7 +279,7 @@ fn is_network_address(target: &str) -> bool {
         .is_some_and(|(host, port)| !host.contains('/') && is_port_number(port))
 }
 
-impl fmt::Display for Url {
+impl fmt::Display for DeviceUrl {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         to.write_str(&self.text)
     }
@@ -291,16 +291,16 @@ mod tests {
 
     #[test]
     fn url_with_kind_target_options_and_axis() {
-        let url = Url::parse("firefader:/dev/ttyACM0#1").unwrap();
-        assert_eq!((url.kind, url.axis), (Kind::FireFader, Some(1)));
+        let url = DeviceUrl::parse("firefader:/dev/ttyACM0#1").unwrap();
+        assert_eq!((url.kind, url.axis), (DeviceKind::FireFader, Some(1)));
         assert_eq!(url.target, "/dev/ttyACM0");
-        let url = Url::parse("frame+udp://127.0.0.1:9999?lockstep&wide").unwrap();
+        let url = DeviceUrl::parse("frame+udp://127.0.0.1:9999?lockstep&wide").unwrap();
         assert_eq!(url.target, "127.0.0.1:9999");
         assert!(url.lockstep && url.wide);
-        let url = Url::parse("haply:ws://127.0.0.1:10001?id=A14#2").unwrap();
+        let url = DeviceUrl::parse("haply:ws://127.0.0.1:10001?id=A14#2").unwrap();
         assert_eq!(url.target, "ws://127.0.0.1:10001");
         assert_eq!((url.text("id"), url.axis), (Some("A14"), Some(2)));
-        let url = Url::parse("emul:?mass=0.1").unwrap();
+        let url = DeviceUrl::parse("emul:?mass=0.1").unwrap();
         assert_eq!(url.number("mass", 1.0).unwrap(), 0.1);
     }
 
@@ -322,7 +322,7 @@ mod tests {
             ("frame:udp:127.0.0.1:9999", "write frame+udp:127.0.0.1:9999"),
             ("firefader:board.local:80", "takes a serial port"),
         ] {
-            let message = Url::parse(text).unwrap_err().to_string();
+            let message = DeviceUrl::parse(text).unwrap_err().to_string();
             assert!(message.contains(word), "{text}: {message}");
         }
     }

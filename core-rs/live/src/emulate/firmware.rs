@@ -6,10 +6,10 @@ use std::time::Duration;
 use ergon_engine::chance::Chance;
 use ergon_engine::maths;
 
-use super::Keys;
+use super::EmulatedKeys;
 use crate::wire::MAX_AXES;
 use crate::wire::frame::{self, flag, status, trait_flag};
-use crate::wire::{Inbox, firefader, haply};
+use crate::wire::{PacketBuffer, firefader, haply};
 
 /// The protocol of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +31,7 @@ impl Protocol {
 /// The id of the emulated Haply device.
 pub(crate) const HAPLY_ID: &str = "EMUL";
 /// The sensor value of FireFader while a finger touches it.
-const FINGER: u8 = 100;
+const FINGER_SENSOR_VALUE: u8 = 100;
 
 /// Properties of a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,7 +55,7 @@ pub struct BoardConfig {
     /// Silence of the host after which the board lets go (wall time only).
     pub watchdog: Duration,
     /// Mass [kg] and damping [N·s/m] that the board reports for its keys.
-    pub reported: [f64; 2],
+    pub reported_constants: [f64; 2],
     /// Ends of the keys [m].
     pub range: [f64; 2],
 }
@@ -63,14 +63,14 @@ pub struct BoardConfig {
 /// A running board.
 pub struct Firmware {
     board: BoardConfig,
-    keys: Keys,
-    inbox: Inbox<512>,
+    keys: EmulatedKeys,
+    inbox: PacketBuffer<512>,
     force: [f64; MAX_AXES],
     /// The sensors' noise in this period [m].
     noise_offsets: [f64; MAX_AXES],
     random: Chance,
     /// FireFader's gate: a low-pass filter of the presence of a finger, over packets.
-    gate: [f64; MAX_AXES],
+    gate_levels: [f64; MAX_AXES],
     last_packet: Option<Duration>,
     let_go: bool,
     is_held: bool,
@@ -81,15 +81,15 @@ pub struct Firmware {
 
 impl Firmware {
     /// A board with its keys.
-    pub fn new(board: BoardConfig, keys: Keys) -> Self {
+    pub fn new(board: BoardConfig, keys: EmulatedKeys) -> Self {
         let mut firmware = Self {
             board,
             keys,
-            inbox: Inbox::new_bytes(),
+            inbox: PacketBuffer::new_bytes(),
             force: [0.0; MAX_AXES],
             noise_offsets: [0.0; MAX_AXES],
             random: Chance::new(i128::from(board.seed), "emulate", "noise", 0, 0),
-            gate: [0.0; MAX_AXES],
+            gate_levels: [0.0; MAX_AXES],
             last_packet: None,
             let_go: false,
             is_held: false,
@@ -119,7 +119,7 @@ impl Firmware {
     }
 
     /// The keys.
-    pub fn keys(&self) -> &Keys {
+    pub fn keys(&self) -> &EmulatedKeys {
         &self.keys
     }
 
@@ -190,7 +190,7 @@ impl Firmware {
     fn haply_state(&self) -> String {
         let three_axes = |axis_values: &[f64; MAX_AXES]| [axis_values[0], axis_values[1], axis_values[2]];
         let (position, force) = (three_axes(&self.positions()), three_axes(&self.force));
-        haply::state(HAPLY_ID, position, force, self.board.lockstep)
+        haply::state_message(HAPLY_ID, position, force, self.board.lockstep)
     }
 
     /// Set new forces; in lockstep also advance by the period in which they act. `enabled`: the host enables the
@@ -223,8 +223,8 @@ impl Firmware {
         }
         let sensor_byte = firefader::position_byte(self.keys.positions()[axis]);
         let is_opening = is_touched && (5..251).contains(&sensor_byte);
-        self.gate[axis] = self.gate[axis] * (31.0 / 32.0) + if is_opening { 5.0 } else { 0.0 };
-        self.gate[axis] >= 20.0
+        self.gate_levels[axis] = self.gate_levels[axis] * (31.0 / 32.0) + if is_opening { 5.0 } else { 0.0 };
+        self.gate_levels[axis] >= 20.0
     }
 
     /// Positions as the sensors read them [m].
@@ -243,7 +243,7 @@ impl Firmware {
     fn receive_firefader(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         let mut packets = Vec::new();
         self.inbox
-            .feed(bytes, firefader::parse_request, |force| packets.push(force));
+            .add_bytes(bytes, firefader::parse_request, |force| packets.push(force));
         // In wall time the firmware handles only the newest of the packets that it finds, and answers once.
         let outdated_packets = if self.board.lockstep {
             0
@@ -252,10 +252,14 @@ impl Firmware {
         };
         for force in packets.drain(..).skip(outdated_packets) {
             self.push(force.into_iter(), true, now);
-            let mut fader_reply = firefader::Reply::default();
+            let mut fader_reply = firefader::FaderReply::default();
             for axis in 0..self.keys.n().min(2) {
                 fader_reply.position[axis] = firefader::position_byte(self.positions()[axis]);
-                fader_reply.cap[axis] = if self.keys.touched(axis) { FINGER } else { 0 };
+                fader_reply.capacitance[axis] = if self.keys.touched(axis) {
+                    FINGER_SENSOR_VALUE
+                } else {
+                    0
+                };
             }
             reply(&fader_reply.bytes());
         }
@@ -264,13 +268,13 @@ impl Firmware {
     fn receive_frame(&mut self, request_bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
         let mut packets = Vec::new();
         let force_max = self.board.force_max;
-        self.inbox.feed(
+        self.inbox.add_bytes(
             request_bytes,
-            |bytes| frame::Request::parse(bytes, force_max),
+            |bytes| frame::FrameRequest::parse(bytes, force_max),
             |packet| packets.push(packet),
         );
         for packet in packets {
-            let mut reply_bytes = [0; frame::LONGEST];
+            let mut reply_bytes = [0; frame::FRAME_BYTES_MAX];
             let reply_length = if packet.axis_count == 0 {
                 self.device_info(packet.seq).write(&mut reply_bytes)
             } else if packet.axis_count == self.keys.n() {
@@ -287,7 +291,7 @@ impl Firmware {
         }
     }
 
-    fn frame_reply(&self, packet: &frame::Request, had_let_go: bool) -> frame::Reply {
+    fn frame_reply(&self, packet: &frame::FrameRequest, had_let_go: bool) -> frame::FrameReply {
         let n = self.keys.n();
         let touched = (0..n).any(|axis| self.keys.touched(axis));
         let motors_enabled = packet.flags & flag::ENABLE != 0 && (touched || !self.board.touch_gate);
@@ -302,7 +306,7 @@ impl Firmware {
             // The time at which the positions were read; forces act from then on.
             (self.wall_periods as f64 * self.keys.rate().step() * 1e6) as u64 as u32
         };
-        frame::Reply {
+        frame::FrameReply {
             seq: packet.seq,
             t_us,
             axis_count: n,
@@ -313,7 +317,7 @@ impl Firmware {
     }
 
     fn device_info(&self, seq: u16) -> frame::DeviceInfo {
-        let [inertia, damping] = self.board.reported;
+        let [inertia, damping] = self.board.reported_constants;
         let [lower_limit, upper_limit] = self.board.range;
         let force_max = self.board.force_max;
         let position_step = self.board.resolution.max(frame::POS_LSB);

@@ -4,7 +4,7 @@ use ergon_engine::units::Rate;
 
 /// A hand on a key.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Hand {
+pub enum EmulatedHand {
     /// Nobody touches it.
     #[default]
     Free,
@@ -21,7 +21,7 @@ pub enum Hand {
     },
 }
 
-impl Hand {
+impl EmulatedHand {
     /// Whether there is a finger on the key.
     pub(super) fn touches(&self, period: u64) -> bool {
         match self {

@@ -9,12 +9,12 @@ use ergon_engine::simulation::EmulatedKey;
 use ergon_engine::units::Rate;
 
 use super::EmulateError;
-use super::hand::Hand;
+use super::hand::EmulatedHand;
 use crate::wire::MAX_AXES;
 
 /// The constants of a key.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Key {
+pub struct KeyConstants {
     /// Moving mass [kg].
     pub mass: f64,
     /// Spring to the ground [N/m].
@@ -25,7 +25,7 @@ pub struct Key {
     pub range: [f64; 2],
 }
 
-impl Default for Key {
+impl Default for KeyConstants {
     /// A light fader: damping and no spring.
     fn default() -> Self {
         Self {
@@ -40,9 +40,9 @@ impl Default for Key {
 /// A device's keys and the hands on them.
 ///
 /// ```
-/// use ergon_live::emulate::{Hand, Key, Keys};
+/// use ergon_live::emulate::{EmulatedHand, KeyConstants, EmulatedKeys};
 ///
-/// let mut keys = Keys::new(1, Key::default(), 1000.0, vec![Hand::Resting])?;
+/// let mut keys = EmulatedKeys::new(1, KeyConstants::default(), 1000.0, vec![EmulatedHand::Resting])?;
 /// let mut force = [0.0; ergon_live::device::MAX_AXES];
 /// force[0] = 1.0; // 1 N on a key under a resting finger
 /// (0..100).for_each(|_| keys.step(&force));
@@ -50,16 +50,16 @@ impl Default for Key {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Keys {
+pub struct EmulatedKeys {
     rate: Rate,
     range: [f64; 2],
     w: f64,
     kappa: f64,
     zeta: f64,
-    n: usize,
+    n_keys: usize,
     x: [f64; MAX_AXES],
     d: [f64; MAX_AXES],
-    hands: Vec<Hand>,
+    hands: Vec<EmulatedHand>,
     /// The motion of each key, if the keys are not CELs.
     motions: Vec<KeyMotion>,
     periods: u64,
@@ -100,13 +100,13 @@ impl KeyMotion {
     }
 }
 
-impl Keys {
-    /// `n` equal keys, stepped `rate` times a second; keys beyond the end of `hands` are free.
+impl EmulatedKeys {
+    /// `n_keys` equal keys, stepped `rate` times a second; keys beyond the end of `hands` are free.
     ///
     /// # Errors
     /// If the key or the rate is impossible.
-    pub fn new(n: usize, key: Key, rate: f64, mut hands: Vec<Hand>) -> Result<Self, EmulateError> {
-        let refused = |why| Err(EmulateError::Refused(why));
+    pub fn new(n: usize, key: KeyConstants, rate: f64, mut hands: Vec<EmulatedHand>) -> Result<Self, EmulateError> {
+        let refused = |reason| Err(EmulateError::Refused(reason));
         if n == 0 || n > MAX_AXES {
             return refused("a device must have 1 to 16 keys");
         }
@@ -123,14 +123,14 @@ impl Keys {
             return refused("the resonance of this key is faster than half its rate");
         }
         let cell_ratios = key_cell.ratios(rate);
-        hands.resize(n, Hand::Free);
+        hands.resize(n, EmulatedHand::Free);
         Ok(Self {
             rate,
             range: key.range,
             w: rate.step() * rate.step() / key.mass,
             kappa: cell_ratios.kappa,
             zeta: cell_ratios.zeta,
-            n,
+            n_keys: n,
             x: [0.0; MAX_AXES],
             d: [0.0; MAX_AXES],
             hands,
@@ -146,15 +146,15 @@ impl Keys {
     /// If the key cannot be computed at this rate.
     pub fn with_model(mut self, model: &KeyModel) -> Result<Self, EmulateError> {
         let model_motion = Motion::new(model, self.rate.hertz(), None)?;
-        self.x[..self.n].fill(model_motion.position());
-        self.motions = vec![KeyMotion::Model(Box::new(model_motion)); self.n];
+        self.x[..self.n_keys].fill(model_motion.position());
+        self.motions = vec![KeyMotion::Model(Box::new(model_motion)); self.n_keys];
         Ok(self)
     }
 
     /// The same keys, each moving like a key of a score, at the rate of the periods.
     pub fn with_network(mut self, key: EmulatedKey) -> Self {
-        self.x[..self.n].fill(key.position());
-        self.motions = vec![KeyMotion::Network(Box::new(key)); self.n];
+        self.x[..self.n_keys].fill(key.position());
+        self.motions = vec![KeyMotion::Network(Box::new(key)); self.n_keys];
         self
     }
 
@@ -169,7 +169,7 @@ impl Keys {
             self.step_motions(force);
         }
         self.periods += 1;
-        for x in &self.x[..self.n] {
+        for x in &self.x[..self.n_keys] {
             for byte in x.to_bits().to_le_bytes() {
                 self.hash = (self.hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
             }
@@ -204,7 +204,7 @@ impl Keys {
 
     /// Number of keys.
     pub fn n(&self) -> usize {
-        self.n
+        self.n_keys
     }
 
     /// Their positions [m]   (16, those of the keys first)

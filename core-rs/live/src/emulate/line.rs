@@ -35,14 +35,14 @@ pub(super) enum LineEvent {
 }
 
 /// A line to at most one host.
-pub(super) enum Line {
+pub(super) enum HostLine {
     #[cfg(unix)]
     Terminal(terminal::Terminal),
-    Udp(Datagrams),
-    WebSocket(Box<Sockets>),
+    Udp(UdpLine),
+    WebSocket(Box<WebSocketLine>),
 }
 
-impl Line {
+impl HostLine {
     pub(super) fn open(transport: Transport) -> io::Result<Self> {
         let local_address = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
         Ok(match transport {
@@ -50,14 +50,14 @@ impl Line {
             Transport::Terminal => Self::Terminal(terminal::Terminal::open()?),
             #[cfg(not(unix))]
             Transport::Terminal => return Err(io::ErrorKind::Unsupported.into()),
-            Transport::Udp(port) => Self::Udp(Datagrams {
+            Transport::Udp(port) => Self::Udp(UdpLine {
                 socket: UdpSocket::bind(local_address(port))?,
                 host: None,
             }),
             Transport::WebSocket(port) => {
                 let listener = TcpListener::bind(local_address(port))?;
                 listener.set_nonblocking(true)?;
-                Self::WebSocket(Box::new(Sockets { listener, host: None }))
+                Self::WebSocket(Box::new(WebSocketLine { listener, host: None }))
             }
         })
     }
@@ -73,12 +73,12 @@ impl Line {
     }
 
     /// Wait for an event, for at most `wait`.
-    pub(super) fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
+    pub(super) fn read(&mut self, buffer: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         match self {
             #[cfg(unix)]
-            Self::Terminal(terminal) => terminal.read(into, wait),
-            Self::Udp(line) => line.read(into, wait),
-            Self::WebSocket(line) => line.read(into, wait),
+            Self::Terminal(terminal) => terminal.read(buffer, wait),
+            Self::Udp(line) => line.read(buffer, wait),
+            Self::WebSocket(line) => line.read(buffer, wait),
         }
     }
 
@@ -110,15 +110,15 @@ impl Line {
 }
 
 /// A host that was silent for this long may be replaced by another one: in lockstep there is no watchdog.
-const PATIENCE: Duration = Duration::from_secs(1);
+const HOST_SILENCE_MAX: Duration = Duration::from_secs(1);
 
-pub(super) struct Datagrams {
+pub(super) struct UdpLine {
     socket: UdpSocket,
     /// The host whose forces act, and the time of its last datagram; other senders are ignored.
     host: Option<(SocketAddr, Instant)>,
 }
 
-impl Datagrams {
+impl UdpLine {
     fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         // A timeout of zero is not allowed.
         self.socket.set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
@@ -128,7 +128,9 @@ impl Datagrams {
         };
         let read_instant = Instant::now();
         match self.host {
-            Some((host, at)) if host != sender && read_instant.duration_since(at) < PATIENCE => {
+            Some((host, last_received))
+                if host != sender && read_instant.duration_since(last_received) < HOST_SILENCE_MAX =>
+            {
                 return Ok(LineEvent::Nothing);
             }
             _ => self.host = Some((sender, read_instant)),
@@ -137,12 +139,12 @@ impl Datagrams {
     }
 }
 
-pub(super) struct Sockets {
+pub(super) struct WebSocketLine {
     listener: TcpListener,
     host: Option<WebSocket<TcpStream>>,
 }
 
-impl Sockets {
+impl WebSocketLine {
     fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         let Some(host_socket) = &mut self.host else {
             return self.accept(wait);
@@ -178,10 +180,10 @@ impl Sockets {
         };
         tcp_stream.set_nonblocking(false)?;
         tcp_stream.set_nodelay(true)?;
-        tcp_stream.set_read_timeout(Some(PATIENCE))?;
+        tcp_stream.set_read_timeout(Some(HOST_SILENCE_MAX))?;
         let config = WebSocketConfig::default()
-            .max_message_size(Some(haply::LONGEST))
-            .max_frame_size(Some(haply::LONGEST));
+            .max_message_size(Some(haply::MESSAGE_BYTES_MAX))
+            .max_frame_size(Some(haply::MESSAGE_BYTES_MAX));
         // A peer that does not complete the handshake is disconnected.
         let Ok(web_socket) = tungstenite::accept_with_config(tcp_stream, Some(config)) else {
             return Ok(LineEvent::Nothing);

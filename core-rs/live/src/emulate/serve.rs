@@ -4,21 +4,21 @@ use std::time::{Duration, Instant};
 
 use ergon_engine::key_model::KeyModel;
 use ergon_engine::network::Network;
-use ergon_engine::simulation::{EmulatedKey, Motor};
+use ergon_engine::simulation::{EmulatedKey, KeyMotor};
 use ergon_engine::units::Rate;
 
 use super::firmware::{BoardConfig, Firmware};
-use super::line::{Line, LineEvent, Transport};
-use super::{EmulateError, Hand, Key, Keys};
+use super::line::{HostLine, LineEvent, Transport};
+use super::{EmulateError, EmulatedHand, EmulatedKeys, KeyConstants};
 
-/// Time between two calls of `keep`.
+/// Time between two calls of `should_continue`.
 const KEEP_INTERVAL: Duration = Duration::from_millis(50);
 /// Longest message that is read [bytes].
 const MESSAGE_BYTES_MAX: usize = 64 * 1024;
 
 /// Description of a device to emulate.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct EmulationOptions {
     /// Its board.
     pub board: BoardConfig,
     /// Its transport.
@@ -26,28 +26,28 @@ pub struct Options {
     /// Number of keys.
     pub axes: usize,
     /// The constants of its keys.
-    pub key: Key,
+    pub key: KeyConstants,
     /// The model by which the keys move, if they are not CELs.
     pub model: Option<KeyModel>,
     /// The network by which the keys move instead, as the key of a score, the MAT that takes the forces, and its motor.
-    pub network: Option<(Network, usize, Motor)>,
+    pub network: Option<(Network, usize, KeyMotor)>,
     /// Rate of the periods [Hz].
     pub rate: f64,
     /// Hands on the keys; keys beyond the end are free.
-    pub hands: Vec<Hand>,
+    pub hands: Vec<EmulatedHand>,
     /// Duration [s]: in lockstep in the keys' own time, else in wall time.
     pub seconds: Option<f64>,
     /// Whether it ends when the host has gone.
     pub once: bool,
 }
 
-impl Options {
+impl EmulationOptions {
     /// A running board with these options.
     ///
     /// # Errors
     /// [`EmulateError`] if the keys are impossible.
     pub fn firmware(&self) -> Result<Firmware, EmulateError> {
-        let mut emulated_keys = Keys::new(self.axes, self.key, self.rate, self.hands.clone())?;
+        let mut emulated_keys = EmulatedKeys::new(self.axes, self.key, self.rate, self.hands.clone())?;
         if let Some(model) = &self.model {
             emulated_keys = emulated_keys.with_model(model)?;
         }
@@ -61,7 +61,7 @@ impl Options {
 
 /// What happens while the device is served.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Event {
+pub enum ServeEvent {
     /// A host can open this address.
     Ready(String),
     /// The host was silent for too long; the force is zero.
@@ -72,7 +72,7 @@ pub enum Event {
 
 /// The result of serving a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Outcome {
+pub struct ServeSummary {
     /// Number of periods of the keys.
     pub periods: u64,
     /// Number of packets of forces.
@@ -81,27 +81,28 @@ pub struct Outcome {
     pub hash: u64,
 }
 
-/// Serve until `seconds` are over, `keep` (called every 50 ms) returns false, or the host has gone and `once` is set.
+/// Serve until `seconds` are over, `should_continue` (called every 50 ms) returns false, or the host has gone and
+/// `once` is set.
 ///
 /// # Errors
 /// [`EmulateError`] if the device is impossible, or no port could be opened.
 pub fn serve(
-    options: Options,
-    tell: &mut dyn FnMut(Event),
-    keep: &mut dyn FnMut() -> bool,
-) -> Result<Outcome, EmulateError> {
+    options: EmulationOptions,
+    on_event: &mut dyn FnMut(ServeEvent),
+    should_continue: &mut dyn FnMut() -> bool,
+) -> Result<ServeSummary, EmulateError> {
     let lockstep = options.board.lockstep;
     let mut firmware = options.firmware()?;
     let period_rate = firmware.keys().rate().hertz();
-    let mut host_line = Line::open(options.transport)?;
-    tell(Event::Ready(host_line.address()?));
+    let mut host_line = HostLine::open(options.transport)?;
+    on_event(ServeEvent::Ready(host_line.address()?));
     let mut line_bytes = vec![0; MESSAGE_BYTES_MAX];
     let start_instant = Instant::now();
     let mut last_asked = start_instant;
     loop {
         let elapsed = start_instant.elapsed();
         if firmware.run_to(elapsed) {
-            tell(Event::LetGo);
+            on_event(ServeEvent::LetGo);
             host_line.release_host();
         }
         let time_past = if lockstep {
@@ -114,7 +115,7 @@ pub fn serve(
         }
         if last_asked.elapsed() >= KEEP_INTERVAL {
             last_asked = Instant::now();
-            if !keep() {
+            if !should_continue() {
                 break;
             }
         }
@@ -139,14 +140,14 @@ pub fn serve(
                 }
             }
             LineEvent::Disconnected => {
-                tell(Event::HostGone);
+                on_event(ServeEvent::HostGone);
                 if options.once {
                     break;
                 }
             }
         }
     }
-    Ok(Outcome {
+    Ok(ServeSummary {
         periods: firmware.keys().periods(),
         packets: firmware.packets(),
         hash: firmware.keys().hash(),

@@ -3,48 +3,48 @@
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use super::line::{Defect, Defective, HaplyHost, Shared};
-use super::world::{Trouble, World};
-use super::{BOARD_STALL, Emulator, Fault, HOST_STALL, Measurement, Outcome, PERIOD};
-use crate::device::calibrate::{Pulse, directions};
-use crate::device::{self, Device, DeviceError, Emulated, Gone, Sample, Spec};
-use crate::emulate::{BoardConfig, Firmware, Hand, Key, Keys, Protocol};
-use crate::safety::{Guarded, Limits};
+use super::line::{DefectiveDevice, DeviceDefects, HaplyHost, SharedWorld};
+use super::world::{LineFaults, SimulatedWorld};
+use super::{BOARD_STALL, Emulator, Fault, FaultMeasurement, FaultOutcome, HOST_STALL, PERIOD};
+use crate::device::calibrate::{TestPulse, find_directions};
+use crate::device::{self, Device, DeviceError, DeviceLoss, DeviceSample, DeviceSpec, EmulatedDevice};
+use crate::emulate::{BoardConfig, EmulatedHand, EmulatedKeys, Firmware, KeyConstants, Protocol};
+use crate::safety::{GuardedDevice, SafetyLimits};
 use crate::wire::firefader;
 
 /// Rate of the board [Hz].
-const RATE: f64 = 8000.0;
+const BOARD_RATE: f64 = 8000.0;
 /// Beginning of the fault: forces have risen, and the piece pulls hardest.
-const ONSET: Duration = Duration::from_millis(3250);
+const FAULT_TIME: Duration = Duration::from_millis(3250);
 /// How long the motor is watched from then on.
 const WATCH_TIME: Duration = Duration::from_secs(2);
 /// How long the piece asks for 1e300 N.
-const HUGE_LASTS: Duration = Duration::from_millis(500);
+const HUGE_FORCE_DURATION: Duration = Duration::from_millis(500);
 /// Time of the board's own watchdog.
-const WATCHDOG: Duration = Duration::from_millis(50);
+const WATCHDOG_TIMEOUT: Duration = Duration::from_millis(50);
 /// A watchdog time that never passes: Haply's service is not known to have a watchdog, so none is emulated.
-const NEVER: Duration = Duration::from_secs(3600);
+const WATCHDOG_NEVER: Duration = Duration::from_secs(3600);
 /// A motor with less force is weak [N].
 const WEAK_FORCE: f64 = 5.0;
 /// The hand that holds the key [N/m, N·s/m].
-const HAND: [f64; 2] = [400.0, 4.0];
+const HAND_SPRING_DAMPER: [f64; 2] = [400.0, 4.0];
 /// Drift of a sensor [m in a tick]: 0.5 m/s.
-const DRIFT: f64 = 5e-4;
+const DRIFT_PER_TICK: f64 = 5e-4;
 /// Part of its travel that a device reports, if that is the fault: the guide does not leave it, the greatest force
 /// does. A weak motor moves the key less.
 const REPORTED_TRAVEL: f64 = 0.08;
-const REPORTED_TRAVEL_WEAK: f64 = 0.04;
+const REPORTED_TRAVEL_OF_WEAK: f64 = 0.04;
 /// Amplitude and rate of the path along which a written part drives the key [m, Hz].
 #[cfg(test)]
-const DRIVEN_SWING: f64 = 6e-3;
+const DRIVEN_AMPLITUDE: f64 = 6e-3;
 #[cfg(test)]
-const DRIVEN_RATE: f64 = 3.0;
+const DRIVEN_FREQUENCY: f64 = 3.0;
 /// Amplitude with which the piece leads the key to and fro, once a second [m].
-const SWING: f64 = 6e-3;
+const GUIDE_AMPLITUDE: f64 = 6e-3;
 
 /// The force that a piece asks for.
 #[derive(Clone, Copy)]
-pub(super) enum Ask {
+pub(super) enum RequestedForce {
     /// A spring that holds the key at 0 [N/m].
     #[cfg(test)]
     Wall(f64),
@@ -56,58 +56,58 @@ pub(super) enum Ask {
     Force(f64),
 }
 
-pub(super) struct Host {
-    guarded: Guarded<Defective>,
-    pub(super) shared: Shared,
-    sample: Sample,
+pub(super) struct SimulatedHost {
+    guarded_device: GuardedDevice<DefectiveDevice>,
+    pub(super) world: SharedWorld,
+    sample: DeviceSample,
     /// The piece's spring [N/m].
     stiffness: f64,
-    pub(super) ask: Ask,
+    pub(super) requested_force: RequestedForce,
 }
 
-impl Host {
-    pub(super) fn new(device: Defective, shared: Shared) -> Self {
-        let limits = Limits::from_spec(device.spec());
+impl SimulatedHost {
+    pub(super) fn new(device: DefectiveDevice, world: SharedWorld) -> Self {
+        let limits = SafetyLimits::from_spec(device.spec());
         let lockstep = device.in_lockstep();
-        let guarded = Guarded::new(device, limits, PERIOD.as_secs_f64()).watched();
-        let guarded = if lockstep {
-            guarded
+        let guarded_device = GuardedDevice::new(device, limits, PERIOD.as_secs_f64()).watched();
+        let guarded_device = if lockstep {
+            guarded_device
         } else {
-            guarded.by_clock(shared.world().clock())
+            guarded_device.by_clock(world.lock().clock())
         };
-        let is_weak = guarded.spec().force_max_peak < WEAK_FORCE;
+        let is_weak = guarded_device.spec().force_max_peak < WEAK_FORCE;
         Self {
-            guarded,
-            shared,
-            sample: Sample::default(),
+            guarded_device,
+            world,
+            sample: DeviceSample::default(),
             stiffness: if is_weak { 150.0 } else { 500.0 },
-            ask: Ask::Guide,
+            requested_force: RequestedForce::Guide,
         }
     }
 
-    fn tick(&mut self) -> Result<(), Gone> {
-        self.shared.world().advance(PERIOD);
-        self.guarded.receive(&mut self.sample, Instant::now())?;
-        let asked_force = match self.ask {
-            Ask::Guide => {
-                let seconds = self.shared.world().now().as_secs_f64();
-                self.stiffness * (SWING * wave(seconds) - self.sample.position[0])
+    fn tick(&mut self) -> Result<(), DeviceLoss> {
+        self.world.lock().advance(PERIOD);
+        self.guarded_device.receive(&mut self.sample, Instant::now())?;
+        let asked_force = match self.requested_force {
+            RequestedForce::Guide => {
+                let seconds = self.world.lock().now().as_secs_f64();
+                self.stiffness * (GUIDE_AMPLITUDE * wave(seconds) - self.sample.position[0])
             }
             #[cfg(test)]
-            Ask::Drive => {
-                let seconds = self.shared.world().now().as_secs_f64();
+            RequestedForce::Drive => {
+                let seconds = self.world.lock().now().as_secs_f64();
                 written_force(seconds, self.sample.position[0])
             }
-            Ask::Force(asked_force) => asked_force,
+            RequestedForce::Force(asked_force) => asked_force,
             #[cfg(test)]
-            Ask::Wall(stiffness) => -stiffness * self.sample.position[0],
+            RequestedForce::Wall(stiffness) => -stiffness * self.sample.position[0],
         };
-        self.guarded.send(&[asked_force]).map(drop)
+        self.guarded_device.send(&[asked_force]).map(drop)
     }
 
-    pub(super) fn run(&mut self, time: Duration) -> Result<(), Gone> {
-        let end_time = self.shared.world().now() + time;
-        while self.shared.world().now() < end_time {
+    pub(super) fn run(&mut self, time: Duration) -> Result<(), DeviceLoss> {
+        let end_time = self.world.lock().now() + time;
+        while self.world.lock().now() < end_time {
             self.tick()?;
         }
         Ok(())
@@ -124,9 +124,9 @@ fn wave(seconds: f64) -> f64 {
 #[cfg(test)]
 pub(super) fn written_force(seconds: f64, x: f64) -> f64 {
     const STEP: f64 = 1e-3;
-    let driven_key = Key::default();
+    let driven_key = KeyConstants::default();
     let [place_before, place_now, place_after] =
-        [-STEP, 0.0, STEP].map(|by| DRIVEN_SWING * wave(DRIVEN_RATE * (seconds + by)));
+        [-STEP, 0.0, STEP].map(|shift| DRIVEN_AMPLITUDE * wave(DRIVEN_FREQUENCY * (seconds + shift)));
     let acceleration = (place_after - 2.0 * place_now + place_before) / (STEP * STEP);
     let swing_speed = (place_after - place_before) / (2.0 * STEP);
     let return_rate = std::f64::consts::TAU;
@@ -134,60 +134,66 @@ pub(super) fn written_force(seconds: f64, x: f64) -> f64 {
 }
 
 /// Make a fault on a device while a piece asks for forces on a key that a hand holds or nobody, and measure its effect.
-pub(super) fn measure(ask: Ask, is_held: bool, fault: Fault, emulator: Emulator) -> Result<Measurement, DeviceError> {
-    let measurement = |outcome, greatest, force_rises| Measurement {
+pub(super) fn measure(
+    ask: RequestedForce,
+    is_held: bool,
+    fault: Fault,
+    emulator: Emulator,
+) -> Result<FaultMeasurement, DeviceError> {
+    let measurement = |outcome, greatest, force_rises| FaultMeasurement {
         fault,
         emulator,
         outcome,
-        bound: fault.bound(emulator),
-        greatest,
-        rise: force_rises,
-        work: 0.0,
+        time_limit: fault.time_limit(emulator),
+        peak_force_and_limit: greatest,
+        force_rise_and_limit: force_rises,
+        work_max: 0.0,
     };
     if let Some(exclusion) = fault.excluded(emulator) {
-        return Ok(measurement(Outcome::Excluded(exclusion), [0.0; 2], [0.0; 2]));
+        return Ok(measurement(FaultOutcome::Excluded(exclusion), [0.0; 2], [0.0; 2]));
     }
-    let (mut device, shared) = if is_held {
+    let (mut device, world) = if is_held {
         held_device(emulator, hands)?
     } else {
-        held_device(emulator, |axes| vec![Hand::Resting; axes])?
+        held_device(emulator, |axes| vec![EmulatedHand::Resting; axes])?
     };
     let device_spec = device.spec().clone();
     let peak_max = device_spec.force_max_peak;
-    let allowed = |device_spec: &Spec| Limits::from_spec(device_spec).slew + 2.0 * device_spec.force_lsb;
+    let allowed =
+        |device_spec: &DeviceSpec| SafetyLimits::from_spec(device_spec).slew_rate_max + 2.0 * device_spec.force_lsb;
     if fault == Fault::OpenedTwice {
         let outcome = if device::second_opening_is_refused() {
-            Outcome::Zero(0.0)
+            FaultOutcome::Zero(0.0)
         } else {
-            Outcome::Persists
+            FaultOutcome::Persists
         };
         return Ok(measurement(outcome, [0.0, peak_max], [0.0, allowed(&device_spec)]));
     }
     if fault == Fault::WrongTravel {
         let is_weak_motor = peak_max < WEAK_FORCE;
         device.report_travel(if is_weak_motor {
-            REPORTED_TRAVEL_WEAK
+            REPORTED_TRAVEL_OF_WEAK
         } else {
             REPORTED_TRAVEL
         });
     }
     let fault_time = if fault == Fault::Uncalibrated {
-        test_direction(device, &shared)
+        test_direction(device, &world)
     } else {
-        run_fault(ask, fault, device, &shared)
+        run_fault(ask, fault, device, &world)
     };
-    let motor = shared.world().motor;
+    let motor = world.lock().motor;
     let push_end = if fault.persists() {
         motor.last_push.or(Some(fault_time))
     } else {
         motor.first_zero
     };
-    let end_time = shared.world().now();
+    let end_time = world.lock().now();
     let outcome = match push_end {
         Some(end) if end < end_time || fault == Fault::HostResumed => {
-            Outcome::Zero(end.saturating_sub(fault_time).as_secs_f64())
+            FaultOutcome::Zero(end.saturating_sub(fault_time).as_secs_f64())
         }
-        _ => Outcome::Persists,
+        _ => FaultOutcome::Persists,
     };
     let force_share = match fault {
         // The direction is tested with at most a fifth of the greatest force.
@@ -197,44 +203,45 @@ pub(super) fn measure(ask: Ask, is_held: bool, fault: Fault, emulator: Emulator)
         _ => 1.0,
     };
     let peak_max = force_share * (peak_max + device_spec.force_lsb);
-    let force_rises = [motor.rise, allowed(&device_spec)];
-    let [_, work] = shared.world().work;
-    Ok(Measurement {
-        work,
-        ..measurement(outcome, [motor.greatest, peak_max], force_rises)
+    let force_rises = [motor.rise_max, allowed(&device_spec)];
+    let [_, work] = world.lock().work;
+    Ok(FaultMeasurement {
+        work_max: work,
+        ..measurement(outcome, [motor.force_max, peak_max], force_rises)
     })
 }
 
 /// Play until the fault begins, then watch; returns when it began.
-fn run_fault(ask: Ask, fault: Fault, device: Defective, shared: &Shared) -> Duration {
-    let mut host = Host::new(device, shared.clone());
-    host.ask = ask;
-    let _ = host.run(ONSET);
+fn run_fault(ask: RequestedForce, fault: Fault, device: DefectiveDevice, world: &SharedWorld) -> Duration {
+    let mut host = SimulatedHost::new(device, world.clone());
+    host.requested_force = ask;
+    let _ = host.run(FAULT_TIME);
     let fault_time = {
-        let mut world = shared.world();
-        world.begin_record();
-        world.now()
+        let mut locked_world = world.lock();
+        locked_world.begin_record();
+        locked_world.now()
     };
-    let device_is_here = host.guarded.in_lockstep();
-    let line = |host: &Host, make: fn(&mut Trouble)| make(&mut host.shared.world().trouble);
-    let device = |host: &mut Host, make: fn(&mut Defect)| make(&mut host.guarded.device_mut().defect);
+    let device_is_here = host.guarded_device.in_lockstep();
+    let line = |host: &SimulatedHost, make: fn(&mut LineFaults)| make(&mut host.world.lock().line_faults);
+    let device =
+        |host: &mut SimulatedHost, make: fn(&mut DeviceDefects)| make(&mut host.guarded_device.device_mut().defects);
     match fault {
-        Fault::NotANumber => host.ask = Ask::Force(f64::NAN),
-        Fault::Infinite => host.ask = Ask::Force(f64::INFINITY),
+        Fault::NotANumber => host.requested_force = RequestedForce::Force(f64::NAN),
+        Fault::Infinite => host.requested_force = RequestedForce::Force(f64::INFINITY),
         Fault::Huge => return let_go_of_a_huge_force(host),
         Fault::NoReplies if device_is_here => device(&mut host, |defect| defect.loses_positions = true),
         Fault::NoReplies => line(&host, |trouble| trouble.replies_lost = true),
         Fault::HostStalled => {
-            shared.world().advance(HOST_STALL);
+            world.lock().advance(HOST_STALL);
             return fault_time;
         }
         Fault::HostResumed => {
-            shared.world().advance(HOST_STALL);
-            let fault_time = shared.world().now();
-            shared.world().begin_record();
+            world.lock().advance(HOST_STALL);
+            let fault_time = world.lock().now();
+            world.lock().begin_record();
             let _ = host.tick();
             // Until just before the next packet.
-            shared.world().advance(PERIOD);
+            world.lock().advance(PERIOD);
             return fault_time;
         }
         Fault::BoardStalled => {
@@ -245,10 +252,10 @@ fn run_fault(ask: Ask, fault: Fault, device: Defective, shared: &Shared) -> Dura
         Fault::WrongWay => device(&mut host, |defect| defect.wrong_way = true),
         Fault::Frozen => device(&mut host, |defect| defect.frozen = true),
         Fault::MotorStuck => device(&mut host, |defect| defect.motor_stuck = true),
-        Fault::SensorDrifts => device(&mut host, |defect| defect.drift = DRIFT),
-        Fault::SensorScaled => device(&mut host, |defect| defect.scale = 10.0),
-        Fault::SensorOffset => device(&mut host, |defect| defect.offset = 0.02),
-        Fault::WrongTravel => host.ask = Ask::Force(f64::MAX),
+        Fault::SensorDrifts => device(&mut host, |defect| defect.position_drift = DRIFT_PER_TICK),
+        Fault::SensorScaled => device(&mut host, |defect| defect.position_scale = 10.0),
+        Fault::SensorOffset => device(&mut host, |defect| defect.position_offset = 0.02),
+        Fault::WrongTravel => host.requested_force = RequestedForce::Force(f64::MAX),
         Fault::SharedLine => line(&host, |trouble| trouble.another_program = true),
         Fault::Unplugged => line(&host, |trouble| trouble.unplugged = true),
         Fault::GarbageReplies => line(&host, |trouble| trouble.replies_random = true),
@@ -258,57 +265,57 @@ fn run_fault(ask: Ask, fault: Fault, device: Defective, shared: &Shared) -> Dura
     if host.run(WATCH_TIME).is_err() {
         // The device is lost and dropped, as in a performance.
         drop(host);
-        shared.world().advance(WATCH_TIME);
+        world.lock().advance(WATCH_TIME);
     }
     fault_time
 }
 
 /// The piece asks for more than any motor gives, then for nothing; returns the time of the latter.
-fn let_go_of_a_huge_force(mut host: Host) -> Duration {
-    host.ask = Ask::Force(1e300);
-    let _ = host.run(HUGE_LASTS);
-    host.ask = Ask::Force(0.0);
-    let release_time = host.shared.world().now();
+fn let_go_of_a_huge_force(mut host: SimulatedHost) -> Duration {
+    host.requested_force = RequestedForce::Force(1e300);
+    let _ = host.run(HUGE_FORCE_DURATION);
+    host.requested_force = RequestedForce::Force(0.0);
+    let release_time = host.world.lock().now();
     let _ = host.run(WATCH_TIME);
     release_time
 }
 
 /// Test the direction of the motor before the first note, under a hand on the key; returns the beginning of the test.
-fn test_direction(mut device: Defective, shared: &Shared) -> Duration {
-    device.defect.wrong_way = true;
-    device.ticks = Some(shared.clone());
-    let pulse = Pulse::from_spec(device.spec());
-    let fault_time = shared.world().now();
-    shared.world().begin_record();
+fn test_direction(mut device: DefectiveDevice, world: &SharedWorld) -> Duration {
+    device.defects.wrong_way = true;
+    device.tick_world = Some(world.clone());
+    let pulse = TestPulse::from_spec(device.spec());
+    let fault_time = world.lock().now();
+    world.lock().begin_record();
     let stop_flag = AtomicBool::new(false);
-    let _ = directions(&mut device, &[0], pulse, PERIOD.as_secs_f64(), &stop_flag);
-    device.ticks = None;
-    shared.world().advance(PERIOD);
+    let _ = find_directions(&mut device, &[0], pulse, PERIOD.as_secs_f64(), &stop_flag);
+    device.tick_world = None;
+    world.lock().advance(PERIOD);
     fault_time
 }
 
 /// A device with these hands on its axes, opened by its own driver.
 pub(super) fn held_device(
     emulator: Emulator,
-    hands: impl Fn(usize) -> Vec<Hand>,
-) -> Result<(Defective, Shared), DeviceError> {
+    hands: impl Fn(usize) -> Vec<EmulatedHand>,
+) -> Result<(DefectiveDevice, SharedWorld), DeviceError> {
     let refused = |error| DeviceError::Closed {
         url: emulator.name().to_owned(),
         reason: format!("its emulator cannot be made: {error}"),
     };
     let (protocol, axis_count, force_max) = match emulator {
         Emulator::InProcess => {
-            let emulated_keys = Keys::new(1, Key::default(), 1.0 / PERIOD.as_secs_f64(), hands(1));
-            let device = Emulated::new(emulated_keys.map_err(refused)?, Key::default());
-            let shared = Shared::new(World::new(None, false));
-            return Ok((Defective::new(Box::new(device), Some(shared.clone())), shared));
+            let emulated_keys = EmulatedKeys::new(1, KeyConstants::default(), 1.0 / PERIOD.as_secs_f64(), hands(1));
+            let device = EmulatedDevice::new(emulated_keys.map_err(refused)?, KeyConstants::default());
+            let world = SharedWorld::new(SimulatedWorld::new(None, false));
+            return Ok((DefectiveDevice::new(Box::new(device), Some(world.clone())), world));
         }
         Emulator::Board(Protocol::Frame) => (Protocol::Frame, 1, 20.0),
         Emulator::Board(Protocol::FireFader) => (Protocol::FireFader, 2, firefader::FORCE_MAX),
         Emulator::Board(Protocol::Haply) => (Protocol::Haply, 3, 10.0),
     };
-    let plain_key = Key::default();
-    let emulated_keys = Keys::new(axis_count, plain_key, RATE, hands(axis_count)).map_err(refused)?;
+    let plain_key = KeyConstants::default();
+    let emulated_keys = EmulatedKeys::new(axis_count, plain_key, BOARD_RATE, hands(axis_count)).map_err(refused)?;
     let is_haply = protocol == Protocol::Haply;
     let board = BoardConfig {
         protocol,
@@ -319,25 +326,25 @@ pub(super) fn held_device(
         noise: 0.0,
         seed: 0,
         force_step: 0.0,
-        watchdog: if is_haply { NEVER } else { WATCHDOG },
-        reported: [plain_key.mass, plain_key.damping],
+        watchdog: if is_haply { WATCHDOG_NEVER } else { WATCHDOG_TIMEOUT },
+        reported_constants: [plain_key.mass, plain_key.damping],
         range: plain_key.range,
     };
-    let shared = Shared::new(World::new(Some(Firmware::new(board, emulated_keys)), is_haply));
+    let world = SharedWorld::new(SimulatedWorld::new(Some(Firmware::new(board, emulated_keys)), is_haply));
     let device: Box<dyn Device> = if is_haply {
-        Box::new(HaplyHost::new(shared.clone()))
+        Box::new(HaplyHost::new(world.clone()))
     } else {
-        device::open_in_process(emulator.kind(), Box::new(shared.clone()), false)?
+        device::open_in_process(emulator.kind(), Box::new(world.clone()), false)?
     };
-    Ok((Defective::new(device, None), shared))
+    Ok((DefectiveDevice::new(device, None), world))
 }
 
 /// Hands of which the first holds its key at 0 with a spring and damper; the others rest.
-fn hands(axes: usize) -> Vec<Hand> {
-    let [stiffness, damping] = HAND;
-    let mut axis_hands = vec![Hand::Resting; axes];
-    axis_hands[0] = Hand::OnPath {
-        path: vec![0.0; 10 * RATE as usize],
+fn hands(axes: usize) -> Vec<EmulatedHand> {
+    let [stiffness, damping] = HAND_SPRING_DAMPER;
+    let mut axis_hands = vec![EmulatedHand::Resting; axes];
+    axis_hands[0] = EmulatedHand::OnPath {
+        path: vec![0.0; 10 * BOARD_RATE as usize],
         stiffness,
         damping,
     };

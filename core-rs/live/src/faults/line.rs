@@ -1,115 +1,115 @@
-//! The host's side: the driver of a device whose wire ends in a [`World`].
+//! The host's side: the driver of a device whose wire ends in a [`SimulatedWorld`].
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use super::world::World;
+use super::world::SimulatedWorld;
 use crate::device::haply::{self, ForceCommand};
-use crate::device::{Device, Gone, InProcess, MAX_AXES, Sample, Spec};
+use crate::device::{Device, DeviceLoss, DeviceSample, DeviceSpec, InProcessPort, MAX_AXES};
 use crate::safety::SafeForce;
 
 /// The world, shared by the host and the wire of its driver.
 #[derive(Clone)]
-pub(super) struct Shared(Arc<Mutex<World>>);
+pub(super) struct SharedWorld(Arc<Mutex<SimulatedWorld>>);
 
-impl Shared {
-    pub(super) fn new(world: World) -> Self {
+impl SharedWorld {
+    pub(super) fn new(world: SimulatedWorld) -> Self {
         Self(Arc::new(Mutex::new(world)))
     }
 
-    pub(super) fn world(&self) -> MutexGuard<'_, World> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, SimulatedWorld> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl InProcess for Shared {
-    fn write(&mut self, packet: &[u8]) -> Result<(), Gone> {
-        self.world().write(packet)
+impl InProcessPort for SharedWorld {
+    fn write(&mut self, packet: &[u8]) -> Result<(), DeviceLoss> {
+        self.lock().write(packet)
     }
 
-    fn read(&mut self, into: &mut [u8]) -> Result<usize, Gone> {
-        self.world().read(into)
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, DeviceLoss> {
+        self.lock().read(buffer)
     }
 }
 
 /// Defects of the device itself.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Defect {
+pub(super) struct DeviceDefects {
     pub(super) wrong_way: bool,
     pub(super) frozen: bool,
     /// The motor keeps the force that it has, whatever is sent, until it is switched off.
     pub(super) motor_stuck: bool,
     /// The reported positions grow by this every tick [m], are this many times too great, and are off by this [m].
-    pub(super) drift: f64,
-    pub(super) scale: f64,
-    pub(super) offset: f64,
+    pub(super) position_drift: f64,
+    pub(super) position_scale: f64,
+    pub(super) position_offset: f64,
     /// No position arrives at the host.
     pub(super) loses_positions: bool,
 }
 
-impl Defect {
+impl DeviceDefects {
     const NONE: Self = Self {
         wrong_way: false,
         frozen: false,
         motor_stuck: false,
-        drift: 0.0,
-        scale: 1.0,
-        offset: 0.0,
+        position_drift: 0.0,
+        position_scale: 1.0,
+        position_offset: 0.0,
         loses_positions: false,
     };
 }
 
 /// A device with its defects.
-pub(super) struct Defective {
+pub(super) struct DefectiveDevice {
     pub(super) device: Box<dyn Device>,
-    pub(super) defect: Defect,
+    pub(super) defects: DeviceDefects,
     /// Set for a device in this process: its motor gives the force that is sent.
-    pub(super) direct: Option<Shared>,
+    pub(super) motor_world: Option<SharedWorld>,
     /// Set for a test before a performance, which paces itself: every force sent is a tick of the host.
-    pub(super) ticks: Option<Shared>,
+    pub(super) tick_world: Option<SharedWorld>,
     frozen_at: Option<[f64; MAX_AXES]>,
     last_force: SafeForce,
-    spec: Spec,
+    spec: DeviceSpec,
 }
 
-impl Defective {
-    pub(super) fn new(device: Box<dyn Device>, direct: Option<Shared>) -> Self {
+impl DefectiveDevice {
+    pub(super) fn new(device: Box<dyn Device>, direct: Option<SharedWorld>) -> Self {
         let spec = device.spec().clone();
         Self {
             last_force: SafeForce::zero(spec.dof),
             spec,
             device,
-            defect: Defect::NONE,
-            direct,
-            ticks: None,
+            defects: DeviceDefects::NONE,
+            motor_world: direct,
+            tick_world: None,
             frozen_at: None,
         }
     }
 
     /// Report only this part of the travel.
-    pub(super) fn report_travel(&mut self, part: f64) {
-        self.spec.pos_range = self.spec.pos_range.map(|end| part * end);
+    pub(super) fn report_travel(&mut self, share: f64) {
+        self.spec.pos_range = self.spec.pos_range.map(|end| share * end);
     }
 
     fn note_force(&mut self, force: f64) {
-        if let Some(shared) = &self.direct {
-            shared.world().motor.force = force;
+        if let Some(shared) = &self.motor_world {
+            shared.lock().motor.force = force;
         }
-        if let Some(shared) = &self.ticks {
-            shared.world().advance(super::PERIOD);
+        if let Some(shared) = &self.tick_world {
+            shared.lock().advance(super::PERIOD);
         }
     }
 }
 
-impl Device for Defective {
-    fn spec(&self) -> &Spec {
+impl Device for DefectiveDevice {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        let motor_gain = if self.defect.wrong_way { -1.0 } else { 1.0 };
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
+        let motor_gain = if self.defects.wrong_way { -1.0 } else { 1.0 };
         let mut force = force.with_gains(&[motor_gain; MAX_AXES]);
-        if self.defect.motor_stuck {
+        if self.defects.motor_stuck {
             force = self.last_force;
         }
         self.last_force = force;
@@ -118,33 +118,36 @@ impl Device for Defective {
         Ok(())
     }
 
-    fn switch_off(&mut self) -> Result<(), Gone> {
+    fn switch_off(&mut self) -> Result<(), DeviceLoss> {
         self.device.switch_off()?;
         self.note_force(0.0);
         Ok(())
     }
 
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        if self.defect.loses_positions {
-            into.fresh = false;
+    fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
+        if self.defects.loses_positions {
+            sample.is_fresh = false;
             return Ok(false);
         }
-        let is_fresh = self.device.receive(into, deadline)?;
-        if self.defect.frozen {
-            into.position = *self.frozen_at.get_or_insert(into.position);
+        let is_fresh = self.device.receive(sample, deadline)?;
+        if self.defects.frozen {
+            sample.position = *self.frozen_at.get_or_insert(sample.position);
         }
-        let Defect {
-            drift, scale, offset, ..
-        } = &mut self.defect;
+        let DeviceDefects {
+            position_drift: drift,
+            position_scale: scale,
+            position_offset: offset,
+            ..
+        } = &mut self.defects;
         *offset += *drift;
-        for position in &mut into.position {
+        for position in &mut sample.position {
             *position = *scale * *position + *offset;
         }
         Ok(is_fresh)
     }
 
     fn in_lockstep(&self) -> bool {
-        self.device.in_lockstep() || self.ticks.is_some()
+        self.device.in_lockstep() || self.tick_world.is_some()
     }
 
     fn zero(&mut self) {
@@ -155,54 +158,57 @@ impl Device for Defective {
 
 /// Haply's host side without its socket: orders go to the guardian of a world, and states come back.
 pub(super) struct HaplyHost {
-    shared: Shared,
-    spec: Spec,
-    number: u16,
-    sample: Sample,
-    new: bool,
+    world: SharedWorld,
+    spec: DeviceSpec,
+    last_number: u16,
+    sample: DeviceSample,
+    has_new_state: bool,
 }
 
 impl HaplyHost {
-    pub(super) fn new(shared: Shared) -> Self {
+    pub(super) fn new(world: SharedWorld) -> Self {
         Self {
-            shared,
+            world,
             spec: haply::spec(),
-            number: u16::MAX,
-            sample: Sample {
-                touch: [true; MAX_AXES],
+            last_number: u16::MAX,
+            sample: DeviceSample {
+                is_touched: [true; MAX_AXES],
                 force_enabled: [true; MAX_AXES],
-                ..Sample::default()
+                ..DeviceSample::default()
             },
-            new: true,
+            has_new_state: true,
         }
     }
 
     fn order(&mut self, force: [f64; 3]) {
-        self.number = self.number.wrapping_add(1);
-        let number = self.number;
-        self.shared.world().order(ForceCommand { number, force });
+        self.last_number = self.last_number.wrapping_add(1);
+        let number = self.last_number;
+        self.world.lock().order(ForceCommand { number, force });
     }
 }
 
 impl Device for HaplyHost {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
         self.order([axis_force(0), axis_force(1), axis_force(2)]);
         Ok(())
     }
 
-    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
-        let newest_state = self.shared.world().state()?;
-        let fresh = newest_state.is_some() || std::mem::take(&mut self.new);
+    fn receive(&mut self, into: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
+        let newest_state = self.world.lock().state()?;
+        let fresh = newest_state.is_some() || std::mem::take(&mut self.has_new_state);
         if let Some((state_number, position, let_go)) = newest_state {
             self.sample.position[..3].copy_from_slice(&position);
             (self.sample.seq, self.sample.let_go) = (u32::from(state_number), let_go);
         }
-        *into = Sample { fresh, ..self.sample };
+        *into = DeviceSample {
+            is_fresh: fresh,
+            ..self.sample
+        };
         Ok(fresh)
     }
 

@@ -1,7 +1,7 @@
-use super::experiment::{self, Ask, Host, held_device, written_force};
-use super::world::Trouble;
+use super::experiment::{self, RequestedForce, SimulatedHost, held_device, written_force};
+use super::world::LineFaults;
 use super::*;
-use crate::emulate::Hand;
+use crate::emulate::EmulatedHand;
 
 #[test]
 fn faults_stay_within_their_bounds() {
@@ -27,22 +27,22 @@ fn work(stiffness: f64, hand: [f64; 2], seconds: u64) -> f64 {
     let hand_path: Vec<f64> = (0..(seconds + 1) * RATE as u64).map(swing_at).collect();
     let [hand_stiffness, damping] = hand;
     let path_hands = move |_: usize| {
-        vec![Hand::OnPath {
+        vec![EmulatedHand::OnPath {
             path: hand_path.clone(),
             stiffness: hand_stiffness,
             damping,
         }]
     };
     let (device, shared) = held_device(Emulator::Board(Protocol::Frame), path_hands).unwrap();
-    let mut wall_host = Host::new(device, shared.clone());
-    shared.world().trouble = Trouble {
-        jitter: 40,
-        lost: 20,
-        ..Trouble::default()
+    let mut wall_host = SimulatedHost::new(device, shared.clone());
+    shared.lock().line_faults = LineFaults {
+        jitter_steps: 40,
+        loss_percent: 20,
+        ..LineFaults::default()
     };
-    wall_host.ask = Ask::Wall(stiffness);
+    wall_host.requested_force = RequestedForce::Wall(stiffness);
     wall_host.run(Duration::from_secs(seconds)).unwrap();
-    let [_, peak_work] = shared.world().work;
+    let [_, peak_work] = shared.lock().work;
     peak_work
 }
 
@@ -89,19 +89,19 @@ fn faults_under_a_driven_key() {
         .flat_map(|held| Fault::ALL.iter().map(move |fault| (*held, fault)))
     {
         for &emulator in Emulator::ALL {
-            let measurement = experiment::measure(Ask::Drive, is_held, fault, emulator).unwrap();
-            let [peak_force, greatest] = measurement.greatest;
+            let measurement = experiment::measure(RequestedForce::Drive, is_held, fault, emulator).unwrap();
+            let [peak_force, greatest] = measurement.peak_force_and_limit;
             assert!(peak_force <= greatest * (1.0 + 1e-12), "{is_held} {measurement:?}");
             // 1 J at once, and 0.5 W in less than 6 s.
-            assert!(measurement.work <= 1.0 + 0.5 * 6.0, "{is_held} {measurement:?}");
-            if measurement.bound.is_err() {
+            assert!(measurement.work_max <= 1.0 + 0.5 * 6.0, "{is_held} {measurement:?}");
+            if measurement.time_limit.is_err() {
                 continue;
             }
-            let [force_rise, rise_limit] = measurement.rise;
+            let [force_rise, rise_limit] = measurement.force_rise_and_limit;
             assert!(force_rise <= rise_limit * (1.0 + 1e-12), "{is_held} {measurement:?}");
-            let is_soon = matches!(measurement.outcome, Outcome::Zero(after) if after < 0.65);
+            let is_soon = matches!(measurement.outcome, FaultOutcome::Zero(after) if after < 0.65);
             let is_board = emulator != Emulator::InProcess;
-            let is_weak = peak_force <= peak_limit || (is_board && measurement.work < 0.05);
+            let is_weak = peak_force <= peak_limit || (is_board && measurement.work_max < 0.05);
             assert!(
                 !measurement.exceeds() || is_soon || is_weak,
                 "{is_held} {measurement:?}"

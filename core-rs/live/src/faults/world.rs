@@ -4,19 +4,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::device::Gone;
-use crate::device::haply::{Action, ForceCommand, Rules};
+use crate::device::DeviceLoss;
+use crate::device::haply::{ForceCommand, GuardianAction, GuardianRules};
 use crate::emulate::Firmware;
 use crate::wire::{frame, haply};
 
 /// Step of the board's time.
-const STEP: Duration = Duration::from_micros(125);
+const TIME_STEP: Duration = Duration::from_micros(125);
 /// A request number far from those of the host.
 const FOREIGN_REQUEST: u16 = 40_000;
 
 /// Faults of the line or the board.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Trouble {
+pub(super) struct LineFaults {
     pub(super) unplugged: bool,
     pub(super) replies_lost: bool,
     pub(super) replies_random: bool,
@@ -25,78 +25,78 @@ pub(super) struct Trouble {
     /// Another program asks for the positions, once in every tick of the host.
     pub(super) another_program: bool,
     /// Greatest lateness of a packet, each way [steps of the board's time].
-    pub(super) jitter: u64,
+    pub(super) jitter_steps: u64,
     /// Percentage of packets that are lost, each way.
-    pub(super) lost: u64,
+    pub(super) loss_percent: u64,
 }
 
 /// Haply's guardian: its rules, without its process and its sockets.
-pub(super) struct Guardian {
-    rules: Rules,
+pub(super) struct SimulatedGuardian {
+    rules: GuardianRules,
     /// Number of the answered command, position [m], whether the guardian let go.
-    newest: Option<(u16, [f64; 3], bool)>,
-    gone: Option<Gone>,
+    newest_state: Option<(u16, [f64; 3], bool)>,
+    loss: Option<DeviceLoss>,
 }
 
 /// The record of the motor of the first axis.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Motor {
+pub(super) struct MotorRecord {
     /// Force now [N].
     pub(super) force: f64,
     /// Since the record began: when the force first was zero, and when it was last not zero.
     pub(super) first_zero: Option<Duration>,
     pub(super) last_push: Option<Duration>,
     /// Greatest force [N], and fastest growth [N in a tick of the host].
-    pub(super) greatest: f64,
-    pub(super) rise: f64,
+    pub(super) force_max: f64,
+    pub(super) rise_max: f64,
 }
 
 /// Everything outside the host.
-pub(super) struct World {
+pub(super) struct SimulatedWorld {
     /// Virtual time [ns].
     clock: Arc<AtomicU64>,
     /// The instant that corresponds to time 0, for rules that need instants.
     epoch: Instant,
     /// `None`: the device is a key in the host's process.
     firmware: Option<Firmware>,
-    guardian: Option<Guardian>,
+    guardian: Option<SimulatedGuardian>,
     to_host: Vec<u8>,
     /// Packets that a stalled board has not read.
-    unread: Vec<Vec<u8>>,
+    unread_packets: Vec<Vec<u8>>,
     /// Requests and replies under way, each with its time of arrival.
     requests: Vec<(Duration, Vec<u8>)>,
     replies: Vec<(Duration, Vec<u8>)>,
     /// Work that the motor of the first axis has done on its key, and its greatest value so far [J].
     pub(super) work: [f64; 2],
-    pub(super) trouble: Trouble,
-    pub(super) motor: Motor,
+    pub(super) line_faults: LineFaults,
+    pub(super) motor: MotorRecord,
     /// The force at the previous tick [N].
-    before: f64,
-    random: u64,
+    previous_force: f64,
+    random_state: u64,
     n_foreign: u16,
 }
 
-impl World {
-    pub(super) fn new(firmware: Option<Firmware>, guarded: bool) -> Self {
+impl SimulatedWorld {
+    pub(super) fn new(firmware: Option<Firmware>, guarded_device: bool) -> Self {
         let epoch = Instant::now();
         Self {
             clock: Arc::default(),
             epoch,
             firmware,
-            guardian: guarded.then(|| Guardian {
-                rules: Rules::new(false, epoch),
-                newest: None,
-                gone: None,
+            guardian: guarded_device.then(|| SimulatedGuardian {
+                rules: GuardianRules::new(false, epoch),
+                newest_state: None,
+                loss: None,
             }),
             to_host: Vec::new(),
-            unread: Vec::new(),
+            unread_packets: Vec::new(),
             requests: Vec::new(),
             replies: Vec::new(),
             work: [0.0; 2],
-            trouble: Trouble::default(),
-            motor: Motor::default(),
-            before: 0.0,
-            random: 0x9e37_79b9_7f4a_7c15,
+            line_faults: LineFaults::default(),
+            motor: MotorRecord::default(),
+            previous_force: 0.0,
+            random_state: 0x9e37_79b9_7f4a_7c15,
             n_foreign: 0,
         }
     }
@@ -111,19 +111,19 @@ impl World {
 
     /// Advance the time, while the host does nothing.
     pub(super) fn advance(&mut self, time: Duration) {
-        if self.trouble.another_program {
+        if self.line_faults.another_program {
             self.send_foreign_request();
         }
         let end_time = self.now() + time;
         while self.now() < end_time {
             self.record();
-            self.clock.fetch_add(STEP.as_nanos() as u64, Ordering::Relaxed);
-            if !self.trouble.board_stalled {
-                for packet in std::mem::take(&mut self.unread) {
+            self.clock.fetch_add(TIME_STEP.as_nanos() as u64, Ordering::Relaxed);
+            if !self.line_faults.board_stalled {
+                for packet in std::mem::take(&mut self.unread_packets) {
                     self.deliver(&packet);
                 }
                 let step_time = self.now();
-                for (_, packet) in arrived(&mut self.requests, step_time) {
+                for (_, packet) in take_arrived(&mut self.requests, step_time) {
                     self.deliver(&packet);
                 }
                 if let Some(firmware) = &mut self.firmware {
@@ -132,22 +132,22 @@ impl World {
                     self.work[0] += motor_force * (firmware.keys().positions()[0] - place_before);
                     self.work[1] = self.work[1].max(self.work[0]);
                 }
-                for (_, reply) in arrived(&mut self.replies, step_time) {
+                for (_, reply) in take_arrived(&mut self.replies, step_time) {
                     self.to_host.extend(reply);
                 }
             }
             self.guard();
         }
-        let force_growth = self.motor.force.abs() - self.before.abs();
-        self.motor.rise = self.motor.rise.max(force_growth);
-        self.before = self.motor.force;
+        let force_growth = self.motor.force.abs() - self.previous_force.abs();
+        self.motor.rise_max = self.motor.rise_max.max(force_growth);
+        self.previous_force = self.motor.force;
     }
 
     /// Restart the record of the motor.
     pub(super) fn begin_record(&mut self) {
-        self.motor = Motor {
+        self.motor = MotorRecord {
             force: self.motor.force,
-            ..Motor::default()
+            ..MotorRecord::default()
         };
     }
 
@@ -158,27 +158,27 @@ impl World {
         }
         let record_time = self.now();
         let motor = &mut self.motor;
-        motor.greatest = motor.greatest.max(motor.force.abs());
+        motor.force_max = motor.force_max.max(motor.force.abs());
         if motor.force == 0.0 {
             motor.first_zero = motor.first_zero.or(Some(record_time));
         } else {
-            motor.last_push = Some(record_time + STEP);
+            motor.last_push = Some(record_time + TIME_STEP);
         }
     }
 
     /// Deliver a packet of the host, or of its guardian, to the board.
-    pub(super) fn write(&mut self, packet: &[u8]) -> Result<(), Gone> {
-        if self.trouble.unplugged {
-            return Err(Gone::Closed);
+    pub(super) fn write(&mut self, packet: &[u8]) -> Result<(), DeviceLoss> {
+        if self.line_faults.unplugged {
+            return Err(DeviceLoss::Closed);
         }
-        let packet = if self.trouble.requests_random {
+        let packet = if self.line_faults.requests_random {
             self.random_bytes(packet.len())
         } else {
             packet.to_vec()
         };
-        if self.trouble.board_stalled {
-            self.unread.push(packet);
-        } else if self.trouble.jitter > 0 {
+        if self.line_faults.board_stalled {
+            self.unread_packets.push(packet);
+        } else if self.line_faults.jitter_steps > 0 {
             if let Some(instant) = self.arrival() {
                 self.requests.push((instant, packet));
             }
@@ -196,16 +196,16 @@ impl World {
         let mut replies: Vec<Vec<u8>> = Vec::new();
         firmware.receive(packet, delivery_time, &mut |bytes| replies.push(bytes.to_vec()));
         for reply in replies {
-            if self.trouble.replies_lost {
+            if self.line_faults.replies_lost {
                 continue;
             }
-            let reply = if self.trouble.replies_random {
+            let reply = if self.line_faults.replies_random {
                 self.random_bytes(reply.len())
             } else {
                 reply
             };
             match &mut self.guardian {
-                None if self.trouble.jitter > 0 => {
+                None if self.line_faults.jitter_steps > 0 => {
                     if let Some(instant) = self.arrival() {
                         self.replies.push((instant, reply));
                     }
@@ -215,7 +215,7 @@ impl World {
                     let reply_text = String::from_utf8_lossy(&reply);
                     if let Some(haply_state) = haply::parse_state(&reply_text, None) {
                         let (state_number, let_go) = guardian.rules.state(self.epoch + delivery_time);
-                        guardian.newest = Some((state_number, haply_state.position, let_go));
+                        guardian.newest_state = Some((state_number, haply_state.position, let_go));
                     }
                 }
             }
@@ -223,12 +223,12 @@ impl World {
     }
 
     /// Read the bytes that have arrived at the host.
-    pub(super) fn read(&mut self, into: &mut [u8]) -> Result<usize, Gone> {
-        if self.trouble.unplugged {
-            return Err(Gone::Closed);
+    pub(super) fn read(&mut self, buffer: &mut [u8]) -> Result<usize, DeviceLoss> {
+        if self.line_faults.unplugged {
+            return Err(DeviceLoss::Closed);
         }
-        let byte_count = into.len().min(self.to_host.len());
-        into[..byte_count].copy_from_slice(&self.to_host[..byte_count]);
+        let byte_count = buffer.len().min(self.to_host.len());
+        buffer[..byte_count].copy_from_slice(&self.to_host[..byte_count]);
         self.to_host.drain(..byte_count);
         Ok(byte_count)
     }
@@ -243,13 +243,13 @@ impl World {
     }
 
     /// The newest state from the guardian, once; an error if the guardian has lost the service.
-    pub(super) fn state(&mut self) -> Result<Option<(u16, [f64; 3], bool)>, Gone> {
+    pub(super) fn state(&mut self) -> Result<Option<(u16, [f64; 3], bool)>, DeviceLoss> {
         let Some(guardian) = &mut self.guardian else {
             return Ok(None);
         };
-        match guardian.gone {
-            Some(gone) => Err(gone),
-            None => Ok(guardian.newest.take()),
+        match guardian.loss {
+            Some(loss) => Err(loss),
+            None => Ok(guardian.newest_state.take()),
         }
     }
 
@@ -257,14 +257,14 @@ impl World {
     fn guard(&mut self) {
         let instant = self.epoch + self.now();
         while let Some(guardian) = &mut self.guardian {
-            match guardian.rules.due(instant) {
-                Action::Nothing => return,
-                Action::Send(force) => {
-                    let command_text = haply::command(crate::emulate::HAPLY_ID, force);
+            match guardian.rules.next_deadline(instant) {
+                GuardianAction::Nothing => return,
+                GuardianAction::Send(force) => {
+                    let command_text = haply::force_message(crate::emulate::HAPLY_ID, force);
                     let _ = self.write(command_text.as_bytes());
                 }
-                Action::Gone => {
-                    guardian.gone = Some(Gone::Silent);
+                GuardianAction::Gone => {
+                    guardian.loss = Some(DeviceLoss::Silent);
                     return;
                 }
             }
@@ -274,22 +274,22 @@ impl World {
     /// Send the request of another program.
     fn send_foreign_request(&mut self) {
         self.n_foreign = self.n_foreign.wrapping_add(1);
-        let request = frame::Request {
+        let request = frame::FrameRequest {
             seq: FOREIGN_REQUEST.wrapping_add(self.n_foreign),
             axis_count: 1,
             flags: frame::flag::REQUEST,
-            ..frame::Request::default()
+            ..frame::FrameRequest::default()
         };
-        let mut request_bytes = [0; frame::LONGEST];
+        let mut request_bytes = [0; frame::FRAME_BYTES_MAX];
         let request_length = request.write(1.0, &mut request_bytes);
         self.deliver(&request_bytes[..request_length]);
     }
 
     /// The time at which a packet that is sent now arrives; `None` if it is lost.
     fn arrival(&mut self) -> Option<Duration> {
-        let is_lost = self.random() % 100 < self.trouble.lost;
-        let delay_steps = self.random() % (self.trouble.jitter + 1);
-        (!is_lost).then(|| self.now() + STEP * delay_steps as u32)
+        let is_lost = self.random() % 100 < self.line_faults.loss_percent;
+        let delay_steps = self.random() % (self.line_faults.jitter_steps + 1);
+        (!is_lost).then(|| self.now() + TIME_STEP * delay_steps as u32)
     }
 
     fn random_bytes(&mut self, n: usize) -> Vec<u8> {
@@ -298,16 +298,18 @@ impl World {
 
     /// A random number by xorshift64 (Marsaglia, 2003).
     fn random(&mut self) -> u64 {
-        self.random ^= self.random << 13;
-        self.random ^= self.random >> 7;
-        self.random ^= self.random << 17;
-        self.random >> 32
+        self.random_state ^= self.random_state << 13;
+        self.random_state ^= self.random_state >> 7;
+        self.random_state ^= self.random_state << 17;
+        self.random_state >> 32
     }
 }
 
 /// Remove the packets that have arrived by `now`, in the order of arrival.
-fn arrived(under_way: &mut Vec<(Duration, Vec<u8>)>, now: Duration) -> Vec<(Duration, Vec<u8>)> {
-    let mut packets: Vec<_> = under_way.extract_if(.., |(at, _)| *at <= now).collect();
+fn take_arrived(under_way: &mut Vec<(Duration, Vec<u8>)>, now: Duration) -> Vec<(Duration, Vec<u8>)> {
+    let mut packets: Vec<_> = under_way
+        .extract_if(.., |(arrival_time, _)| *arrival_time <= now)
+        .collect();
     packets.sort_by_key(|(at, _)| *at);
     packets
 }

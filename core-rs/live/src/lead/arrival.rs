@@ -20,10 +20,10 @@ impl TimeHistogram {
         self.0[bin_index.min(N_BINS - 1)] += 1;
     }
 
-    /// The upper edge of the bin that holds the quantile `part` [s]; 0 if nothing was counted.
-    fn quantile(&self, part: f64) -> f64 {
+    /// The upper edge of the bin that holds the quantile `probability` [s]; 0 if nothing was counted.
+    fn quantile(&self, probability: f64) -> f64 {
         let total_count: u64 = self.0.iter().map(|&n| u64::from(n)).sum();
-        let wanted_rank = ((part * total_count as f64).ceil() as u64).max(1);
+        let wanted_rank = ((probability * total_count as f64).ceil() as u64).max(1);
         let mut count_sum = 0;
         let bin_index = self.0.iter().position(|&n| {
             count_sum += u64::from(n);
@@ -46,13 +46,13 @@ pub struct ArrivalTimes {
 
 /// What arrived.
 #[derive(Debug, Default)]
-pub(super) struct Arrivals {
+pub(super) struct ArrivalHistograms {
     gap_times: TimeHistogram,
     wait_times: TimeHistogram,
     need_times: TimeHistogram,
 }
 
-impl Arrivals {
+impl ArrivalHistograms {
     /// A position of the instant `time` [s] arrived at `arrival_time` [s], the one before was of `previous_time` [s].
     pub(super) fn count(&mut self, previous_time: f64, time: f64, arrival_time: f64) {
         self.gap_times.count(time - previous_time);
@@ -60,7 +60,7 @@ impl Arrivals {
         self.need_times.count(arrival_time - previous_time);
     }
 
-    /// The quantile `part` of each time, to 0.25 ms upwards.
+    /// The quantile `probability` of each time, to 0.25 ms upwards.
     pub(super) fn quantile(&self, part: f64) -> ArrivalTimes {
         ArrivalTimes {
             gap: self.gap_times.quantile(part),
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn quantiles_of_arrivals() {
-        let mut arrivals = Arrivals::default();
+        let mut arrivals = ArrivalHistograms::default();
         assert_eq!(arrivals.quantile(0.5), ArrivalTimes::default());
         for n in 1..=100 {
             let event_time = 8e-3 * f64::from(n);

@@ -5,10 +5,10 @@
 //! mechanical impedance at the human finger tip", J. Biomech. Eng. 119 (1997); that its stiffness grows with the force
 //! of the muscles is why a pen's pressure scales it here.
 
-use crate::emulate::Key;
+use crate::emulate::KeyConstants;
 
 /// Longest step of the computation [s]: at the usual constants, the square of frequency times step is below 5e-4.
-const STEP_MAX: f64 = 25e-6;
+const FINGER_STEP_MAX: f64 = 25e-6;
 /// Greatest factor of a finger's stiffness.
 pub(super) const FIRMNESS_MAX: f64 = 2.0;
 /// Time in which a finger that lands on a key goes from there to its pointer [s].
@@ -18,7 +18,7 @@ const STIFFNESS_PER_MASS_MAX: f64 = 1e8;
 
 /// The constants of a finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Finger {
+pub struct FingerConstants {
     /// Spring to the pointer [N/m].
     pub stiffness: f64,
     /// Damper to the pointer [N·s/m].
@@ -30,7 +30,7 @@ pub struct Finger {
 /// Spring [N/m] and damper [N·s/m] of the pulp of a fingertip on the key.
 pub const FINGERTIP: (f64, f64) = (2_000.0, 2.0);
 
-impl Default for Finger {
+impl Default for FingerConstants {
     fn default() -> Self {
         Self {
             stiffness: 400.0,
@@ -40,7 +40,7 @@ impl Default for Finger {
     }
 }
 
-impl Finger {
+impl FingerConstants {
     /// Whether it can be computed in the steps here.
     pub fn is_possible(&self) -> bool {
         self.damping.is_finite()
@@ -73,12 +73,12 @@ pub struct HeldKey {
 /// The light fader that is emulated too.
 impl Default for HeldKey {
     fn default() -> Self {
-        let Key {
+        let KeyConstants {
             mass,
             stiffness,
             damping,
             range,
-        } = Key::default();
+        } = KeyConstants::default();
         Self {
             mass,
             damping,
@@ -109,7 +109,7 @@ impl HeldKey {
 
 /// The pointer during a tick: its positions at both ends [m], and the factor of the finger's stiffness.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Pull {
+pub struct PointerPull {
     /// At the beginning of the tick.
     pub start_position: f64,
     /// At its end.
@@ -121,7 +121,7 @@ pub struct Pull {
 /// A finger and its key in motion.
 #[derive(Clone, Debug)]
 pub struct FingerMotion {
-    finger: Finger,
+    finger: FingerConstants,
     key: HeldKey,
     period: f64,
     steps: u32,
@@ -137,14 +137,14 @@ pub struct FingerMotion {
 
 impl FingerMotion {
     /// A key at rest, without a finger, in ticks of `period` [s].
-    pub fn new(finger: Finger, key: HeldKey, period: f64) -> Self {
+    pub fn new(finger: FingerConstants, key: HeldKey, period: f64) -> Self {
         let [lower_limit, upper_limit] = key.range;
         let start_position = key.rest.clamp(lower_limit, upper_limit);
         Self {
             finger,
             key,
             period,
-            steps: (period / STEP_MAX).ceil().max(1.0) as u32,
+            steps: (period / FINGER_STEP_MAX).ceil().max(1.0) as u32,
             x: [start_position; 2],
             v: [0.0; 2],
             landing: None,
@@ -154,7 +154,7 @@ impl FingerMotion {
     }
 
     /// Advance by one tick under a force on the key [N]; `pull`: the pointer, if it leads the finger.
-    pub fn advance(&mut self, force: f64, pull: Option<Pull>) {
+    pub fn advance(&mut self, force: f64, pull: Option<PointerPull>) {
         let substep = self.period / f64::from(self.steps);
         self.force = 0.0;
         let Some(pull) = pull else {
@@ -197,7 +197,7 @@ impl FingerMotion {
 
     /// One such step of finger and key, which the pulp couples; `pointer`: in the middle of the step.
     fn move_held_key(&mut self, force: f64, k: f64, pointer: f64, speed: f64, h: f64) {
-        let (Finger { damping: z, mass, .. }, held_key, (pulp_k, pulp_z)) = (self.finger, self.key, FINGERTIP);
+        let (FingerConstants { damping: z, mass, .. }, held_key, (pulp_k, pulp_z)) = (self.finger, self.key, FINGERTIP);
         let half_step = 0.5 * h;
         self.drift(half_step);
         let ([x, x_key], [v, v_key]) = (self.x, self.v);
@@ -277,8 +277,8 @@ mod tests {
         range: [-0.05, 0.05],
     };
 
-    fn pull(x: f64) -> Option<Pull> {
-        Some(Pull {
+    fn pull(x: f64) -> Option<PointerPull> {
+        Some(PointerPull {
             start_position: x,
             end_position: x,
             firmness: 1.0,
@@ -287,7 +287,7 @@ mod tests {
 
     #[test]
     fn finger_and_pulp_in_series() {
-        let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
+        let mut motion = FingerMotion::new(FingerConstants::default(), KEY, 1e-3);
         (0..5_000).for_each(|_| motion.advance(1.0, pull(0.0)));
         // 1 N on the key: the finger's spring gives way by 1/400 m, its pulp by 1/2000 m.
         assert!((motion.finger() - 2.5e-3).abs() < 1e-9, "{}", motion.finger());
@@ -297,7 +297,7 @@ mod tests {
 
     #[test]
     fn finger_lands_without_a_jerk() {
-        let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
+        let mut motion = FingerMotion::new(FingerConstants::default(), KEY, 1e-3);
         let mut last_position = motion.key();
         for _ in 0..2_000 {
             motion.advance(0.0, pull(0.04));
@@ -311,7 +311,7 @@ mod tests {
 
     #[test]
     fn finger_at_the_ends_of_the_key() {
-        let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
+        let mut motion = FingerMotion::new(FingerConstants::default(), KEY, 1e-3);
         for tick in 0..3_000 {
             motion.advance(-20.0, (tick % 700 < 500).then_some(pull(0.05)).flatten());
             assert!(motion.key().abs() <= 0.05, "{}", motion.key());
@@ -327,11 +327,11 @@ mod tests {
             range: [-0.015, 0.01],
             ..KEY
         };
-        let mut motion = FingerMotion::new(Finger::default(), held_key, 1e-3);
+        let mut motion = FingerMotion::new(FingerConstants::default(), held_key, 1e-3);
         let mut throw_key = |speed: f64| {
             for tick in 0..40_u32 {
                 let pointer_place = speed * 1e-3 * f64::from(tick);
-                let pull = Pull {
+                let pull = PointerPull {
                     start_position: pointer_place,
                     end_position: pointer_place + speed * 1e-3,
                     firmness: 1.0,
@@ -365,11 +365,11 @@ mod tests {
     #[test]
     fn finger_error_by_step() {
         let end_position = |steps: u32| {
-            let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
+            let mut motion = FingerMotion::new(FingerConstants::default(), KEY, 1e-3);
             motion.steps = steps;
             for tick in 0..60_u32 {
                 let parabola = |tick: u32| 1e-3 * f64::from(tick) * f64::from(tick) / 60.0;
-                let pull = Pull {
+                let pull = PointerPull {
                     start_position: parabola(tick),
                     end_position: parabola(tick + 1),
                     firmness: 1.0,

@@ -5,18 +5,18 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
-use ergon_view::serve::{PageKey, PagePoints};
+use ergon_view::serve::{KeyPoints, PageKey};
 
-use super::arrival::{ArrivalTimes, Arrivals};
-use super::finger::{FIRMNESS_MAX, Finger, HeldKey};
+use super::arrival::{ArrivalHistograms, ArrivalTimes};
+use super::finger::{FIRMNESS_MAX, FingerConstants, HeldKey};
 use super::path::PointerPosition;
 use super::trace::{TRACE_COLUMNS, Trace};
 
 /// Positions that wait for the real-time thread: at 1,000 a second, those of four seconds.
-const WAITING_MAX: usize = 4_096;
+const WAITING_POSITIONS_MAX: usize = 4_096;
 /// Greatest lasting number of positions a second, and how many may come at once.
-const RATE_MAX: f64 = 4_000.0;
-const BURST_MAX: f64 = 1_024.0;
+const POSITION_RATE_MAX: f64 = 4_000.0;
+const POSITION_BURST_MAX: f64 = 1_024.0;
 /// A time stamp may be this much older or newer than its arrival [s]; others are wrong.
 const STAMP_AGE_MAX: f64 = 0.5;
 const STAMP_LEAD_MAX: f64 = 0.005;
@@ -29,11 +29,11 @@ const PAUSE_MIN: f64 = 0.1;
 
 /// How a key is led.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LeadOptions {
+pub struct PointerStreamOptions {
     /// The address of the key, such as `page:ada`.
     pub address: String,
     /// The finger between pointer and key.
-    pub finger: Finger,
+    pub finger: FingerConstants,
     /// Delay with which the path is read [s].
     pub delay: f64,
     /// The key that the finger holds.
@@ -46,7 +46,7 @@ pub struct LeadOptions {
 
 /// Counts of positions, and the statistics of their arrival.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LeadTally {
+pub struct PointerTally {
     /// Positions taken.
     pub taken: u64,
     /// Positions refused: not finite, too many, or another's key.
@@ -63,7 +63,7 @@ pub struct LeadTally {
 
 /// Why a position was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
+pub enum PositionRefusal {
     /// A number is not finite.
     #[error("a position has to be a finite number")]
     NotFinite,
@@ -74,17 +74,17 @@ pub enum Refusal {
 
 /// A stream of positions that leads the finger on a key.
 #[derive(Debug)]
-pub struct Lead {
-    options: LeadOptions,
+pub struct PointerStream {
+    options: PointerStreamOptions,
     epoch: Instant,
-    feeder: Mutex<Feeder>,
+    feeder: Mutex<PointerFeeder>,
     /// Slots for positions; each is time, position and firmness.
-    slots: Box<[Slot]>,
+    slots: Box<[PositionSlot]>,
     /// Numbers of positions written and read so far.
-    written: AtomicU64,
-    read: AtomicU64,
+    n_written: AtomicU64,
+    n_read: AtomicU64,
     is_present: AtomicBool,
-    late: AtomicU64,
+    n_late: AtomicU64,
     /// Pointer, finger and key [m], and the force of the pointer on the finger [N]; not a number: no finger there.
     points: [AtomicU64; 4],
     trace: Trace,
@@ -92,14 +92,14 @@ pub struct Lead {
 
 /// A position between its writer and its reader, as bits of numbers.
 #[derive(Debug, Default)]
-struct Slot {
+struct PositionSlot {
     time: AtomicU64,
     x: AtomicU64,
     firmness: AtomicU64,
     is_lifted: AtomicBool,
 }
 
-impl Slot {
+impl PositionSlot {
     fn store(&self, placed: PointerPosition) {
         let firmness = placed.firmness.unwrap_or_default();
         for (cell, number) in [
@@ -125,32 +125,32 @@ impl Slot {
 }
 
 #[derive(Debug, Default)]
-struct Feeder {
+struct PointerFeeder {
     last_time: f64,
-    tokens: f64,
+    burst_tokens: f64,
     refill_time: f64,
-    tally: LeadTally,
+    tally: PointerTally,
     /// Number, sum and sum of squares of gaps.
     gaps: [f64; 3],
-    arrivals: Arrivals,
+    arrivals: ArrivalHistograms,
 }
 
 /// The leads of this process by their names, so that a driver finds its stream as it would find a port.
-static LEADS: Mutex<BTreeMap<String, Weak<Lead>>> = Mutex::new(BTreeMap::new());
+static POINTER_STREAMS: Mutex<BTreeMap<String, Weak<PointerStream>>> = Mutex::new(BTreeMap::new());
 
-fn leads() -> MutexGuard<'static, BTreeMap<String, Weak<Lead>>> {
-    LEADS.lock().unwrap_or_else(PoisonError::into_inner)
+fn pointer_streams() -> MutexGuard<'static, BTreeMap<String, Weak<PointerStream>>> {
+    POINTER_STREAMS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The lead of a name.
-pub fn find(name: &str) -> Option<Arc<Lead>> {
-    leads().get(name)?.upgrade()
+pub fn find(name: &str) -> Option<Arc<PointerStream>> {
+    pointer_streams().get(name)?.upgrade()
 }
 
-impl Lead {
+impl PointerStream {
     /// A new stream; `None` if there is one of this name. A page's key waits for its page, others are there at once.
-    pub fn new(options: LeadOptions, is_present: bool) -> Option<Arc<Self>> {
-        let mut known_leads = leads();
+    pub fn new(options: PointerStreamOptions, is_present: bool) -> Option<Arc<Self>> {
+        let mut known_leads = pointer_streams();
         known_leads.retain(|_, lead| lead.strong_count() > 0);
         if known_leads.contains_key(&options.address) {
             return None;
@@ -160,16 +160,16 @@ impl Lead {
             trace: Trace::new(options.traced_ticks),
             options,
             epoch: Instant::now(),
-            feeder: Mutex::new(Feeder {
+            feeder: Mutex::new(PointerFeeder {
                 last_time: f64::NEG_INFINITY,
-                tokens: BURST_MAX,
-                ..Feeder::default()
+                burst_tokens: POSITION_BURST_MAX,
+                ..PointerFeeder::default()
             }),
-            slots: (0..WAITING_MAX).map(|_| Slot::default()).collect(),
-            written: AtomicU64::new(0),
-            read: AtomicU64::new(0),
+            slots: (0..WAITING_POSITIONS_MAX).map(|_| PositionSlot::default()).collect(),
+            n_written: AtomicU64::new(0),
+            n_read: AtomicU64::new(0),
             is_present: AtomicBool::new(is_present),
-            late: AtomicU64::new(0),
+            n_late: AtomicU64::new(0),
             points: [f64::NAN, f64::NAN, 0.0, 0.0].map(|x| AtomicU64::new(x.to_bits())),
         });
         known_leads.insert(lead_name, Arc::downgrade(&lead));
@@ -178,7 +178,7 @@ impl Lead {
 
     /// Give the name back: another stream may have it.
     pub fn close(&self) {
-        let mut known_leads = leads();
+        let mut known_leads = pointer_streams();
         let is_this_lead = |lead: &Weak<Self>| std::ptr::eq(lead.as_ptr(), self);
         if known_leads.get(&self.options.address).is_some_and(is_this_lead) {
             known_leads.remove(&self.options.address);
@@ -186,7 +186,7 @@ impl Lead {
     }
 
     /// How the key is led.
-    pub fn options(&self) -> &LeadOptions {
+    pub fn options(&self) -> &PointerStreamOptions {
         &self.options
     }
 
@@ -195,38 +195,39 @@ impl Lead {
         self.epoch.elapsed().as_secs_f64()
     }
 
-    fn feeder(&self) -> MutexGuard<'_, Feeder> {
+    fn feeder(&self) -> MutexGuard<'_, PointerFeeder> {
         self.feeder.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Take a position [m] of `time` [s]; positions beyond the travel are at its end. `firmness` `None`: a lift.
     ///
     /// # Errors
-    /// [`Refusal`] if it is not taken.
-    pub fn feed(&self, placed: PointerPosition) -> Result<(), Refusal> {
+    /// [`PositionRefusal`] if it is not taken.
+    pub fn add_position(&self, placed: PointerPosition) -> Result<(), PositionRefusal> {
         let mut feeder = self.feeder();
         if !(placed.time.is_finite() && placed.x.is_finite() && placed.firmness.is_none_or(f64::is_finite)) {
             feeder.tally.refused += 1;
-            return Err(Refusal::NotFinite);
+            return Err(PositionRefusal::NotFinite);
         }
         let (mut stamp_time, mut arrival_time) = (placed.time, placed.time);
         if !self.options.lockstep {
             arrival_time = self.now();
-            feeder.tokens = (feeder.tokens + RATE_MAX * (arrival_time - feeder.refill_time)).min(BURST_MAX);
+            feeder.burst_tokens =
+                (feeder.burst_tokens + POSITION_RATE_MAX * (arrival_time - feeder.refill_time)).min(POSITION_BURST_MAX);
             feeder.refill_time = arrival_time;
             if !(arrival_time - STAMP_AGE_MAX..=arrival_time + STAMP_LEAD_MAX).contains(&stamp_time) {
                 feeder.tally.misdated += 1;
                 stamp_time = arrival_time;
             }
         }
-        let written_count = self.written.load(Ordering::Relaxed);
-        let is_full = written_count - self.read.load(Ordering::Acquire) >= WAITING_MAX as u64;
-        let is_flood = !self.options.lockstep && feeder.tokens < 1.0;
+        let written_count = self.n_written.load(Ordering::Relaxed);
+        let is_full = written_count - self.n_read.load(Ordering::Acquire) >= WAITING_POSITIONS_MAX as u64;
+        let is_flood = !self.options.lockstep && feeder.burst_tokens < 1.0;
         if is_full || is_flood {
             feeder.tally.refused += 1;
-            return Err(Refusal::TooMany);
+            return Err(PositionRefusal::TooMany);
         }
-        feeder.tokens -= 1.0;
+        feeder.burst_tokens -= 1.0;
         let stamp_gap = stamp_time - feeder.last_time;
         if (STAMP_GAP_MIN..PAUSE_MIN).contains(&stamp_gap) {
             for (sum, power) in feeder.gaps.iter_mut().zip([1.0, stamp_gap, stamp_gap * stamp_gap]) {
@@ -239,7 +240,7 @@ impl Lead {
         feeder.last_time = stamp_time;
         feeder.tally.taken += 1;
         let [lower_limit, upper_limit] = self.options.key.range;
-        let slot = &self.slots[(written_count % WAITING_MAX as u64) as usize];
+        let slot = &self.slots[(written_count % WAITING_POSITIONS_MAX as u64) as usize];
         slot.store(PointerPosition {
             time: stamp_time,
             x: placed.x.clamp(lower_limit, upper_limit),
@@ -247,19 +248,19 @@ impl Lead {
                 .firmness
                 .map(|firmness| firmness.clamp(FIRMNESS_RANGE.0, FIRMNESS_RANGE.1)),
         });
-        self.written.store(written_count + 1, Ordering::Release);
+        self.n_written.store(written_count + 1, Ordering::Release);
         Ok(())
     }
 
     /// The next position, for the one reader.
     pub(crate) fn next(&self) -> Option<PointerPosition> {
-        let read_count = self.read.load(Ordering::Relaxed);
-        if read_count == self.written.load(Ordering::Acquire) {
+        let read_count = self.n_read.load(Ordering::Relaxed);
+        if read_count == self.n_written.load(Ordering::Acquire) {
             return None;
         }
-        let next_slot = &self.slots[(read_count % WAITING_MAX as u64) as usize];
+        let next_slot = &self.slots[(read_count % WAITING_POSITIONS_MAX as u64) as usize];
         let placed = next_slot.load();
-        self.read.store(read_count + 1, Ordering::Release);
+        self.n_read.store(read_count + 1, Ordering::Release);
         Some(placed)
     }
 
@@ -284,10 +285,10 @@ impl Lead {
     }
 
     pub(crate) fn publish(&self, points: [f64; 4], late: u64) {
-        for (place, point) in self.points.iter().zip(points) {
-            place.store(point.to_bits(), Ordering::Relaxed);
+        for (stored_point, point) in self.points.iter().zip(points) {
+            stored_point.store(point.to_bits(), Ordering::Relaxed);
         }
-        self.late.store(late, Ordering::Relaxed);
+        self.n_late.store(late, Ordering::Relaxed);
     }
 
     /// The quantile `probability` of the times in which positions arrived.
@@ -306,7 +307,7 @@ impl Lead {
     }
 
     /// Counts so far.
-    pub fn tally(&self) -> LeadTally {
+    pub fn tally(&self) -> PointerTally {
         let feeder = self.feeder();
         let [gap_count, gap_sum, square_sum] = feeder.gaps;
         let gap = if gap_count > 0.0 { gap_sum / gap_count } else { 0.0 };
@@ -315,8 +316,8 @@ impl Lead {
         } else {
             0.0
         };
-        LeadTally {
-            late: self.late.load(Ordering::Relaxed),
+        PointerTally {
+            late: self.n_late.load(Ordering::Relaxed),
             gap,
             deviation: ergon_engine::maths::sqrt(variance.max(0.0)),
             ..feeder.tally
@@ -324,7 +325,7 @@ impl Lead {
     }
 }
 
-impl PageKey for Lead {
+impl PageKey for PointerStream {
     fn name(&self) -> &str {
         let lead_name = self.options.address.as_str();
         let lead_name = lead_name.split_once(':').map_or(lead_name, |(_, lead_name)| lead_name);
@@ -340,7 +341,7 @@ impl PageKey for Lead {
         self.options.key.range
     }
 
-    fn hold(&self) -> bool {
+    fn acquire(&self) -> bool {
         !self.is_present.swap(true, Ordering::AcqRel)
     }
 
@@ -348,28 +349,28 @@ impl PageKey for Lead {
         self.is_present()
     }
 
-    fn leave(&self) {
+    fn release(&self) {
         self.set_present(false);
     }
 
-    fn place(&self, age: f64, x: f64, pressure: Option<f64>) -> bool {
+    fn add_position(&self, age: f64, x: f64, pressure: Option<f64>) -> bool {
         let pointer_place = PointerPosition {
             time: self.now() - age,
             x,
             // A mouse reports 0.5, the pressure of an ordinary finger.
             firmness: pressure.map(|pressure| 2.0 * pressure),
         };
-        self.feed(pointer_place).is_ok()
+        self.add_position(pointer_place).is_ok()
     }
 
-    fn refuse(&self) {
+    fn count_refused(&self) {
         self.feeder().tally.refused += 1;
     }
 
-    fn points(&self) -> PagePoints {
+    fn points(&self) -> KeyPoints {
         let [pointer, finger, key, force] =
             [0, 1, 2, 3].map(|point_index| f64::from_bits(self.points[point_index].load(Ordering::Relaxed)));
-        PagePoints {
+        KeyPoints {
             pointer,
             finger,
             key,
@@ -382,16 +383,16 @@ impl PageKey for Lead {
 mod tests {
     use super::*;
 
-    fn lead(name: &str, lockstep: bool) -> Arc<Lead> {
-        let options = LeadOptions {
+    fn lead(name: &str, lockstep: bool) -> Arc<PointerStream> {
+        let options = PointerStreamOptions {
             address: name.into(),
-            finger: Finger::default(),
+            finger: FingerConstants::default(),
             delay: 0.02,
             key: HeldKey::default(),
             lockstep,
             traced_ticks: 0,
         };
-        Lead::new(options, true).expect("a new name")
+        PointerStream::new(options, true).expect("a new name")
     }
 
     fn placed(time: f64, x: f64) -> PointerPosition {
@@ -406,7 +407,7 @@ mod tests {
     fn stream_positions_within_travel() {
         let lead = lead("osc:/in-and-out", true);
         for (time, x) in [(0.0, 0.01), (0.1, 9.0), (0.05, -9.0)] {
-            lead.feed(placed(time, x)).unwrap();
+            lead.add_position(placed(time, x)).unwrap();
         }
         assert_eq!(lead.next(), Some(placed(0.0, 0.01)));
         assert_eq!(lead.next(), Some(placed(0.1, 0.05)));
@@ -419,7 +420,7 @@ mod tests {
         let lead = lead("osc:/wait", true);
         assert_eq!(lead.forget(), None);
         for (time, x) in [(0.0, 0.01), (0.1, 0.02), (0.2, 0.03)] {
-            lead.feed(placed(time, x)).unwrap();
+            lead.add_position(placed(time, x)).unwrap();
         }
         assert_eq!(lead.forget(), Some(placed(0.2, 0.03)));
         assert_eq!(lead.next(), None);
@@ -429,10 +430,10 @@ mod tests {
     fn stream_refuses_nonsense_and_floods() {
         let lead = lead("osc:/flood", false);
         for bad_position in [placed(f64::NAN, 0.0), placed(0.0, f64::INFINITY)] {
-            assert_eq!(lead.feed(bad_position), Err(Refusal::NotFinite));
+            assert_eq!(lead.add_position(bad_position), Err(PositionRefusal::NotFinite));
         }
         let refused_count = (0..20_000)
-            .filter(|_| lead.feed(placed(lead.now(), 0.0)).is_err())
+            .filter(|_| lead.add_position(placed(lead.now(), 0.0)).is_err())
             .count();
         assert!(refused_count > 0);
         let lead_tally = lead.tally();
@@ -444,7 +445,7 @@ mod tests {
     fn stream_replaces_wrong_stamps() {
         let lead = lead("osc:/stamps", false);
         for stamp_time in [-1e9, 1e9] {
-            lead.feed(placed(stamp_time, 0.0)).unwrap();
+            lead.add_position(placed(stamp_time, 0.0)).unwrap();
             let stamp_time = lead.next().unwrap().time;
             assert!((0.0..=lead.now() + 1e-3).contains(&stamp_time), "{stamp_time}");
         }
@@ -454,16 +455,16 @@ mod tests {
     #[test]
     fn leads_with_equal_names() {
         let first_lead = lead("osc:/name", true);
-        let same_options = LeadOptions {
+        let same_options = PointerStreamOptions {
             ..first_lead.options().clone()
         };
-        assert!(Lead::new(same_options.clone(), true).is_none());
+        assert!(PointerStream::new(same_options.clone(), true).is_none());
         assert!(find("osc:/name").is_some());
         drop(first_lead);
         assert!(find("osc:/name").is_none());
-        let second_lead = Lead::new(same_options.clone(), true).expect("the name of one that is gone");
+        let second_lead = PointerStream::new(same_options.clone(), true).expect("the name of one that is gone");
         second_lead.close();
-        let third_lead = Lead::new(same_options, true).expect("the name of one that is closed");
+        let third_lead = PointerStream::new(same_options, true).expect("the name of one that is closed");
         second_lead.close();
         assert!(find("osc:/name").is_some_and(|lead| Arc::ptr_eq(&lead, &third_lead)));
     }
@@ -471,11 +472,11 @@ mod tests {
     #[test]
     fn page_holds_a_free_key() {
         let lead = lead("page:held", false);
-        lead.leave();
-        assert!(lead.hold() && !lead.hold());
+        lead.release();
+        assert!(lead.acquire() && !lead.acquire());
         assert!(lead.is_held());
-        lead.leave();
+        lead.release();
         assert!(!lead.is_held());
-        assert!(lead.hold() && !lead.hold());
+        assert!(lead.acquire() && !lead.acquire());
     }
 }

@@ -27,8 +27,8 @@ impl Trace {
         let Some(trace_row) = self.rows.get(written as usize) else {
             return;
         };
-        for (place, number) in trace_row.iter().zip(numbers) {
-            place.store(number.to_bits(), Ordering::Relaxed);
+        for (cell, number) in trace_row.iter().zip(numbers) {
+            cell.store(number.to_bits(), Ordering::Relaxed);
         }
         self.written.store(written + 1, Ordering::Release);
     }
@@ -36,7 +36,7 @@ impl Trace {
     /// The ticks so far.
     pub(super) fn rows(&self) -> Vec<[f64; TRACE_COLUMNS]> {
         let written = self.written.load(Ordering::Acquire) as usize;
-        let load_number = |place: &AtomicU64| f64::from_bits(place.load(Ordering::Relaxed));
+        let load_number = |cell: &AtomicU64| f64::from_bits(cell.load(Ordering::Relaxed));
         let written_rows = self.rows[..written].iter();
         written_rows.map(|row| row.each_ref().map(load_number)).collect()
     }

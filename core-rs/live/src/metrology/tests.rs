@@ -2,9 +2,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
 use super::*;
-use crate::device::{Emulated, Spec};
-use crate::emulate::{Key, Keys};
-use crate::recording::{Axis, Header, Recorder, flag, read};
+use crate::device::{DeviceSpec, EmulatedDevice};
+use crate::emulate::{EmulatedKeys, KeyConstants};
+use crate::recording::{Header, RecordedAxis, Recorder, flag, read};
 use crate::safety::SafeForce;
 
 const RATE: f64 = 44_100.0;
@@ -23,7 +23,7 @@ enum Fault {
 
 /// An emulated key that has a fault from a tick on.
 struct Faulty {
-    keys: Emulated,
+    keys: EmulatedDevice,
     fault: Fault,
     tick: u64,
     ticks: u64,
@@ -38,22 +38,22 @@ impl Faulty {
 }
 
 impl Device for Faulty {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &DeviceSpec {
         self.keys.spec()
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         self.ticks += 1;
         if self.is_on(Fault::Unplugged) {
-            return Err(Gone::Closed);
+            return Err(DeviceLoss::Closed);
         }
         self.last.store(force.newtons()[0].to_bits(), Ordering::Relaxed);
         self.keys.send(force)
     }
 
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, into: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
         let is_fresh = self.keys.receive(into, deadline)?;
-        into.touch[0] = self.is_on(Fault::Touch);
+        into.is_touched[0] = self.is_on(Fault::Touch);
         into.force_enabled[0] = !self.is_on(Fault::Gate);
         if self.is_on(Fault::NotANumber) {
             into.position[0] = f64::NAN;
@@ -71,16 +71,16 @@ impl Device for Faulty {
 }
 
 fn key(fault: Fault, tick: u64) -> (Faulty, Arc<AtomicU64>) {
-    let plain_key = Key {
+    let plain_key = KeyConstants {
         mass: 0.4,
         stiffness: 0.0,
         damping: 1.2,
         range: [-HALF, HALF],
     };
-    let keys = Keys::new(1, plain_key, RATE / 44.0, Vec::new()).unwrap();
+    let keys = EmulatedKeys::new(1, plain_key, RATE / 44.0, Vec::new()).unwrap();
     let last_force = Arc::new(AtomicU64::new(1.0_f64.to_bits()));
     let faulty_key = Faulty {
-        keys: Emulated::new(keys, plain_key),
+        keys: EmulatedDevice::new(keys, plain_key),
         fault,
         tick,
         ticks: 0,
@@ -93,11 +93,11 @@ fn pushed(forces: &[f64]) -> Excitation<'_> {
     Excitation {
         axis: 0,
         forces,
-        still: 100,
+        unguided_ticks: 100,
         period: PERIOD,
         guide: Guide {
             centre: 0.0,
-            half: HALF,
+            half_travel: HALF,
             guide: SpringDamper {
                 stiffness: 50.0,
                 damping: 7.0,
@@ -109,7 +109,7 @@ fn pushed(forces: &[f64]) -> Excitation<'_> {
             deceleration: 10.0,
         },
         force_step: 0.0,
-        tells_touch: true,
+        reports_touch: true,
         is_gated: true,
     }
 }
@@ -126,12 +126,12 @@ fn jumps() -> Vec<f64> {
 #[test]
 fn excite_with_faults_ends_force_and_keeps_rows() {
     for (fault, end, n) in [
-        (Fault::None, End::Done, 3000),
-        (Fault::Touch, End::Touched, 700),
-        (Fault::Gate, End::GateClosed, 700),
-        (Fault::NotANumber, End::NotFinite, 700),
-        (Fault::Unplugged, End::Gone(Gone::Closed), 699),
-        (Fault::Silent, End::Gone(Gone::Silent), 950),
+        (Fault::None, ExcitationEnd::Done, 3000),
+        (Fault::Touch, ExcitationEnd::Touched, 700),
+        (Fault::Gate, ExcitationEnd::GateClosed, 700),
+        (Fault::NotANumber, ExcitationEnd::NotFinite, 700),
+        (Fault::Unplugged, ExcitationEnd::Gone(DeviceLoss::Closed), 699),
+        (Fault::Silent, ExcitationEnd::Gone(DeviceLoss::Silent), 950),
     ] {
         let jump_forces = jumps();
         let (faulty_key, last_force) = key(fault, 700);
@@ -139,7 +139,7 @@ fn excite_with_faults_ends_force_and_keeps_rows() {
         let header = Header {
             rate: RATE,
             frames: 44,
-            axes: vec![Axis::default()],
+            axes: vec![RecordedAxis::default()],
             about: String::new(),
         };
         let (mut row_sink, sink_handle) = Recorder::start(&take_path, &header).unwrap();
@@ -154,7 +154,7 @@ fn excite_with_faults_ends_force_and_keeps_rows() {
         assert_eq!(read_take.ticks.len(), outcome.rows.len());
         for (row, sample) in outcome.rows.iter().zip(&read_take.samples) {
             assert_eq!(row.position.to_bits(), sample.position.to_bits());
-            assert_eq!(row.sent as f32, sample.sent);
+            assert_eq!(row.sent_force as f32, sample.sent_force);
             assert_eq!(row.fresh, sample.flags & flag::FRESH != 0);
         }
         assert_eq!(last_force.load(Ordering::Relaxed), 0, "{fault:?}");
@@ -165,7 +165,7 @@ fn excite_with_faults_ends_force_and_keeps_rows() {
 fn excite_with_a_set_stop_ends_at_once() {
     let (faulty_key, last_force) = key(Fault::None, 0);
     let outcome = excite(faulty_key, &pushed(&jumps()), None, &AtomicBool::new(true));
-    assert_eq!((outcome.end, outcome.rows.len()), (End::Stopped, 0));
+    assert_eq!((outcome.end, outcome.rows.len()), (ExcitationEnd::Stopped, 0));
     assert_eq!(last_force.load(Ordering::Relaxed), 0);
 }
 
@@ -176,7 +176,7 @@ fn excite_brakes_the_key_before_its_ends() {
     push_forces[..100].fill(0.0);
     let (faulty_key, _) = key(Fault::None, 0);
     let outcome = excite(faulty_key, &pushed(&push_forces), None, &AtomicBool::new(false));
-    assert_eq!(outcome.end, End::Done);
+    assert_eq!(outcome.end, ExcitationEnd::Done);
     let farthest = outcome.rows.iter().map(|row| row.position.abs());
     let farthest = farthest.fold(0.0, f64::max);
     assert!((0.5 * HALF..0.8 * HALF).contains(&farthest), "{farthest}");

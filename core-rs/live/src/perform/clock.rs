@@ -5,18 +5,18 @@ use std::time::{Duration, Instant};
 use crate::realtime::sleep_until;
 
 /// Largest relative change of the length of a tick; neither hand nor ear notices it.
-const MAX_STRETCH: f64 = 5e-3;
+const STRETCH_MAX: f64 = 5e-3;
 /// Gains for the relative error of the ring's level; the loop settles within seconds.
 const PROPORTIONAL_GAIN: f64 = 4e-3;
 const INTEGRAL_GAIN: f64 = 4e-4;
 /// Lateness in ticks from which on the clock is reset: missed ticks are not caught up.
-const RESET_AFTER: u32 = 10;
+const RESET_TICKS: u32 = 10;
 /// Time between two checks for room in the ring, as a part of a tick.
-const POLL: f64 = 0.25;
+const POLL_SHARE: f64 = 0.25;
 
 /// The clock of the ticks.
 #[derive(Debug)]
-pub(super) struct Clock {
+pub(super) struct TickClock {
     /// Length of a tick [s].
     period: f64,
     /// Wanted level of the ring [frames].
@@ -25,8 +25,8 @@ pub(super) struct Clock {
     is_paced_by_keys: bool,
     /// Whether the output has a clock: a card has one, a file has none.
     is_steered: bool,
-    due: Option<Instant>,
-    integral: f64,
+    next_due: Option<Instant>,
+    error_integral: f64,
 }
 
 /// How a tick began.
@@ -38,15 +38,15 @@ pub(super) struct TickStart {
     pub(super) was_reset: bool,
 }
 
-impl Clock {
+impl TickClock {
     pub(super) fn new(period: f64, fill_target: usize, is_paced_by_keys: bool, is_steered: bool) -> Self {
         Self {
             period,
             fill_target: fill_target.max(1) as f64,
             is_paced_by_keys,
             is_steered,
-            due: None,
-            integral: 0.0,
+            next_due: None,
+            error_integral: 0.0,
         }
     }
 
@@ -66,13 +66,13 @@ impl Clock {
             return TickStart::default();
         }
         let stretched_period = self.period * (1.0 + self.steer(filled, is_playing));
-        let due_instant = match self.due {
+        let due_instant = match self.next_due {
             Some(due_instant) => due_instant + Duration::from_secs_f64(stretched_period),
             None => Instant::now(),
         };
         let lateness = sleep_until(due_instant);
-        let was_reset = lateness.as_secs_f64() > f64::from(RESET_AFTER) * self.period;
-        self.due = Some(if was_reset { Instant::now() } else { due_instant });
+        let was_reset = lateness.as_secs_f64() > f64::from(RESET_TICKS) * self.period;
+        self.next_due = Some(if was_reset { Instant::now() } else { due_instant });
         TickStart { lateness, was_reset }
     }
 
@@ -83,17 +83,17 @@ impl Clock {
         }
         if !is_playing {
             // Until the card takes frames the ring only fills: ticks are as short as allowed.
-            return -MAX_STRETCH;
+            return -STRETCH_MAX;
         }
         let fill_error = ((filled as f64 - self.fill_target) / self.fill_target).clamp(-1.0, 1.0);
-        let integral_max = MAX_STRETCH / INTEGRAL_GAIN;
-        self.integral = (self.integral + fill_error * self.period).clamp(-integral_max, integral_max);
-        (PROPORTIONAL_GAIN * fill_error + INTEGRAL_GAIN * self.integral).clamp(-MAX_STRETCH, MAX_STRETCH)
+        let integral_max = STRETCH_MAX / INTEGRAL_GAIN;
+        self.error_integral = (self.error_integral + fill_error * self.period).clamp(-integral_max, integral_max);
+        (PROPORTIONAL_GAIN * fill_error + INTEGRAL_GAIN * self.error_integral).clamp(-STRETCH_MAX, STRETCH_MAX)
     }
 
     /// Sleep a little while the ring is full.
     pub(super) fn wait_while_full(&self) {
-        std::thread::sleep(Duration::from_secs_f64(POLL * self.period));
+        std::thread::sleep(Duration::from_secs_f64(POLL_SHARE * self.period));
     }
 }
 
@@ -106,7 +106,7 @@ mod tests {
     fn clock_steers_the_ring_to_its_target() {
         for drift in [-2e-3, 0.0, 1e-3, 3e-3] {
             let (tick_frames, tick_period, fill_target) = (44.0, 1e-3, 1_024);
-            let mut clock = Clock::new(tick_period, fill_target, true, true);
+            let mut clock = TickClock::new(tick_period, fill_target, true, true);
             let mut ring_fill = 1_024.0;
             let mut widest_error: f64 = 0.0;
             for tick in 0..120_000 {
@@ -124,18 +124,18 @@ mod tests {
     fn clock_reports_late_ticks_and_resets_after_losses() {
         // Ticks this long hide any stall of a busy machine.
         const PERIOD: f64 = 0.5;
-        let mut clock = Clock::new(PERIOD, 64, true, true);
-        let pass_ticks = |clock: &mut Clock, ticks: f64| {
+        let mut clock = TickClock::new(PERIOD, 64, true, true);
+        let pass_ticks = |clock: &mut TickClock, ticks: f64| {
             let time_passed = Duration::from_secs_f64(ticks * PERIOD);
-            clock.due = clock.due.and_then(|due| due.checked_sub(time_passed));
-            assert!(clock.due.is_some());
+            clock.next_due = clock.next_due.and_then(|due| due.checked_sub(time_passed));
+            assert!(clock.next_due.is_some());
         };
         assert!(!clock.tick(0, false).was_reset);
         pass_ticks(&mut clock, 2.0);
         let tick_start = clock.tick(64, true);
         assert!(tick_start.lateness.as_secs_f64() > 0.9 * PERIOD, "{tick_start:?}");
         assert!(!tick_start.was_reset, "{tick_start:?}");
-        pass_ticks(&mut clock, 2.0 + 2.0 * f64::from(RESET_AFTER));
+        pass_ticks(&mut clock, 2.0 + 2.0 * f64::from(RESET_TICKS));
         assert!(clock.tick(64, true).was_reset);
         assert!(clock.tick(64, true).lateness.as_secs_f64() < 0.9 * PERIOD);
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::device::WaitCanceller;
-use crate::realtime::Granted;
+use crate::realtime::GrantedScheduling;
 use crate::{audio, stop};
 
 /// Bits of what the system granted: the memory of the process is locked; the grant is known.
@@ -39,17 +39,18 @@ impl SharedFlags {
         }
     }
 
-    pub(super) fn set_granted(&self, granted: Granted) {
-        let priority = granted.fifo.map_or(0, |fifo| fifo as u64 + 1);
-        let packed_grant = GRANT_KNOWN | priority << PRIORITY_SHIFT | if granted.locked { MEMORY_LOCKED } else { 0 };
+    pub(super) fn set_granted(&self, granted: GrantedScheduling) {
+        let priority = granted.fifo_priority.map_or(0, |fifo| fifo as u64 + 1);
+        let packed_grant =
+            GRANT_KNOWN | priority << PRIORITY_SHIFT | if granted.is_memory_locked { MEMORY_LOCKED } else { 0 };
         self.granted.store(packed_grant, Ordering::Release);
     }
 
-    pub(super) fn granted(&self) -> Option<Granted> {
+    pub(super) fn granted(&self) -> Option<GrantedScheduling> {
         let packed_grant = self.granted.load(Ordering::Acquire);
-        (packed_grant != 0).then(|| Granted {
-            fifo: (packed_grant >> PRIORITY_SHIFT).checked_sub(1).map(|fifo| fifo as i32),
-            locked: packed_grant & MEMORY_LOCKED != 0,
+        (packed_grant != 0).then(|| GrantedScheduling {
+            fifo_priority: (packed_grant >> PRIORITY_SHIFT).checked_sub(1).map(|fifo| fifo as i32),
+            is_memory_locked: packed_grant & MEMORY_LOCKED != 0,
         })
     }
 }
@@ -58,11 +59,11 @@ impl SharedFlags {
 #[derive(Clone)]
 pub struct Control {
     flags: Arc<SharedFlags>,
-    sound: Arc<audio::Shared>,
+    sound: Arc<audio::StreamState>,
 }
 
 impl Control {
-    pub(super) fn new(flags: Arc<SharedFlags>, sound: Arc<audio::Shared>) -> Self {
+    pub(super) fn new(flags: Arc<SharedFlags>, sound: Arc<audio::StreamState>) -> Self {
         Self { flags, sound }
     }
 
@@ -90,9 +91,9 @@ impl Control {
 }
 
 /// Sets the flag `done` when it is dropped, also if the physics thread panics.
-pub(super) struct MarkDone(pub(super) Arc<SharedFlags>);
+pub(super) struct DoneOnDrop(pub(super) Arc<SharedFlags>);
 
-impl Drop for MarkDone {
+impl Drop for DoneOnDrop {
     fn drop(&mut self) {
         self.0.done.store(true, Ordering::Release);
     }

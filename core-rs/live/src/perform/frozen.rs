@@ -16,12 +16,12 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use crate::regular;
 
 /// Number of frames read at once.
-const BLOCK: u64 = 4_096;
-/// Number of frames read ahead, 1.5 s at 44.1 kHz. The ring is in locked memory, so `RING_MAX` limits it too.
-const AHEAD: usize = 1 << 16;
-const RING_MAX: usize = (64 << 20) / size_of::<f64>();
+const BLOCK_FRAMES: u64 = 4_096;
+/// Number of frames read ahead, 1.5 s at 44.1 kHz. The ring is in locked memory, so `RING_SAMPLES_MAX` limits it too.
+const FRAMES_AHEAD: usize = 1 << 16;
+const RING_SAMPLES_MAX: usize = (64 << 20) / size_of::<f64>();
 /// Time between two checks of the reader for room.
-const POLL: Duration = Duration::from_millis(10);
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// A file of outputs that were computed before, beginning with the first frame of the piece.
 #[derive(Clone, Debug)]
@@ -37,33 +37,33 @@ pub struct Stem {
 }
 
 /// The consumer side of the ring, for the physics thread.
-pub(super) struct Frozen {
+pub(super) struct FrozenOutputs {
     ring: Consumer<f64>,
     outputs: Vec<usize>,
     /// Number of the next frame in the ring.
-    next: u64,
+    next_frame: u64,
 }
 
 /// The reading thread, which ends when this is dropped.
-pub(super) struct Reader {
+pub(super) struct FrozenReader {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 /// Open stems at a frame of the piece and read ahead. An error comes with the file that cannot be read.
-pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (PathBuf, io::Error)> {
+pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(FrozenOutputs, FrozenReader), (PathBuf, io::Error)> {
     let outputs: Vec<usize> = stems.iter().flat_map(|stem| stem.outputs.clone()).collect();
     let width = outputs.len().max(1);
-    let ring_frames = (RING_MAX / width).clamp(2 * BLOCK as usize, AHEAD);
+    let ring_frames = (RING_SAMPLES_MAX / width).clamp(2 * BLOCK_FRAMES as usize, FRAMES_AHEAD);
     let (to_ring, ring) = RingBuffer::new(ring_frames * width);
     let n_frames = stems.iter().map(|stem| stem.n_frames).min().unwrap_or(0);
-    let mut stem_files = Files {
+    let mut stem_files = StemFiles {
         files: Vec::new(),
-        left: n_frames.saturating_sub(start),
+        frames_left: n_frames.saturating_sub(start),
         bytes: Vec::new(),
         frames: Vec::new(),
         width,
-        to_ring,
+        ring_producer: to_ring,
     };
     for stem in stems {
         let width = stem.outputs.len();
@@ -75,42 +75,49 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
         let stem_file = stem_file.map_err(|error| (stem.path.clone(), error))?;
         stem_files.files.push((stem.path, BufReader::new(stem_file), width));
     }
-    stem_files.fill()?;
+    stem_files.push_block()?;
     let stop = Arc::new(AtomicBool::new(false));
     let stop_flag = stop.clone();
     let thread = std::thread::Builder::new()
         .name("ergon frozen".into())
         .spawn(move || {
             // Frames that cannot be read are silent when they are due, and counted as missed.
-            while !stop_flag.load(Ordering::Acquire) && matches!(stem_files.fill(), Ok(true)) {
-                std::thread::sleep(POLL);
+            while !stop_flag.load(Ordering::Acquire) && matches!(stem_files.push_block(), Ok(true)) {
+                std::thread::sleep(POLL_INTERVAL);
             }
         })
         .map_err(|error| (PathBuf::new(), error))?;
     let thread = Some(thread);
     let next = start;
-    Ok((Frozen { ring, outputs, next }, Reader { stop, thread }))
+    Ok((
+        FrozenOutputs {
+            ring,
+            outputs,
+            next_frame: next,
+        },
+        FrozenReader { stop, thread },
+    ))
 }
 
 /// The files, and the producer side of the ring.
-struct Files {
+struct StemFiles {
     /// (path, file, number of outputs in a frame).
     files: Vec<(PathBuf, BufReader<File>, usize)>,
     /// Number of frames still to be read.
-    left: u64,
+    frames_left: u64,
     bytes: Vec<u8>,
     /// A block of all files   (n_frames · width)
     frames: Vec<f64>,
     width: usize,
-    to_ring: Producer<f64>,
+    ring_producer: Producer<f64>,
 }
 
-impl Files {
+impl StemFiles {
     /// Read while there is room; false at the end.
-    fn fill(&mut self) -> Result<bool, (PathBuf, io::Error)> {
-        while self.left > 0 {
-            let block_frames = self.left.min(BLOCK) as usize;
-            if self.to_ring.slots() < block_frames * self.width {
+    fn push_block(&mut self) -> Result<bool, (PathBuf, io::Error)> {
+        while self.frames_left > 0 {
+            let block_frames = self.frames_left.min(BLOCK_FRAMES) as usize;
+            if self.ring_producer.slots() < block_frames * self.width {
                 return Ok(true);
             }
             self.frames.resize(block_frames * self.width, 0.0);
@@ -123,23 +130,23 @@ impl Files {
                 let (samples, _) = self.bytes.as_chunks();
                 let sample_rows = samples.chunks_exact((*width).max(1));
                 for (frame, row) in self.frames.chunks_exact_mut(self.width).zip(sample_rows) {
-                    for (to, &sample) in frame[first_output..].iter_mut().zip(row) {
-                        *to = f64::from_le_bytes(sample);
+                    for (out, &sample) in frame[first_output..].iter_mut().zip(row) {
+                        *out = f64::from_le_bytes(sample);
                     }
                 }
                 first_output += *width;
             }
-            match self.to_ring.write_chunk_uninit(self.frames.len()) {
+            match self.ring_producer.write_chunk_uninit(self.frames.len()) {
                 Ok(chunk) => chunk.fill_from_iter(self.frames.iter().copied()),
                 Err(ChunkError::TooFewSlots(_)) => return Ok(true), // never: room was checked
             };
-            self.left -= block_frames as u64;
+            self.frames_left -= block_frames as u64;
         }
         Ok(false)
     }
 }
 
-impl Drop for Reader {
+impl Drop for FrozenReader {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
@@ -148,10 +155,10 @@ impl Drop for Reader {
     }
 }
 
-impl Frozen {
+impl FrozenOutputs {
     /// Whether `n` frames from frame `frame` on are in the ring, or the reader has ended.
     pub(super) fn is_ready(&self, frame: u64, n: usize) -> bool {
-        let frames_behind = frame.saturating_sub(self.next) as usize;
+        let frames_behind = frame.saturating_sub(self.next_frame) as usize;
         self.ring.slots() >= (frames_behind + n) * self.outputs.len() || self.ring.is_abandoned()
     }
 
@@ -161,12 +168,12 @@ impl Frozen {
         let frame_width = self.outputs.len();
         let frames_wanted = frames.len() / n_out.max(1);
         let frames_ready = self.ring.slots() / frame_width.max(1);
-        let stale_frames = (first_frame.saturating_sub(self.next)).min(frames_ready as u64) as usize;
+        let stale_frames = (first_frame.saturating_sub(self.next_frame)).min(frames_ready as u64) as usize;
         if let Ok(ring_chunk) = self.ring.read_chunk(stale_frames * frame_width) {
             ring_chunk.commit_all();
-            self.next += stale_frames as u64;
+            self.next_frame += stale_frames as u64;
         }
-        let frames_read = if self.next == first_frame {
+        let frames_read = if self.next_frame == first_frame {
             frames_wanted.min(frames_ready - stale_frames)
         } else {
             0
@@ -178,7 +185,7 @@ impl Frozen {
                     frame[output] = sample;
                 }
             }
-            self.next += frames_read as u64;
+            self.next_frame += frames_read as u64;
         }
         (frames_wanted - frames_read) as u64
     }

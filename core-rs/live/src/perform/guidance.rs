@@ -41,7 +41,7 @@ pub(super) struct WrittenMotion {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuidanceStep {
     /// In ticks after the change that brings the step; once the change is made, in ticks of the performance.
-    pub frame: u64,
+    pub tick: u64,
     /// The factors that the guidance fades to.
     pub share: GuidanceShare,
 }
@@ -64,7 +64,7 @@ impl Guidance {
     }
 
     /// The response of piece and guidance together, in ticks of `period` [s]; see
-    /// [`Hand::response`](super::Hand::response).
+    /// [`LiveHand::response`](super::Hand::response).
     pub(super) fn total_response(
         guidance: Option<Self>,
         response: &[f64],
@@ -91,10 +91,10 @@ impl GuidanceShare {
         }
     }
 
-    fn interpolated(self, to: Self, part: f64) -> Self {
+    fn interpolated(self, target: Self, progress: f64) -> Self {
         Self {
-            k: self.k + part * (to.k - self.k),
-            z: self.z + part * (to.z - self.z),
+            k: self.k + progress * (target.k - self.k),
+            z: self.z + progress * (target.z - self.z),
         }
     }
 }
@@ -115,7 +115,7 @@ pub(super) struct GuidanceState {
     fade_step: f64,
     /// All steps; index of the next one.
     pub(super) steps: Vec<GuidanceStep>,
-    next: usize,
+    next_step: usize,
 }
 
 impl GuidanceState {
@@ -137,7 +137,7 @@ impl GuidanceState {
             fade_progress: 1.0,
             fade_step: period / FADE_SECONDS,
             steps: Vec::new(),
-            next: 0,
+            next_step: 0,
         }
     }
 
@@ -149,9 +149,9 @@ impl GuidanceState {
     /// Start the new `steps`, whose ticks count from `tick`.
     pub(super) fn begin_steps(&mut self, tick: u64) {
         for step in &mut self.steps {
-            step.frame = step.frame.saturating_add(tick);
+            step.tick = step.tick.saturating_add(tick);
         }
-        self.next = 0;
+        self.next_step = 0;
     }
 
     /// Crossfade from a path that was at `old_position` to a path that is at `new_position` [m].
@@ -165,9 +165,9 @@ impl GuidanceState {
         self.start_fade(self.fade_target, offset_left);
     }
 
-    fn start_fade(&mut self, to: GuidanceShare, left: f64) {
-        (self.fade_start, self.fade_target) = (self.share, to);
-        (self.offset, self.remaining_offset) = (left, left);
+    fn start_fade(&mut self, target: GuidanceShare, remaining_offset: f64) {
+        (self.fade_start, self.fade_target) = (self.share, target);
+        (self.offset, self.remaining_offset) = (remaining_offset, remaining_offset);
         self.fade_progress = 0.0;
     }
 
@@ -175,13 +175,13 @@ impl GuidanceState {
     pub(super) fn tick(&mut self, tick: u64) {
         while let Some(guidance_step) = self
             .steps
-            .get(self.next)
-            .filter(|guidance_step| guidance_step.frame <= tick)
+            .get(self.next_step)
+            .filter(|guidance_step| guidance_step.tick <= tick)
         {
-            let goal_share = guidance_step.share.clamped();
-            self.next += 1;
-            if goal_share != self.fade_target {
-                self.start_fade(goal_share, self.remaining_offset);
+            let target_share = guidance_step.share.clamped();
+            self.next_step += 1;
+            if target_share != self.fade_target {
+                self.start_fade(target_share, self.remaining_offset);
             }
         }
         if self.fade_progress < 1.0 {
@@ -198,16 +198,16 @@ impl GuidanceState {
 
     /// The force [N] on a hand at `x` [m] that moves at `v` [m/s]. Later stages multiply all forces by `scale`; that of
     /// the part is in no loop, so it is not to become weaker.
-    pub(super) fn force(&self, part: WrittenMotion, x: f64, v: f64, scale: f64) -> f64 {
+    pub(super) fn force(&self, written: WrittenMotion, x: f64, v: f64, scale: f64) -> f64 {
         let Some(guidance) = self.guidance else {
             return 0.0;
         };
-        let guidance_force =
-            self.share.k * guidance.k * (part.x + self.remaining_offset - x) - self.share.z * guidance.z * (v - part.v);
-        if part.force == 0.0 || scale <= 0.0 {
+        let guidance_force = self.share.k * guidance.k * (written.x + self.remaining_offset - x)
+            - self.share.z * guidance.z * (v - written.v);
+        if written.force == 0.0 || scale <= 0.0 {
             return guidance_force;
         }
-        guidance_force + self.share.k * part.force / scale
+        guidance_force + self.share.k * written.force / scale
     }
 }
 
@@ -220,13 +220,13 @@ pub(super) fn smooth(t: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::perform::Hand;
+    use crate::perform::LiveHand;
 
     const PERIOD: f64 = 1e-3;
     const HALF: GuidanceShare = GuidanceShare { k: 0.5, z: 0.25 };
 
-    fn hand(loose: bool) -> Hand {
-        Hand {
+    fn hand(loose: bool) -> LiveHand {
+        LiveHand {
             standin_positions: vec![0.0, 5e-3],
             travel_ratio: 1.0,
             guidance: Some(Guidance {
@@ -234,18 +234,18 @@ mod tests {
                 z: 2.0,
                 follows_steps: loose,
             }),
-            ..Hand::default()
+            ..LiveHand::default()
         }
     }
 
-    fn part(hand: &Hand, tick: u64) -> WrittenMotion {
+    fn part(hand: &LiveHand, tick: u64) -> WrittenMotion {
         hand.written_motion(tick, PERIOD, true)
     }
 
     /// What drives a key is in full where the forces of the piece are scaled, and fades with the spring.
     #[test]
     fn written_force_under_scaled_forces() {
-        let driven_hand = Hand {
+        let driven_hand = LiveHand {
             forces: vec![0.4],
             ..hand(true)
         };
@@ -256,7 +256,7 @@ mod tests {
         };
         assert_eq!(part_force(&guidance), 0.0);
         guidance.steps = vec![GuidanceStep {
-            frame: 0,
+            tick: 0,
             share: GuidanceShare { k: 1.0, z: 1.0 },
         }];
         guidance.begin_steps(0);
@@ -280,7 +280,7 @@ mod tests {
     fn loose_guidance_fades_by_its_steps() {
         let hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
-        let guidance_step = |at, share| GuidanceStep { frame: at, share };
+        let guidance_step = |at, share| GuidanceStep { tick: at, share };
         guidance.steps = vec![guidance_step(100, HALF), guidance_step(1_000, GuidanceShare::default())];
         guidance.begin_steps(50);
         let (mut last_force, mut full_ticks) = (0.0, 0);
@@ -310,7 +310,7 @@ mod tests {
     fn guidance_changes_to_another_path_without_a_jump() {
         let mut hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
-        guidance.steps = vec![GuidanceStep { frame: 0, share: HALF }];
+        guidance.steps = vec![GuidanceStep { tick: 0, share: HALF }];
         guidance.begin_steps(0);
         let mut last_force = 0.0;
         for tick in 0..1_000 {
@@ -335,12 +335,12 @@ mod tests {
         let hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         let share = GuidanceShare { k: f64::NAN, z: -3.0 };
-        guidance.steps = vec![GuidanceStep { frame: 0, share }];
+        guidance.steps = vec![GuidanceStep { tick: 0, share }];
         guidance.begin_steps(0);
         (0..500).for_each(|tick| guidance.tick(tick));
         assert_eq!(guidance.force(part(&hand, 500), 0.0, 1.0, 1.0), 0.0);
         let share = GuidanceShare { k: 7.0, z: 9.0 };
-        guidance.steps = vec![GuidanceStep { frame: 0, share }];
+        guidance.steps = vec![GuidanceStep { tick: 0, share }];
         guidance.begin_steps(500);
         (500..1_000).for_each(|tick| guidance.tick(tick));
         assert_eq!(guidance.force(part(&hand, 1_000), 0.0, 0.0, 1.0), 100.0 * 5e-3);

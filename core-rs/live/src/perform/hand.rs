@@ -12,7 +12,7 @@ const SMOOTH_SLOPE_MAX: f64 = 1.875;
 
 /// A hand of the piece.
 #[derive(Clone, Debug, Default)]
-pub struct Hand {
+pub struct LiveHand {
     /// Position at each tick while no person plays [m of the key]; the last one holds.
     pub standin_positions: Vec<f64>,
     /// Force that moves the measured key along these positions, in each tick that begins at one of them [N]; the last
@@ -26,9 +26,9 @@ pub struct Hand {
     pub guidance: Option<Guidance>,
     /// Force of the piece against the key [N/m] in each tick after the key was displaced by 1 m for one tick,
     /// (n_ticks,); empty: not computed.
-    pub response: Vec<f64>,
+    pub piece_response: Vec<f64>,
     /// The measured key, if there is a calibration.
-    pub measured: Option<MeasuredKey>,
+    pub measured_key: Option<MeasuredKey>,
 }
 
 /// Who moves a key, and the state of the transition from the source before.
@@ -45,7 +45,7 @@ pub(super) struct HandSource {
     transition_progress: f64,
 }
 
-impl Hand {
+impl LiveHand {
     /// Position of the stand-in at a tick [m].
     pub(super) fn standin_position(&self, tick: u64) -> f64 {
         self.value_at(&self.standin_positions, tick)
@@ -80,8 +80,8 @@ impl Hand {
 
 impl HandSource {
     /// Begin a transition to another source of the key, who is at `x`.
-    pub(super) fn change_source(&mut self, real: bool, x: f64) {
-        self.is_real = real;
+    pub(super) fn change_source(&mut self, is_real: bool, x: f64) {
+        self.is_real = is_real;
         self.offset = self.x - x;
         self.transition_ticks =
             (SMOOTH_SLOPE_MAX * self.offset.abs() / STEP_METRES_MAX).clamp(TICKS_RANGE.0, TICKS_RANGE.1);
@@ -117,11 +117,11 @@ mod tests {
     /// after it, or a tick later where the device does not wait for it.
     #[test]
     fn written_motion_by_tick_and_lockstep() {
-        let driven_hand = Hand {
+        let driven_hand = LiveHand {
             standin_positions: vec![0.0, 1e-3, 3e-3],
             forces: vec![0.1, 0.2, 0.3],
             start_tick: 10,
-            ..Hand::default()
+            ..LiveHand::default()
         };
         let motion = |tick, lockstep| driven_hand.written_motion(tick, 1e-3, lockstep);
         let third_motion = motion(12, true);
@@ -130,7 +130,7 @@ mod tests {
         assert_eq!(motion(12, false).force, 0.3);
         let final_motion = motion(20, true);
         assert_eq!((final_motion.x, final_motion.v, final_motion.force), (3e-3, 0.0, 0.3));
-        let guided_hand = Hand {
+        let guided_hand = LiveHand {
             forces: Vec::new(),
             ..driven_hand
         };

@@ -1,13 +1,13 @@
 //! The greatest stable force of a piece on the key under a real hand.
 
-use super::{Guidance, Hand, Keyboard};
+use super::{Guidance, Keyboard, LiveHand};
 use crate::safety::margin::FrequencyResponse;
 use crate::safety::stiffness;
 
 /// Mass [kg] and damping [N·s/m] assumed for a device that does not report them: light, with little friction.
-const DEFAULT_KEY: (f64, f64) = (0.05, 0.3);
+const DEFAULT_MASS_AND_DAMPING: (f64, f64) = (0.05, 0.3);
 /// Smallest share of its force that a hand may get: a piece that needs a smaller one is not played.
-pub const SCALE_MIN: f64 = 0.02;
+pub const FORCE_SCALE_MIN: f64 = 0.02;
 
 /// The share of the piece's force that a hand may get.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,10 +15,10 @@ pub struct HandLimit {
     /// Which hand.
     pub hand: usize,
     /// Factor of the force, 0 to 1.
-    pub scale: f64,
+    pub force_scale: f64,
     /// Greatest stiffness of piece and guidance [N/m].
     pub stiffness: f64,
-    /// Greatest stable stiffness [N/m]: `scale` · `stiffness`.
+    /// Greatest stable stiffness [N/m]: `force_scale` · `stiffness`.
     pub stable_stiffness: f64,
 }
 
@@ -38,22 +38,22 @@ pub struct MeasuredKey {
 pub struct HandKey {
     /// Which hand.
     pub hand: usize,
-    key: stiffness::Key,
+    key: stiffness::HapticLoop,
     guidance: Option<Guidance>,
 }
 
 impl HandKey {
     /// The keys of all hands on a keyboard.
-    pub(super) fn all(keyboard: &Keyboard, hands: &[Hand]) -> Vec<Self> {
+    pub(super) fn all(keyboard: &Keyboard, hands: &[LiveHand]) -> Vec<Self> {
         let hand_key = |&(_, hand): &(usize, usize)| Self {
             hand,
-            key: keyboard.key(hands[hand].measured),
+            key: keyboard.key(hands[hand].measured_key),
             guidance: hands[hand].guidance,
         };
         keyboard.axes().iter().map(hand_key).collect()
     }
 
-    /// The limit for a piece with this response; see [`Hand::response`].
+    /// The limit for a piece with this response; see [`LiveHand::response`].
     pub fn limit(&self, response: &[f64]) -> HandLimit {
         let frequency_response = FrequencyResponse::new(response);
         let (mut scale, mut stiffest) = (1.0_f64, 0.0_f64);
@@ -62,12 +62,12 @@ impl HandKey {
                 .guidance
                 .map_or((0.0, 0.0), |guidance| (share.k * guidance.k, share.z * guidance.z));
             scale = scale.min(stiffness::safe_scale(frequency_response.gain_margin(self.key, k, z)));
-            let summed_response = Guidance::total_response(self.guidance, response, self.key.period, share);
+            let summed_response = Guidance::total_response(self.guidance, response, self.key.tick_period, share);
             stiffest = stiffest.max(stiffness::stiffness_max(&summed_response));
         }
         HandLimit {
             hand: self.hand,
-            scale,
+            force_scale: scale,
             stiffness: stiffest,
             stable_stiffness: scale * stiffest,
         }
@@ -77,16 +77,16 @@ impl HandKey {
 /// Tolerance of a measured delay [ticks]: a delay that exceeds a whole number of ticks by less counts as that number.
 const DELAY_TOLERANCE: f64 = 0.05;
 
-/// The key of a device without hand or piece, in ticks of `period` [s].
+/// The key of a device without hand or piece, in ticks of `tick_period` [s].
 ///
-/// If both the device and `measured` give a value, the less stable one counts (smaller mass and damping, longer delay):
-/// a calibration cannot make a key look safer than its device reports.
+/// If both the device and `measured_key` give a value, the less stable one counts (smaller mass and damping, longer
+/// delay): a calibration cannot make a key look safer than its device reports.
 pub(super) fn bare_key(
-    spec: &crate::device::Spec,
+    spec: &crate::device::DeviceSpec,
     measured: Option<MeasuredKey>,
     lockstep: bool,
     period: f64,
-) -> stiffness::Key {
+) -> stiffness::HapticLoop {
     let smallest_known = |reported: Option<f64>, measured: Option<f64>, default_value: f64| {
         let known_values = [reported, measured].into_iter().flatten().filter(|value| *value > 0.0);
         known_values.reduce(f64::min).unwrap_or(default_value)
@@ -98,11 +98,15 @@ pub(super) fn bare_key(
         .into_iter()
         .flatten()
         .fold(0.0, f64::max) as usize;
-    stiffness::Key {
-        mass: smallest_known(spec.inertia, measured.map(|key| key.mass), DEFAULT_KEY.0),
-        damping: smallest_known(spec.damping, measured.map(|key| key.damping), DEFAULT_KEY.1),
-        period,
+    stiffness::HapticLoop {
+        mass: smallest_known(spec.inertia, measured.map(|key| key.mass), DEFAULT_MASS_AND_DAMPING.0),
+        damping: smallest_known(
+            spec.damping,
+            measured.map(|key| key.damping),
+            DEFAULT_MASS_AND_DAMPING.1,
+        ),
+        tick_period: period,
         // Outside lockstep the force of a tick is sent in the next one.
-        delay: delay_ticks + usize::from(!lockstep),
+        delay_ticks: delay_ticks + usize::from(!lockstep),
     }
 }

@@ -9,9 +9,9 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::Command;
 use super::hand_limit::{self, MeasuredKey};
-use crate::device::calibrate::{self, Axis};
-use crate::device::{self, Device, Kind, MAX_AXES, Sample, Unit, Url, WaitCanceller, ports};
-use crate::safety::{Guarded, Limits, Trip, stiffness};
+use crate::device::calibrate::{self, AxisCalibration};
+use crate::device::{self, Device, DeviceKind, DeviceSample, DeviceUrl, MAX_AXES, Unit, WaitCanceller, ports};
+use crate::safety::{GuardedDevice, SafetyLimits, TripCause, stiffness};
 
 /// Time between two attempts to open a lost device.
 const RETRY_INTERVAL: Duration = Duration::from_millis(500);
@@ -26,7 +26,7 @@ const WAIT_SHARE: f64 = 0.3;
 
 /// An open device and the hands on it.
 pub struct Keyboard {
-    guarded: Box<Guarded>,
+    guarded_device: Box<GuardedDevice>,
     config: DeviceConfig,
     /// Pairs of device axis and hand of the piece.
     axes: Vec<(usize, usize)>,
@@ -36,9 +36,9 @@ pub struct Keyboard {
 #[derive(Clone, Debug)]
 pub struct DeviceConfig {
     /// The address of the device.
-    pub url: Url,
+    pub url: DeviceUrl,
     /// Calibrations of axes, each with the number of its axis.
-    pub calibration: Vec<(usize, Axis)>,
+    pub calibration: Vec<(usize, AxisCalibration)>,
     /// Greatest force [N], if less than the device's own limit.
     pub force_limit: Option<f64>,
     /// Length of a tick [s].
@@ -59,15 +59,15 @@ impl DeviceConfig {
 }
 
 /// A keyboard as the physics thread uses it.
-pub struct Slot {
-    guarded: Option<Box<Guarded>>,
+pub struct KeyboardSlot {
+    guarded_device: Option<Box<GuardedDevice>>,
     lockstep: bool,
     pub(super) axes: Vec<(usize, usize)>,
-    pub(super) sample: Sample,
+    pub(super) sample: DeviceSample,
     forces: [f64; MAX_AXES],
     pub(super) sent_forces: [f64; MAX_AXES],
     is_gone: Arc<AtomicBool>,
-    to_drop: Producer<Box<Guarded>>,
+    lost_device_producer: Producer<Box<GuardedDevice>>,
     sample_wait: Duration,
     /// Range of plausible positions [m].
     range: [f64; 2],
@@ -93,7 +93,7 @@ impl Keyboard {
         let device = config.open(false)?;
         let axis_count = device.spec().dof;
         if axes.iter().any(|(axis, _)| *axis >= axis_count) {
-            return Err(config.url.cannot(device::NO_AXIS));
+            return Err(config.url.cannot(device::NO_SUCH_AXIS));
         }
         Ok(Self::from_device(device, config, axes))
     }
@@ -101,7 +101,7 @@ impl Keyboard {
     /// A keyboard of an open device; if the device is lost, it is opened again as `config` says.
     pub(super) fn from_device(device: Box<dyn Device>, config: DeviceConfig, axes: Vec<(usize, usize)>) -> Self {
         Self {
-            guarded: config.guard(device),
+            guarded_device: config.guard(device),
             config,
             axes,
         }
@@ -113,8 +113,8 @@ impl Keyboard {
     }
 
     /// The key of the device, without hand or piece.
-    pub(super) fn key(&self, measured: Option<MeasuredKey>) -> stiffness::Key {
-        self.config.key(&self.guarded, measured)
+    pub(super) fn key(&self, measured: Option<MeasuredKey>) -> stiffness::HapticLoop {
+        self.config.key(&self.guarded_device, measured)
     }
 
     /// Pairs of device axis and hand of the piece.
@@ -123,30 +123,30 @@ impl Keyboard {
     }
 
     /// The properties of the device.
-    pub fn spec(&self) -> &device::Spec {
-        self.guarded.spec()
+    pub fn spec(&self) -> &device::DeviceSpec {
+        self.guarded_device.spec()
     }
 
-    pub(super) fn split(self, index: usize, commands: Arc<Mutex<Producer<Command>>>) -> (Slot, Reconnector) {
-        let (gone, canceller) = (Arc::default(), self.config.canceller.clone());
+    pub(super) fn split(self, index: usize, commands: Arc<Mutex<Producer<Command>>>) -> (KeyboardSlot, Reconnector) {
+        let (is_gone, canceller) = (Arc::default(), self.config.canceller.clone());
         // Room for devices that are lost while an earlier one is still to be freed.
         let (to_drop, lost_devices) = RingBuffer::new(4);
-        let [range_start, range_end] = self.guarded.spec().pos_range;
+        let [range_start, range_end] = self.guarded_device.spec().pos_range;
         let tolerance = RANGE_TOLERANCE * (range_end - range_start).abs();
         let key = self.key(None);
-        let slot = Slot {
+        let slot = KeyboardSlot {
             range: [
                 range_start.min(range_end) - tolerance,
                 range_start.max(range_end) + tolerance,
             ],
-            lockstep: self.guarded.in_lockstep(),
-            guarded: Some(self.guarded),
+            lockstep: self.guarded_device.in_lockstep(),
+            guarded_device: Some(self.guarded_device),
             axes: self.axes.clone(),
-            sample: Sample::default(),
+            sample: DeviceSample::default(),
             forces: [0.0; MAX_AXES],
             sent_forces: [0.0; MAX_AXES],
-            is_gone: Arc::clone(&gone),
-            to_drop,
+            is_gone: Arc::clone(&is_gone),
+            lost_device_producer: to_drop,
             sample_wait: Duration::from_secs_f64(WAIT_SHARE * self.config.period),
             silent_ticks: 0,
             silent_ticks_max: (LOST_SECONDS / self.config.period) as u32 + 1,
@@ -157,8 +157,8 @@ impl Keyboard {
             axes: self.axes,
             identity: self.config.identity(),
             config: self.config,
-            index,
-            gone,
+            slot_index: index,
+            is_gone,
             lost_devices,
             commands,
         };
@@ -173,7 +173,7 @@ impl Keyboard {
 impl DeviceConfig {
     fn open(&self, is_retry: bool) -> Result<Box<dyn Device>, device::DeviceError> {
         let opened_device = match self.url.kind {
-            Kind::Led => device::open_led(&self.url, self.period, is_retry)?,
+            DeviceKind::Led => device::open_led(&self.url, self.period, is_retry)?,
             _ => device::open_until(&self.url, &self.canceller)?,
         };
         let opened_device = calibrate::with_calibration(opened_device, &self.calibration);
@@ -185,45 +185,49 @@ impl DeviceConfig {
         Ok(opened_device)
     }
 
-    fn key(&self, guarded: &Guarded, measured: Option<MeasuredKey>) -> stiffness::Key {
-        let lockstep = guarded.in_lockstep();
-        hand_limit::bare_key(guarded.spec(), measured, lockstep, self.period)
+    fn key(&self, guarded_device: &GuardedDevice, measured: Option<MeasuredKey>) -> stiffness::HapticLoop {
+        let lockstep = guarded_device.in_lockstep();
+        hand_limit::bare_key(guarded_device.spec(), measured, lockstep, self.period)
     }
 
-    fn guard(&self, device: Box<dyn Device>) -> Box<Guarded> {
-        let device_limits = Limits::from_spec(device.spec());
+    fn guard(&self, device: Box<dyn Device>) -> Box<GuardedDevice> {
+        let device_limits = SafetyLimits::from_spec(device.spec());
         let force = self
             .force_limit
             .map_or(device_limits.force_max, |limit| limit.min(device_limits.force_max));
-        let capped_limits = Limits {
+        let capped_limits = SafetyLimits {
             force_max: force,
             ..device_limits
         };
-        Box::new(Guarded::new(device, capped_limits, self.period).watched())
+        Box::new(GuardedDevice::new(device, capped_limits, self.period).watched())
     }
 }
 
-impl Slot {
+impl KeyboardSlot {
     /// Whether the device has a clock of its own; in lockstep it waits for the host.
     pub fn has_clock(&self) -> bool {
         !self.lockstep
     }
 
     pub(super) fn is_open(&self) -> bool {
-        self.guarded.is_some()
+        self.guarded_device.is_some()
     }
 
-    pub(super) fn tripped(&self, axis: usize) -> Option<Trip> {
-        self.guarded.as_ref().and_then(|guarded| guarded.tripped(axis))
+    pub(super) fn tripped(&self, axis: usize) -> Option<TripCause> {
+        self.guarded_device
+            .as_ref()
+            .and_then(|guarded_device| guarded_device.tripped(axis))
     }
 
     /// How often the board reported that it let go, and how often forces ended because the host was stopped.
     pub(super) fn interruptions(&self) -> [u64; 2] {
         let [let_go, stalls] = self.earlier_counts;
-        self.guarded.as_ref().map_or(self.earlier_counts, |guarded| {
-            let guarded_counts = guarded.counts();
-            [let_go + guarded_counts.let_go, stalls + guarded_counts.stalls]
-        })
+        self.guarded_device
+            .as_ref()
+            .map_or(self.earlier_counts, |guarded_device| {
+                let guarded_counts = guarded_device.counts();
+                [let_go + guarded_counts.let_go, stalls + guarded_counts.stalls]
+            })
     }
 
     /// Set the force of an axis [N].
@@ -233,33 +237,33 @@ impl Slot {
 
     /// Set the factor of the forces of an axis; a device that returns gets it in its first tick.
     pub(super) fn set_scale(&mut self, axis: usize, scale: f64) {
-        if let Some(guarded) = &mut self.guarded {
-            guarded.scale(axis, scale);
+        if let Some(guarded_device) = &mut self.guarded_device {
+            guarded_device.scale(axis, scale);
         }
     }
 
     /// Stop the forces, or let them return.
     pub(super) fn stop(&mut self, stopped: bool) {
-        if let Some(guarded) = &mut self.guarded {
-            guarded.stop(stopped);
+        if let Some(guarded_device) = &mut self.guarded_device {
+            guarded_device.stop(stopped);
         }
     }
 
     /// Let axes that tripped push again.
     pub(super) fn release(&mut self) {
-        if let Some(guarded) = &mut self.guarded {
-            guarded.release();
+        if let Some(guarded_device) = &mut self.guarded_device {
+            guarded_device.release();
         }
     }
 
     /// Send the forces; false if the device has just been lost.
     pub(super) fn send(&mut self) -> bool {
-        let Some(guarded) = &mut self.guarded else {
+        let Some(guarded_device) = &mut self.guarded_device else {
             return true;
         };
-        match guarded.send(&self.forces) {
-            Ok(sent) => {
-                self.sent_forces = guarded.device().on_wire(&sent);
+        match guarded_device.send(&self.forces) {
+            Ok(sent_forces) => {
+                self.sent_forces = guarded_device.device().on_wire(&sent_forces);
                 true
             }
             Err(_) => self.detach(),
@@ -273,18 +277,18 @@ impl Slot {
 
     /// Receive positions; false if the device has just been lost.
     pub(super) fn receive(&mut self, deadline: Instant) -> bool {
-        self.sample.fresh = false;
-        let Some(guarded) = &mut self.guarded else {
+        self.sample.is_fresh = false;
+        let Some(guarded_device) = &mut self.guarded_device else {
             return true;
         };
-        let receive_result = guarded.receive(&mut self.sample, deadline);
-        self.sample.fresh = matches!(receive_result, Ok(true));
+        let receive_result = guarded_device.receive(&mut self.sample, deadline);
+        self.sample.is_fresh = matches!(receive_result, Ok(true));
         let [lowest_position, highest_position] = self.range;
         for position in &mut self.sample.position {
             // Positions that the key cannot have are clamped.
             *position = position.clamp(lowest_position, highest_position);
         }
-        self.silent_ticks = if self.sample.fresh { 0 } else { self.silent_ticks + 1 };
+        self.silent_ticks = if self.sample.is_fresh { 0 } else { self.silent_ticks + 1 };
         if receive_result.is_ok() && self.silent_ticks <= self.silent_ticks_max {
             return true;
         }
@@ -292,11 +296,11 @@ impl Slot {
     }
 
     fn detach(&mut self) -> bool {
-        (self.sample.fresh, self.sample.t_dev_us) = (false, None);
+        (self.sample.is_fresh, self.sample.t_dev_us) = (false, None);
         self.earlier_counts = self.interruptions();
-        if let Some(lost_device) = self.guarded.take() {
+        if let Some(lost_device) = self.guarded_device.take() {
             // The reconnector frees it, because closing a port may take long.
-            if let Err(rtrb::PushError::Full(lost_device)) = self.to_drop.push(lost_device) {
+            if let Err(rtrb::PushError::Full(lost_device)) = self.lost_device_producer.push(lost_device) {
                 std::mem::forget(lost_device);
             }
         }
@@ -306,22 +310,22 @@ impl Slot {
     }
 
     /// Continue with a device that was opened again.
-    pub(super) fn reopened(&mut self, guarded: Box<Guarded>) {
+    pub(super) fn set_reopened(&mut self, guarded_device: Box<GuardedDevice>) {
         self.forces = [0.0; MAX_AXES];
         self.silent_ticks = 0;
-        self.guarded = Some(guarded);
+        self.guarded_device = Some(guarded_device);
     }
 }
 
 struct ReconnectLoop {
     config: DeviceConfig,
-    key: stiffness::Key,
+    key: stiffness::HapticLoop,
     axes: Vec<(usize, usize)>,
     /// Identity of the board that was opened first.
     identity: Option<String>,
-    index: usize,
-    gone: Arc<AtomicBool>,
-    lost_devices: Consumer<Box<Guarded>>,
+    slot_index: usize,
+    is_gone: Arc<AtomicBool>,
+    lost_devices: Consumer<Box<GuardedDevice>>,
     commands: Arc<Mutex<Producer<Command>>>,
 }
 
@@ -331,7 +335,7 @@ impl ReconnectLoop {
         let mut device_memory = None;
         while !self.config.canceller.is_cancelled() {
             std::thread::park_timeout(POLL_INTERVAL);
-            let is_detached = self.gone.load(Ordering::Acquire);
+            let is_detached = self.is_gone.load(Ordering::Acquire);
             // The lost device is dropped here, before its port is opened again: it sends its last zeros and closes the
             // port.
             while let Ok(lost_device) = self.lost_devices.pop() {
@@ -353,17 +357,17 @@ impl ReconnectLoop {
             if self.axes.iter().any(|(axis, _)| *axis >= axis_count) {
                 continue;
             }
-            let mut guarded = self.config.guard(opened_device);
-            if self.config.key(&guarded, None) != self.key {
+            let mut guarded_device = self.config.guard(opened_device);
+            if self.config.key(&guarded_device, None) != self.key {
                 continue;
             }
             if let Some(device_memory) = &device_memory {
-                guarded.recall(device_memory);
+                guarded_device.restore_memory(device_memory);
             }
-            self.gone.store(false, Ordering::Release);
+            self.is_gone.store(false, Ordering::Release);
             let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
             // The ring is full only after the end of the performance.
-            let _ = commands.push(Command::Keys(self.index, guarded));
+            let _ = commands.push(Command::ReopenedKeyboard(self.slot_index, guarded_device));
         }
     }
 }

@@ -8,40 +8,40 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer};
 
-use super::control::{Control, MarkDone, SharedFlags};
+use super::control::{Control, DoneOnDrop, SharedFlags};
 use super::player::Player;
 use super::player::change::{Change, ScheduledChange};
 use super::{
-    Act, ChangeError, Command, Event, Garbage, HandKey, HandLimit, HeardTimes, InputStatus, Keyboard, PlayError,
-    PlaybackConfig, Stage, Status, Window, frozen, keys,
+    ChangeError, Command, DisplayWindow, Garbage, HandKey, HandLimit, InputStatus, Keyboard, LiveAction,
+    PerformanceEvent, PerformanceStatus, PlayError, PlaybackConfig, PlaybackTimes, PreparedPiece, frozen, keys,
 };
 use crate::audio::{self, AudioError, Output, TapHandle, TapStatus};
-use crate::realtime::{self, Granted};
+use crate::realtime::{self, GrantedScheduling};
 use crate::recording::RecorderHandle;
 use crate::safety;
 
 /// All events of the sound so far, and how many of them came from the output and from the input.
 #[derive(Default)]
 pub(super) struct SoundEvents {
-    all: Vec<audio::Event>,
+    events: Vec<audio::AudioEvent>,
     n_taken: [usize; 2],
 }
 
 /// A piece that is being played; it stops when this is dropped.
 pub struct Performance {
     pub(super) flags: Arc<SharedFlags>,
-    pub(super) thread: Option<JoinHandle<Player>>,
+    pub(super) physics_thread: Option<JoinHandle<Player>>,
     pub(super) reconnectors: Vec<keys::Reconnector>,
     pub(super) commands: Arc<Mutex<Producer<Command>>>,
-    pub(super) status: triple_buffer::Output<Status>,
-    pub(super) events: Consumer<Event>,
+    pub(super) status: triple_buffer::Output<PerformanceStatus>,
+    pub(super) events: Consumer<PerformanceEvent>,
     pub(super) output: Output,
     pub(super) recorder: Option<RecorderHandle>,
-    pub(super) reader: Option<frozen::Reader>,
+    pub(super) frozen_reader: Option<frozen::FrozenReader>,
     pub(super) hand_limits: Vec<HandLimit>,
     pub(super) hand_keys: Vec<HandKey>,
     pub(super) garbage: Consumer<Garbage>,
-    pub(super) tickets: u64,
+    pub(super) n_tickets: u64,
     pub(super) tap: Option<TapHandle>,
     pub(super) input: InputStatus,
     pub(super) sound_events: SoundEvents,
@@ -55,9 +55,9 @@ pub struct Performance {
     pub(super) frozen_outputs: Option<usize>,
     /// Frame rate [Hz], and the first frame that is played.
     pub(super) rate: f64,
-    pub(super) start: u64,
+    pub(super) start_frame: u64,
     /// Whether windows may be opened on the performance.
-    pub(super) is_seen: bool,
+    pub(super) is_displayed: bool,
 }
 
 impl Performance {
@@ -65,15 +65,15 @@ impl Performance {
     ///
     /// # Errors
     /// [`PlayError`] says what is missing; in this case nothing sounds and no force was sent.
-    pub fn start(stage: Stage, boards: Vec<Keyboard>, config: PlaybackConfig) -> Result<Self, PlayError> {
-        let (mut performance, mut player) = Self::prepare(stage, boards, config)?;
+    pub fn start(piece: PreparedPiece, boards: Vec<Keyboard>, config: PlaybackConfig) -> Result<Self, PlayError> {
+        let (mut performance, mut player) = Self::prepare(piece, boards, config)?;
         // Also without a hand: a signal must end the sound at once.
         safety::watch_termination();
         let shared_flags = performance.flags.clone();
         let physics_thread = std::thread::Builder::new()
             .name("ergon physics".into())
             .spawn(move || {
-                let _mark = MarkDone(shared_flags.clone());
+                let _mark = DoneOnDrop(shared_flags.clone());
                 safety::block_signals();
                 shared_flags.set_granted(realtime::request(realtime::PHYSICS_PRIORITY));
                 player.run();
@@ -81,17 +81,17 @@ impl Performance {
                 player
             })
             .map_err(PlayError::Thread)?;
-        performance.thread = Some(physics_thread);
+        performance.physics_thread = Some(physics_thread);
         Ok(performance)
     }
 
     /// The latest status.
-    pub fn status(&mut self) -> Status {
+    pub fn status(&mut self) -> PerformanceStatus {
         *self.status.read()
     }
 
     /// The next event.
-    pub fn event(&mut self) -> Option<Event> {
+    pub fn event(&mut self) -> Option<PerformanceEvent> {
         self.events.pop().ok()
     }
 
@@ -111,8 +111,8 @@ impl Performance {
     }
 
     /// The instants at which its frames are heard, for [`Showing::show`](super::Showing::show).
-    pub fn output_times(&self) -> HeardTimes {
-        HeardTimes::new(self.output.sound_clock(), self.rate, self.start)
+    pub fn output_times(&self) -> PlaybackTimes {
+        PlaybackTimes::new(self.output.sound_clock(), self.rate, self.start_frame)
     }
 
     /// The sound output.
@@ -121,10 +121,10 @@ impl Performance {
     }
 
     /// All events of the output and the input so far.
-    pub fn sound_events(&mut self) -> &[audio::Event] {
+    pub fn sound_events(&mut self) -> &[audio::AudioEvent] {
         let input_events = self.input.input.as_ref().map(audio::Input::events);
         let SoundEvents {
-            all: all_events,
+            events: all_events,
             n_taken,
         } = &mut self.sound_events;
         let event_lists = [self.output.events(), input_events.unwrap_or_default()];
@@ -142,13 +142,13 @@ impl Performance {
     }
 
     /// What the system granted the physics thread; `None` until it runs.
-    pub fn granted(&self) -> Option<Granted> {
+    pub fn granted(&self) -> Option<GrantedScheduling> {
         self.flags.granted()
     }
 
     /// A handle that stops the performance from any thread.
     pub fn control(&self) -> Control {
-        Control::new(self.flags.clone(), self.output.shared().clone())
+        Control::new(self.flags.clone(), self.output.stream_state().clone())
     }
 
     /// See [`Control::panic`].
@@ -168,7 +168,7 @@ impl Performance {
 
     /// Glide to another gain of one of the mixer's groups of routes, as [`Performance::gain`] does.
     pub fn part_gain(&self, group: usize, gain: f64) -> bool {
-        self.command(Command::Part(group, gain))
+        self.command(Command::GroupGain(group, gain))
     }
 
     /// Write the sound that is computed for the loudspeakers to a new file, from the next tick on.
@@ -176,7 +176,7 @@ impl Performance {
     /// # Errors
     /// [`AudioError`] if a file is being written already, or cannot be created.
     pub fn record_audio(&mut self, path: &Path) -> Result<(), AudioError> {
-        if self.tap.as_ref().is_some_and(|audio_tap| !audio_tap.status().ended) {
+        if self.tap.as_ref().is_some_and(|audio_tap| !audio_tap.status().has_ended) {
             return Err(AudioError::Broken("a file is being recorded already".into()));
         }
         let sample_rate = self.output.info().rate;
@@ -204,18 +204,18 @@ impl Performance {
     /// [`EventKind::Acted`](super::EventKind::Acted) or [`EventKind::Missed`](super::EventKind::Missed) reports; `None`
     /// if too many commands wait.
     pub fn strike(&mut self, point: u32, impulse: f64) -> Option<u64> {
-        self.act(Act::Strike(point, impulse))
+        self.act(LiveAction::Strike(point, impulse))
     }
 
     /// Set an input of the simulation to a value, full scale 1; ticket and time as in [`Performance::strike`].
     pub fn set_input(&mut self, number: u64, value: f64) -> Option<u64> {
-        self.act(Act::SetInput(number, value))
+        self.act(LiveAction::SetInput(number, value))
     }
 
-    fn act(&mut self, act: Act) -> Option<u64> {
-        self.tickets += 1;
-        let ticket = self.tickets;
-        self.command(Command::Act(ticket, act)).then_some(ticket)
+    fn act(&mut self, act: LiveAction) -> Option<u64> {
+        self.n_tickets += 1;
+        let ticket = self.n_tickets;
+        self.command(Command::Action(ticket, act)).then_some(ticket)
     }
 
     /// Schedule a change at a frame that begins a tick. Return a ticket, which [`EventKind::Changed`] or
@@ -247,12 +247,12 @@ impl Performance {
         {
             return Err(ChangeError::Channels(self.mixed_channels));
         }
-        if let Some((simulation, _)) = change.simulation.as_mut().filter(|_| self.is_seen) {
+        if let Some((simulation, _)) = change.simulation.as_mut().filter(|_| self.is_displayed) {
             simulation.start_watching();
         }
         let outputs = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.tick_frames)];
-        self.tickets += 1;
-        let ticket = self.tickets;
+        self.n_tickets += 1;
+        let ticket = self.n_tickets;
         let scheduled_change = ScheduledChange {
             frame: due_frame,
             ticket,
@@ -282,7 +282,7 @@ impl Performance {
 
     /// Open a window, now or as soon as its simulation plays; false if too many commands wait. A window that still
     /// waits is replaced.
-    pub fn open(&mut self, window: Window) -> bool {
+    pub fn open(&mut self, window: DisplayWindow) -> bool {
         self.free();
         self.command(Command::Window(Box::new(window)))
     }
@@ -312,14 +312,14 @@ impl Performance {
     pub fn recording_trouble(&self) -> Option<String> {
         let recorder_status = self.recorder.as_ref()?.status();
         let lost_message = || (recorder_status.dropped > 0).then(|| format!("{} rows lost", recorder_status.dropped));
-        recorder_status.trouble.clone().or_else(lost_message)
+        recorder_status.write_error.clone().or_else(lost_message)
     }
 
     /// Wait until everything was heard, close all files and devices, and return the remaining events.
     ///
     /// # Errors
     /// The error of the physics thread, of the output, or of a file that was written.
-    pub fn close(mut self, patience: Duration) -> Result<Vec<Event>, PlayError> {
+    pub fn close(mut self, patience: Duration) -> Result<Vec<PerformanceEvent>, PlayError> {
         self.end(patience)?;
         Ok(std::iter::from_fn(|| self.event()).collect())
     }
@@ -327,11 +327,11 @@ impl Performance {
     fn end(&mut self, patience: Duration) -> Result<(), PlayError> {
         // Devices first: they send their last zeros when the physics thread returns them.
         let play_result = self
-            .thread
+            .physics_thread
             .take()
             .map_or(Ok(()), |thread| thread.join().map(drop).map_err(|_| PlayError::Failed));
         self.reconnectors.clear();
-        self.reader = None;
+        self.frozen_reader = None;
         let _ = self.output.wait(patience);
         let close_result = self.output.close();
         self.tap = None;

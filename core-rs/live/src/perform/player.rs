@@ -15,25 +15,25 @@ use std::time::{Duration, Instant};
 use ergon_engine::mix::glide::GainGlide;
 use rtrb::{Consumer, Producer};
 
-use super::clock::Clock;
+use super::clock::TickClock;
 use super::control::SharedFlags;
-use super::frozen::Frozen;
+use super::frozen::FrozenOutputs;
 use super::guidance::GuidanceState;
 use super::hand::HandSource;
-use super::scale::Scale;
+use super::scale::ForceScale;
 use super::sound_input::SoundInput;
-use super::status::{Event, EventKind, Status};
-use super::window::Strikes;
-use super::{Act, Command, Garbage, Hand, HandLimit, Slot, Stage, Window};
-use crate::audio::{Feed, Shared, Tap};
+use super::status::{EventKind, PerformanceEvent, PerformanceStatus};
+use super::window::UnreportedStrikes;
+use super::{Command, DisplayWindow, Garbage, HandLimit, KeyboardSlot, LiveAction, LiveHand, PreparedPiece};
+use crate::audio::{AudioTap, RingWriter, StreamState};
 use crate::recording::{self, RowSink};
 use crate::safety;
 use change::{SCHEDULED_MAX, ScheduledChange};
 
 /// A tick is late if it begins more than this part of its length after it was due.
-const LATE_SHARE: f64 = 0.5;
+const LATENESS_SHARE: f64 = 0.5;
 /// Greatest number of strikes and values of inputs in one tick.
-const ACTS_MAX: usize = 256;
+const ACTIONS_MAX: usize = 256;
 /// If no keys pace the ticks: longest wait for room in the ring, because the card may be gone for good.
 const RING_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -41,85 +41,85 @@ const RING_TIMEOUT: Duration = Duration::from_secs(5);
 pub(super) struct Connections {
     pub(super) flags: Arc<SharedFlags>,
     pub(super) commands: Consumer<Command>,
-    pub(super) events: Producer<Event>,
-    pub(super) status: triple_buffer::Input<Status>,
-    pub(super) feed: Feed,
-    pub(super) record: Option<RowSink>,
-    pub(super) frozen: Option<Frozen>,
+    pub(super) events: Producer<PerformanceEvent>,
+    pub(super) status: triple_buffer::Input<PerformanceStatus>,
+    pub(super) ring_writer: RingWriter,
+    pub(super) row_sink: Option<RowSink>,
+    pub(super) frozen: Option<FrozenOutputs>,
     pub(super) sound_input: Option<SoundInput>,
-    pub(super) shared: Arc<Shared>,
+    pub(super) stream_state: Arc<StreamState>,
     pub(super) garbage: Producer<Garbage>,
 }
 
 /// The whole state of the physics thread.
 pub(super) struct Player {
-    pub(super) stage: Stage,
+    pub(super) piece: PreparedPiece,
     pub(super) gain: GainGlide,
-    pub(super) slots: Vec<Slot>,
+    pub(super) slots: Vec<KeyboardSlot>,
     pub(super) connections: Connections,
     /// Changes that are not due yet, by rising frame.
     #[allow(clippy::vec_box)]
     // each change returns in its own box: unboxing would free memory here
     pub(super) scheduled_changes: Vec<Box<ScheduledChange>>,
     /// Writes what is heard into a file.
-    tap: Option<Tap>,
+    tap: Option<AudioTap>,
     /// The window that pages look through, and the next one, which waits until its simulation plays.
-    window: Option<Box<Window>>,
-    next_window: Option<Box<Window>>,
+    window: Option<Box<DisplayWindow>>,
+    next_window: Option<Box<DisplayWindow>>,
     /// Strikes to be reported in the next picture.
-    new_strikes: Strikes,
+    new_strikes: UnreportedStrikes,
     /// Acts of this tick, with their tickets.
-    acts: Vec<(u64, Act)>,
-    clock: Clock,
-    pub(super) sources: Vec<HandSource>,
-    pub(super) guidance: Vec<GuidanceState>,
-    pub(super) scales: Vec<Scale>,
+    actions: Vec<(u64, LiveAction)>,
+    clock: TickClock,
+    pub(super) hand_sources: Vec<HandSource>,
+    pub(super) guidance_states: Vec<GuidanceState>,
+    pub(super) force_scales: Vec<ForceScale>,
     /// Position of each hand's key in the previous tick [m], from which its speed is computed.
     previous_positions: Vec<f64>,
     /// Force of the piece on each hand [N].
     piece_forces: Vec<f64>,
     /// Slot and axis of each hand.
-    pub(super) axis_of: Vec<Option<(usize, usize)>>,
+    pub(super) hand_axes: Vec<Option<(usize, usize)>>,
     /// For each slot, the tick from which a keyboard that came back plays again.
-    returns_at: Vec<Option<u64>>,
-    hand_samples: Vec<recording::Sample>,
+    return_ticks: Vec<Option<u64>>,
+    hand_samples: Vec<recording::RecordedSample>,
     /// Outputs of a tick                        (tick_frames, n_out)
     pub(super) outputs: Vec<f64>,
     /// Channels of a tick                       (tick_frames, n_channels)
     mixed: Vec<f64>,
     /// Heard channels of a tick, if there is a fold   (tick_frames, n_heard)
     folded: Vec<f64>,
-    output_f32: Vec<f32>,
+    output_samples: Vec<f32>,
     /// Frames of the limiter's delay that are still to be skipped at the beginning.
     frames_to_skip: usize,
     /// Frames that the fold and the limiter still hold after the last frame of the piece.
     tail_frames: usize,
     pub(super) tick: u64,
     pub(super) frame: u64,
-    status: Status,
-    panicked: bool,
+    status: PerformanceStatus,
+    is_panicking: bool,
     /// Whether a clock sets the pace: that of the card, or that of the keys.
-    has_pace: bool,
+    is_paced: bool,
     /// Whether the keys' positions in this tick have been received.
     has_positions: bool,
 }
 
 impl Player {
     pub(super) fn new(
-        mut stage: Stage,
-        slots: Vec<Slot>,
+        mut piece: PreparedPiece,
+        slots: Vec<KeyboardSlot>,
         connections: Connections,
-        clock: Clock,
+        clock: TickClock,
         paced: bool,
         hand_limits: &[HandLimit],
     ) -> Self {
-        let hand_count = stage.hands.len();
-        let tick_period = stage.tick_frames as f64 / stage.simulation.rate();
-        let guidance_of = |hand: &Hand| GuidanceState::new(hand.guidance, tick_period);
-        let guidance = stage.hands.iter().map(guidance_of).collect();
-        let mut scales = vec![Scale::new(1.0, tick_period); hand_count];
+        let hand_count = piece.hands.len();
+        let tick_period = piece.tick_frames as f64 / piece.simulation.rate();
+        let guidance_of = |hand: &LiveHand| GuidanceState::new(hand.guidance, tick_period);
+        let guidance = piece.hands.iter().map(guidance_of).collect();
+        let mut scales = vec![ForceScale::new(1.0, tick_period); hand_count];
         for hand_limit in hand_limits {
-            scales[hand_limit.hand] = Scale::new(hand_limit.scale, tick_period);
+            scales[hand_limit.hand] = ForceScale::new(hand_limit.force_scale, tick_period);
         }
         let mut axis_of = vec![None; hand_count];
         for (slot_index, keyboard_slot) in slots.iter().enumerate() {
@@ -127,43 +127,43 @@ impl Player {
                 axis_of[hand] = Some((slot_index, axis));
             }
         }
-        stage.mixer.seek(stage.simulation.frame());
-        let latency = stage.limiter.latency();
-        let (tick_frames, n_outputs) = (stage.tick_frames, stage.simulation.n_out());
-        let (n_channels, n_heard_channels) = (stage.mixer.n_channels(), stage.n_heard());
-        let status = Status {
-            frame: stage.simulation.frame(),
-            ..Status::default()
+        piece.mixer.seek(piece.simulation.frame());
+        let latency = piece.limiter.latency();
+        let (tick_frames, n_outputs) = (piece.tick_frames, piece.simulation.n_out());
+        let (n_channels, n_heard_channels) = (piece.mixer.n_channels(), piece.n_heard_channels());
+        let status = PerformanceStatus {
+            frame: piece.simulation.frame(),
+            ..PerformanceStatus::default()
         };
         Self {
-            gain: GainGlide::new(stage.simulation.rate(), stage.gain),
-            sources: vec![HandSource::default(); hand_count],
-            guidance,
-            scales,
+            gain: GainGlide::new(piece.simulation.rate(), piece.gain),
+            hand_sources: vec![HandSource::default(); hand_count],
+            guidance_states: guidance,
+            force_scales: scales,
             previous_positions: vec![0.0; hand_count],
             piece_forces: vec![0.0; hand_count],
-            axis_of,
-            returns_at: vec![None; slots.len()],
-            hand_samples: vec![recording::Sample::default(); hand_count],
+            hand_axes: axis_of,
+            return_ticks: vec![None; slots.len()],
+            hand_samples: vec![recording::RecordedSample::default(); hand_count],
             outputs: vec![0.0; tick_frames * n_outputs],
             mixed: vec![0.0; tick_frames * n_channels],
-            folded: vec![0.0; stage.fold.as_ref().map_or(0, |_| tick_frames * n_heard_channels)],
-            output_f32: vec![0.0; tick_frames * n_heard_channels],
+            folded: vec![0.0; piece.fold.as_ref().map_or(0, |_| tick_frames * n_heard_channels)],
+            output_samples: vec![0.0; tick_frames * n_heard_channels],
             frames_to_skip: latency,
-            tail_frames: stage.n_tail(),
-            tick: stage.simulation.frame() / tick_frames as u64,
-            frame: stage.simulation.frame(),
+            tail_frames: piece.n_tail_frames(),
+            tick: piece.simulation.frame() / tick_frames as u64,
+            frame: piece.simulation.frame(),
             status,
-            panicked: false,
-            has_pace: paced,
+            is_panicking: false,
+            is_paced: paced,
             has_positions: false,
             scheduled_changes: Vec::with_capacity(SCHEDULED_MAX),
-            acts: Vec::with_capacity(ACTS_MAX),
-            new_strikes: Strikes::new(),
+            actions: Vec::with_capacity(ACTIONS_MAX),
+            new_strikes: UnreportedStrikes::new(),
             tap: None,
             window: None,
             next_window: None,
-            stage,
+            piece,
             slots,
             connections,
             clock,
@@ -172,7 +172,7 @@ impl Player {
 
     /// Play to the end.
     pub(super) fn run(&mut self) {
-        self.begin();
+        self.receive_first_positions();
         loop {
             let stop_requested = self.connections.flags.stop.load(Ordering::Acquire);
             if stop_requested || !self.tick() {
@@ -182,49 +182,53 @@ impl Player {
         for slot in &mut self.slots {
             slot.stop(true);
         }
-        self.send_event(EventKind::Ended);
+        self.send_event(EventKind::PieceEnded);
         self.connections.status.write(self.status);
-        self.connections.feed.close();
+        self.connections.ring_writer.close();
     }
 
     /// One tick; false once the piece is over.
     pub(super) fn tick(&mut self) -> bool {
-        let frames_left = match self.stage.n_frames {
+        let frames_left = match self.piece.n_frames {
             Some(n_frames) => n_frames.saturating_sub(self.frame),
             None => u64::MAX,
         };
         if frames_left == 0 && self.tail_frames == 0 {
             return false;
         }
-        let is_playing = self.connections.shared.played() > 0;
+        let is_playing = self.connections.stream_state.played() > 0;
         self.wait_for_input();
-        let clock_tick = self.clock.tick(self.connections.feed.filled(), is_playing);
+        let clock_tick = self
+            .clock
+            .tick(self.connections.ring_writer.filled_frames(), is_playing);
         let tick_began = Instant::now();
         self.count_lateness(clock_tick.lateness, clock_tick.was_reset);
         safety::check_signals();
         self.run_commands();
         self.make_changes();
-        self.act();
+        self.perform_actions();
         self.update_scales();
-        self.guidance.iter_mut().for_each(|guidance| guidance.tick(self.tick));
-        let frame_count = (self.stage.tick_frames as u64).min(frames_left) as usize;
+        self.guidance_states
+            .iter_mut()
+            .for_each(|guidance| guidance.tick(self.tick));
+        let frame_count = (self.piece.tick_frames as u64).min(frames_left) as usize;
         if frame_count > 0 {
             self.exchange_forces();
             self.move_hands();
-            self.step(frame_count);
+            self.compute_sound(frame_count);
             self.update_hands();
             self.record();
             self.publish_picture();
         } else {
             // The last frames of fold and limiter are heard; the hands are stopped.
             self.slots.iter_mut().for_each(|slot| slot.stop(true));
-            self.step(0);
+            self.compute_sound(0);
         }
-        self.note_load(tick_began.elapsed());
+        self.update_load(tick_began.elapsed());
         self.connections.status.write(self.status);
-        self.feed(
+        self.push_output(
             if frame_count == 0 {
-                self.stage.tick_frames.min(self.tail_frames)
+                self.piece.tick_frames.min(self.tail_frames)
             } else {
                 frame_count
             },
@@ -241,7 +245,7 @@ impl Player {
         };
         let wait_start = Instant::now();
         while !self.clock.is_paced_by_keys()
-            && sound_input.is_enough(self.connections.feed.filled())
+            && sound_input.is_filled(self.connections.ring_writer.filled_frames())
             && wait_start.elapsed() < RING_TIMEOUT
             && !self.connections.flags.stop.load(Ordering::Acquire)
         {
@@ -251,11 +255,11 @@ impl Player {
 
     fn count_lateness(&mut self, lateness: Duration, was_reset: bool) {
         let status = &mut self.status;
-        status.late_ticks += u64::from(lateness.as_secs_f64() > LATE_SHARE * self.clock.period());
-        status.max_lateness = status.max_lateness.max(lateness);
+        status.late_ticks += u64::from(lateness.as_secs_f64() > LATENESS_SHARE * self.clock.period());
+        status.lateness_max = status.lateness_max.max(lateness);
         if was_reset {
             status.clock_resets += 1;
-            self.send_event(EventKind::Lost(lateness));
+            self.send_event(EventKind::ClockReset(lateness));
         }
     }
 
@@ -264,80 +268,80 @@ impl Player {
             match command {
                 Command::Gain(gain) => {
                     self.gain.set(gain);
-                    self.note(format_args!("{{\"gain\":{gain}}}"));
+                    self.record_note(format_args!("{{\"gain\":{gain}}}"));
                 }
-                Command::Part(part, gain) => {
-                    self.stage.mixer.set_gain(part, gain);
-                    self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
+                Command::GroupGain(group, gain) => {
+                    self.piece.mixer.set_gain(group, gain);
+                    self.record_note(format_args!("{{\"part\":{group},\"gain\":{gain}}}"));
                 }
                 Command::Change(scheduled_change) => self.schedule(scheduled_change),
                 Command::Revoke(frame) => self.revoke(frame),
                 Command::Tap(tap) => self.tap = tap,
                 Command::Window(window) => {
                     if let Some(replaced_window) = self.next_window.replace(window) {
-                        self.throw_away(Garbage::Window(replaced_window));
+                        self.discard(Garbage::Window(replaced_window));
                     }
                 }
-                Command::Act(ticket, _) if self.acts.len() == ACTS_MAX => {
-                    self.send_event(EventKind::Missed(ticket));
+                Command::Action(ticket, _) if self.actions.len() == ACTIONS_MAX => {
+                    self.send_event(EventKind::ActionMissed(ticket));
                 }
-                Command::Act(ticket, perform_acts) => self.acts.push((ticket, perform_acts)),
-                Command::Keys(slot, guarded) => {
-                    self.slots[slot].reopened(guarded);
-                    self.slots[slot].stop(self.panicked);
-                    self.returns_at[slot] = Some(self.next_bar());
-                    self.send_event(EventKind::Back(slot));
+                Command::Action(ticket, perform_acts) => self.actions.push((ticket, perform_acts)),
+                Command::ReopenedKeyboard(slot, guarded_device) => {
+                    self.slots[slot].set_reopened(guarded_device);
+                    self.slots[slot].stop(self.is_panicking);
+                    self.return_ticks[slot] = Some(self.next_bar());
+                    self.send_event(EventKind::KeyboardReturned(slot));
                 }
             }
         }
         let panicked = self.connections.flags.panic.load(Ordering::Acquire);
-        if panicked != self.panicked {
-            self.panicked = panicked;
+        if panicked != self.is_panicking {
+            self.is_panicking = panicked;
             self.slots.iter_mut().for_each(|slot| slot.stop(panicked));
-            self.note(format_args!("{{\"panic\":{panicked}}}"));
+            self.record_note(format_args!("{{\"panic\":{panicked}}}"));
         }
         if self.connections.flags.release.swap(false, Ordering::AcqRel) {
-            self.slots.iter_mut().for_each(Slot::release);
+            self.slots.iter_mut().for_each(KeyboardSlot::release);
         }
     }
 
     /// Publish a picture for pages.
     fn publish_picture(&mut self) {
-        let simulation = &mut self.stage.simulation;
+        let simulation = &mut self.piece.simulation;
         if (self.next_window.as_ref()).is_some_and(|pending_window| pending_window.is_of(simulation)) {
             std::mem::swap(&mut self.window, &mut self.next_window);
             if let Some(replaced_window) = self.next_window.take() {
-                self.throw_away(Garbage::Window(replaced_window));
+                self.discard(Garbage::Window(replaced_window));
             }
         }
         if let Some(window) = &mut self.window {
-            let simulation = &mut self.stage.simulation;
-            window.publish(simulation, &mut self.new_strikes, self.status.dropped);
+            let simulation = &mut self.piece.simulation;
+            window.publish(simulation, &mut self.new_strikes, self.status.dropped_frames);
         }
     }
 
     /// Perform the acts of this tick: strike points of the simulation and set its inputs. A simulation that took over
     /// at this frame already receives them.
-    fn act(&mut self) {
-        for index in 0..self.acts.len() {
-            let (ticket, act) = self.acts[index];
+    fn perform_actions(&mut self) {
+        for index in 0..self.actions.len() {
+            let (ticket, act) = self.actions[index];
             let has_acted = match act {
-                Act::Strike(point, impulse) => self.strike(point, impulse),
-                Act::SetInput(input_number, value) => self.stage.simulation.set_input(input_number, value),
+                LiveAction::Strike(point, impulse) => self.strike(point, impulse),
+                LiveAction::SetInput(input_number, value) => self.piece.simulation.set_input(input_number, value),
             };
             self.send_event(if has_acted {
-                EventKind::Acted(ticket)
+                EventKind::ActionDone(ticket)
             } else {
-                EventKind::Missed(ticket)
+                EventKind::ActionMissed(ticket)
             });
         }
-        self.acts.clear();
+        self.actions.clear();
     }
 
     fn strike(&mut self, point: u32, impulse: f64) -> bool {
-        let is_struck = self.stage.simulation.strike(point, impulse);
-        if is_struck && self.stage.is_seen {
-            (self.new_strikes).add(self.stage.simulation.frame(), point, impulse);
+        let is_struck = self.piece.simulation.strike(point, impulse);
+        if is_struck && self.piece.is_displayed {
+            (self.new_strikes).add(self.piece.simulation.frame(), point, impulse);
         }
         is_struck
     }

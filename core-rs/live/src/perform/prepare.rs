@@ -5,17 +5,19 @@ use std::sync::{Arc, Mutex};
 use rtrb::RingBuffer;
 
 use super::control::SharedFlags;
-use super::keys::Slot;
+use super::keys::KeyboardSlot;
 use super::performance::{Performance, SoundEvents};
 use super::player::change::SCHEDULED_MAX;
 use super::player::{self, Player};
-use super::status::{HANDS_MAX, Status};
-use super::{HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, SCALE_MIN, Stage, clock, frozen, sound_input};
+use super::status::{HANDS_MAX, PerformanceStatus};
+use super::{
+    FORCE_SCALE_MIN, HandKey, HandLimit, Keyboard, PlayError, PlaybackConfig, PreparedPiece, clock, frozen, sound_input,
+};
 use crate::audio::{self, AudioError};
 use crate::recording::Recorder;
 
 /// Default number of frames that the ring holds ahead of the card, enough for a machine without real-time scheduling.
-const DEFAULT_AHEAD: usize = 1_024;
+const DEFAULT_FRAMES_AHEAD: usize = 1_024;
 /// Greatest number of events that wait to be read.
 const EVENTS_MAX: usize = 4_096;
 const COMMANDS_MAX: usize = 256;
@@ -23,29 +25,32 @@ const COMMANDS_MAX: usize = 256;
 impl Performance {
     /// Open the output and the recording, and make the player, but not the thread that runs it.
     pub(super) fn prepare(
-        mut stage: Stage,
+        mut piece: PreparedPiece,
         boards: Vec<Keyboard>,
         config: PlaybackConfig,
     ) -> Result<(Self, Player), PlayError> {
-        let (rate, start) = (stage.simulation.rate(), stage.simulation.frame());
-        if stage.is_seen {
-            stage.simulation.start_watching();
+        let (rate, start) = (piece.simulation.rate(), piece.simulation.frame());
+        if piece.is_displayed {
+            piece.simulation.start_watching();
         }
-        let channels = stage.n_heard();
+        let channels = piece.n_heard_channels();
         if !(1..=audio::CHANNELS_MAX).contains(&channels) {
             let why = format!("an output has 1 to {}", audio::CHANNELS_MAX);
             return Err(AudioError::Channels { channels, why }.into());
         }
-        if stage.hands.len() > HANDS_MAX {
-            return Err(PlayError::Hands(stage.hands.len()));
+        if piece.hands.len() > HANDS_MAX {
+            return Err(PlayError::Hands(piece.hands.len()));
         }
         let hand_keys: Vec<HandKey> = boards
             .iter()
-            .flat_map(|board| HandKey::all(board, &stage.hands))
+            .flat_map(|board| HandKey::all(board, &piece.hands))
             .collect();
-        let hand_limit = |key: &HandKey| key.limit(&stage.hands[key.hand].response);
+        let hand_limit = |key: &HandKey| key.limit(&piece.hands[key.hand].piece_response);
         let hand_limits: Vec<HandLimit> = hand_keys.iter().map(hand_limit).collect();
-        if let Some(stiff_limit) = hand_limits.iter().find(|hand_limit| hand_limit.scale < SCALE_MIN) {
+        if let Some(stiff_limit) = hand_limits
+            .iter()
+            .find(|hand_limit| hand_limit.force_scale < FORCE_SCALE_MIN)
+        {
             return Err(PlayError::Stiff {
                 hand: stiff_limit.hand,
                 stiffness: stiff_limit.stiffness,
@@ -54,20 +59,20 @@ impl Performance {
         }
         let block_frames = config.audio.block.unwrap_or(0) as usize;
         let frames_ahead = config
-            .ahead
-            .unwrap_or(DEFAULT_AHEAD)
-            .max(2 * stage.tick_frames.max(block_frames));
-        let (feed, drain) = audio::ring(channels, 4 * frames_ahead);
+            .frames_ahead
+            .unwrap_or(DEFAULT_FRAMES_AHEAD)
+            .max(2 * piece.tick_frames.max(block_frames));
+        let (feed, ring_reader) = audio::ring(channels, 4 * frames_ahead);
         feed.set_prefill(frames_ahead);
-        let frozen_stems = std::mem::take(&mut stage.frozen);
+        let frozen_stems = std::mem::take(&mut piece.frozen_stems);
         let (frozen, reader) = if frozen_stems.is_empty() {
             (None, None)
         } else {
-            let (frozen, reader) = frozen::open(frozen_stems, stage.simulation.frame())
+            let (frozen, reader) = frozen::open(frozen_stems, piece.simulation.frame())
                 .map_err(|(path, error)| PlayError::Frozen { path, error })?;
             (Some(frozen), Some(reader))
         };
-        let output = audio::open(&config.audio, rate as u32, channels, drain)?;
+        let output = audio::open(&config.audio, rate as u32, channels, ring_reader)?;
         let output_info = output.info();
         if output_info.paced && output_info.block as usize > 2 * frames_ahead {
             let why = format!(
@@ -79,13 +84,13 @@ impl Performance {
         }
         let (sound_input, input) = sound_input::open(
             &config.input,
-            &stage.simulation,
+            &piece.simulation,
             &output_info,
-            stage.tick_frames,
+            piece.tick_frames,
             frames_ahead,
         )?;
         // The recording is opened last: a performance that cannot begin leaves no file.
-        let (row_sink, recorder) = match &config.record {
+        let (row_sink, recorder) = match &config.recording {
             Some((path, header)) => {
                 let (row_sink, recorder_handle) = Recorder::start(path, header)?;
                 (Some(row_sink), Some(recorder_handle))
@@ -95,12 +100,12 @@ impl Performance {
         let (to_commands, from_commands) = RingBuffer::new(COMMANDS_MAX);
         let (to_events, events) = RingBuffer::new(EVENTS_MAX);
         let (to_garbage, garbage) = RingBuffer::new(2 * SCHEDULED_MAX);
-        let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
+        let (to_status, status) = triple_buffer::triple_buffer(&PerformanceStatus::default());
         let cancellers = boards.iter().map(Keyboard::canceller).collect();
         let flags = Arc::new(SharedFlags::new(cancellers));
         let commands = Arc::new(Mutex::new(to_commands));
         let mut reconnectors = Vec::new();
-        let slots: Vec<Slot> = boards
+        let slots: Vec<KeyboardSlot> = boards
             .into_iter()
             .enumerate()
             .map(|(index, board)| {
@@ -114,25 +119,25 @@ impl Performance {
             commands: from_commands,
             events: to_events,
             status: to_status,
-            feed,
-            record: row_sink,
+            ring_writer: feed,
+            row_sink,
             frozen,
             sound_input,
-            shared: output.shared().clone(),
+            stream_state: output.stream_state().clone(),
             garbage: to_garbage,
         };
-        let clocked_by_keys = slots.iter().any(Slot::has_clock);
-        let tick_clock = clock::Clock::new(
-            stage.tick_frames as f64 / rate,
+        let clocked_by_keys = slots.iter().any(KeyboardSlot::has_clock);
+        let tick_clock = clock::TickClock::new(
+            piece.tick_frames as f64 / rate,
             frames_ahead.max(2 * output_info.block as usize),
             clocked_by_keys,
             output_info.paced,
         );
-        let (tick_frames, mixed_channels) = (stage.tick_frames, stage.mixer.n_channels());
-        let is_seen = stage.is_seen;
-        let frozen_outputs = reader.is_some().then(|| stage.simulation.n_out());
+        let (tick_frames, mixed_channels) = (piece.tick_frames, piece.mixer.n_channels());
+        let is_seen = piece.is_displayed;
+        let frozen_outputs = reader.is_some().then(|| piece.simulation.n_out());
         let player = Player::new(
-            stage,
+            piece,
             slots,
             connections,
             tick_clock,
@@ -141,18 +146,18 @@ impl Performance {
         );
         let performance = Self {
             flags,
-            thread: None,
+            physics_thread: None,
             reconnectors,
             commands,
             status,
             events,
             output,
             recorder,
-            reader,
+            frozen_reader: reader,
             hand_limits,
             hand_keys,
             garbage,
-            tickets: 0,
+            n_tickets: 0,
             tap: None,
             input,
             sound_events: SoundEvents::default(),
@@ -161,8 +166,8 @@ impl Performance {
             mixed_channels,
             frozen_outputs,
             rate,
-            start,
-            is_seen,
+            start_frame: start,
+            is_displayed: is_seen,
         };
         Ok((performance, player))
     }

@@ -4,13 +4,13 @@
 use crate::safety::unit;
 
 /// Time before a lower bound at which the scale begins to fall [s].
-pub const FALL_TIME: f64 = 0.02;
+pub const FALL_SECONDS: f64 = 0.02;
 /// Time of a rise from 0 to 1 [s].
-const RISE: f64 = 0.2;
+const RISE_SECONDS: f64 = 0.2;
 
 /// A bound of the scale from a tick on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bound {
+pub struct ScaleBound {
     /// Its tick, counted from the change that brings the bound; once the change is made, from the start of the
     /// performance.
     pub tick: u64,
@@ -20,29 +20,29 @@ pub struct Bound {
 
 /// The scale of a hand. It changes linearly, and is at or below each bound when the bound begins.
 #[derive(Clone, Debug)]
-pub(super) struct Scale {
-    now: f64,
+pub(super) struct ForceScale {
+    value: f64,
     /// The value to which it may rise.
     target: f64,
     /// Bounds by rising ticks of the performance, and the index of the next one.
-    pub(super) bounds: Vec<Bound>,
-    next: usize,
+    pub(super) bounds: Vec<ScaleBound>,
+    next_bound: usize,
     /// Number of ticks of a fall, and increment of a rise in one tick.
-    fall: u64,
-    by: f64,
+    fall_ticks: u64,
+    rise_per_tick: f64,
 }
 
-impl Scale {
+impl ForceScale {
     /// A scale that begins at `scale`, in ticks of `period` [s].
     pub(super) fn new(scale: f64, period: f64) -> Self {
         let scale = unit(scale);
         Self {
-            now: scale,
+            value: scale,
             target: scale,
             bounds: Vec::new(),
-            next: 0,
-            fall: (FALL_TIME / period).ceil() as u64,
-            by: period / RISE,
+            next_bound: 0,
+            fall_ticks: (FALL_SECONDS / period).ceil() as u64,
+            rise_per_tick: period / RISE_SECONDS,
         }
     }
 
@@ -51,37 +51,37 @@ impl Scale {
         for bound in &mut self.bounds {
             bound.tick = bound.tick.saturating_add(tick);
         }
-        self.next = 0;
+        self.next_bound = 0;
     }
 
     /// The scale in this tick; `waiting`: bounds of changes that wait, by ticks of the performance.
-    pub(super) fn tick(&mut self, tick: u64, waiting: impl Iterator<Item = Bound>) -> f64 {
+    pub(super) fn tick(&mut self, tick: u64, waiting: impl Iterator<Item = ScaleBound>) -> f64 {
         // The scale rises to the goal of the previous tick, because the force of that tick is sent now.
         let previous_goal = self.target;
         while let Some(scale_bound) = self
             .bounds
-            .get(self.next)
+            .get(self.next_bound)
             .filter(|scale_bound| scale_bound.tick <= tick)
         {
             self.target = unit(scale_bound.scale);
-            self.next += 1;
+            self.next_bound += 1;
         }
-        let risen_scale = (self.now + self.by).min(previous_goal).max(self.now);
+        let risen_scale = (self.value + self.rise_per_tick).min(previous_goal).max(self.value);
         let mut scale_now = risen_scale.min(self.target);
-        let coming_bounds = self.bounds[self.next..].iter().copied().chain(waiting);
-        for scale_bound in coming_bounds.filter(|scale_bound| scale_bound.tick <= tick + self.fall) {
+        let coming_bounds = self.bounds[self.next_bound..].iter().copied().chain(waiting);
+        for scale_bound in coming_bounds.filter(|scale_bound| scale_bound.tick <= tick + self.fall_ticks) {
             let (target_scale, ticks_left) = (unit(scale_bound.scale), scale_bound.tick.saturating_sub(tick) + 1);
-            if target_scale < self.now {
-                scale_now = scale_now.min(self.now + (target_scale - self.now) / ticks_left as f64);
+            if target_scale < self.value {
+                scale_now = scale_now.min(self.value + (target_scale - self.value) / ticks_left as f64);
             }
         }
-        self.now = scale_now;
+        self.value = scale_now;
         scale_now
     }
 
     /// The scale now.
     pub(super) fn now(&self) -> f64 {
-        self.now
+        self.value
     }
 }
 
@@ -91,14 +91,14 @@ mod tests {
 
     const PERIOD: f64 = 1e-3;
 
-    fn bound(tick: u64, scale: f64) -> Bound {
-        Bound { tick, scale }
+    fn bound(tick: u64, scale: f64) -> ScaleBound {
+        ScaleBound { tick, scale }
     }
 
     /// The scale falls ahead of a change that waits: without a jump, and completely by the tick of the change.
     #[test]
     fn scale_falls_before_a_stiffer_scene_acts() {
-        let mut force_scale = Scale::new(1.0, PERIOD);
+        let mut force_scale = ForceScale::new(1.0, PERIOD);
         let coming_bounds = [bound(100, 0.2)];
         let mut last_scale = 1.0;
         for tick in 0..=100 {
@@ -117,13 +117,13 @@ mod tests {
     #[test]
     fn scale_with_a_late_bound() {
         for left in [0, 1, 5] {
-            let mut force_scale = Scale::new(1.0, PERIOD);
+            let mut force_scale = ForceScale::new(1.0, PERIOD);
             for tick in 0..=left {
                 force_scale.tick(tick, [bound(left, 0.1)].into_iter());
             }
             assert!((force_scale.now() - 0.1).abs() < 1e-12, "{left}");
         }
-        let mut force_scale = Scale::new(1.0, PERIOD);
+        let mut force_scale = ForceScale::new(1.0, PERIOD);
         force_scale.bounds = vec![bound(0, 0.1)];
         force_scale.begin(7);
         assert_eq!(force_scale.tick(7, std::iter::empty()), 0.1);
@@ -132,7 +132,7 @@ mod tests {
     /// The scale rises only after the glide to a softer piece is over; a change that waits meanwhile holds it down.
     #[test]
     fn scale_rises_after_the_stiff_scene_has_ended() {
-        let mut force_scale = Scale::new(0.2, PERIOD);
+        let mut force_scale = ForceScale::new(0.2, PERIOD);
         force_scale.bounds = vec![bound(0, 0.2), bound(300, 1.0)];
         force_scale.begin(100);
         let mut last_scale = 0.2;
@@ -149,11 +149,11 @@ mod tests {
     #[test]
     fn scale_with_a_wrong_bound_is_zero() {
         for invalid_scale in [f64::NAN, -1.0, f64::NEG_INFINITY] {
-            let mut force_scale = Scale::new(1.0, PERIOD);
+            let mut force_scale = ForceScale::new(1.0, PERIOD);
             force_scale.bounds = vec![bound(0, invalid_scale)];
             force_scale.begin(0);
             assert_eq!(force_scale.tick(0, std::iter::empty()), 0.0);
         }
-        assert_eq!(Scale::new(7.0, PERIOD).now(), 1.0);
+        assert_eq!(ForceScale::new(7.0, PERIOD).now(), 1.0);
     }
 }

@@ -6,13 +6,13 @@ use std::path::PathBuf;
 use ergon_engine::simulation::Simulation;
 
 use super::PlayError;
-use crate::audio::{self, AudioError, Backend, Info, Input, InputReader, Spec, Tap, TapHandle};
+use crate::audio::{self, AudioError, AudioSpec, AudioTap, Backend, Input, InputReader, OutputInfo, TapHandle};
 
 /// Where the inputs of a piece come from.
 #[derive(Clone, Debug, Default)]
 pub struct InputConfig {
     /// The source; `None`: each input plays what the piece itself has for it.
-    pub from: Option<Spec>,
+    pub source: Option<AudioSpec>,
     /// The path of a new WAVE file for the input.
     pub record: Option<PathBuf>,
 }
@@ -23,9 +23,9 @@ pub struct InputStatus {
     /// The input, if there is one.
     pub input: Option<Input>,
     /// A sentence about the input, or why there is none; empty if the piece has no inputs.
-    pub sentence: String,
+    pub description: String,
     /// The file that the input is written to.
-    pub recorded: Option<TapHandle>,
+    pub recording: Option<TapHandle>,
 }
 
 /// The input on the physics thread.
@@ -33,9 +33,9 @@ pub(super) struct SoundInput {
     reader: InputReader,
     /// The samples of a tick   (tick_frames, n_channels)
     samples: Vec<f32>,
-    tap: Option<Tap>,
+    tap: Option<AudioTap>,
     /// Level of the ring [frames] at which ticks wait: a fuller ring would delay the input.
-    enough: usize,
+    fill_target: usize,
 }
 
 /// Open the input of a piece that has inputs, for an output whose ring holds `ahead` frames.
@@ -44,7 +44,7 @@ pub(super) struct SoundInput {
 pub(super) fn open(
     config: &InputConfig,
     simulation: &Simulation,
-    output: &Info,
+    output: &OutputInfo,
     tick_frames: usize,
     ahead: usize,
 ) -> Result<(Option<SoundInput>, InputStatus), PlayError> {
@@ -54,8 +54,8 @@ pub(super) fn open(
         return Ok((None, input_status));
     }
     let silence_sentence = "each input of the score plays its file, or silence where it has none";
-    let Some(input_spec) = &config.from else {
-        input_status.sentence = format!("no input: {silence_sentence}");
+    let Some(input_spec) = &config.source else {
+        input_status.description = format!("no input: {silence_sentence}");
         return Ok((None, input_status));
     };
     let is_asked = input_spec.backend != Backend::Auto;
@@ -71,8 +71,8 @@ pub(super) fn open(
     let block_frames = (output.block as usize).max(tick_frames);
     let input_spec = match (is_asked, output.backend.as_str()) {
         (true, _) => Ok(input_spec.clone()),
-        (false, "jack") => Ok(Spec::plain(Backend::Jack)),
-        (false, "pulse") => Ok(Spec::plain(Backend::Pulse)),
+        (false, "jack") => Ok(AudioSpec::plain(Backend::Jack)),
+        (false, "pulse") => Ok(AudioSpec::plain(Backend::Pulse)),
         (false, other) => Err(format!("{other} has no inputs")),
     };
     let opened_input = input_spec.and_then(|input_spec| {
@@ -82,37 +82,37 @@ pub(super) fn open(
         Ok(opened_input) => opened_input,
         Err(error_text) if is_asked => return Err(AudioError::Broken(error_text).into()),
         Err(error_text) => {
-            input_status.sentence = format!("no input ({error_text}): {silence_sentence}");
+            input_status.description = format!("no input ({error_text}): {silence_sentence}");
             return Ok((None, input_status));
         }
     };
     let input_info = input.info();
     let total_latency = input_info.latency_s + ahead as f64 / simulation.rate() + output.latency_s;
-    input_status.sentence = format!(
+    input_status.description = format!(
         "{}, {:.1} ms to the loudspeaker",
-        input_info.sentence,
+        input_info.description,
         1000.0 * total_latency
     );
     input_status.input = Some(input);
     let mut tap = None;
     if let Some(record_path) = &config.record {
         let (sound_tap, tap_handle) = audio::tap(record_path, sample_rate, channels)?;
-        (tap, input_status.recorded) = (Some(sound_tap), Some(tap_handle));
+        (tap, input_status.recording) = (Some(sound_tap), Some(tap_handle));
     }
     let samples = vec![0.0; tick_frames * channels];
     let sound_input = SoundInput {
         reader,
         samples,
         tap,
-        enough: ahead,
+        fill_target: ahead,
     };
     Ok((Some(sound_input), input_status))
 }
 
 impl SoundInput {
     /// Whether `filled` frames in the ring are enough.
-    pub(super) fn is_enough(&self, filled: usize) -> bool {
-        filled >= self.enough
+    pub(super) fn is_filled(&self, filled: usize) -> bool {
+        filled >= self.fill_target
     }
 
     /// Pass the input of a tick, which begins at `frame`, to the simulation. Until the card `is_playing` the input is
@@ -133,13 +133,13 @@ impl SoundInput {
 
     /// An input that a test feeds.
     #[cfg(test)]
-    pub(super) fn fed_by_test(reader: InputReader, tick_frames: usize, tap: Tap) -> Self {
+    pub(super) fn fed_by_test(reader: InputReader, tick_frames: usize, tap: AudioTap) -> Self {
         let samples = vec![0.0; tick_frames * reader.channels()];
         Self {
             reader,
             samples,
             tap: Some(tap),
-            enough: usize::MAX,
+            fill_target: usize::MAX,
         }
     }
 }

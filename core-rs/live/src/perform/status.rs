@@ -3,14 +3,14 @@
 use std::time::Duration;
 
 use crate::audio::CHANNELS_MAX;
-use crate::safety::Trip;
+use crate::safety::TripCause;
 
 /// Greatest number of hands whose state is reported.
 pub(super) const HANDS_MAX: usize = 16;
 
 /// The latest state of a performance.
 #[derive(Clone, Copy, Debug)]
-pub struct Status {
+pub struct PerformanceStatus {
     /// Number of frames computed.
     pub frame: u64,
     /// Number of ticks.
@@ -18,49 +18,49 @@ pub struct Status {
     /// Number of ticks that began more than half a tick late.
     pub late_ticks: u64,
     /// Greatest lateness of a tick.
-    pub max_lateness: Duration,
+    pub lateness_max: Duration,
     /// How often the clock was reset because it was too late.
     pub clock_resets: u64,
     /// Number of frames that were dropped because the ring was full.
-    pub dropped: u64,
+    pub dropped_frames: u64,
     /// Number of frames of frozen parts that were not read in time.
-    pub missed: u64,
+    pub missed_frozen_frames: u64,
     /// Computing time as a part of the tick, averaged over the last second.
     pub load: f64,
     /// Greatest load of one tick.
-    pub busiest: f64,
+    pub load_max: f64,
     /// Number of frames in the ring.
-    pub filled: usize,
+    pub ring_frames: usize,
     /// Peak of each channel, which decays with a time constant of 0.3 s.
     pub peaks: [f32; CHANNELS_MAX],
     /// State of each hand.
     pub hands: [HandStatus; HANDS_MAX],
     /// Number of parts that became non-finite and were muted.
-    pub muted: u32,
+    pub n_muted_parts: u32,
     /// Number of parts with frames computed in finer steps.
-    pub finer: u32,
+    pub n_finer_parts: u32,
     /// Number of contacts, laws and meshes that created energy.
-    pub n_gains: u32,
+    pub n_energy_gains: u32,
 }
 
-impl Default for Status {
+impl Default for PerformanceStatus {
     fn default() -> Self {
         Self {
             frame: 0,
             ticks: 0,
             late_ticks: 0,
-            max_lateness: Duration::ZERO,
+            lateness_max: Duration::ZERO,
             clock_resets: 0,
-            dropped: 0,
-            missed: 0,
+            dropped_frames: 0,
+            missed_frozen_frames: 0,
             load: 0.0,
-            busiest: 0.0,
-            filled: 0,
+            load_max: 0.0,
+            ring_frames: 0,
             peaks: [0.0; CHANNELS_MAX],
             hands: [HandStatus::default(); HANDS_MAX],
-            muted: 0,
-            finer: 0,
-            n_gains: 0,
+            n_muted_parts: 0,
+            n_finer_parts: 0,
+            n_energy_gains: 0,
         }
     }
 }
@@ -73,19 +73,19 @@ pub struct HandStatus {
     /// Force of the piece on the key [N].
     pub force: f64,
     /// Force sent to the motor, after the safety stages [N].
-    pub sent: f64,
+    pub sent_force: f64,
     /// Factor of the piece's force, 0 to 1.
-    pub scale: f64,
+    pub force_scale: f64,
     /// Whether a person moves the key; otherwise its stand-in does.
-    pub real: bool,
+    pub is_real: bool,
     /// Whether a finger touches the key.
-    pub touch: bool,
+    pub is_touched: bool,
     /// Whether the motor is enabled.
-    pub enabled: bool,
+    pub is_motor_enabled: bool,
     /// Whether the forces of the axis are held at zero after a trip.
-    pub tripped: bool,
+    pub is_tripped: bool,
     /// Whether the board reports that the motor is too hot.
-    pub hot: bool,
+    pub is_hot: bool,
     /// How often the board reported that it let go of the motors.
     pub let_go: u64,
     /// How often forces ended because the host was stopped.
@@ -94,7 +94,7 @@ pub struct HandStatus {
 
 /// An event of a performance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Event {
+pub struct PerformanceEvent {
     /// The frame of the event.
     pub frame: u64,
     /// The kind of event.
@@ -105,31 +105,31 @@ pub struct Event {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EventKind {
     /// A keyboard was lost; the stand-ins of its hands continue.
-    Gone(usize),
+    KeyboardLost(usize),
     /// A keyboard has returned; its hands take over at the next bar.
-    Back(usize),
+    KeyboardReturned(usize),
     /// A person has taken over a hand from its stand-in.
-    TookOver(usize),
+    HandTakenOver(usize),
     /// The clock was reset after this lateness.
-    Lost(Duration),
+    ClockReset(Duration),
     /// The axis of a hand has tripped; the reason.
-    Tripped(usize, Trip),
+    AxisTripped(usize, TripCause),
     /// A part became non-finite and is muted.
-    Muted,
+    PartMuted,
     /// Links of a part stiffened so much that frames are computed in finer steps.
-    Finer,
+    PartRefined,
     /// Steps of a contact, a law or a mesh created energy.
-    Gained,
+    EnergyCreated,
     /// A change was made; its ticket.
-    Changed(u64),
+    ChangeDone(u64),
     /// A change was not made, because its frame had passed, too many changes waited, it was withdrawn, or it does not
     /// fit the playing simulation; its ticket.
-    Late(u64),
+    ChangeMissed(u64),
     /// A strike, or a value of an input, acted at this frame; its ticket.
-    Acted(u64),
+    ActionDone(u64),
     /// A strike, or a value of an input, did not act, because the simulation lacks the point or the input, or too many
     /// came in one tick; its ticket.
-    Missed(u64),
+    ActionMissed(u64),
     /// The last frame was computed.
-    Ended,
+    PieceEnded,
 }

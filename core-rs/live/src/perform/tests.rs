@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
-use ergon_engine::simulation::{OnFault, Options};
+use ergon_engine::simulation::{OnFault, SimulationOptions};
 use ergon_engine::timeline::{HandInterpolation, Timeline};
 use ergon_engine::units::Rate;
 
 use super::*;
-use crate::device::{Url, WaitCanceller};
+use crate::device::{DeviceUrl, WaitCanceller};
 
 mod changes;
 mod keys;
@@ -33,8 +33,8 @@ const PATIENCE: Duration = Duration::from_secs(120);
 fn config(audio: &str) -> PlaybackConfig {
     PlaybackConfig {
         audio: audio.parse().unwrap(),
-        ahead: None,
-        record: None,
+        frames_ahead: None,
+        recording: None,
         input: InputConfig::default(),
     }
 }
@@ -47,7 +47,7 @@ fn taken(path: &Path, n: usize) -> Vec<u32> {
     samples.map(|x| u32::from_le_bytes(x.try_into().unwrap())).collect()
 }
 
-const OPTIONS: Options = Options {
+const OPTIONS: SimulationOptions = SimulationOptions {
     ledger: false,
     record: false,
     on_fault: OnFault::Mute,
@@ -56,7 +56,7 @@ const OPTIONS: Options = Options {
 };
 
 fn keyboard(hand: usize, left: u32) -> Keyboard {
-    let url = Url::parse(KEY).unwrap();
+    let url = DeviceUrl::parse(KEY).unwrap();
     let key = crate::device::open(&url).unwrap();
     let unplugged_device = Box::new(Unplugged { key, left });
     let device_config = DeviceConfig {
@@ -114,9 +114,9 @@ fn stage_mixer() -> Mixer {
     mixer
 }
 
-fn stage() -> Stage {
+fn piece() -> PreparedPiece {
     let mixer = stage_mixer();
-    let stage_hand = Hand {
+    let stage_hand = LiveHand {
         standin_positions: (0..TICKS).map(|n| 1e-6 * (n % 1_000) as f64).collect(),
         travel_ratio: 1.0,
         guidance: Some(Guidance {
@@ -124,20 +124,20 @@ fn stage() -> Stage {
             z: 0.5,
             follows_steps: false,
         }),
-        ..Hand::default()
+        ..LiveHand::default()
     };
-    Stage {
+    PreparedPiece {
         simulation: simulation(&[], 0),
         mixer,
         gain: 1.0,
         fold: None,
         limiter: Limiter::new(RATE, 2, 1.0).unwrap(),
         n_frames: None,
-        fades: None,
+        silence_detector: None,
         tick_frames: EVERY,
         hands: vec![stage_hand; 2],
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
-        frozen: Vec::new(),
-        is_seen: false,
+        frozen_stems: Vec::new(),
+        is_displayed: false,
     }
 }

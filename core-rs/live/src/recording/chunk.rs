@@ -3,9 +3,9 @@
 use std::io::{self, Read};
 
 /// length u32, kind u8, crc32 u32.
-pub(super) const FRAME: usize = 9;
+pub(super) const CHUNK_OVERHEAD: usize = 9;
 /// Greatest size of a payload [bytes].
-pub(super) const MAX_PAYLOAD: usize = 1 << 20;
+pub(super) const PAYLOAD_MAX: usize = 1 << 20;
 
 /// Kinds of payload. Other numbers are of later versions and are skipped.
 pub(super) const HEADER: u8 = 1;
@@ -22,14 +22,14 @@ fn checksum(length: u32, kind: u8, payload: &[u8]) -> u32 {
     crc_hasher.finalize()
 }
 
-/// Append a chunk whose payload is at most [`MAX_PAYLOAD`].
-pub(super) fn append(to: &mut Vec<u8>, kind: u8, payload: &[u8]) {
-    debug_assert!(payload.len() <= MAX_PAYLOAD);
+/// Append a chunk whose payload is at most [`PAYLOAD_MAX`].
+pub(super) fn append(out: &mut Vec<u8>, kind: u8, payload: &[u8]) {
+    debug_assert!(payload.len() <= PAYLOAD_MAX);
     let payload_length = payload.len() as u32;
-    to.extend_from_slice(&payload_length.to_le_bytes());
-    to.push(kind);
-    to.extend_from_slice(&checksum(payload_length, kind, payload).to_le_bytes());
-    to.extend_from_slice(payload);
+    out.extend_from_slice(&payload_length.to_le_bytes());
+    out.push(kind);
+    out.extend_from_slice(&checksum(payload_length, kind, payload).to_le_bytes());
+    out.extend_from_slice(payload);
 }
 
 /// The state of the bytes where a chunk should begin.
@@ -39,24 +39,24 @@ pub(super) enum ChunkState {
     Complete(u8),
     /// Bytes that are not a valid chunk; the next chunk begins after them.
     Damaged,
-    /// A length beyond the end of the file, or above [`MAX_PAYLOAD`]: where the next chunk begins is unknown.
+    /// A length beyond the end of the file, or above [`PAYLOAD_MAX`]: where the next chunk begins is unknown.
     Cut,
 }
 
-/// Read the chunk that begins here, with `left` bytes to the end of the file; `payload` is overwritten.
-pub(super) fn next(from: &mut impl Read, left: u64, payload: &mut Vec<u8>) -> io::Result<ChunkState> {
-    if left < FRAME as u64 {
+/// Read the chunk that begins here, with `bytes_left` bytes to the end of the file; `payload` is overwritten.
+pub(super) fn next_chunk(reader: &mut impl Read, bytes_left: u64, payload: &mut Vec<u8>) -> io::Result<ChunkState> {
+    if bytes_left < CHUNK_OVERHEAD as u64 {
         return Ok(ChunkState::Cut);
     }
-    let mut frame_bytes = [0; FRAME];
-    from.read_exact(&mut frame_bytes)?;
+    let mut frame_bytes = [0; CHUNK_OVERHEAD];
+    reader.read_exact(&mut frame_bytes)?;
     let payload_length = u32::from_le_bytes([frame_bytes[0], frame_bytes[1], frame_bytes[2], frame_bytes[3]]);
     let stored_crc = u32::from_le_bytes([frame_bytes[5], frame_bytes[6], frame_bytes[7], frame_bytes[8]]);
-    if payload_length as usize > MAX_PAYLOAD || FRAME as u64 + u64::from(payload_length) > left {
+    if payload_length as usize > PAYLOAD_MAX || CHUNK_OVERHEAD as u64 + u64::from(payload_length) > bytes_left {
         return Ok(ChunkState::Cut);
     }
     payload.resize(payload_length as usize, 0);
-    from.read_exact(payload)?;
+    reader.read_exact(payload)?;
     if checksum(payload_length, frame_bytes[4], payload) == stored_crc {
         Ok(ChunkState::Complete(frame_bytes[4]))
     } else {

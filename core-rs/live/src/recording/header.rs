@@ -3,17 +3,17 @@
 use std::collections::HashSet;
 
 use super::RecordingError;
-use super::chunk::MAX_PAYLOAD;
+use super::chunk::PAYLOAD_MAX;
 
-const MAX_AXES: usize = 64;
-const MAX_NAME: usize = 200;
+const AXES_MAX: usize = 64;
+const NAME_BYTES_MAX: usize = 200;
 /// Greatest size of the description; the rest of a header chunk is enough for the axes' names.
-const MAX_ABOUT: usize = MAX_PAYLOAD / 2;
-const MAX_RATE: f64 = 2e6;
+const ABOUT_BYTES_MAX: usize = PAYLOAD_MAX / 2;
+const RATE_MAX: f64 = 2e6;
 
 /// One degree of freedom of a device, played by one hand.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Axis {
+pub struct RecordedAxis {
     /// Name of the player.
     pub player: String,
     /// The key of the score that the hand is on; may be empty.
@@ -23,9 +23,9 @@ pub struct Axis {
 /// The header, which says how to interpret the rows.
 ///
 /// ```
-/// use ergon_live::recording::{Axis, Header};
+/// use ergon_live::recording::{RecordedAxis, Header};
 ///
-/// let header = Header { rate: 44_100.0, frames: 44, axes: vec![Axis::default()], about: "{}".to_owned() };
+/// let header = Header { rate: 44_100.0, frames: 44, axes: vec![RecordedAxis::default()], about: "{}".to_owned() };
 /// header.check()?;
 /// assert!((header.tick_rate() - 1002.3).abs() < 0.1);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -37,7 +37,7 @@ pub struct Header {
     /// Audio frames per tick: tick k begins with audio frame k·frames.
     pub frames: u32,
     /// 1 to 64 axes.
-    pub axes: Vec<Axis>,
+    pub axes: Vec<RecordedAxis>,
     /// Further information as JSON, by the recording program: score, devices, calibration, date.
     pub about: String,
 }
@@ -45,16 +45,16 @@ pub struct Header {
 impl Header {
     /// Check that all values are possible.
     pub fn check(&self) -> Result<(), RecordingError> {
-        let has_long_name = |axis: &Axis| axis.player.len().max(axis.key.len()) > MAX_NAME;
-        let error_text = if !(self.rate > 0.0 && self.rate <= MAX_RATE) {
+        let has_long_name = |axis: &RecordedAxis| axis.player.len().max(axis.key.len()) > NAME_BYTES_MAX;
+        let error_text = if !(self.rate > 0.0 && self.rate <= RATE_MAX) {
             "the audio rate must be above 0 and at most 2 MHz"
-        } else if self.frames == 0 || f64::from(self.frames) > MAX_RATE {
+        } else if self.frames == 0 || f64::from(self.frames) > RATE_MAX {
             "a tick must have 1 to 2,000,000 frames"
-        } else if self.axes.is_empty() || self.axes.len() > MAX_AXES {
+        } else if self.axes.is_empty() || self.axes.len() > AXES_MAX {
             "there must be 1 to 64 axes"
         } else if self.axes.iter().any(has_long_name) {
             "a name must have at most 200 bytes"
-        } else if self.about.len() > MAX_ABOUT {
+        } else if self.about.len() > ABOUT_BYTES_MAX {
             "the description must have at most 512 KiB"
         } else {
             return Ok(());
@@ -106,7 +106,7 @@ impl Header {
         let (frame_bytes, bytes_left) = bytes_left.split_first_chunk::<4>()?;
         let (n_axes, mut bytes_left) = bytes_left.split_first_chunk::<4>()?;
         let n_axes = u32::from_le_bytes(*n_axes) as usize;
-        if n_axes > MAX_AXES {
+        if n_axes > AXES_MAX {
             return None;
         }
         let mut next_name = || {
@@ -117,7 +117,7 @@ impl Header {
         };
         let axes = (0..n_axes)
             .map(|_| {
-                Some(Axis {
+                Some(RecordedAxis {
                     player: next_name()?,
                     key: next_name()?,
                 })

@@ -5,12 +5,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::chunk::{self, ChunkState};
-use super::row::{self, Sample};
+use super::row::{self, RecordedSample};
 use super::{Header, MAGIC, MAX_EVENTS, MAX_SAMPLES, RecordingError, VERSION};
 use crate::regular;
 
 /// Payload of a chunk of rows that is written at once: small, so that damage to one chunk costs little.
-const ROWS_PAYLOAD: usize = 1 << 16;
+const ROWS_PAYLOAD_BYTES: usize = 1 << 16;
 const EVENT_HEADER_SIZE: usize = 8 + 4;
 
 /// Rows and events in memory; columns are (n_ticks × n_axes), row by row.
@@ -21,7 +21,7 @@ pub struct Recording {
     /// Rising ticks; tick k begins with audio frame k·`header.frames`. (n_ticks,)
     pub ticks: Vec<u64>,
     /// Every axis at every tick. (n_ticks × n_axes)
-    pub samples: Vec<Sample>,
+    pub samples: Vec<RecordedSample>,
     /// Other events: tick, JSON line.
     pub events: Vec<(u64, String)>,
     /// Number of rows and events that were dropped while recording.
@@ -34,7 +34,7 @@ pub struct Recording {
 
 impl Recording {
     /// A recording of rows made elsewhere; checks that they are consistent.
-    pub fn new(header: Header, ticks: Vec<u64>, samples: Vec<Sample>) -> Result<Self, RecordingError> {
+    pub fn new(header: Header, ticks: Vec<u64>, samples: Vec<RecordedSample>) -> Result<Self, RecordingError> {
         header.check()?;
         if samples.len() != ticks.len() * header.axes.len() {
             let error_text = "there must be one position for each tick and axis";
@@ -65,7 +65,7 @@ impl Recording {
         }
     }
 
-    fn with_rows(self, ticks: Vec<u64>, samples: Vec<Sample>) -> Self {
+    fn with_rows(self, ticks: Vec<u64>, samples: Vec<RecordedSample>) -> Self {
         Self { ticks, samples, ..self }
     }
 
@@ -125,8 +125,8 @@ impl Recording {
     pub fn write(&self, writer: &mut impl Write) -> Result<(), RecordingError> {
         let mut chunk_bytes = start(&self.header);
         let n_axes = self.header.axes.len();
-        let row_size = row::size(n_axes);
-        let rows_per_chunk = (ROWS_PAYLOAD / row_size).max(1);
+        let row_size = row::row_bytes(n_axes);
+        let rows_per_chunk = (ROWS_PAYLOAD_BYTES / row_size).max(1);
         let mut payload = Vec::new();
         let sample_chunks = self.samples.chunks(n_axes * rows_per_chunk);
         for (ticks, samples) in self.ticks.chunks(rows_per_chunk).zip(sample_chunks) {
@@ -141,7 +141,7 @@ impl Recording {
         }
         payload.clear();
         for (tick, line) in &self.events {
-            if payload.len() + EVENT_HEADER_SIZE + line.len() > chunk::MAX_PAYLOAD {
+            if payload.len() + EVENT_HEADER_SIZE + line.len() > chunk::PAYLOAD_MAX {
                 chunk::append(&mut chunk_bytes, chunk::EVENTS, &payload);
                 payload.clear();
             }
@@ -176,7 +176,7 @@ pub fn read(path: &Path, ticks: Option<Range<u64>>) -> Result<Recording, Recordi
 
 /// Decode the recording in `length` bytes.
 pub(crate) fn decode(
-    from: &mut impl Read,
+    source: &mut impl Read,
     length: u64,
     ticks: Option<Range<u64>>,
 ) -> Result<Recording, RecordingError> {
@@ -184,7 +184,7 @@ pub(crate) fn decode(
     if length < file_prefix.len() as u64 {
         return Err(RecordingError::NotARecording);
     }
-    from.read_exact(&mut file_prefix)?;
+    source.read_exact(&mut file_prefix)?;
     let (magic_bytes, version) = file_prefix.split_at(MAGIC.len());
     if magic_bytes != MAGIC {
         return Err(RecordingError::NotARecording);
@@ -195,21 +195,21 @@ pub(crate) fn decode(
     }
     let mut chunk_offset = file_prefix.len() as u64;
     let mut payload = Vec::new();
-    let header = match chunk::next(from, length - chunk_offset, &mut payload)? {
+    let header = match chunk::next_chunk(source, length - chunk_offset, &mut payload)? {
         ChunkState::Complete(chunk::HEADER) => Header::decode(&payload),
         _ => None,
     };
     let header = header.ok_or(RecordingError::NoHeader)?;
-    let mut collected = Collected::new(header, ticks);
-    chunk_offset += (chunk::FRAME + payload.len()) as u64;
+    let mut collected = RecordingCollector::new(header, ticks);
+    chunk_offset += (chunk::CHUNK_OVERHEAD + payload.len()) as u64;
     while chunk_offset < length {
-        let chunk_state = chunk::next(from, length - chunk_offset, &mut payload)?;
+        let chunk_state = chunk::next_chunk(source, length - chunk_offset, &mut payload)?;
         let chunk_size = match chunk_state {
             ChunkState::Cut => length - chunk_offset,
-            _ => (chunk::FRAME + payload.len()) as u64,
+            _ => (chunk::CHUNK_OVERHEAD + payload.len()) as u64,
         };
         let is_valid_chunk = match chunk_state {
-            ChunkState::Complete(kind) => collected.take(kind, &payload)?,
+            ChunkState::Complete(kind) => collected.add_chunk(kind, &payload)?,
             _ => false,
         };
         if !is_valid_chunk {
@@ -224,7 +224,7 @@ pub(crate) fn decode(
 }
 
 /// The parts that were read so far.
-struct Collected {
+struct RecordingCollector {
     recording: Recording,
     ticks: Option<Range<u64>>,
     first_tick: Option<u64>,
@@ -232,7 +232,7 @@ struct Collected {
     event_bytes: usize,
 }
 
-impl Collected {
+impl RecordingCollector {
     fn new(header: Header, ticks: Option<Range<u64>>) -> Self {
         Self {
             recording: Recording::empty(header),
@@ -244,7 +244,7 @@ impl Collected {
     }
 
     /// Take a payload; false if it is invalid or does not follow what came before.
-    fn take(&mut self, kind: u8, payload: &[u8]) -> Result<bool, RecordingError> {
+    fn add_chunk(&mut self, kind: u8, payload: &[u8]) -> Result<bool, RecordingError> {
         match kind {
             _ if self.recording.finished => Ok(false), // nothing follows the end
             chunk::HEADER => Ok(false),
@@ -267,7 +267,7 @@ impl Collected {
 
     fn rows(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
         let n_axes = self.recording.header.axes.len();
-        let payload_rows = payload.chunks_exact(row::size(n_axes));
+        let payload_rows = payload.chunks_exact(row::row_bytes(n_axes));
         if !payload_rows.remainder().is_empty() {
             return Ok(false);
         }

@@ -33,7 +33,7 @@ impl Drop for Folder {
 }
 
 fn header(n_axes: usize) -> Header {
-    let numbered_axis = |i| Axis {
+    let numbered_axis = |i| RecordedAxis {
         player: format!("rémi{i}"),
         key: format!("k{i}"),
     };
@@ -46,18 +46,18 @@ fn header(n_axes: usize) -> Header {
 }
 
 /// A sample whose numbers differ in every field, tick and axis.
-fn sample(tick: u64, axis: usize) -> Sample {
+fn sample(tick: u64, axis: usize) -> RecordedSample {
     let x = tick as f64 + 0.1 * axis as f64;
-    Sample {
+    RecordedSample {
         position: x * 1e-3 / 3.0,
         force: -x / 7.0,
-        sent: x as f32 / 9.0,
+        sent_force: x as f32 / 9.0,
         flags: tick as u8,
         clock: (tick as u32).wrapping_mul(1_000) + axis as u32,
     }
 }
 
-fn samples(tick: u64, n_axes: usize) -> Vec<Sample> {
+fn samples(tick: u64, n_axes: usize) -> Vec<RecordedSample> {
     (0..n_axes).map(|axis| sample(tick, axis)).collect()
 }
 
@@ -92,7 +92,7 @@ fn recording_is_read_back_to_the_bit() {
     }
     let recorder_status = recorder_handle.stop().unwrap();
     assert_eq!(recorder_status.rows, row_ticks.len() as u64);
-    assert_eq!(recorder_status.trouble, None);
+    assert_eq!(recorder_status.write_error, None);
     let recording_read = read(&take_path, None).unwrap();
     let mut expected = recording_of(&row_ticks, 3);
     let gain_event = |tick: u64| (tick, format!(r#"{{"gain":{}}}"#, tick as f64 / 7.0));
@@ -152,7 +152,7 @@ fn positions_filled_repeats_before_missing_ticks() {
 #[test]
 fn reader_skips_unknown_chunks_and_refuses_other_versions() {
     let mut file_bytes = written(&recording_of(&[1], 1));
-    let end_offset = file_bytes.len() - chunk::FRAME - 8;
+    let end_offset = file_bytes.len() - chunk::CHUNK_OVERHEAD - 8;
     let end_chunk = file_bytes.split_off(end_offset);
     chunk::append(&mut file_bytes, 77, b"something new");
     file_bytes.extend(end_chunk);
@@ -164,8 +164,8 @@ fn reader_skips_unknown_chunks_and_refuses_other_versions() {
 #[test]
 fn reader_drops_rows_going_back() {
     let mut file_bytes = written(&recording_of(&[5, 6], 1));
-    file_bytes.truncate(file_bytes.len() - chunk::FRAME - 8);
-    let mut row_bytes = vec![0; row::size(1)];
+    file_bytes.truncate(file_bytes.len() - chunk::CHUNK_OVERHEAD - 8);
+    let mut row_bytes = vec![0; row::row_bytes(1)];
     for (tick, saved) in [(5, false), (7, true), (4, false)] {
         row::encode(&mut row_bytes, tick, &samples(tick, 1));
         chunk::append(&mut file_bytes, chunk::ROWS, &row_bytes);
@@ -174,7 +174,10 @@ fn reader_drops_rows_going_back() {
     }
     let recording_read = reread(&file_bytes).unwrap();
     assert_eq!(recording_read.ticks, [5, 6, 7]);
-    assert_eq!(recording_read.lost_bytes, 2 * (chunk::FRAME + row_bytes.len()) as u64);
+    assert_eq!(
+        recording_read.lost_bytes,
+        2 * (chunk::CHUNK_OVERHEAD + row_bytes.len()) as u64
+    );
     assert!(!recording_read.finished);
 }
 
@@ -189,7 +192,7 @@ fn header_check_refuses_impossible_values() {
     assert!(change(|h| h.rate = 0.0).contains("rate"));
     assert!(change(|h| h.frames = 0).contains("tick"));
     assert!(change(|h| h.axes.clear()).contains("axes"));
-    assert!(change(|h| h.axes = vec![Axis::default(); 65]).contains("axes"));
+    assert!(change(|h| h.axes = vec![RecordedAxis::default(); 65]).contains("axes"));
     assert!(change(|h| h.axes[0].key = "k".repeat(201)).contains("name"));
     assert!(change(|h| h.about = " ".repeat(1 << 20)).contains("description"));
 }
@@ -197,7 +200,7 @@ fn header_check_refuses_impossible_values() {
 #[test]
 fn header_names_are_unique_per_axis() {
     let axis_names = |axes: &[(&str, &str)]| {
-        let named_axis = |(player, key): &(&str, &str)| Axis {
+        let named_axis = |(player, key): &(&str, &str)| RecordedAxis {
             player: (*player).to_owned(),
             key: (*key).to_owned(),
         };
@@ -244,8 +247,8 @@ fn laid_out(chunks: &[Vec<u64>], n_axes: usize) -> (Vec<u8>, Vec<usize>) {
     let mut file_bytes = reader::start(&header(n_axes));
     let mut chunk_ends = Vec::new();
     for ticks in chunks {
-        let mut payload = vec![0; ticks.len() * row::size(n_axes)];
-        for (row, &tick) in payload.chunks_exact_mut(row::size(n_axes)).zip(ticks) {
+        let mut payload = vec![0; ticks.len() * row::row_bytes(n_axes)];
+        for (row, &tick) in payload.chunks_exact_mut(row::row_bytes(n_axes)).zip(ticks) {
             row::encode(row, tick, &samples(tick, n_axes));
         }
         chunk::append(&mut file_bytes, chunk::ROWS, &payload);
@@ -284,7 +287,7 @@ proptest! {
         let start = reader::start(&header(n_axes)).len();
         let which = (chunks.len() as f64 * which) as usize;
         let begin = if which == 0 { start } else { ends[which - 1] };
-        let payload = ends[which] - begin - chunk::FRAME;
+        let payload = ends[which] - begin - chunk::CHUNK_OVERHEAD;
         // Damage after the length: in kind, checksum or payload.
         let at = begin + 4 + ((payload + 5) as f64 * at) as usize;
         bytes[at] ^= bits;

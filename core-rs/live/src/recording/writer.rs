@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::reader::start;
-use super::row::{self, Sample};
+use super::row::{self, RecordedSample};
 use super::{Header, RecordingError, chunk};
 
 /// Time between two writes to the operating system, well below the half second that a killed process may lose.
@@ -21,13 +21,13 @@ const APPEND_INTERVAL: Duration = Duration::from_millis(200);
 const SYNC_INTERVAL: Duration = Duration::from_secs(1);
 /// Time for which the ring holds rows while the disk does not answer [s].
 const RING_SECONDS: f64 = 8.0;
-const MIN_ROWS: f64 = 256.0;
+const ROWS_MIN: f64 = 256.0;
 /// Greatest size of the ring [bytes], because it is locked memory.
 const RING_BYTES_MAX: usize = 64 << 20;
-const EVENT_RING: usize = 256 << 10;
+const EVENT_RING_BYTES: usize = 256 << 10;
 /// Longest line of an event [bytes].
-const MAX_LINE: usize = 1024;
-const EVENT_HEAD: usize = 8 + 4;
+const LINE_BYTES_MAX: usize = 1024;
+const EVENT_HEAD_BYTES: usize = 8 + 4;
 
 /// Makes recordings.
 pub struct Recorder;
@@ -52,41 +52,41 @@ impl Recorder {
         sync_folder(path);
 
         let (row_sink, writer) = channel(header, recording_file, start_bytes.len() as u64);
-        let shared = Arc::clone(&writer.shared);
+        let writer_state = Arc::clone(&writer.writer_state);
         let thread = thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || writer.run())?;
         let thread = Some(thread);
-        Ok((row_sink, RecorderHandle { shared, thread }))
+        Ok((row_sink, RecorderHandle { writer_state, thread }))
     }
 }
 
 /// Both ends of the rings: the sink that fills them, and the writer that empties them into a file of `valid_len` bytes.
-fn channel(header: &Header, file: File, valid_len: u64) -> (RowSink, Writer) {
+fn channel(header: &Header, file: File, valid_len: u64) -> (RowSink, RecordingWriter) {
     let n_axes = header.axes.len();
-    let row_size = row::size(n_axes);
-    let ring_rows = (header.tick_rate() * RING_SECONDS).ceil().max(MIN_ROWS) as usize;
+    let row_size = row::row_bytes(n_axes);
+    let ring_rows = (header.tick_rate() * RING_SECONDS).ceil().max(ROWS_MIN) as usize;
     let (to_rows, from_rows) = RingBuffer::new(row_size * ring_rows.min(RING_BYTES_MAX / row_size));
-    let (to_events, from_events) = RingBuffer::new(EVENT_RING);
-    let shared = Arc::new(Shared::default());
-    let writer = Writer {
+    let (to_events, from_events) = RingBuffer::new(EVENT_RING_BYTES);
+    let writer_state = Arc::new(WriterState::default());
+    let writer = RecordingWriter {
         file,
         valid_len,
         rows: from_rows,
         row_size,
         events: from_events,
-        payload: Vec::with_capacity(chunk::MAX_PAYLOAD),
-        pending: Vec::new(),
+        payload: Vec::with_capacity(chunk::PAYLOAD_MAX),
+        pending_chunks: Vec::new(),
         pending_rows: 0,
-        shared: Arc::clone(&shared),
+        writer_state: Arc::clone(&writer_state),
     };
     let row_sink = RowSink {
         rows: to_rows,
         events: to_events,
         row: vec![0; row_size],
         n_axes,
-        last: None,
-        shared,
+        last_tick: None,
+        writer_state,
     };
     (row_sink, writer)
 }
@@ -103,17 +103,17 @@ fn sync_folder(path: &Path) {
 }
 
 #[derive(Default)]
-struct Shared {
+struct WriterState {
     rows: AtomicU64,
     dropped: AtomicU64,
     stop: AtomicBool,
     /// Shared by the writer and the handle; the sink never locks it.
-    trouble: Mutex<Option<String>>,
+    write_error: Mutex<Option<String>>,
 }
 
-impl Shared {
+impl WriterState {
     fn trouble(&self, error: Option<String>) {
-        *self.trouble.lock().unwrap_or_else(PoisonError::into_inner) = error;
+        *self.write_error.lock().unwrap_or_else(PoisonError::into_inner) = error;
     }
 }
 
@@ -125,36 +125,36 @@ pub struct RowSink {
     events: Producer<u8>,
     row: Vec<u8>,
     n_axes: usize,
-    last: Option<u64>,
-    shared: Arc<Shared>,
+    last_tick: Option<u64>,
+    writer_state: Arc<WriterState>,
 }
 
 impl RowSink {
     /// Record a tick, (n_axes,); false if there is no room, if the number of axes differs, or if the tick does not
     /// follow the last one.
-    pub fn row(&mut self, tick: u64, samples: &[Sample]) -> bool {
-        let follows = self.last.is_none_or(|last| tick > last);
+    pub fn row(&mut self, tick: u64, samples: &[RecordedSample]) -> bool {
+        let follows = self.last_tick.is_none_or(|last| tick > last);
         if !follows || samples.len() != self.n_axes {
             return self.count_dropped(false);
         }
         row::encode(&mut self.row, tick, samples);
         let has_room = self.rows.push_entire_slice(&self.row).is_ok();
         if has_room {
-            self.last = Some(tick);
+            self.last_tick = Some(tick);
         }
         self.count_dropped(has_room)
     }
 
     /// Record another event of a tick as a JSON line of at most 1 KiB, such as `format_args!(r#"{{"late":{n}}}"#)`.
     pub fn event(&mut self, tick: u64, line: fmt::Arguments<'_>) -> bool {
-        let mut event_buffer = [0; EVENT_HEAD + MAX_LINE];
-        let (event_head, line_buffer) = event_buffer.split_at_mut(EVENT_HEAD);
+        let mut event_buffer = [0; EVENT_HEAD_BYTES + LINE_BYTES_MAX];
+        let (event_head, line_buffer) = event_buffer.split_at_mut(EVENT_HEAD_BYTES);
         let mut space_left = &mut line_buffer[..];
         let line_fits = space_left.write_fmt(line).is_ok();
-        let line_length = MAX_LINE - space_left.len();
+        let line_length = LINE_BYTES_MAX - space_left.len();
         event_head[..8].copy_from_slice(&tick.to_le_bytes());
         event_head[8..].copy_from_slice(&(line_length as u32).to_le_bytes());
-        let event_bytes = &event_buffer[..EVENT_HEAD + line_length];
+        let event_bytes = &event_buffer[..EVENT_HEAD_BYTES + line_length];
         let is_stored = line_fits && self.events.push_entire_slice(event_bytes).is_ok();
         self.count_dropped(is_stored)
     }
@@ -166,12 +166,12 @@ impl RowSink {
 
     /// Rows and events that were dropped, mostly for lack of room.
     pub fn dropped(&self) -> u64 {
-        self.shared.dropped.load(Ordering::Relaxed)
+        self.writer_state.dropped.load(Ordering::Relaxed)
     }
 
     fn count_dropped(&self, is_stored: bool) -> bool {
         if !is_stored {
-            self.shared.dropped.fetch_add(1, Ordering::Relaxed);
+            self.writer_state.dropped.fetch_add(1, Ordering::Relaxed);
         }
         is_stored
     }
@@ -179,35 +179,35 @@ impl RowSink {
 
 /// The status of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Status {
+pub struct RecordingStatus {
     /// Rows that were given to the operating system.
     pub rows: u64,
     /// Rows and events that were dropped, mostly for lack of room.
     pub dropped: u64,
     /// Why nothing can be written at present; rows wait meanwhile, for some seconds.
-    pub trouble: Option<String>,
+    pub write_error: Option<String>,
 }
 
 /// The handle of a recording, for the thread that started it.
 pub struct RecorderHandle {
-    shared: Arc<Shared>,
+    writer_state: Arc<WriterState>,
     thread: Option<JoinHandle<io::Result<()>>>,
 }
 
 impl RecorderHandle {
     /// The present status.
-    pub fn status(&self) -> Status {
-        let trouble = self.shared.trouble.lock();
-        Status {
-            rows: self.shared.rows.load(Ordering::Relaxed),
-            dropped: self.shared.dropped.load(Ordering::Relaxed),
-            trouble: trouble.unwrap_or_else(PoisonError::into_inner).clone(),
+    pub fn status(&self) -> RecordingStatus {
+        let trouble = self.writer_state.write_error.lock();
+        RecordingStatus {
+            rows: self.writer_state.rows.load(Ordering::Relaxed),
+            dropped: self.writer_state.dropped.load(Ordering::Relaxed),
+            write_error: trouble.unwrap_or_else(PoisonError::into_inner).clone(),
         }
     }
 
     /// Write the rest of the rings and the end chunk, wait for the disk, and return the final status. Anything given to
     /// the sink afterwards is lost.
-    pub fn stop(mut self) -> Result<Status, RecordingError> {
+    pub fn stop(mut self) -> Result<RecordingStatus, RecordingError> {
         self.join()?;
         Ok(self.status())
     }
@@ -216,7 +216,7 @@ impl RecorderHandle {
         let Some(writer_thread) = self.thread.take() else {
             return Ok(());
         };
-        self.shared.stop.store(true, Ordering::Release);
+        self.writer_state.stop.store(true, Ordering::Release);
         writer_thread.thread().unpark();
         let panicked = |_| Err(io::Error::other("the thread that writes has panicked"));
         writer_thread.join().unwrap_or_else(panicked)
@@ -229,7 +229,7 @@ impl Drop for RecorderHandle {
     }
 }
 
-struct Writer {
+struct RecordingWriter {
     file: File,
     /// Length of the file up to its last whole chunk [bytes].
     valid_len: u64,
@@ -238,23 +238,23 @@ struct Writer {
     events: Consumer<u8>,
     payload: Vec<u8>,
     /// Chunks that are not in the file yet.
-    pending: Vec<u8>,
+    pending_chunks: Vec<u8>,
     pending_rows: u64,
-    shared: Arc<Shared>,
+    writer_state: Arc<WriterState>,
 }
 
-impl Writer {
+impl RecordingWriter {
     fn run(mut self) -> io::Result<()> {
         let mut last_sync = Instant::now();
         loop {
             // Read before the rings are emptied, so that nothing follows the last append.
-            let is_last = self.shared.stop.load(Ordering::Acquire) || self.rows.is_abandoned();
+            let is_last = self.writer_state.stop.load(Ordering::Acquire) || self.rows.is_abandoned();
             let mut write_result = self.append_all(is_last);
             if last_sync.elapsed() >= SYNC_INTERVAL || is_last {
                 write_result = write_result.and_then(|()| self.file.sync_data());
                 last_sync = Instant::now();
             }
-            self.shared
+            self.writer_state
                 .trouble(write_result.as_ref().err().map(ToString::to_string));
             if is_last {
                 return write_result;
@@ -263,72 +263,72 @@ impl Writer {
         }
     }
 
-    /// Append the contents of the rings, and the end chunk if it is the `last` time.
+    /// Append the contents of the rings, and the end chunk if it is the `last_tick` time.
     fn append_all(&mut self, last: bool) -> io::Result<()> {
         self.append()?;
         while self.rows.slots() >= self.row_size || self.events.slots() > 0 {
-            self.gather();
+            self.next_payload();
             self.append()?;
         }
         if last {
-            let dropped = self.shared.dropped.load(Ordering::Relaxed);
-            chunk::append(&mut self.pending, chunk::END, &dropped.to_le_bytes());
+            let dropped = self.writer_state.dropped.load(Ordering::Relaxed);
+            chunk::append(&mut self.pending_chunks, chunk::END, &dropped.to_le_bytes());
             self.append()?;
         }
         Ok(())
     }
 
     /// Move the rows and the events of the rings into one chunk each.
-    fn gather(&mut self) {
-        let payload_limit = chunk::MAX_PAYLOAD / self.row_size * self.row_size;
+    fn next_payload(&mut self) {
+        let payload_limit = chunk::PAYLOAD_MAX / self.row_size * self.row_size;
         let row_bytes = self.rows.slots() / self.row_size * self.row_size;
-        if drain(&mut self.rows, row_bytes.min(payload_limit), &mut self.payload) {
-            chunk::append(&mut self.pending, chunk::ROWS, &self.payload);
+        if pop_bytes(&mut self.rows, row_bytes.min(payload_limit), &mut self.payload) {
+            chunk::append(&mut self.pending_chunks, chunk::ROWS, &self.payload);
             self.pending_rows = (self.payload.len() / self.row_size) as u64;
         }
         // An event enters its ring at once, so the ring always holds whole events; all of them fit in a payload.
         let event_bytes = self.events.slots();
-        if drain(&mut self.events, event_bytes, &mut self.payload) {
-            chunk::append(&mut self.pending, chunk::EVENTS, &self.payload);
+        if pop_bytes(&mut self.events, event_bytes, &mut self.payload) {
+            chunk::append(&mut self.pending_chunks, chunk::EVENTS, &self.payload);
         }
     }
 
     /// Append the pending chunks to the file. If that fails (a full disk), the file keeps its whole chunks, and the
     /// next call tries again.
     fn append(&mut self) -> io::Result<()> {
-        if self.pending.is_empty() {
+        if self.pending_chunks.is_empty() {
             return Ok(());
         }
-        if let Err(error) = self.file.write_all(&self.pending) {
+        if let Err(error) = self.file.write_all(&self.pending_chunks) {
             self.file.set_len(self.valid_len).ok();
             return Err(error);
         }
-        self.valid_len += self.pending.len() as u64;
-        self.shared.rows.fetch_add(self.pending_rows, Ordering::Relaxed);
-        self.pending.clear();
+        self.valid_len += self.pending_chunks.len() as u64;
+        self.writer_state.rows.fetch_add(self.pending_rows, Ordering::Relaxed);
+        self.pending_chunks.clear();
         self.pending_rows = 0;
         Ok(())
     }
 }
 
-/// Move `n` bytes into `to`; false if `n` is 0 or there are fewer.
-fn drain(from: &mut Consumer<u8>, n: usize, to: &mut Vec<u8>) -> bool {
-    to.clear();
-    let Ok(ring_chunk) = from.read_chunk(n) else {
+/// Move `n` bytes into `out`; false if `n` is 0 or there are fewer.
+fn pop_bytes(consumer: &mut Consumer<u8>, n: usize, out: &mut Vec<u8>) -> bool {
+    out.clear();
+    let Ok(ring_chunk) = consumer.read_chunk(n) else {
         return false;
     };
     let (first_part, second_part) = ring_chunk.as_slices();
-    to.extend_from_slice(first_part);
-    to.extend_from_slice(second_part);
+    out.extend_from_slice(first_part);
+    out.extend_from_slice(second_part);
     ring_chunk.commit_all();
     n > 0
 }
 
-const _: () = assert!(EVENT_RING <= chunk::MAX_PAYLOAD);
+const _: () = assert!(EVENT_RING_BYTES <= chunk::PAYLOAD_MAX);
 
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
-    use super::super::Axis;
+    use super::super::RecordedAxis;
     use super::super::reader::decode;
     use super::*;
 
@@ -337,7 +337,7 @@ mod tests {
         let header = Header {
             rate: 1e3,
             frames: 1,
-            axes: vec![Axis::default()],
+            axes: vec![RecordedAxis::default()],
             about: String::new(),
         };
         let take_path = std::env::temp_dir().join(format!("ergon-{name}-{}.take", std::process::id()));
@@ -358,13 +358,13 @@ mod tests {
         let full_file = OpenOptions::new().write(true).open("/dev/full").unwrap();
         let (mut row_sink, mut writer) = channel(&header, full_file, beginning.len() as u64);
         for tick in 0..3 {
-            assert!(row_sink.row(tick, &[Sample::default()]));
+            assert!(row_sink.row(tick, &[RecordedSample::default()]));
             assert!(writer.append_all(false).is_err());
         }
-        assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 0);
+        assert_eq!(writer.writer_state.rows.load(Ordering::Relaxed), 0);
         writer.file = OpenOptions::new().append(true).open(&take_path).unwrap();
         writer.append_all(true).unwrap();
-        assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 3);
+        assert_eq!(writer.writer_state.rows.load(Ordering::Relaxed), 3);
         let recording = read_back(&take_path);
         assert_eq!(recording.ticks, [0, 1, 2]);
         assert!(recording.is_complete() && recording.finished);
@@ -375,7 +375,7 @@ mod tests {
         let (header, beginning, take_path) = file("room");
         let plain_file = OpenOptions::new().append(true).open(&take_path).unwrap();
         let (mut row_sink, mut writer) = channel(&header, plain_file, beginning.len() as u64);
-        let row_samples = [Sample::default()];
+        let row_samples = [RecordedSample::default()];
         assert!(row_sink.row(5, &row_samples));
         assert!(!row_sink.row(5, &row_samples), "a tick comes once");
         assert!(!row_sink.row(6, &row_samples.repeat(2)), "every axis has its place");
@@ -387,7 +387,7 @@ mod tests {
         }
         assert_eq!(row_sink.dropped(), 3 + 3);
         writer.append_all(true).unwrap();
-        assert_eq!(writer.shared.rows.load(Ordering::Relaxed), ring_rows);
+        assert_eq!(writer.writer_state.rows.load(Ordering::Relaxed), ring_rows);
         assert_eq!(read_back(&take_path).dropped, 6);
     }
 }

@@ -7,16 +7,16 @@ use std::time::Duration;
 /// A device in lockstep waits for its host: its time is counted in ticks, and every run is repeatable. Any other device
 /// keeps running while the host is stopped: its time is read from a clock.
 #[derive(Debug)]
-pub(super) enum Clock {
+pub(super) enum SafetyClock {
     /// Number of periods for which forces were sent.
     Ticks { period: Duration, ticks: u32 },
     /// The wall clock.
     Wall,
     /// A clock that is set from outside [ns]: virtual time.
-    Set(Arc<AtomicU64>),
+    External(Arc<AtomicU64>),
 }
 
-impl Clock {
+impl SafetyClock {
     pub(super) fn new(in_lockstep: bool, period: f64) -> Self {
         if in_lockstep {
             Self::Ticks {
@@ -40,7 +40,7 @@ impl Clock {
         match self {
             Self::Ticks { period, ticks } => period.saturating_mul(*ticks),
             Self::Wall => wall(),
-            Self::Set(ns) => Duration::from_nanos(ns.load(Ordering::Relaxed)),
+            Self::External(ns) => Duration::from_nanos(ns.load(Ordering::Relaxed)),
         }
     }
 }

@@ -6,8 +6,8 @@
 
 mod stats;
 
-pub(crate) use stats::{Drift, SentRequests};
-pub use stats::{Histogram, Stats};
+pub(crate) use stats::{ClockDrift, SentRequests};
+pub use stats::{DurationHistogram, WireStats};
 
 use std::time::Instant;
 
@@ -25,7 +25,7 @@ pub enum Unit {
 
 /// The properties of a device, in SI units; all its axes are alike.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spec {
+pub struct DeviceSpec {
     /// Number of axes.
     pub dof: usize,
     /// Unit of positions.
@@ -53,35 +53,35 @@ pub struct Spec {
     /// Whether every packet is answered, so that the device can run in lockstep with the host.
     pub can_lockstep: bool,
     /// Whether forces and positions can be sent in full precision (f64).
-    pub can_wide: bool,
+    pub can_send_wide: bool,
 }
 
 /// The state of all axes in one reply.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sample {
+pub struct DeviceSample {
     /// [m] or [rad]
     pub position: [f64; MAX_AXES],
     /// Whether a finger is on the axis; true for devices that cannot know.
-    pub touch: [bool; MAX_AXES],
+    pub is_touched: [bool; MAX_AXES],
     /// Whether the device lets forces through to the motor.
     pub force_enabled: [bool; MAX_AXES],
     /// Whether the device reports that its motors are too hot.
-    pub hot: bool,
+    pub is_hot: bool,
     /// Whether the device reports that it had received nothing for too long and had set its forces to zero.
     pub let_go: bool,
     /// Number of the reply, or of its request if the protocol echoes it.
     pub seq: u32,
     /// Number of requests that were sent after the one that this answers.
-    pub behind: u16,
+    pub requests_behind: u16,
     /// The device's own clock [µs]; it wraps.
     pub t_dev_us: Option<u32>,
     /// Whether this sample came with the latest `receive`.
-    pub fresh: bool,
+    pub is_fresh: bool,
 }
 
 /// Why a device can no longer be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Gone {
+pub enum DeviceLoss {
     /// The port or socket was closed by the other side.
     #[error("the device was unplugged, or its program ended")]
     Closed,
@@ -99,9 +99,9 @@ pub enum Gone {
 /// A device. `send` and `receive` neither allocate nor lock.
 pub trait Device: Send {
     /// The properties of the device.
-    fn spec(&self) -> &Spec;
+    fn spec(&self) -> &DeviceSpec;
 
-    /// Least and greatest position of an axis, if they are known better than by [`Spec::pos_range`].
+    /// Least and greatest position of an axis, if they are known better than by [`DeviceSpec::pos_range`].
     fn range(&self, _axis: usize) -> [f64; 2] {
         self.spec().pos_range
     }
@@ -109,14 +109,14 @@ pub trait Device: Send {
     /// Send a force for every axis.
     ///
     /// # Errors
-    /// [`Gone`] if the device cannot receive it.
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone>;
+    /// [`DeviceLoss`] if the device cannot receive it.
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss>;
 
     /// Send zero force for every axis, and switch the motors off where the protocol can.
     ///
     /// # Errors
-    /// [`Gone`] if the device cannot receive it.
-    fn switch_off(&mut self) -> Result<(), Gone> {
+    /// [`DeviceLoss`] if the device cannot receive it.
+    fn switch_off(&mut self) -> Result<(), DeviceLoss> {
         self.send(&SafeForce::zero(self.spec().dof))
     }
 
@@ -132,8 +132,8 @@ pub trait Device: Send {
     /// call, before anything is sent, gives the positions of the axes without a request.
     ///
     /// # Errors
-    /// [`Gone`] if no reply will come any more.
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone>;
+    /// [`DeviceLoss`] if no reply will come any more.
+    fn receive(&mut self, into: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss>;
 
     /// Whether the driver waits for every reply, so that the device's time is the host's.
     fn in_lockstep(&self) -> bool;
@@ -142,12 +142,12 @@ pub trait Device: Send {
     fn zero(&mut self);
 
     /// Statistics of the wire so far.
-    fn stats(&self) -> Stats {
-        Stats::default()
+    fn stats(&self) -> WireStats {
+        WireStats::default()
     }
 
     /// The packet with which a signal handler or a dying process can still send zero forces.
-    fn last_resort(&self) -> Option<LastResort> {
+    fn zero_force_packet(&self) -> Option<ZeroForcePacket> {
         None
     }
 }
@@ -156,23 +156,23 @@ pub trait Device: Send {
 macro_rules! devices {
     ($($holder:ty $(, $d:ident)?;)*) => {$(
         impl$(<$d: Device + ?Sized>)? Device for $holder {
-            fn spec(&self) -> &Spec {
+            fn spec(&self) -> &DeviceSpec {
                 (**self).spec()
             }
             fn range(&self, axis: usize) -> [f64; 2] {
                 (**self).range(axis)
             }
-            fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+            fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
                 (**self).send(force)
             }
-            fn switch_off(&mut self) -> Result<(), Gone> {
+            fn switch_off(&mut self) -> Result<(), DeviceLoss> {
                 (**self).switch_off()
             }
             fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
                 (**self).on_wire(force)
             }
-            fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-                (**self).receive(into, deadline)
+            fn receive(&mut self, sample: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
+                (**self).receive(sample, deadline)
             }
             fn in_lockstep(&self) -> bool {
                 (**self).in_lockstep()
@@ -180,11 +180,11 @@ macro_rules! devices {
             fn zero(&mut self) {
                 (**self).zero();
             }
-            fn stats(&self) -> Stats {
+            fn stats(&self) -> WireStats {
                 (**self).stats()
             }
-            fn last_resort(&self) -> Option<LastResort> {
-                (**self).last_resort()
+            fn zero_force_packet(&self) -> Option<ZeroForcePacket> {
+                (**self).zero_force_packet()
             }
         }
     )*};
@@ -197,7 +197,7 @@ devices! {
 
 /// A packet of zero forces, and the file descriptor to write it to.
 #[derive(Clone, Copy, Debug)]
-pub struct LastResort {
+pub struct ZeroForcePacket {
     /// File descriptor, open as long as the device is.
     pub fd: i32,
     /// The packet.
@@ -206,7 +206,7 @@ pub struct LastResort {
     pub len: usize,
 }
 
-impl LastResort {
+impl ZeroForcePacket {
     pub(crate) fn new(fd: i32, packet: &[u8]) -> Self {
         let mut bytes = [0; 64];
         bytes[..packet.len()].copy_from_slice(packet);

@@ -3,7 +3,7 @@
 /// Counts of what the stages did. Unless a field says otherwise, a count grows for every tick and axis in which a stage
 /// changed a force.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct StageCounts {
     /// Ticks in which forces passed the stages.
     pub ticks: u64,
     /// Asked forces that are not finite.
@@ -38,7 +38,7 @@ pub struct Counts {
     pub let_go: u64,
 }
 
-impl Counts {
+impl StageCounts {
     /// Name and value of every count.
     pub fn named(&self) -> [(&'static str, u64); 16] {
         [

@@ -12,8 +12,8 @@ pub use unix::{block_signals, check_signals, watch, watch_termination};
 /// On a system without file descriptors, the device's own watchdog is the last resort.
 #[cfg(not(unix))]
 mod elsewhere {
-    use crate::safety::contract::LastResort;
-    use crate::stop::Stop;
+    use crate::safety::contract::ZeroForcePacket;
+    use crate::stop::StopScope;
 
     pub(in crate::safety) struct Armed;
 
@@ -40,8 +40,8 @@ mod unix {
     use std::sync::{Mutex, Once, OnceLock, PoisonError};
 
     use super::super::ZERO_REPEATS;
-    use crate::safety::contract::LastResort;
-    use crate::stop::{self, Stop};
+    use crate::safety::contract::ZeroForcePacket;
+    use crate::stop::{self, StopScope};
 
     /// Greatest number of open devices that are zeroed.
     const SLOTS: usize = 16;
@@ -103,7 +103,7 @@ mod unix {
 
     static WATCHED: [WatchedSignal; TERMINATION_SIGNALS.len()] = [const {
         WatchedSignal {
-            stops: AtomicU8::new(Stop::All as u8),
+            stops: AtomicU8::new(StopScope::All as u8),
             is_watched: AtomicBool::new(false),
             handler: AtomicUsize::new(libc::SIG_DFL),
             has_info: AtomicBool::new(false),
@@ -120,7 +120,7 @@ mod unix {
     }
 
     /// Register a device to be zeroed when the program panics or is ended.
-    pub(in crate::safety) fn arm(resort: LastResort) -> Option<Armed> {
+    pub(in crate::safety) fn arm(resort: ZeroForcePacket) -> Option<Armed> {
         static HOOKS: Once = Once::new();
         HOOKS.call_once(|| {
             let former_hook = std::panic::take_hook();
@@ -194,7 +194,7 @@ mod unix {
     }
 
     extern "C" fn on_fault(signal: i32) {
-        stop::stop(Stop::All);
+        stop::stop(StopScope::All);
         zero_all();
         let known = FAULTS.iter().position(|&known| known == signal);
         if let Some(former_action) = known.and_then(|index| FORMER_HANDLERS[index].get()) {
@@ -214,8 +214,8 @@ mod unix {
             return;
         };
         let watched = &WATCHED[signal_index];
-        let stop_scope = Stop::from_bits(watched.stops.load(Ordering::SeqCst));
-        if stop_scope != Stop::Nothing {
+        let stop_scope = StopScope::from_bits(watched.stops.load(Ordering::SeqCst));
+        if stop_scope != StopScope::Nothing {
             let errno = errno();
             // SAFETY: not null, and owned by this thread. The interrupted code must find errno unchanged.
             let errno_before = (!errno.is_null()).then(|| unsafe { *errno });
@@ -254,7 +254,7 @@ mod unix {
     /// Set what a signal stops before its handler runs, until somebody else sets another handler.
     ///
     /// Signals that do not end programs, and ignored signals, are left alone.
-    pub fn watch(signal: i32, stops: Stop) {
+    pub fn watch(signal: i32, stops: StopScope) {
         if let Some(signal_index) = TERMINATION_SIGNALS.iter().position(|&known| known == signal) {
             WATCHED[signal_index].stops.store(stops as u8, Ordering::SeqCst);
             watch_termination_signal(signal);
@@ -293,7 +293,7 @@ mod unix {
             for (signal, watched) in TERMINATION_SIGNALS.into_iter().zip(&WATCHED) {
                 let ends_program = !OTHERS.contains(&signal) || watched.is_watched.load(Ordering::SeqCst);
                 if ends_program && libc::sigismember(&raw const signal_set, signal) == 1 {
-                    stop::stop(Stop::from_bits(watched.stops.load(Ordering::SeqCst)));
+                    stop::stop(StopScope::from_bits(watched.stops.load(Ordering::SeqCst)));
                 }
             }
         }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 /// Why the forces of an axis are held at zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Trip {
+pub enum TripCause {
     /// The force asked for, or the position, is not finite.
     NotFinite,
     /// The key was too fast.
@@ -25,7 +25,7 @@ pub enum Trip {
     Jump,
 }
 
-impl Trip {
+impl TripCause {
     /// Whether the motor may not do what it is commanded.
     pub(super) fn is_of_motor(self) -> bool {
         matches!(self, Self::WrongWay | Self::Unanswered | Self::Late | Self::Frozen)
@@ -46,15 +46,15 @@ const TRIP_WINDOW: Duration = Duration::from_secs(60);
 
 /// The latest trips of an axis, and why it stays off, if it does.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Latch {
+pub(super) struct TripLatch {
     /// Times of the trips before, the newest first.
     earlier_trip_times: [Option<Duration>; TRIPS_MAX - 1],
-    permanent_trip: Option<Trip>,
+    permanent_trip: Option<TripCause>,
 }
 
-impl Latch {
+impl TripLatch {
     /// Note a trip: a fault of motor, sensor or travel stays at once, any other with the third trip within a minute.
-    pub(super) fn record_trip(&mut self, trip: Trip, now: Duration) {
+    pub(super) fn record_trip(&mut self, trip: TripCause, now: Duration) {
         let oldest_trip = self.earlier_trip_times[TRIPS_MAX - 2];
         let is_frequent = oldest_trip.is_some_and(|trip_time| now.saturating_sub(trip_time) <= TRIP_WINDOW);
         if trip.is_permanent() || is_frequent {
@@ -65,7 +65,7 @@ impl Latch {
     }
 
     /// Why the axis stays off, if it does.
-    pub(super) fn permanent_trip(&self) -> Option<Trip> {
+    pub(super) fn permanent_trip(&self) -> Option<TripCause> {
         self.permanent_trip
     }
 

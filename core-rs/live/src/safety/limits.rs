@@ -1,6 +1,6 @@
 //! The limits of force, power and energy on a hand; the stages in `pipeline` apply them.
 
-use crate::safety::contract::Spec;
+use crate::safety::contract::DeviceSpec;
 
 /// Greatest work that any device may do on a hand at once [J]: 10 N over 100 mm. For comparison: a partner who leads a
 /// hand by 15 mm to and fro three times a second does 0.2 W.
@@ -8,13 +8,13 @@ const ENERGY_MAX: f64 = 1.0;
 /// Greatest power that any device may give to a hand for long [W].
 const POWER_MAX: f64 = 0.5;
 
-/// Limits of each axis; those of a [`Spec`] hold in addition.
+/// Limits of each axis; those of a [`DeviceSpec`] hold in addition.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
+pub struct SafetyLimits {
     /// Greatest force [N].
     pub force_max: f64,
     /// Fastest change of force [N/ms].
-    pub slew: f64,
+    pub slew_rate_max: f64,
     /// Time of the rise to full force at the start [s].
     pub ramp_time: f64,
     /// Speed above which an axis trips [m/s].
@@ -28,31 +28,31 @@ pub struct Limits {
     /// Time of the fade from zero to full force after a trip or a stale position [s].
     pub fade_time: f64,
     /// Greatest work that may be done on a hand at once [J].
-    pub energy: f64,
-    /// Power at which `energy` is refilled, so the greatest continuous power into a hand [W].
-    pub power: f64,
+    pub work_max: f64,
+    /// Power at which `work_max` is refilled, so the greatest continuous power into a hand [W].
+    pub power_max: f64,
     /// Time constant of a motor's heat [s].
     pub heat_time: f64,
 }
 
-impl Limits {
+impl SafetyLimits {
     /// Limits for a device: its full force, within 5 ms; the work of pushing a hand with that force twice over the
     /// range, refilled once per second, but no more than 1 J and 0.5 W. A partner who moves a hand stays below; a loop
     /// that swings ever further does not.
-    pub fn from_spec(spec: &Spec) -> Self {
+    pub fn from_spec(spec: &DeviceSpec) -> Self {
         let full_force = spec.force_max_peak;
         let position_range = spec.pos_range[1] - spec.pos_range[0];
         Self {
             force_max: full_force,
-            slew: full_force / 5.0,
+            slew_rate_max: full_force / 5.0,
             ramp_time: 2.0,
             velocity_max: 40.0 * position_range,
             velocity_window: 5e-3,
             position_age_max: 0.02,
             trip_time: 0.5,
             fade_time: 0.25,
-            energy: ENERGY_MAX.min(2.0 * full_force * position_range),
-            power: POWER_MAX.min(2.0 * full_force * position_range),
+            work_max: ENERGY_MAX.min(2.0 * full_force * position_range),
+            power_max: POWER_MAX.min(2.0 * full_force * position_range),
             heat_time: 10.0,
         }
     }

@@ -7,15 +7,15 @@
 
 use ergon_engine::maths::{cos, exp, sin, sqrt};
 
-use super::stiffness::Key;
+use super::stiffness::HapticLoop;
 
 /// Number of frequencies, from 0 to half the tick rate, for each tick of a response: closer than the peaks of anything
 /// that rings no longer than the response.
 const POINTS_PER_TICK: usize = 4;
 /// Least length that a response is padded to [ticks].
-const MIN_LENGTH: usize = 512;
+const LENGTH_MIN: usize = 512;
 /// Stiffness and damping of hands that may hold a key [N/m, N·s/m]: none, soft ones, firm ones.
-const HANDS: [(f64, f64); 4] = [(0.0, 0.0), (100.0, 1.0), (400.0, 4.0), (1_500.0, 10.0)];
+const HAND_SPRING_DAMPERS: [(f64, f64); 4] = [(0.0, 0.0), (100.0, 1.0), (400.0, 4.0), (1_500.0, 10.0)];
 
 type Complex = (f64, f64);
 
@@ -31,7 +31,7 @@ impl FrequencyResponse {
     /// displaced by 1 m for one tick, in that tick and after it.
     pub fn new(response: &[f64]) -> Self {
         let is_nonzero = response.iter().any(|force| *force != 0.0);
-        let padded_length = response.len().next_power_of_two().max(MIN_LENGTH);
+        let padded_length = response.len().next_power_of_two().max(LENGTH_MIN);
         let circle_points = unit_circle(2 * POINTS_PER_TICK * padded_length);
         let mut frequency_response = vec![(0.0, 0.0); circle_points.len()];
         for (value, force) in frequency_response.iter_mut().zip(response) {
@@ -55,16 +55,16 @@ impl FrequencyResponse {
 
     /// Gain margin of the loop of key and piece, with a spring `k` [N/m] and a damper `z` [N·s/m] to the ground beside
     /// the piece: the factor of all forces at the border of stability; infinite if no factor makes the loop unstable.
-    pub fn gain_margin(&self, key: Key, k: f64, z: f64) -> f64 {
+    pub fn gain_margin(&self, key: HapticLoop, k: f64, z: f64) -> f64 {
         if !self.is_nonzero && (k, z) == (0.0, 0.0) {
             return f64::INFINITY;
         }
-        let hand_margins = HANDS.map(|hand| self.margin_held_by(hand, key, k, z / key.period));
+        let hand_margins = HAND_SPRING_DAMPERS.map(|hand| self.margin_held_by(hand, key, k, z / key.tick_period));
         hand_margins.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    fn margin_held_by(&self, hand: (f64, f64), key: Key, k: f64, z: f64) -> f64 {
-        let key_motion = Motion::new(key, hand);
+    fn margin_held_by(&self, hand: (f64, f64), key: HapticLoop, k: f64, z: f64) -> f64 {
+        let key_motion = HeldKeyMotion::new(key, hand);
         let mut least_margin = f64::INFINITY;
         let mut previous_gain: Option<Complex> = None;
         for &(z_point, piece_response) in &self.points {
@@ -75,7 +75,7 @@ impl FrequencyResponse {
                 piece_response.1 - z * unit_delay.1,
             );
             let mut loop_gain = times(stiffness, key_motion.transfer(z_point));
-            for _ in 0..key.delay {
+            for _ in 0..key.delay_ticks {
                 loop_gain = times(loop_gain, unit_delay);
             }
             if let Some(previous_gain) = previous_gain
@@ -98,21 +98,21 @@ impl FrequencyResponse {
 }
 
 /// The exact motion of a key that is held by a hand, under a force that is constant over a tick: x⁺ = A·x + B·force.
-struct Motion {
-    a: [[f64; 2]; 2],
-    b: [f64; 2],
+struct HeldKeyMotion {
+    state_matrix: [[f64; 2]; 2],
+    input_vector: [f64; 2],
 }
 
-impl Motion {
-    fn new(key: Key, (k, z): (f64, f64)) -> Self {
-        let (m, t, z) = (key.mass, key.period, key.damping + z);
+impl HeldKeyMotion {
+    fn new(key: HapticLoop, (k, z): (f64, f64)) -> Self {
+        let (m, t, z) = (key.mass, key.tick_period, key.damping + z);
         if k == 0.0 {
             let velocity_decay = exp(-z * t / m);
             let slide_time = (1.0 - velocity_decay) * m / z;
             let b = [(t - slide_time) / z, (1.0 - velocity_decay) / z];
             return Self {
-                a: [[1.0, slide_time], [0.0, velocity_decay]],
-                b,
+                state_matrix: [[1.0, slide_time], [0.0, velocity_decay]],
+                input_vector: b,
             };
         }
         let decay_rate = 0.5 * z / m;
@@ -138,14 +138,17 @@ impl Motion {
             ],
         ];
         Self {
-            a,
-            b: [(1.0 - a[0][0]) / k, -a[1][0] / k],
+            state_matrix: a,
+            input_vector: [(1.0 - a[0][0]) / k, -a[1][0] / k],
         }
     }
 
     /// Transfer function from force to position at z on the unit circle [m/N].
     fn transfer(&self, (re, im): Complex) -> Complex {
-        let Self { a, b } = self;
+        let Self {
+            state_matrix: a,
+            input_vector: b,
+        } = self;
         let numerator = (b[0] * (re - a[1][1]) + a[0][1] * b[1], b[0] * im);
         let denominator = times((re - a[0][0], im), (re - a[1][1], im));
         let denominator = (denominator.0 - a[0][1] * a[1][0], denominator.1);
@@ -217,18 +220,21 @@ mod tests {
     /// Compares with the differential equation of key and hand, integrated in very small steps.
     #[test]
     fn motion_of_a_held_key_matches_its_equation() {
-        let held_key = Key {
+        let held_key = HapticLoop {
             mass: 0.05,
             damping: 1.0,
-            period: 1e-3,
-            delay: 0,
+            tick_period: 1e-3,
+            delay_ticks: 0,
         };
         // Free; underdamped, twice; critically damped; stiff and underdamped.
         for hand in [(0.0, 0.0), (100.0, 1.0), (400.0, 4.0), (80.0, 3.0), (5_000.0, 1.0)] {
-            let Motion { a, b } = Motion::new(held_key, hand);
+            let HeldKeyMotion {
+                state_matrix: a,
+                input_vector: b,
+            } = HeldKeyMotion::new(held_key, hand);
             for (x, v, force) in [(1e-3, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 1.0)] {
                 let (mut fine_position, mut fine_velocity, step_count) = (x, v, 200_000);
-                let dt = held_key.period / f64::from(step_count);
+                let dt = held_key.tick_period / f64::from(step_count);
                 for _ in 0..step_count {
                     let net_force = force - hand.0 * fine_position - (held_key.damping + hand.1) * fine_velocity;
                     fine_velocity += dt * net_force / held_key.mass;
@@ -268,13 +274,13 @@ mod tests {
                 force_sum / f64::from(fine_steps)
             })
             .collect();
-        for hand in HANDS {
+        for hand in HAND_SPRING_DAMPERS {
             for delay in [0, 1] {
-                let held_key = Key {
+                let held_key = HapticLoop {
                     mass: 0.05,
                     damping: 1.0,
-                    period,
-                    delay,
+                    tick_period: period,
+                    delay_ticks: delay,
                 };
                 let stable_border = FrequencyResponse::new(&response).margin_held_by(hand, held_key, 0.0, 0.0);
                 assert!(
@@ -290,8 +296,11 @@ mod tests {
     }
 
     /// Whether the loop grows if a held key gets this part of the piece's force.
-    fn grows(response: &[f64], key: Key, hand: (f64, f64), force_share: f64) -> bool {
-        let Motion { a, b } = Motion::new(key, hand);
+    fn grows(response: &[f64], key: HapticLoop, hand: (f64, f64), force_share: f64) -> bool {
+        let HeldKeyMotion {
+            state_matrix: a,
+            input_vector: b,
+        } = HeldKeyMotion::new(key, hand);
         let (mut positions, mut sent_forces, mut v) = (vec![0.0], Vec::new(), 1.0);
         let mut swing_peaks = [0.0_f64; 4];
         for tick_index in 0..4_096 {
@@ -299,7 +308,7 @@ mod tests {
             let scene_force: f64 = responses.map(|(j, h)| h * positions[tick_index - j]).sum();
             sent_forces.push(-force_share * scene_force);
             let delayed_force = tick_index
-                .checked_sub(key.delay)
+                .checked_sub(key.delay_ticks)
                 .map_or(0.0, |tick_index| sent_forces[tick_index]);
             let next_position = a[0][0] * positions[tick_index] + a[0][1] * v + b[0] * delayed_force;
             v = a[1][0] * positions[tick_index] + a[1][1] * v + b[1] * delayed_force;

@@ -9,34 +9,34 @@
 
 use std::time::Duration;
 
-use super::counts::Counts;
+use super::counts::StageCounts;
 use super::force::SafeForce;
-use super::limits::Limits;
+use super::limits::SafetyLimits;
 use super::stages::fade::{Fade, scaled};
 use super::stages::heat::Heat;
 use super::stages::passivity::Passivity;
 use super::stages::slew::Slew;
-use super::stages::stale::Ages;
+use super::stages::stale::DataAges;
 use super::stages::travel::Travel;
-use super::stages::trip::Trip;
-use super::{Memory, Trip as Reason};
-use crate::safety::contract::{Sample, Spec};
+use super::stages::trip::TripState;
+use super::{SafetyMemory, TripCause as Reason};
+use crate::safety::contract::{DeviceSample, DeviceSpec};
 use crate::wire::MAX_AXES;
 
 /// The interval of a force that has to end now.
 const NO_FORCE_INTERVAL: [f64; 2] = [0.0, 0.0];
 
 pub(super) struct Pipeline {
-    limits: Limits,
+    limits: SafetyLimits,
     /// Continuous and greatest force [N].
     continuous_force: f64,
-    max_force: f64,
+    force_max: f64,
     /// Period of the ticks [s].
     period: f64,
     n_axes: usize,
-    axes: [Axis; MAX_AXES],
-    counts: Counts,
-    ages: Ages,
+    axes: [AxisState; MAX_AXES],
+    counts: StageCounts,
+    ages: DataAges,
     passivity: Passivity,
     /// Forces sent since the newest position.
     n_unanswered_forces: u32,
@@ -46,7 +46,7 @@ pub(super) struct Pipeline {
 }
 
 #[derive(Clone, Copy)]
-struct Axis {
+struct AxisState {
     /// Newest position and mean velocity, for the speed trip.
     position: Option<f64>,
     velocity: f64,
@@ -55,40 +55,40 @@ struct Axis {
     heat: Heat,
     ramp: Fade,
     travel: Travel,
-    trip: Trip,
-    gain: f64,
-    slew: Slew,
+    trip: TripState,
+    force_gain: f64,
+    slew_limit: Slew,
 }
 
 impl Pipeline {
     /// The stages for a device whose axes have these travels [m].
     pub(super) fn new(
-        spec: &Spec,
+        spec: &DeviceSpec,
         travel: impl Fn(usize) -> [f64; 2],
-        limits: Limits,
+        limits: SafetyLimits,
         period: f64,
         in_lockstep: bool,
     ) -> Self {
-        let new_axis = |axis| Axis {
+        let new_axis = |axis| AxisState {
             position: None,
             velocity: 0.0,
             last_velocity: 0.0,
             heat: Heat::default(),
             ramp: Fade::ZERO,
             travel: Travel::new(travel(axis), spec, spec.force_max_peak),
-            trip: Trip::NONE,
-            gain: 1.0,
-            slew: Slew::default(),
+            trip: TripState::NONE,
+            force_gain: 1.0,
+            slew_limit: Slew::default(),
         };
         Self {
             limits,
             continuous_force: spec.force_max_continuous,
-            max_force: limits.force_max.min(spec.force_max_peak),
+            force_max: limits.force_max.min(spec.force_max_peak),
             period,
             n_axes: spec.dof.min(MAX_AXES),
             axes: std::array::from_fn(new_axis),
-            counts: Counts::default(),
-            ages: Ages::new(limits.position_age_max),
+            counts: StageCounts::default(),
+            ages: DataAges::new(limits.position_age_max),
             passivity: Passivity::new(spec, &limits, period, in_lockstep),
             n_unanswered_forces: 0,
             is_hot: false,
@@ -104,8 +104,8 @@ impl Pipeline {
         let is_stale = self.ages.before_send(now, period_and_fade, &mut self.counts);
         let mut force_output = [0.0; MAX_AXES];
         for (axis, force_output) in force_output[..self.n_axes].iter_mut().enumerate() {
-            let asked = requested_forces.get(axis).copied().unwrap_or(0.0);
-            *force_output = self.apply_stages(axis, asked, is_stale);
+            let requested_force = requested_forces.get(axis).copied().unwrap_or(0.0);
+            *force_output = self.apply_stages(axis, requested_force, is_stale);
         }
         self.passivity.send(&force_output[..self.n_axes]);
         SafeForce::new(force_output, self.n_axes)
@@ -127,11 +127,11 @@ impl Pipeline {
             axis_state.trip.start(Reason::NotFinite, limits.trip_time, trip_count);
             force = 0.0;
         }
-        if force.abs() > self.max_force {
+        if force.abs() > self.force_max {
             counts.clamped += 1;
-            force = self.max_force.copysign(force);
+            force = self.force_max.copysign(force);
         }
-        force = axis_state.heat.pass(force, continuous, self.is_hot, counts);
+        force = axis_state.heat.limit_force(force, continuous, self.is_hot, counts);
         axis_state.ramp.advance(period, limits.ramp_time);
         force = axis_state.ramp.apply(force, &mut counts.ramped);
         if axis_state.velocity.abs() > limits.velocity_max {
@@ -139,9 +139,9 @@ impl Pipeline {
             axis_state.trip.start(Reason::Speed, limits.trip_time, trip_count);
         }
         let trip_holds = axis_state.trip.tick(period, limits.fade_time);
-        force = axis_state.trip.pass(force, &mut counts.tripped);
+        force = axis_state.trip.apply(force, &mut counts.tripped);
         force = self.ages.apply_fade(force, &mut counts.stale);
-        force = scaled(force, axis_state.gain, &mut counts.stiff);
+        force = scaled(force, axis_state.force_gain, &mut counts.stiff);
         let allowed_range = if trip_holds || is_stale || self.is_stopped {
             counts.stopped += u64::from(self.is_stopped);
             NO_FORCE_INTERVAL
@@ -151,20 +151,20 @@ impl Pipeline {
         if allowed_range != NO_FORCE_INTERVAL && (force < allowed_range[0] || force > allowed_range[1]) {
             counts.energy += 1;
         }
-        let force_step = limits.slew * 1e3 * period;
+        let force_step = limits.slew_rate_max * 1e3 * period;
         force = axis_state
-            .slew
-            .pass(force, allowed_range, force_step, &mut counts.slewed);
+            .slew_limit
+            .limit_force(force, allowed_range, force_step, &mut counts.slewed);
         axis_state.heat.add_load(force, continuous, period, limits.heat_time);
         force
     }
 
     /// Take a reply of the device that came `now`.
-    pub(super) fn observe(&mut self, sample: &Sample, now: Duration) {
+    pub(super) fn observe(&mut self, sample: &DeviceSample, now: Duration) {
         let elapsed = self.ages.note_position(now, sample.let_go, &mut self.counts);
         // Replies may come late and then together; a stopped host sends nothing for a while.
         let reply_interval = (self.period * f64::from(self.n_unanswered_forces.max(1))).max(elapsed.unwrap_or(0.0));
-        (self.n_unanswered_forces, self.is_hot) = (0, sample.hot);
+        (self.n_unanswered_forces, self.is_hot) = (0, sample.is_hot);
         let mean_weight = (reply_interval / self.limits.velocity_window).min(1.0);
         let mut positions = sample.position;
         for (axis, x) in self.axes[..self.n_axes].iter_mut().zip(&mut positions) {
@@ -212,7 +212,7 @@ impl Pipeline {
     /// Note that the previous force was zero.
     pub(super) fn reset_previous_force(&mut self) {
         for axis in &mut self.axes {
-            axis.slew.forget();
+            axis.slew_limit.reset();
         }
     }
 
@@ -228,7 +228,7 @@ impl Pipeline {
 
     pub(super) fn set_gain(&mut self, axis: usize, gain: f64) {
         if let Some(axis) = self.axes.get_mut(axis) {
-            axis.gain = super::unit(gain);
+            axis.force_gain = super::unit(gain);
         }
     }
 
@@ -253,11 +253,11 @@ impl Pipeline {
 
     /// The greatest force that any stage lets through [N].
     pub(super) fn force_max(&self) -> f64 {
-        self.max_force
+        self.force_max
     }
 
     /// The limits of force, power and work.
-    pub(super) fn limits(&self) -> &Limits {
+    pub(super) fn limits(&self) -> &SafetyLimits {
         &self.limits
     }
 
@@ -266,26 +266,26 @@ impl Pipeline {
         self.period
     }
 
-    pub(super) fn counts(&self) -> &Counts {
+    pub(super) fn counts(&self) -> &StageCounts {
         &self.counts
     }
 
     /// Heat and work, for the time when the device is opened again.
-    pub(super) fn memory(&self, now: Duration) -> Memory {
-        let mut memory = Memory::new(now);
+    pub(super) fn memory(&self, now: Duration) -> SafetyMemory {
+        let mut memory = SafetyMemory::new(now);
         for (axis_index, axis) in self.axes[..self.n_axes].iter().enumerate() {
-            memory.heat[axis_index] = axis.heat.level;
+            memory.heat[axis_index] = axis.heat.coil_load;
             memory.work[axis_index] = self.passivity.work(axis_index).max(0.0);
         }
         memory
     }
 
     /// Continue with the heat and work of `memory`, after `elapsed` [s] without force.
-    pub(super) fn restore(&mut self, memory: &Memory, elapsed: f64) {
-        let refilled_work = self.limits.power * elapsed;
+    pub(super) fn restore(&mut self, memory: &SafetyMemory, elapsed: f64) {
+        let refilled_work = self.limits.power_max * elapsed;
         for (axis_index, axis) in self.axes[..self.n_axes].iter_mut().enumerate() {
             let saved_heat = Heat {
-                level: memory.heat[axis_index],
+                coil_load: memory.heat[axis_index],
             };
             axis.heat = saved_heat.cooled(elapsed, self.limits.heat_time);
             let work_left = (memory.work[axis_index] - refilled_work).max(0.0);

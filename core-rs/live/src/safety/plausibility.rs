@@ -4,11 +4,11 @@
 //! A hand may push against a force at any time, and a hand that holds still looks like a frozen sensor. So watching
 //! alone proves nothing: the force is changed for some milliseconds, and the answer of the key decides. There are two
 //! ways. [`confirmation`] asks faint questions all the time, which hold for every hand but take 56 ms; [`lateness`]
-//! says how much depends on their being in time. [`signs`] watches for a key that runs away, or rests at a stop that
-//! the force pulls it away from, and a [`probe`] decides within 8 ms or 40 ms; only `WRONG_ANSWERS` wrong answers
-//! without a right one between them end the force, and questions without any other force then decide. Two observations
-//! count without an answer: a force of newtons that pushes a resting key further into its stop, and, where no questions
-//! are asked, a position that keeps its last bit while the force changes by newtons.
+//! says how much depends on their being in time. [`observations`] watches for a key that runs away, or rests at a stop
+//! that the force pulls it away from, and a [`probe`] decides within 8 ms or 40 ms; only `WRONG_ANSWERS_MAX` wrong
+//! answers without a right one between them end the force, and questions without any other force then decide. Two
+//! observations count without an answer: a force of newtons that pushes a resting key further into its stop, and, where
+//! no questions are asked, a position that keeps its last bit while the force changes by newtons.
 //!
 //! Time is counted in steps of about a millisecond, without a clock. But for pulses and probes the force is unchanged,
 //! to the last bit.
@@ -19,11 +19,11 @@ mod probe;
 mod question;
 mod signs;
 
-use super::Trip;
+use super::TripCause;
 use crate::wire::MAX_AXES;
-use confirmation::{Confirmation, Phase, Step, Verdict};
+use confirmation::{Confirmation, JudgedStep, Phase, Verdict};
 use probe::{Probe, ProbeAnswer};
-use signs::{AxisParameters, Signs, Suspicion};
+use signs::{AxisObservations, AxisParameters, Suspicion};
 
 /// Length of a step, if a tick is shorter [s].
 const STEP_SECONDS: f64 = 1e-3;
@@ -37,9 +37,9 @@ const ALIVE_SECONDS: f64 = 0.5;
 /// each time.
 const PROBE_PAUSES_SECONDS: [[f64; 2]; 2] = [[1.0, 4.0], [0.02, 1.0]];
 /// After this time without a suspicion the pause starts again at its first value [s].
-const PAUSE_RESET: f64 = 5.0;
+const PAUSE_RESET_SECONDS: f64 = 5.0;
 /// Number of wrong answers to probes, without a right one between them, that end the force.
-const WRONG_ANSWERS: u32 = 4;
+const WRONG_ANSWERS_MAX: u32 = 4;
 /// Longest time without the piece's force until an answer decides [s].
 const DOUBT_SECONDS: f64 = 2.0;
 
@@ -62,13 +62,13 @@ pub(super) struct AxisSpec {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Mode {
+enum CheckMode {
     Watching,
     Probing(Probe),
     /// No force but that of questions, whose answers decide; steps since then.
     Doubting(u32),
-    Off {
-        trip: Trip,
+    Tripped {
+        trip: TripCause,
         calm_steps: u32,
         since_moved: u32,
     },
@@ -85,8 +85,8 @@ pub(super) struct Plausibility {
     force_max: f64,
     /// Whether a suspicion is probed; otherwise only evident faults count.
     may_probe: bool,
-    signs: Signs,
-    mode: Mode,
+    observations: AxisObservations,
+    mode: CheckMode,
     /// Progress of the fade to full force after a trip, 0 to 1.
     fade_progress: f64,
     /// Whether a probe was ever answered the right way.
@@ -111,8 +111,8 @@ impl Plausibility {
             ticks_since_step: 0,
             force_max: axis_spec.force_max.max(0.0),
             may_probe: true,
-            signs: Signs::default(),
-            mode: Mode::Watching,
+            observations: AxisObservations::default(),
+            mode: CheckMode::Watching,
             fade_progress: 1.0,
             is_confirmed: false,
             wrong_answers: 0,
@@ -136,19 +136,21 @@ impl Plausibility {
         let force = match self.mode {
             // A later stage trips.
             _ if !requested_force.is_finite() => requested_force,
-            Mode::Off { .. } => 0.0,
-            Mode::Doubting(_) => self.confirmation.with_pulses(0.0),
-            Mode::Probing(Probe {
-                offset,
+            CheckMode::Tripped { .. } => 0.0,
+            CheckMode::Doubting(_) => self.confirmation.with_pulses(0.0),
+            CheckMode::Probing(Probe {
+                force_offset: offset,
                 replaces_piece: true,
                 ..
             }) => offset * self.fade_progress,
             // The force that was sent is changed, because one that is asked for may be clamped and hide the probe.
-            Mode::Probing(probe) if probe.kind == Suspicion::Stop => (probe.initial_force + probe.offset) / pass_share,
-            Mode::Probing(Probe { offset, .. }) => {
-                (requested_force.clamp(-self.force_max, self.force_max) + offset) * self.fade_progress
+            CheckMode::Probing(probe) if probe.suspicion == Suspicion::PulledFromStop => {
+                (probe.initial_force + probe.force_offset) / pass_share
             }
-            Mode::Watching => {
+            CheckMode::Probing(Probe {
+                force_offset: offset, ..
+            }) => (requested_force.clamp(-self.force_max, self.force_max) + offset) * self.fade_progress,
+            CheckMode::Watching => {
                 let force = self.confirmation.with_pulses(requested_force);
                 if self.fade_progress < 1.0 {
                     force * self.fade_progress
@@ -162,9 +164,9 @@ impl Plausibility {
     }
 
     /// Why forces are off, if they are.
-    pub(super) fn trip(&self) -> Option<Trip> {
+    pub(super) fn trip(&self) -> Option<TripCause> {
         match self.mode {
-            Mode::Off { trip: why, .. } => Some(why),
+            CheckMode::Tripped { trip: why, .. } => Some(why),
             _ => None,
         }
     }
@@ -185,46 +187,46 @@ impl Plausibility {
     /// Forget earlier observations: a host that was stopped has missed motion and forces.
     fn restart(&mut self) {
         if self.trip().is_none() {
-            self.mode = Mode::Watching;
-            self.signs = Signs::default();
+            self.mode = CheckMode::Watching;
+            self.observations = AxisObservations::default();
             self.confirmation.restart();
         }
     }
 
     fn push_again(&mut self) {
-        self.mode = Mode::Watching;
+        self.mode = CheckMode::Watching;
         (self.fade_progress, self.wrong_answers, self.is_confirmed) = (0.0, 0, false);
         self.pauses = [(0, 0); 2];
         self.confirmation.reset();
-        self.signs = Signs::default();
+        self.observations = AxisObservations::default();
     }
 
     fn step(&mut self, x: f64, previous_force: f64, requested_force: f64) {
-        let step_time = self.parameters.step;
+        let step_time = self.parameters.step_seconds;
         let steps_in = move |seconds: f64| (seconds / step_time) as u32;
-        let (calm_for, alive_for) = (steps_in(RETRY_SECONDS), steps_in(ALIVE_SECONDS));
-        self.fade_progress = (self.fade_progress + self.parameters.step / FADE_SECONDS).min(1.0);
-        let quiet_limit = -(steps_in(PAUSE_RESET) as i32);
+        let (retry_steps, alive_steps) = (steps_in(RETRY_SECONDS), steps_in(ALIVE_SECONDS));
+        self.fade_progress = (self.fade_progress + self.parameters.step_seconds / FADE_SECONDS).min(1.0);
+        let quiet_limit = -(steps_in(PAUSE_RESET_SECONDS) as i32);
         for (steps_left, fruitless_probes) in &mut self.pauses {
             *steps_left = (*steps_left - 1).max(quiet_limit);
             if *steps_left == quiet_limit {
                 *fruitless_probes = 0;
             }
         }
-        let moved = self.signs.moved_to(x);
-        self.signs.add(x, previous_force, &self.parameters);
-        let verdict = self.confirmation.advance(Step {
-            x,
-            displacement: moved,
-            sent: previous_force,
+        let displacement = self.observations.moved_to(x);
+        self.observations.add_step(x, previous_force, &self.parameters);
+        let verdict = self.confirmation.advance(JudgedStep {
+            position: x,
+            displacement,
+            sent_force: previous_force,
             phase: match self.mode {
-                Mode::Watching => Phase::Playing,
-                Mode::Probing(_) => Phase::Probing,
-                Mode::Doubting(_) => Phase::Doubting,
-                Mode::Off { .. } => Phase::Off,
+                CheckMode::Watching => Phase::Playing,
+                CheckMode::Probing(_) => Phase::Probing,
+                CheckMode::Doubting(_) => Phase::Doubting,
+                CheckMode::Tripped { .. } => Phase::Off,
             },
-            is_at_stop: self.signs.is_at_stop(),
-            may_be_frozen: self.signs.may_be_frozen(previous_force, &self.parameters),
+            is_at_stop: self.observations.is_at_stop(),
+            may_be_frozen: self.observations.may_be_frozen(previous_force, &self.parameters),
         });
         match verdict {
             Verdict::Continue => {}
@@ -233,38 +235,41 @@ impl Plausibility {
                 self.push_again();
                 self.confirmation.confirm();
             }
-            Verdict::Fault(why) => return self.trip_with(why),
+            Verdict::Fault(cause) => return self.trip_with(cause),
         }
         match &mut self.mode {
-            Mode::Watching => self.watch(previous_force),
-            Mode::Doubting(steps) => {
+            CheckMode::Watching => self.watch(previous_force),
+            CheckMode::Doubting(steps) => {
                 *steps += 1;
                 if *steps >= steps_in(DOUBT_SECONDS) {
                     self.trip_with(self.confirmation.fault_of_doubt());
                 }
             }
-            Mode::Probing(probe) => {
-                let probe_answer = probe.step(&self.signs, previous_force, &self.parameters);
+            CheckMode::Probing(probe) => {
+                let probe_answer = probe.step(&self.observations, previous_force, &self.parameters);
                 let probe = *probe;
                 self.apply_answer(probe, probe_answer);
             }
-            Mode::Off {
+            CheckMode::Tripped {
                 trip: why,
                 calm_steps: calm,
                 since_moved,
             } => {
-                *since_moved = if self.signs.is_still() {
+                *since_moved = if self.observations.is_still() {
                     since_moved.saturating_add(1)
                 } else {
                     0
                 };
                 let fault_is_gone = match why {
-                    Trip::Frozen => *since_moved < alive_for,
-                    Trip::AtStop => self.signs.pushed_into_stop(requested_force, &self.parameters).is_none(),
+                    TripCause::Frozen => *since_moved < alive_steps,
+                    TripCause::AtStop => self
+                        .observations
+                        .pushed_into_stop(requested_force, &self.parameters)
+                        .is_none(),
                     _ => false,
                 };
                 *calm = if fault_is_gone { *calm + 1 } else { 0 };
-                if *calm >= calm_for {
+                if *calm >= retry_steps {
                     self.push_again();
                 }
             }
@@ -274,29 +279,29 @@ impl Plausibility {
     /// End the piece's force until an answer is right.
     fn enter_doubt(&mut self) {
         self.confirmation.begin_doubt();
-        self.mode = Mode::Doubting(0);
+        self.mode = CheckMode::Doubting(0);
     }
 
     fn watch(&mut self, previous_force: f64) {
         let asks_questions = self.confirmation.is_asking;
         if let Some(evident_trip) = self
-            .signs
+            .observations
             .evident_fault(previous_force, asks_questions, &self.parameters)
         {
             self.trip_with(evident_trip);
         } else if self.may_probe
-            && !self.confirmation.comes_first(self.signs.is_at_stop())
+            && !self.confirmation.comes_first(self.observations.is_at_stop())
             && let Some((suspicion_kind, direction)) =
-                self.signs
+                self.observations
                     .suspicion(previous_force, self.is_confirmed, asks_questions, &self.parameters)
             && self.pauses[suspicion_kind as usize].0 <= 0
         {
             self.probes += 1;
             self.confirmation.interrupt();
-            self.mode = Mode::Probing(Probe::new(
+            self.mode = CheckMode::Probing(Probe::new(
                 suspicion_kind,
                 direction,
-                &self.signs,
+                &self.observations,
                 previous_force,
                 &self.parameters,
             ));
@@ -305,40 +310,45 @@ impl Plausibility {
 
     fn apply_answer(&mut self, probe: Probe, answer: ProbeAnswer) {
         self.mode = match answer {
-            ProbeAnswer::Waiting => Mode::Probing(probe),
-            ProbeAnswer::Wrong if self.wrong_answers + 1 >= WRONG_ANSWERS => {
+            ProbeAnswer::Waiting => CheckMode::Probing(probe),
+            ProbeAnswer::Wrong if self.wrong_answers + 1 >= WRONG_ANSWERS_MAX => {
                 return self.enter_doubt();
             }
             // A hand may leave the stop by chance: questions decide, where they are asked.
             ProbeAnswer::Wrong
-                if probe.kind == Suspicion::Stop && self.wrong_answers > 0 && self.confirmation.is_asking =>
+                if probe.suspicion == Suspicion::PulledFromStop
+                    && self.wrong_answers > 0
+                    && self.confirmation.is_asking =>
             {
                 return self.enter_doubt();
             }
             ProbeAnswer::Wrong => {
                 self.wrong_answers += 1;
-                Mode::Probing(probe.repeated_as_run())
+                CheckMode::Probing(probe.repeated_as_run())
             }
-            ProbeAnswer::Right | ProbeAnswer::Unclear => Mode::Watching,
+            ProbeAnswer::Right | ProbeAnswer::Unclear => CheckMode::Watching,
         };
-        if matches!(self.mode, Mode::Watching) {
+        if matches!(self.mode, CheckMode::Watching) {
             if answer == ProbeAnswer::Right {
                 self.is_confirmed = true;
                 self.wrong_answers = 0;
             }
-            let (pause_left, fruitless_probes) = &mut self.pauses[probe.kind as usize];
-            let [first_pause, longest] = PROBE_PAUSES_SECONDS[probe.kind as usize];
+            let (pause_left, fruitless_probes) = &mut self.pauses[probe.suspicion as usize];
+            let [first_pause, longest] = PROBE_PAUSES_SECONDS[probe.suspicion as usize];
             let pause_time = (first_pause * f64::from(1 << (*fruitless_probes).min(8))).min(longest);
             // After a wrong answer there is no pause: the next suspicion is probed at once.
             if self.wrong_answers == 0 {
-                (*pause_left, *fruitless_probes) = ((pause_time / self.parameters.step) as i32, *fruitless_probes + 1);
+                (*pause_left, *fruitless_probes) = (
+                    (pause_time / self.parameters.step_seconds) as i32,
+                    *fruitless_probes + 1,
+                );
             }
-            self.signs.forget();
+            self.observations.reset();
         }
     }
 
-    fn trip_with(&mut self, trip: Trip) {
-        self.mode = Mode::Off {
+    fn trip_with(&mut self, trip: TripCause) {
+        self.mode = CheckMode::Tripped {
             trip,
             calm_steps: 0,
             since_moved: 0,
@@ -394,9 +404,9 @@ impl PlausibilityChecks {
         let positions = self.positions.take();
         let mut checked_forces = [0.0; MAX_AXES];
         for (axis, checks) in self.axes[..self.n_axes].iter_mut().enumerate() {
-            let asked = requested_forces.get(axis).copied().unwrap_or(0.0);
+            let requested_force = requested_forces.get(axis).copied().unwrap_or(0.0);
             let position = positions.map(|positions| positions[axis]);
-            checked_forces[axis] = checks.tick(asked, self.sent_forces[axis], position);
+            checked_forces[axis] = checks.tick(requested_force, self.sent_forces[axis], position);
         }
         checked_forces
     }
@@ -412,7 +422,7 @@ impl PlausibilityChecks {
     }
 
     /// Why the forces of an axis are off, if they are.
-    pub(super) fn trip(&self, axis: usize) -> Option<Trip> {
+    pub(super) fn trip(&self, axis: usize) -> Option<TripCause> {
         self.axes.get(axis).and_then(Plausibility::trip)
     }
 

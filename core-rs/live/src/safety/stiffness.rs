@@ -3,8 +3,8 @@
 //! Each position is held for a tick and each force is late, so a virtual spring adds energy, and only the damping of
 //! the key removes it. The limit is on the stiffness of everything that is coupled to the key.
 
-/// Greatest stable stiffness [N/m] of a key with `damping` [N·s/m], for ticks of `period` [s] and forces that are
-/// `delay` ticks late: 2b/(T(1+2d)), independent of the mass if the key is light.
+/// Greatest stable stiffness [N/m] of a key with `damping` [N·s/m], for ticks of `tick_period` [s] and forces that are
+/// `delay_ticks` ticks late: 2b/(T(1+2d)), independent of the mass if the key is light.
 pub fn stable_stiffness_max(damping: f64, period: f64, delay: u32) -> f64 {
     2.0 * damping / (period * (1.0 + 2.0 * f64::from(delay)))
 }
@@ -19,15 +19,15 @@ const GAIN_RESERVE: f64 = 0.8;
 
 /// A key by itself, and the delay of its forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Key {
+pub struct HapticLoop {
     /// Moving mass [kg].
     pub mass: f64,
     /// Damping of the key itself [N·s/m].
     pub damping: f64,
     /// Period of the ticks [s].
-    pub period: f64,
+    pub tick_period: f64,
     /// Delay of a force [ticks], besides the tick in which it is computed.
-    pub delay: usize,
+    pub delay_ticks: usize,
 }
 
 /// The factor of a force, 0 to 1, that keeps a loop of this gain margin stable with a reserve.
@@ -127,11 +127,11 @@ mod tests {
         for (damping, delay) in [(0.3, 0), (1.0, 0), (1.0, 1), (3.0, 2)] {
             let period = 1e-3;
             let stable_border = numerically(damping, period, delay);
-            let key = Key {
+            let key = HapticLoop {
                 mass: 0.05,
                 damping,
-                period,
-                delay,
+                tick_period: period,
+                delay_ticks: delay,
             };
             for k in [
                 0.05 * stable_border,
@@ -162,11 +162,11 @@ mod tests {
             (0.2, 0.5, 20.0, 1),
         ];
         for (mass, damping, k, delay) in key_cases {
-            let key = Key {
+            let key = HapticLoop {
                 mass,
                 damping,
-                period,
-                delay,
+                tick_period: period,
+                delay_ticks: delay,
             };
             assert_eq!(
                 safe_scale(FrequencyResponse::new(&[0.5 * k, 0.5 * k]).gain_margin(key, 0.0, 0.0)),

@@ -13,9 +13,9 @@ use std::time::Instant;
 use ergon_engine::gesture::take::{Preparation, Take};
 use ergon_engine::law::{Constants, Law, LawText};
 
-use crate::audio::Spec;
-use crate::device::Url;
-use crate::recording::{Axis, Header, Recording, Sample, decode};
+use crate::audio::AudioSpec;
+use crate::device::DeviceUrl;
+use crate::recording::{Header, RecordedAxis, RecordedSample, Recording, decode};
 use dice::{Dice, damaged, text};
 use wire::{board_bytes, firefader_bytes, frame_bytes, haply_text};
 
@@ -24,7 +24,7 @@ const LONG: u64 = 1_000_000;
 
 /// An intact recording of two axes and forty rows.
 fn recorded() -> Vec<u8> {
-    let numbered_axis = |i| Axis {
+    let numbered_axis = |i| RecordedAxis {
         player: format!("remi{i}"),
         key: format!("k{i}"),
     };
@@ -34,10 +34,10 @@ fn recorded() -> Vec<u8> {
         axes: (0..2).map(numbered_axis).collect(),
         about: "{}".to_owned(),
     };
-    let numbered_sample = |i: u64| Sample {
+    let numbered_sample = |i: u64| RecordedSample {
         position: i as f64 * 1e-3,
         force: -(i as f64),
-        sent: 0.5,
+        sent_force: 0.5,
         flags: i as u8,
         clock: i as u32,
     };
@@ -122,7 +122,7 @@ fn device_url(dice: &mut Dice) {
         ],
         &WORDS,
     );
-    if let Err(error) = Url::parse(&message) {
+    if let Err(error) = DeviceUrl::parse(&message) {
         assert!(!error.to_string().is_empty());
     }
 }
@@ -157,7 +157,7 @@ fn audio_spec(dice: &mut Dice) {
         ],
         &WORDS,
     );
-    if let Err(error) = message.parse::<Spec>() {
+    if let Err(error) = message.parse::<AudioSpec>() {
         assert!(!error.to_string().is_empty());
     }
 }

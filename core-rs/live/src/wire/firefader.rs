@@ -12,19 +12,19 @@ pub const FORCE_LSB: f64 = FORCE_MAX / 127.0;
 /// Step of a position byte [m].
 pub const POS_LSB: f64 = 0.000_39;
 /// Position byte at the middle of the travel.
-const MIDDLE: f64 = 128.0;
+const MIDDLE_BYTE: f64 = 128.0;
 /// Capacitance above which a finger touches.
 pub const CAP_TOUCHED: u8 = 30;
 
-const TO_DEVICE: u8 = 0x7F;
-const TO_HOST: u8 = 0xFF;
+const REQUEST_START: u8 = 0x7F;
+const REPLY_START: u8 = 0xFF;
 /// Length of a reply.
-pub const REPLY: usize = 7;
+pub const REPLY_BYTES: usize = 7;
 
 /// The packet of two forces [N].
 pub fn request(force: [f64; 2]) -> [u8; 3] {
     let [first_force, second_force] = force.map(|force| steps(force).cast_unsigned());
-    [TO_DEVICE, first_force, second_force]
+    [REQUEST_START, first_force, second_force]
 }
 
 /// The forces [N] as rounded by their packet.
@@ -41,36 +41,36 @@ fn steps(force: f64) -> i8 {
 pub fn parse_request(bytes: &[u8]) -> Parsed<[f64; 2]> {
     let force_of = |byte: u8| f64::from(byte.cast_signed()) * FORCE_LSB;
     match *bytes {
-        [] | [TO_DEVICE] => Parsed::Incomplete,
+        [] | [REQUEST_START] => Parsed::Incomplete,
         // A first byte in the place of data: that packet was cut.
-        [TO_DEVICE, TO_DEVICE, ..] => Parsed::Garbage(1),
-        [TO_DEVICE, _] => Parsed::Incomplete,
-        [TO_DEVICE, _, TO_DEVICE, ..] => Parsed::Garbage(2),
-        [TO_DEVICE, a, b, ..] => Parsed::Packet([force_of(a), force_of(b)], 3),
+        [REQUEST_START, REQUEST_START, ..] => Parsed::Garbage(1),
+        [REQUEST_START, _] => Parsed::Incomplete,
+        [REQUEST_START, _, REQUEST_START, ..] => Parsed::Garbage(2),
+        [REQUEST_START, a, b, ..] => Parsed::Packet([force_of(a), force_of(b)], 3),
         _ => Parsed::Garbage(1),
     }
 }
 
 /// The reply of the faders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Reply {
+pub struct FaderReply {
     /// 0 to 254, 128 in the middle.
     pub position: [u8; 2],
     /// Two free inputs.
     pub analog: [u8; 2],
     /// Capacitance at the fader, greater under a finger.
-    pub cap: [u8; 2],
+    pub capacitance: [u8; 2],
 }
 
-impl Reply {
+impl FaderReply {
     /// Position of a fader [m].
     pub fn metres(&self, axis: usize) -> f64 {
-        (f64::from(self.position[axis]) - MIDDLE) * POS_LSB
+        (f64::from(self.position[axis]) - MIDDLE_BYTE) * POS_LSB
     }
 
     /// The bytes of the packet; data bytes are limited so that none equals the first byte.
-    pub fn bytes(&self) -> [u8; REPLY] {
-        let (positions, analog_bytes, cap_bytes) = (self.position, self.analog, self.cap);
+    pub fn bytes(&self) -> [u8; REPLY_BYTES] {
+        let (positions, analog_bytes, cap_bytes) = (self.position, self.analog, self.capacitance);
         let [p0, p1, a0, a1, c0, c1] = [
             positions[0],
             positions[1],
@@ -79,37 +79,37 @@ impl Reply {
             cap_bytes[0],
             cap_bytes[1],
         ]
-        .map(|byte| byte.min(TO_HOST - 1));
-        [TO_HOST, p0, p1, a0, a1, c0, c1]
+        .map(|byte| byte.min(REPLY_START - 1));
+        [REPLY_START, p0, p1, a0, a1, c0, c1]
     }
 }
 
 /// The position byte of a fader at x [m].
 pub fn position_byte(x: f64) -> u8 {
-    (x / POS_LSB + MIDDLE).round().clamp(0.0, 254.0) as u8
+    (x / POS_LSB + MIDDLE_BYTE).round().clamp(0.0, 254.0) as u8
 }
 
 /// Parse a reply at the beginning of some bytes.
-pub fn parse_reply(bytes: &[u8]) -> Parsed<Reply> {
-    if bytes.first() != Some(&TO_HOST) {
-        let next_start = bytes.iter().position(|&byte| byte == TO_HOST);
+pub fn parse_reply(bytes: &[u8]) -> Parsed<FaderReply> {
+    if bytes.first() != Some(&REPLY_START) {
+        let next_start = bytes.iter().position(|&byte| byte == REPLY_START);
         return match (bytes.is_empty(), next_start) {
             (true, _) => Parsed::Incomplete,
             (false, next_start) => Parsed::Garbage(next_start.unwrap_or(bytes.len())),
         };
     }
-    let data_bytes = &bytes[1..bytes.len().min(REPLY)];
-    if let Some(cut_offset) = data_bytes.iter().position(|&byte| byte == TO_HOST) {
+    let data_bytes = &bytes[1..bytes.len().min(REPLY_BYTES)];
+    if let Some(cut_offset) = data_bytes.iter().position(|&byte| byte == REPLY_START) {
         return Parsed::Garbage(1 + cut_offset);
     }
     match *data_bytes {
         [a, b, c, d, e, f] => Parsed::Packet(
-            Reply {
+            FaderReply {
                 position: [a, b],
                 analog: [c, d],
-                cap: [e, f],
+                capacitance: [e, f],
             },
-            REPLY,
+            REPLY_BYTES,
         ),
         _ => Parsed::Incomplete,
     }

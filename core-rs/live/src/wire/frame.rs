@@ -14,9 +14,9 @@ const SYNC_INFO: [u8; 2] = [0xA5, 0x5D];
 pub const POS_LSB: f64 = 1e-8;
 /// Number of steps of the greatest force in a narrow frame.
 pub const FORCE_STEPS: f64 = 32767.0;
-const WIDE: u8 = 0x80;
+const WIDE_FLAG: u8 = 0x80;
 /// Longest frame.
-pub const LONGEST: usize = 12 + 8 * MAX_AXES;
+pub const FRAME_BYTES_MAX: usize = 12 + 8 * MAX_AXES;
 
 /// Bits of a request's flags.
 pub mod flag {
@@ -52,7 +52,7 @@ pub mod trait_flag {
 
 /// A request with forces for a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Request {
+pub struct FrameRequest {
     /// Number of the request, which the reply echoes.
     pub seq: u16,
     /// Number of axes; 0 asks for the properties of the device.
@@ -67,7 +67,7 @@ pub struct Request {
 
 /// A reply with the positions of a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reply {
+pub struct FrameReply {
     /// Number of the request.
     pub seq: u16,
     /// The device's clock [µs].
@@ -105,26 +105,26 @@ pub fn crc(bytes: &[u8]) -> u16 {
 }
 
 /// A frame that is being written.
-struct Frame<'a> {
-    bytes: &'a mut [u8; LONGEST],
-    len: usize,
+struct FrameBytes<'a> {
+    bytes: &'a mut [u8; FRAME_BYTES_MAX],
+    n_bytes: usize,
 }
 
-impl Frame<'_> {
-    fn put(&mut self, bytes: &[u8]) {
-        self.bytes[self.len..self.len + bytes.len()].copy_from_slice(bytes);
-        self.len += bytes.len();
+impl FrameBytes<'_> {
+    fn append(&mut self, bytes: &[u8]) {
+        self.bytes[self.n_bytes..self.n_bytes + bytes.len()].copy_from_slice(bytes);
+        self.n_bytes += bytes.len();
     }
 
-    fn close(mut self) -> usize {
-        let crc = crc(&self.bytes[2..self.len]);
-        self.put(&crc.to_le_bytes());
-        self.len
+    fn append_crc(mut self) -> usize {
+        let crc = crc(&self.bytes[2..self.n_bytes]);
+        self.append(&crc.to_le_bytes());
+        self.n_bytes
     }
 }
 
 fn count(n: usize, wide: bool) -> u8 {
-    n as u8 | if wide { WIDE } else { 0 }
+    n as u8 | if wide { WIDE_FLAG } else { 0 }
 }
 
 /// A force in steps of a narrow frame, for a greatest force of `force_max` [N]. `as` saturates, and makes a NaN 0.
@@ -137,22 +137,22 @@ pub fn rounded_force(force: f64, force_max: f64) -> f64 {
     f64::from(steps(force, force_max)) * (force_max / FORCE_STEPS)
 }
 
-impl Request {
+impl FrameRequest {
     /// Write the bytes, for a greatest force of `force_max` [N]; returns their number.
-    pub fn write(&self, force_max: f64, bytes: &mut [u8; LONGEST]) -> usize {
-        let mut request_frame = Frame { bytes, len: 0 };
-        request_frame.put(&SYNC);
-        request_frame.put(&self.seq.to_le_bytes());
-        request_frame.put(&[count(self.axis_count, self.wide)]);
+    pub fn write(&self, force_max: f64, bytes: &mut [u8; FRAME_BYTES_MAX]) -> usize {
+        let mut request_frame = FrameBytes { bytes, n_bytes: 0 };
+        request_frame.append(&SYNC);
+        request_frame.append(&self.seq.to_le_bytes());
+        request_frame.append(&[count(self.axis_count, self.wide)]);
         for force in &self.force[..self.axis_count] {
             if self.wide {
-                request_frame.put(&force.to_le_bytes());
+                request_frame.append(&force.to_le_bytes());
             } else {
-                request_frame.put(&steps(*force, force_max).to_le_bytes());
+                request_frame.append(&steps(*force, force_max).to_le_bytes());
             }
         }
-        request_frame.put(&[self.flags]);
-        request_frame.close()
+        request_frame.append(&[self.flags]);
+        request_frame.append_crc()
     }
 
     /// Parse a request at the beginning of some bytes.
@@ -178,23 +178,23 @@ impl Request {
     }
 }
 
-impl Reply {
+impl FrameReply {
     /// Write the bytes; returns their number.
-    pub fn write(&self, bytes: &mut [u8; LONGEST]) -> usize {
-        let mut reply_frame = Frame { bytes, len: 0 };
-        reply_frame.put(&SYNC);
-        reply_frame.put(&self.seq.to_le_bytes());
-        reply_frame.put(&self.t_us.to_le_bytes());
-        reply_frame.put(&[count(self.axis_count, self.wide)]);
+    pub fn write(&self, bytes: &mut [u8; FRAME_BYTES_MAX]) -> usize {
+        let mut reply_frame = FrameBytes { bytes, n_bytes: 0 };
+        reply_frame.append(&SYNC);
+        reply_frame.append(&self.seq.to_le_bytes());
+        reply_frame.append(&self.t_us.to_le_bytes());
+        reply_frame.append(&[count(self.axis_count, self.wide)]);
         for position in &self.position[..self.axis_count] {
             if self.wide {
-                reply_frame.put(&position.to_le_bytes());
+                reply_frame.append(&position.to_le_bytes());
             } else {
-                reply_frame.put(&((position / POS_LSB).round() as i32).to_le_bytes());
+                reply_frame.append(&((position / POS_LSB).round() as i32).to_le_bytes());
             }
         }
-        reply_frame.put(&[self.status]);
-        reply_frame.close()
+        reply_frame.append(&[self.status]);
+        reply_frame.append_crc()
     }
 
     /// Parse a reply at the beginning of some bytes.
@@ -223,15 +223,15 @@ impl Reply {
 
 impl DeviceInfo {
     /// Write the bytes; returns their number.
-    pub fn write(&self, bytes: &mut [u8; LONGEST]) -> usize {
-        let mut info_frame = Frame { bytes, len: 0 };
-        info_frame.put(&SYNC_INFO);
-        info_frame.put(&self.seq.to_le_bytes());
-        info_frame.put(&[self.axis_count as u8, self.trait_flags]);
+    pub fn write(&self, bytes: &mut [u8; FRAME_BYTES_MAX]) -> usize {
+        let mut info_frame = FrameBytes { bytes, n_bytes: 0 };
+        info_frame.append(&SYNC_INFO);
+        info_frame.append(&self.seq.to_le_bytes());
+        info_frame.append(&[self.axis_count as u8, self.trait_flags]);
         for number in self.spec_numbers {
-            info_frame.put(&number.to_le_bytes());
+            info_frame.append(&number.to_le_bytes());
         }
-        info_frame.close()
+        info_frame.append_crc()
     }
 
     /// Parse an answer with the properties at the beginning of some bytes.
@@ -274,7 +274,7 @@ fn parse_frame<T>(
     let Some(&count_byte) = bytes.get(2 + bytes_before) else {
         return Parsed::Incomplete;
     };
-    let (axis_count, is_wide) = (usize::from(count_byte & !WIDE), count_byte & WIDE != 0);
+    let (axis_count, is_wide) = (usize::from(count_byte & !WIDE_FLAG), count_byte & WIDE_FLAG != 0);
     if axis_count > MAX_AXES {
         return Parsed::Garbage(2);
     }

@@ -3,11 +3,11 @@
 use serde_json::{Value, json};
 
 /// Longest message that is read.
-pub const LONGEST: usize = 64 * 1024;
+pub const MESSAGE_BYTES_MAX: usize = 64 * 1024;
 
 /// The state of one device, as the service reports it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct State {
+pub struct HaplyState {
     /// Identifier of the device.
     pub id: String,
     /// Position of its cursor [m].
@@ -17,7 +17,7 @@ pub struct State {
 }
 
 /// The command that sets a device's force [N].
-pub fn command(id: &str, force: [f64; 3]) -> String {
+pub fn force_message(id: &str, force: [f64; 3]) -> String {
     let [x, y, z] = force.map(|force| if force.is_finite() { force } else { 0.0 });
     json!({"inverse3": [{"device_id": id, "commands": {
         "set_cursor_force": {"vector": {"x": x, "y": y, "z": z}, "execute": true}}}]})
@@ -25,22 +25,22 @@ pub fn command(id: &str, force: [f64; 3]) -> String {
 }
 
 /// Parse the state of device `id`, or of the first device; `None` if the message contains none.
-pub fn parse_state(text: &str, id: Option<&str>) -> Option<State> {
+pub fn parse_state(text: &str, id: Option<&str>) -> Option<HaplyState> {
     let message = parse_json(text)?;
     let devices = message.get("inverse3")?.as_array()?;
     let device = devices.iter().find(|device| {
         let device_name = device.get("device_id").and_then(Value::as_str);
         device_name.is_some() && id.is_none_or(|id| device_name == Some(id))
     })?;
-    Some(State {
+    Some(HaplyState {
         id: device.get("device_id")?.as_str()?.to_owned(),
-        position: vector(device.get("state")?.get("cursor_position")?)?,
+        position: parse_vector(device.get("state")?.get("cursor_position")?)?,
         lockstep: device.get("lockstep").and_then(Value::as_bool) == Some(true),
     })
 }
 
 /// A message with the state of a device, as the service writes it; `lockstep` is a field of emulated services only.
-pub fn state(id: &str, position: [f64; 3], force: [f64; 3], lockstep: bool) -> String {
+pub fn state_message(id: &str, position: [f64; 3], force: [f64; 3], lockstep: bool) -> String {
     let vector = |[x, y, z]: [f64; 3]| json!({"x": x, "y": y, "z": z});
     let mut device_json = json!({"device_id": id, "state": {
         "cursor_position": vector(position), "current_cursor_force": vector(force)}});
@@ -57,16 +57,16 @@ pub fn parse_command(text: &str, id: &str) -> Option<[f64; 3]> {
     let device = devices
         .iter()
         .find(|device| device.get("device_id").and_then(Value::as_str) == Some(id))?;
-    vector(device.get("commands")?.get("set_cursor_force")?.get("vector")?)
+    parse_vector(device.get("commands")?.get("set_cursor_force")?.get("vector")?)
 }
 
 fn parse_json(text: &str) -> Option<Value> {
-    (text.len() <= LONGEST)
+    (text.len() <= MESSAGE_BYTES_MAX)
         .then(|| serde_json::from_str(text).ok())
         .flatten()
 }
 
-fn vector(value: &Value) -> Option<[f64; 3]> {
+fn parse_vector(value: &Value) -> Option<[f64; 3]> {
     let mut components = [0.0; 3];
     for (number, axis) in components.iter_mut().zip(["x", "y", "z"]) {
         *number = value.get(axis)?.as_f64().filter(|x: &f64| x.is_finite())?;

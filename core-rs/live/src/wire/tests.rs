@@ -27,7 +27,7 @@ fn firefader_reply_bytes_of_positions() {
     };
     assert_eq!(parsed_reply.metres(0), 0.0);
     assert!((parsed_reply.metres(1) + 0.04992).abs() < 1e-15);
-    assert_eq!((parsed_reply.analog, parsed_reply.cap), ([1, 2], [31, 30]));
+    assert_eq!((parsed_reply.analog, parsed_reply.capacitance), ([1, 2], [31, 30]));
     assert_eq!(parsed_reply.bytes(), packet_bytes);
     assert_eq!(firefader::position_byte(0.0039), 138);
     assert_eq!(firefader::position_byte(1.0), 254);
@@ -36,15 +36,15 @@ fn firefader_reply_bytes_of_positions() {
 
 #[test]
 fn firefader_inbox_finds_the_next_packet() {
-    let mut inbox = Inbox::<64>::new_bytes();
+    let mut inbox = PacketBuffer::<64>::new_bytes();
     let mut seen_replies = Vec::new();
     // The end of a packet, a packet that is cut by the next one, and a packet in two pieces.
     for bytes in [&[3, 4, 0xFF, 9, 9, 0xFF, 130, 1][..], &[2, 3, 4, 5], &[0xFF, 7]] {
-        inbox.feed(bytes, firefader::parse_reply, |reply| seen_replies.push(reply));
+        inbox.add_bytes(bytes, firefader::parse_reply, |reply| seen_replies.push(reply));
     }
     assert_eq!(seen_replies.len(), 1);
     assert_eq!(seen_replies[0].position, [130, 1]);
-    assert_eq!(inbox.garbage, 5);
+    assert_eq!(inbox.garbage_bytes, 5);
 }
 
 #[test]
@@ -53,12 +53,12 @@ fn frame_crc_of_the_check_value() {
     assert_eq!(frame::crc(b"123456789"), 0x29B1);
 }
 
-fn forces(n: usize) -> frame::Request {
+fn forces(n: usize) -> frame::FrameRequest {
     let mut force = [0.0; MAX_AXES];
     for (axis, force) in force[..n].iter_mut().enumerate() {
         *force = axis as f64 - 1.0;
     }
-    frame::Request {
+    frame::FrameRequest {
         seq: 0x0102,
         axis_count: n,
         wide: false,
@@ -69,7 +69,7 @@ fn forces(n: usize) -> frame::Request {
 
 #[test]
 fn frame_bytes_of_a_request() {
-    let mut frame_buffer = [0; frame::LONGEST];
+    let mut frame_buffer = [0; frame::FRAME_BYTES_MAX];
     let frame_length = forces(2).write(2.0, &mut frame_buffer);
     // -1 N of 2 N is -16384 steps (-16383.5 rounds away from zero), 0xC000.
     let body_bytes = [0x02, 0x01, 2, 0x00, 0xC0, 0, 0, 1];
@@ -80,26 +80,26 @@ fn frame_bytes_of_a_request() {
     assert_eq!(&frame_buffer[..frame_length], &expected[..]);
     // A request for twelve keys has 32 bytes, its reply 60.
     assert_eq!(forces(12).write(2.0, &mut frame_buffer), 32);
-    let long_reply = frame::Reply {
+    let long_reply = frame::FrameReply {
         seq: 7,
         t_us: 1_000_000,
         axis_count: 12,
-        ..frame::Reply::default()
+        ..frame::FrameReply::default()
     };
     assert_eq!(long_reply.write(&mut frame_buffer), 60);
 }
 
 #[test]
 fn frame_reply_positions_in_tens_of_nanometres() {
-    let mut frame_buffer = [0; frame::LONGEST];
-    let mut sent_reply = frame::Reply {
+    let mut frame_buffer = [0; frame::FRAME_BYTES_MAX];
+    let mut sent_reply = frame::FrameReply {
         axis_count: 1,
-        ..frame::Reply::default()
+        ..frame::FrameReply::default()
     };
     sent_reply.position[0] = -0.001;
     let frame_length = sent_reply.write(&mut frame_buffer);
     assert_eq!(frame_buffer[9..13], (-100_000_i32).to_le_bytes());
-    let Parsed::Packet(parsed_reply, complete) = frame::Reply::parse(&frame_buffer[..frame_length]) else {
+    let Parsed::Packet(parsed_reply, complete) = frame::FrameReply::parse(&frame_buffer[..frame_length]) else {
         panic!("{frame_buffer:?}");
     };
     assert_eq!(complete, frame_length);
@@ -116,7 +116,7 @@ fn haply_messages_of_the_service() {
         ("A14", [0.01, -0.02, 0.15])
     );
     assert_eq!(haply::parse_state(message_text, Some("B2")), None);
-    let command = haply::command("A14", [0.5, f64::NAN, -1.0]);
+    let command = haply::force_message("A14", [0.5, f64::NAN, -1.0]);
     assert_eq!(
         command,
         r#"{"inverse3":[{"commands":{"set_cursor_force":{"execute":true,"vector":{"x":0.5,"y":0.0,"z":-1.0}}},"device_id":"A14"}]}"#
@@ -124,7 +124,7 @@ fn haply_messages_of_the_service() {
     assert_eq!(haply::parse_command(&command, "A14"), Some([0.5, 0.0, -1.0]));
     assert!(!device_state.lockstep, "no real service has the host's time");
     for lockstep in [false, true] {
-        let state_message = haply::state("A14", [0.1, 0.2, 0.3], [0.0; 3], lockstep);
+        let state_message = haply::state_message("A14", [0.1, 0.2, 0.3], [0.0; 3], lockstep);
         let listened = haply::parse_state(&state_message, Some("A14")).unwrap();
         assert_eq!(listened.position, [0.1, 0.2, 0.3]);
         assert_eq!(listened.lockstep, lockstep);
@@ -143,9 +143,9 @@ fn feeds<T: PartialEq + std::fmt::Debug>(
         stream_bytes.extend(noise.get(i).into_iter().flatten());
         stream_bytes.extend(packet);
     }
-    let (mut inbox, mut seen_packets) = (Inbox::<512>::new_bytes(), Vec::new());
+    let (mut inbox, mut seen_packets) = (PacketBuffer::<512>::new_bytes(), Vec::new());
     for piece in stream_bytes.chunks(piece) {
-        inbox.feed(piece, parse, |packet| seen_packets.push(packet));
+        inbox.add_bytes(piece, parse, |packet| seen_packets.push(packet));
     }
     let expected: Vec<&T> = packets.iter().map(|(_, packet)| packet).collect();
     assert_eq!(seen_packets.iter().collect::<Vec<_>>(), expected);
@@ -154,21 +154,21 @@ fn feeds<T: PartialEq + std::fmt::Debug>(
 proptest! {
     #[test]
     fn parsers_accept_random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..600), piece in 1_usize..80) {
-        let mut firefader_in = Inbox::<64>::new_bytes();
-        let mut frame_in = Inbox::<512>::new_bytes();
-        let mut who_in = Inbox::<512>::new_bytes();
+        let mut firefader_in = PacketBuffer::<64>::new_bytes();
+        let mut frame_in = PacketBuffer::<512>::new_bytes();
+        let mut who_in = PacketBuffer::<512>::new_bytes();
         for piece in bytes.chunks(piece) {
-            firefader_in.feed(piece, firefader::parse_reply, |reply| {
+            firefader_in.add_bytes(piece, firefader::parse_reply, |reply| {
                 assert!((0..2).all(|axis| reply.metres(axis).abs() < 0.05));
             });
-            firefader_in.feed(piece, firefader::parse_request, |force| {
+            firefader_in.add_bytes(piece, firefader::parse_request, |force| {
                 assert!(force.iter().all(|force| force.abs() <= 1.58));
             });
-            frame_in.feed(piece, frame::Reply::parse, |reply| {
+            frame_in.add_bytes(piece, frame::FrameReply::parse, |reply| {
                 assert!(reply.position.iter().all(|x| x.is_finite()));
             });
-            frame_in.feed(piece, |bytes| frame::Request::parse(bytes, 2.0), |_| ());
-            who_in.feed(piece, frame::DeviceInfo::parse, |_| ());
+            frame_in.add_bytes(piece, |bytes| frame::FrameRequest::parse(bytes, 2.0), |_| ());
+            who_in.add_bytes(piece, frame::DeviceInfo::parse, |_| ());
         }
         let text = String::from_utf8_lossy(&bytes);
         haply::parse_state(&text, None);
@@ -184,7 +184,7 @@ proptest! {
         let packets: Vec<_> = data
             .iter()
             .map(|&[a, b, c, d, e, f]| {
-                let reply = firefader::Reply { position: [a, b], analog: [c, d], cap: [e, f] };
+                let reply = firefader::FaderReply { position: [a, b], analog: [c, d], capacitance: [e, f] };
                 (reply.bytes().to_vec(), reply)
             })
             .collect();
@@ -213,8 +213,8 @@ proptest! {
                     *to = if wide { *from } else { (from / frame::POS_LSB).round() * frame::POS_LSB };
                 }
                 let n = positions.len();
-                let reply = frame::Reply { seq: i as u16, t_us: 9, axis_count: n, wide, status, position };
-                let mut bytes = [0; frame::LONGEST];
+                let reply = frame::FrameReply { seq: i as u16, t_us: 9, axis_count: n, wide, status, position };
+                let mut bytes = [0; frame::FRAME_BYTES_MAX];
                 let len = reply.write(&mut bytes);
                 (bytes[..len].to_vec(), reply)
             })
@@ -224,19 +224,19 @@ proptest! {
             .into_iter()
             .map(|noise| noise.into_iter().filter(|&byte| byte != 0xA5).collect())
             .collect();
-        feeds(&packets, &noise, piece, frame::Reply::parse);
+        feeds(&packets, &noise, piece, frame::FrameReply::parse);
     }
 
     #[test]
     fn frame_with_a_flipped_bit_is_refused(bit in 0_usize..(16 * 8), seq in any::<u16>()) {
-        let mut bytes = [0; frame::LONGEST];
+        let mut bytes = [0; frame::FRAME_BYTES_MAX];
         let mut request = forces(3);
         request.seq = seq;
         let len = request.write(2.0, &mut bytes);
         prop_assert_eq!(len, 14);
         let bit = bit % (len * 8);
         bytes[bit / 8] ^= 1 << (bit % 8);
-        let whole = matches!(frame::Request::parse(&bytes[..len], 2.0), Parsed::Packet(..));
+        let whole = matches!(frame::FrameRequest::parse(&bytes[..len], 2.0), Parsed::Packet(..));
         prop_assert!(!whole);
     }
 
@@ -245,8 +245,8 @@ proptest! {
         let mut request = forces(3);
         request.wide = true;
         request.force[axis] = if infinite { f64::INFINITY } else { f64::NAN };
-        let mut bytes = [0; frame::LONGEST];
+        let mut bytes = [0; frame::FRAME_BYTES_MAX];
         let len = request.write(2.0, &mut bytes);
-        prop_assert_eq!(frame::Request::parse(&bytes[..len], 2.0), Parsed::Garbage(len));
+        prop_assert_eq!(frame::FrameRequest::parse(&bytes[..len], 2.0), Parsed::Garbage(len));
     }
 }

@@ -6,22 +6,29 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use ergon_live::device::{self, Device, Url, guardian};
-use ergon_live::emulate::{BoardConfig, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
+use ergon_live::device::{self, Device, DeviceUrl, guardian};
+use ergon_live::emulate::{
+    BoardConfig, EmulatedHand, EmulationOptions, KeyConstants, Protocol, ServeEvent, ServeSummary, Transport, serve,
+};
 
 /// Rate of ticks of 44 samples at 44.1 kHz.
 pub(crate) const RATE: f64 = 44_100.0 / 44.0;
 
 pub(crate) struct Emulator {
     pub(crate) address: String,
-    pub(crate) events: Receiver<Event>,
+    pub(crate) events: Receiver<ServeEvent>,
     stop: Arc<AtomicBool>,
-    thread: JoinHandle<Outcome>,
+    thread: JoinHandle<ServeSummary>,
 }
 
-pub(crate) fn options(protocol: Protocol, transport: Transport, axes: usize, hands: Vec<Hand>) -> Options {
-    let key = Key::default();
-    Options {
+pub(crate) fn options(
+    protocol: Protocol,
+    transport: Transport,
+    axes: usize,
+    hands: Vec<EmulatedHand>,
+) -> EmulationOptions {
+    let key = KeyConstants::default();
+    EmulationOptions {
         network: None,
         board: BoardConfig {
             protocol,
@@ -33,7 +40,7 @@ pub(crate) fn options(protocol: Protocol, transport: Transport, axes: usize, han
             seed: 0,
             force_step: 0.0,
             watchdog: Duration::from_millis(50),
-            reported: [key.mass, key.damping],
+            reported_constants: [key.mass, key.damping],
             range: key.range,
         },
         transport,
@@ -50,7 +57,7 @@ pub(crate) fn options(protocol: Protocol, transport: Transport, axes: usize, han
 /// Let this program also act as the guardian of a Haply.
 pub(crate) fn can_guard() {
     let arguments = ["--exact", "emulator::guardian_process", "--ignored", "--nocapture"];
-    guardian::register_program(guardian::Program {
+    guardian::register_program(guardian::GuardianProgram {
         path: std::env::current_exe().unwrap(),
         arguments: arguments.map(Into::into).into(),
     });
@@ -64,7 +71,7 @@ fn guardian_process() {
 }
 
 impl Emulator {
-    pub(crate) fn start(options: Options) -> Self {
+    pub(crate) fn start(options: EmulationOptions) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let (tell, events) = channel();
         let asked = stop.clone();
@@ -72,7 +79,7 @@ impl Emulator {
             let tell = &mut |event| drop(tell.send(event));
             serve(options, tell, &mut || !asked.load(Ordering::Relaxed)).unwrap()
         });
-        let Ok(Event::Ready(address)) = events.recv_timeout(Duration::from_secs(60)) else {
+        let Ok(ServeEvent::Ready(address)) = events.recv_timeout(Duration::from_secs(60)) else {
             panic!("no emulator");
         };
         Self {
@@ -85,11 +92,11 @@ impl Emulator {
 
     pub(crate) fn open(&self, kind: &str, options: &str) -> Box<dyn Device> {
         can_guard();
-        let url = Url::parse(&format!("{kind}:{}?{options}", self.address)).unwrap();
+        let url = DeviceUrl::parse(&format!("{kind}:{}?{options}", self.address)).unwrap();
         device::open(&url).unwrap()
     }
 
-    pub(crate) fn end(self) -> Outcome {
+    pub(crate) fn end(self) -> ServeSummary {
         self.stop.store(true, Ordering::Relaxed);
         self.thread.join().unwrap()
     }

@@ -119,7 +119,7 @@ fn serve(stream: std::net::TcpStream, tell: &Sender<ServiceEvent>, reply: &Atomi
     };
     let quick = Some(Duration::from_millis(5));
     socket.get_ref().set_read_timeout(quick).unwrap();
-    let state = |force| Message::text(haply::state(ID, [0.01, 0.0, 0.0], force, false));
+    let state = |force| Message::text(haply::state_message(ID, [0.01, 0.0, 0.0], force, false));
     let _ = tell.send(ServiceEvent::Came);
     let _ = socket.send(state([0.0; 3]));
     while !over.load(Ordering::Relaxed) {

@@ -1,7 +1,7 @@
 //! The complete chunks of a file, and those of its bundles.
 
 use super::ReadError;
-use crate::bundle::{self, BundleError, Unpacked};
+use crate::bundle::{self, BundleError, UnpackedTotal};
 use crate::motion::{self, ChunkError, FORMATS, MAGIC};
 use crate::payload::{VERSION, kind};
 
@@ -13,11 +13,11 @@ pub struct ChunkRef {
     /// Its instant [s].
     pub seconds: f64,
     /// First byte of its payload in the file; of a chunk in a bundle that of the bundle's.
-    pub position: usize,
+    pub offset: usize,
     /// Length of its payload [bytes].
-    pub len: usize,
+    pub n_bytes: usize,
     /// First byte of its payload among those out of bundles; `None` if it is in no bundle.
-    pub(super) unpacked_at: Option<usize>,
+    pub(super) unpacked_offset: Option<usize>,
 }
 
 /// The bytes of a file, and its complete chunks.
@@ -42,9 +42,9 @@ impl Chunks {
             _ => return Err(ReadError::Magic),
         }
         let (mut chunks, mut unpacked, mut end) = (Vec::new(), Vec::new(), MAGIC.len());
-        let mut unpacked_so_far = Unpacked::default();
+        let mut unpacked_so_far = UnpackedTotal::default();
         // As after a cut, nothing after a damaged chunk can be trusted.
-        while let Ok((chunk, chunk_length)) = motion::read(&bytes[end..]) {
+        while let Ok((chunk, chunk_length)) = motion::read_chunk(&bytes[end..]) {
             let is_known = (kind::MANIFEST..=kind::LAST).contains(&chunk.kind);
             if is_known && chunk.version != VERSION {
                 return Err(ReadError::Version(chunk.kind, chunk.version));
@@ -53,27 +53,27 @@ impl Chunks {
             let chunk_ref = ChunkRef {
                 kind: chunk.kind,
                 seconds: chunk.seconds,
-                position: end - 4 - chunk.payload.len(),
-                len: chunk.payload.len(),
-                unpacked_at: None,
+                offset: end - 4 - chunk.payload.len(),
+                n_bytes: chunk.payload.len(),
+                unpacked_offset: None,
             };
             if chunk.kind != kind::BUNDLE {
                 chunks.push(chunk_ref);
                 continue;
             }
-            let position = chunk_ref.position;
+            let position = chunk_ref.offset;
             let bundled_chunks =
-                bundle::open(chunk.payload, end as u64, &mut unpacked_so_far).map_err(|error| match error {
-                    BundleError::Long(length) => ReadError::Bundle(position, length),
+                bundle::unpack(chunk.payload, end as u64, &mut unpacked_so_far).map_err(|error| match error {
+                    BundleError::TooLong(length) => ReadError::Bundle(position, length),
                     BundleError::Damaged => ReadError::Payload(kind::BUNDLE, position),
                 })?;
             for bundled in bundled_chunks {
                 chunks.push(ChunkRef {
                     kind: bundled.kind,
                     seconds: bundled.seconds,
-                    position,
-                    len: bundled.payload.len(),
-                    unpacked_at: Some(unpacked.len()),
+                    offset: position,
+                    n_bytes: bundled.payload.len(),
+                    unpacked_offset: Some(unpacked.len()),
                 });
                 unpacked.extend(bundled.payload);
             }
@@ -87,20 +87,20 @@ impl Chunks {
     }
 
     pub(super) fn payload(&self, chunk: &ChunkRef) -> &[u8] {
-        match chunk.unpacked_at {
-            Some(start) => &self.unpacked[start..start + chunk.len],
-            None => &self.bytes[chunk.position..chunk.position + chunk.len],
+        match chunk.unpacked_offset {
+            Some(start) => &self.unpacked[start..start + chunk.n_bytes],
+            None => &self.bytes[chunk.offset..chunk.offset + chunk.n_bytes],
         }
     }
 
     /// Whether the file ends with its index.
-    pub(super) fn is_whole(&self) -> bool {
-        let is_index = |last: &ChunkRef| last.kind == kind::INDEX && last.unpacked_at.is_none();
+    pub(super) fn is_complete(&self) -> bool {
+        let is_index = |last: &ChunkRef| last.kind == kind::INDEX && last.unpacked_offset.is_none();
         self.refs.last().is_some_and(is_index) && self.end == self.bytes.len()
     }
 
     /// Whether the bytes after the last complete chunk are the beginning of a chunk.
-    pub(super) fn is_cut(&self) -> bool {
-        self.end < self.bytes.len() && motion::read(&self.bytes[self.end..]) == Err(ChunkError::Cut)
+    pub(super) fn is_truncated(&self) -> bool {
+        self.end < self.bytes.len() && motion::read_chunk(&self.bytes[self.end..]) == Err(ChunkError::Truncated)
     }
 }

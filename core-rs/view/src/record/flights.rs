@@ -1,61 +1,66 @@
 //! Flights: oscillations that a reader continues by itself, written when the engine differs from them.
 
 use super::Recorder;
-use crate::packed::BOUND;
-use crate::payload::{Bytes, kind};
+use crate::packed::ERROR_BOUNDS;
+use crate::payload::{ByteWriter, kind};
 
 /// A displacement too small to be seen [m].
-const FAINT: f64 = 1e-12;
+const INVISIBLE_METRES: f64 = 1e-12;
 /// If an oscillation has decayed since the strike by this exponent σt, it is not followed back to the strike.
-const MAX_DECAY: f64 = 20.0;
+const DECAY_EXPONENT_MAX: f64 = 20.0;
 /// Number of looks between two evaluations of modal parts, for their peaks.
-const SHAPE_EVERY: u64 = 4;
+const SHAPE_INTERVAL_LOOKS: u64 = 4;
 
 /// The oscillation that a reader computes for one point or mode.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Flight {
-    a: f64,
-    b: f64,
-    since: f64,
+    cosine_amplitude: f64,
+    sine_amplitude: f64,
+    start_time: f64,
 }
 
 impl Recorder {
     /// Writes new flights for points and modes that differ from those that a reader has.
-    pub(super) fn write_flights(&mut self, seen: &[f64], now: f64, is_first: bool) {
+    pub(super) fn write_flights(&mut self, tracks: &[f64], now: f64, is_first: bool) {
         let (track_count, frame_period) = (self.look.n_tracks(), 1.0 / self.rate);
         let mut flights: Vec<(f64, usize, Flight)> = Vec::new();
         for track in &self.tracks {
-            let actual_phase =
-                (track.oscillation).coefficients(seen[track.number], seen[track_count + track.number], frame_period);
-            let flight = &self.flights[track.number];
-            let predicted = track
-                .oscillation
-                .coefficients_after((flight.a, flight.b), now - flight.since);
+            let actual_phase = (track.oscillation).coefficients(
+                tracks[track.track_number],
+                tracks[track_count + track.track_number],
+                frame_period,
+            );
+            let flight = &self.flights[track.track_number];
+            let predicted = track.oscillation.coefficients_after(
+                (flight.cosine_amplitude, flight.sine_amplitude),
+                now - flight.start_time,
+            );
             let velocity_scale = if track.oscillation.omega == 0.0 {
-                1.0 / self.setup.fps
+                1.0 / self.setup.looks_per_second
             } else {
                 1.0
             };
             let amplitude_of = |(a, b): (f64, f64)| amplitude(a, b * velocity_scale);
             let difference = amplitude_of((actual_phase.0 - predicted.0, actual_phase.1 - predicted.1));
             let largest = amplitude_of(actual_phase).max(amplitude_of(predicted));
-            let run_peak = &mut self.peaks[track.run];
-            if track.number < self.look.points.len() {
+            let run_peak = &mut self.output_peaks[track.run_index];
+            if track.track_number < self.look.points.len() {
                 *run_peak = run_peak.max(if track.oscillation.omega == 0.0 {
                     actual_phase.0.abs()
                 } else {
                     amplitude_of(actual_phase)
                 });
             }
-            if difference.is_nan() || difference <= BOUND.flight * largest + FAINT {
+            if difference.is_nan() || difference <= ERROR_BOUNDS.flight_share * largest + INVISIBLE_METRES {
                 continue;
             }
             // A strike at the instant of a look acts after it.
-            let strike_times = &self.strike_times[track.struck];
+            let strike_times = &self.strike_times[track.strike_list];
             let last_strike = strike_times[..strike_times.partition_point(|time| *time < now)].last();
             let since = match last_strike {
                 Some(&last_strike)
-                    if last_strike >= self.last_look && track.oscillation.sigma * (now - last_strike) < MAX_DECAY =>
+                    if last_strike >= self.last_look
+                        && track.oscillation.sigma * (now - last_strike) < DECAY_EXPONENT_MAX =>
                 {
                     last_strike
                 }
@@ -63,29 +68,37 @@ impl Recorder {
             };
             let (a, b) = track.oscillation.coefficients_after(actual_phase, since - now);
             let (a, b) = (f64::from(a as f32), f64::from(b as f32));
-            flights.push((since, track.number, Flight { a, b, since }));
+            flights.push((
+                since,
+                track.track_number,
+                Flight {
+                    cosine_amplitude: a,
+                    sine_amplitude: b,
+                    start_time: since,
+                },
+            ));
         }
         flights.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
         for (since, number, flight) in flights {
             self.flights[number] = flight;
             // A flight that begins now is in the key state.
             if !(is_first && since == now) {
-                write(self.event(since, kind::FLIGHTS), number, &flight);
+                write_flight(self.event(since, kind::FLIGHTS), number, &flight);
             }
         }
-        if self.frame.is_multiple_of(SHAPE_EVERY) {
-            self.shape(seen);
+        if self.look_number.is_multiple_of(SHAPE_INTERVAL_LOOKS) {
+            self.update_modal_peaks(tracks);
         }
     }
 
     /// Updates the peaks of modal parts.
-    fn shape(&mut self, seen: &[f64]) {
+    fn update_modal_peaks(&mut self, tracks: &[f64]) {
         let point_count = self.look.points.len();
-        for (run, peak) in self.runs.iter().zip(&mut self.peaks) {
+        for (run, peak) in self.runs.iter().zip(&mut self.output_peaks) {
             let Some(body) = run.body.map(|body| &self.look.bodies[body]) else {
                 continue;
             };
-            let mode_positions = &seen[point_count + body.first_mode..][..body.modes.len()];
+            let mode_positions = &tracks[point_count + body.first_mode..][..body.modes.len()];
             for (row, &point) in body.shapes.chunks(mode_positions.len().max(1)).zip(&body.points) {
                 self.modal_displacements[point] = row.iter().zip(mode_positions).map(|(share, q)| share * q).sum();
                 *peak = peak.max(self.modal_displacements[point].abs());
@@ -97,28 +110,29 @@ impl Recorder {
     pub(super) fn begin_segment(&mut self, now: f64) {
         self.segment.start = now;
         for track in &self.tracks {
-            let track_flight = &mut self.flights[track.number];
-            let (a, b) = track
-                .oscillation
-                .coefficients_after((track_flight.a, track_flight.b), now - track_flight.since);
-            let is_faint = amplitude(a, b) <= FAINT;
+            let track_flight = &mut self.flights[track.track_number];
+            let (a, b) = track.oscillation.coefficients_after(
+                (track_flight.cosine_amplitude, track_flight.sine_amplitude),
+                now - track_flight.start_time,
+            );
+            let is_faint = amplitude(a, b) <= INVISIBLE_METRES;
             let value_or_zero = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
             *track_flight = Flight {
-                a: value_or_zero(a),
-                b: value_or_zero(b),
-                since: now,
+                cosine_amplitude: value_or_zero(a),
+                sine_amplitude: value_or_zero(b),
+                start_time: now,
             };
             if !is_faint {
-                write(&mut self.segment.state, track.number, track_flight);
+                write_flight(&mut self.segment.state_bytes, track.track_number, track_flight);
             }
         }
     }
 }
 
-fn write(to: &mut Bytes, number: usize, flight: &Flight) {
-    to.u32(number as u32);
-    to.f32(flight.a);
-    to.f32(flight.b);
+fn write_flight(out: &mut ByteWriter, number: usize, flight: &Flight) {
+    out.u32(number as u32);
+    out.f32(flight.cosine_amplitude);
+    out.f32(flight.sine_amplitude);
 }
 
 fn amplitude(a: f64, b: f64) -> f64 {

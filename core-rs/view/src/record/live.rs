@@ -1,8 +1,8 @@
 //! Chunks of a single look for live pages; for a file, chunks wait until a second is complete.
 
 use super::Recorder;
-use crate::frames::Frames;
-use crate::payload::{Bytes, kind, put};
+use crate::frames::PartFrames;
+use crate::payload::{ByteWriter, kind, write_chunk};
 
 /// The chunks of one look.
 #[derive(Debug, Default)]
@@ -20,37 +20,37 @@ impl Recorder {
     pub fn take_live(&mut self) -> LiveChunks {
         let mut segment = std::mem::take(&mut self.segment);
         let look_time = self.last_look;
-        let is_key = (self.frame.wrapping_sub(1)).is_multiple_of(self.looks_per_segment());
+        let is_key = (self.look_number.wrapping_sub(1)).is_multiple_of(self.looks_per_segment());
         let (mut events, mut latest) = (Vec::new(), Vec::new());
         (segment.events).sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let now_index = segment.events.partition_point(|event| event.0 < look_time);
         let (past_events, now_events) = segment.events.split_at(now_index);
-        let mut put_chunks = |frames: &[(f64, u16, Bytes)], state_bytes: Option<&Bytes>| {
+        let mut put_chunks = |frames: &[(f64, u16, ByteWriter)], state_bytes: Option<&ByteWriter>| {
             if let Some(state_bytes) = state_bytes {
-                put(&mut events, kind::STATE, look_time, &state_bytes.0);
+                write_chunk(&mut events, kind::STATE, look_time, &state_bytes.0);
             }
             for (seconds, kind, payload) in frames {
                 let target_chunks = match *kind {
                     kind::LEVELS | kind::HANDS => &mut latest,
                     _ => &mut events,
                 };
-                put(target_chunks, *kind, *seconds, &payload.0);
+                write_chunk(target_chunks, *kind, *seconds, &payload.0);
             }
         };
         put_chunks(past_events, None);
-        put_chunks(now_events, is_key.then_some(&segment.state));
-        let mut peak_bytes = Bytes::default();
-        self.peaks.iter().for_each(|peak| peak_bytes.f32(*peak));
-        put(&mut latest, kind::PEAKS, look_time, &peak_bytes.0);
-        for (part, rows) in segment.rows.into_iter().enumerate() {
+        put_chunks(now_events, is_key.then_some(&segment.state_bytes));
+        let mut peak_bytes = ByteWriter::default();
+        self.output_peaks.iter().for_each(|peak| peak_bytes.f32(*peak));
+        write_chunk(&mut latest, kind::PEAKS, look_time, &peak_bytes.0);
+        for (part, rows) in segment.sampled_displacements.into_iter().enumerate() {
             if self.runs[part].kind == "sampled" {
-                let live_frames = Frames {
+                let live_frames = PartFrames {
                     part: part as u16,
-                    hop: 1.0 / self.setup.fps,
+                    frame_interval: 1.0 / self.setup.looks_per_second,
                     rows,
-                    count: 1,
+                    n_frames: 1,
                 };
-                put(&mut latest, kind::FRAMES, look_time, &live_frames.plain());
+                write_chunk(&mut latest, kind::FRAMES, look_time, &live_frames.plain_payload());
             }
         }
         LiveChunks { is_key, events, latest }

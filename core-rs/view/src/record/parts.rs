@@ -4,13 +4,13 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use ergon_engine::network::Network;
-use ergon_engine::simulation::{ErgonRecord, Look, Oscillation, PointMotion};
+use ergon_engine::simulation::{ErgonRecord, MotionLook, Oscillation, PointMotion};
 
-use crate::payload::NONE;
+use crate::payload::NO_INDEX;
 
 /// Consecutive points of one part that are computed in the same way.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Run {
+pub struct PointRun {
     /// Its part in the network.
     pub part: usize,
     /// Its points.
@@ -18,16 +18,16 @@ pub struct Run {
     /// `free`, `sampled`, `modal` or `none`.
     pub kind: &'static str,
     /// Why it is not computed: `unheard` or `unmoved`.
-    pub why: Option<&'static str>,
-    /// Index in [`Look::bodies`] if its kind is `modal`.
+    pub skip_reason: Option<&'static str>,
+    /// Index in [`MotionLook::bodies`] if its kind is `modal`.
     pub body: Option<usize>,
 }
 
 /// The runs of all points, in order.
-pub fn runs(look: &Look) -> Vec<Run> {
-    let mut all_runs: Vec<Run> = Vec::new();
+pub fn point_runs(look: &MotionLook) -> Vec<PointRun> {
+    let mut all_runs: Vec<PointRun> = Vec::new();
     for (index, point) in look.points.iter().enumerate() {
-        let (kind, why, body) = match point.motion {
+        let (kind, skip_reason, body) = match point.motion {
             PointMotion::Free(_) => ("free", None, None),
             PointMotion::Sampled => ("sampled", None, None),
             PointMotion::Modal(body) => ("modal", None, Some(body)),
@@ -35,14 +35,14 @@ pub fn runs(look: &Look) -> Vec<Run> {
             PointMotion::NotComputed { is_moved: false } => ("none", Some("unmoved"), None),
         };
         match all_runs.last_mut() {
-            Some(run) if (run.part, run.kind, run.why, run.body) == (point.part, kind, why, body) => {
+            Some(run) if (run.part, run.kind, run.skip_reason, run.body) == (point.part, kind, skip_reason, body) => {
                 run.points.end = index + 1;
             }
-            _ => all_runs.push(Run {
+            _ => all_runs.push(PointRun {
                 part: point.part,
                 points: index..index + 1,
                 kind,
-                why,
+                skip_reason,
                 body,
             }),
         }
@@ -51,25 +51,25 @@ pub fn runs(look: &Look) -> Vec<Run> {
 }
 
 /// A point or mode that oscillates freely.
-pub(super) struct Track {
-    pub(super) number: usize,
+pub(super) struct OscillatingTrack {
+    pub(super) track_number: usize,
     pub(super) oscillation: Oscillation,
     /// Index in the strike lists: its point, or its body.
-    pub(super) struck: usize,
-    pub(super) run: usize,
+    pub(super) strike_list: usize,
+    pub(super) run_index: usize,
 }
 
 /// All free points and modes, run by run.
-pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
+pub(super) fn oscillating_tracks(look: &MotionLook, runs: &[PointRun]) -> Vec<OscillatingTrack> {
     let mut all_tracks = Vec::new();
     for (run, run_tracks) in runs.iter().enumerate() {
         for number in run_tracks.points.clone() {
             if let PointMotion::Free(run_tracks) = look.points[number].motion {
-                all_tracks.push(Track {
-                    number,
+                all_tracks.push(OscillatingTrack {
+                    track_number: number,
                     oscillation: run_tracks,
-                    struck: number,
-                    run,
+                    strike_list: number,
+                    run_index: run,
                 });
             }
         }
@@ -77,11 +77,11 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
             let body_modes = look.bodies[body_index].modes.iter();
             for (number, run_tracks) in (look.points.len() + look.bodies[body_index].first_mode..).zip(body_modes) {
                 let struck = look.points.len() + body_index;
-                all_tracks.push(Track {
-                    number,
+                all_tracks.push(OscillatingTrack {
+                    track_number: number,
                     oscillation: *run_tracks,
-                    struck,
-                    run,
+                    strike_list: struck,
+                    run_index: run,
                 });
             }
         }
@@ -91,7 +91,7 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
 
 /// Instants at which points and bodies are struck. In a discrete part, a strike acts at a frame.
 pub(super) fn strike_times(
-    look: &Look,
+    look: &MotionLook,
     network: &Network,
     points: &HashMap<usize, usize>,
     ergons: &[ErgonRecord],
@@ -113,6 +113,6 @@ pub(super) fn strike_times(
             PointMotion::Sampled | PointMotion::NotComputed { .. } => {}
         }
     }
-    debug_assert!(NONE as usize > point_count);
+    debug_assert!(NO_INDEX as usize > point_count);
     all_times
 }

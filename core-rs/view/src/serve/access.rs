@@ -3,14 +3,14 @@
 use std::fmt;
 use std::net::{IpAddr, SocketAddr};
 
-use super::answer::Status;
+use super::answer::RefusalStatus;
 use super::request::Request;
 
 /// A key of 128 bits that is part of every address.
 #[derive(Clone, PartialEq, Eq)]
-pub struct Key(String);
+pub struct AccessKey(String);
 
-impl Key {
+impl AccessKey {
     /// The key of 32 hexadecimal digits; `None` for other text.
     pub fn new(digits: &str) -> Option<Self> {
         let is_valid_key = digits.len() == 32 && digits.bytes().all(|b| b.is_ascii_hexdigit());
@@ -28,13 +28,13 @@ impl Key {
     }
 }
 
-impl fmt::Display for Key {
+impl fmt::Display for AccessKey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
     }
 }
 
-impl fmt::Debug for Key {
+impl fmt::Debug for AccessKey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Key")
     }
@@ -44,27 +44,27 @@ impl fmt::Debug for Key {
 ///
 /// A name in another's domain may resolve to this machine (DNS rebinding): therefore a host must be an address, or
 /// `localhost`. A page of another origin may send any request, but the browser then sends its origin.
-pub(super) fn check<'a>(request: &'a Request, key: &Key, address: SocketAddr) -> Result<&'a str, Status> {
-    let request_host = request.host.as_deref().ok_or(Status::Malformed)?;
-    if !is_ours(request_host, address) {
-        return Err(Status::WrongHost);
+pub(super) fn check<'a>(request: &'a Request, key: &AccessKey, address: SocketAddr) -> Result<&'a str, RefusalStatus> {
+    let request_host = request.host.as_deref().ok_or(RefusalStatus::Malformed)?;
+    if !is_server_host(request_host, address) {
+        return Err(RefusalStatus::WrongHost);
     }
     let from_here = |origin: &str| origin.strip_prefix("http://") == Some(request_host);
     match request.origin.as_deref() {
-        Some(origin) if !from_here(origin) => return Err(Status::WrongOrigin),
+        Some(origin) if !from_here(origin) => return Err(RefusalStatus::WrongOrigin),
         // A browser always sends the origin of a WebSocket.
-        None if request.upgrade.is_some() => return Err(Status::WrongOrigin),
+        None if request.upgrade.is_some() => return Err(RefusalStatus::WrongOrigin),
         _ => {}
     }
-    let path = request.path.strip_prefix('/').ok_or(Status::Malformed)?;
+    let path = request.path.strip_prefix('/').ok_or(RefusalStatus::Malformed)?;
     match path.split_once('/') {
         Some((given, path)) if key.matches(given) => Ok(path),
-        _ => Err(Status::NotFound),
+        _ => Err(RefusalStatus::NotFound),
     }
 }
 
 /// Whether a `Host` is this machine: on loopback, a loopback address or `localhost`; otherwise, any address.
-fn is_ours(host: &str, address: SocketAddr) -> bool {
+fn is_server_host(host: &str, address: SocketAddr) -> bool {
     let (host_name, host_port) = match host.rsplit_once(':') {
         Some((host_name, host_port)) if !host_port.ends_with(']') => (host_name, host_port.parse().ok()),
         _ => (host, Some(80)),

@@ -3,11 +3,11 @@
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
-use super::pace::Paced;
+use super::pace::PacedStream;
 
 /// The status with which a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Status {
+pub(super) enum RefusalStatus {
     Malformed,
     WrongOrigin,
     NotFound,
@@ -19,7 +19,7 @@ pub(super) enum Status {
     Full,
 }
 
-impl Status {
+impl RefusalStatus {
     fn line(self) -> &'static str {
         match self {
             Self::Malformed => "400 Bad Request",
@@ -37,7 +37,7 @@ impl Status {
 
 /// Everything on the page comes from this server, and other pages may not frame or read it. Sound is played from memory
 /// (`blob:`), because a player that reads ahead on demand would look like a slow reader.
-const HEADERS: &str = "Content-Security-Policy: default-src 'self'; media-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
+const SECURITY_HEADERS: &str = "Content-Security-Policy: default-src 'self'; media-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
     Cross-Origin-Opener-Policy: same-origin\r\n\
     X-Content-Type-Options: nosniff\r\n\
@@ -45,11 +45,15 @@ const HEADERS: &str = "Content-Security-Policy: default-src 'self'; media-src 's
     Cache-Control: no-store\r\n\
     Connection: close\r\n";
 
-pub(super) fn refuse(out: &mut impl Write, status: Status) -> io::Result<()> {
+pub(super) fn refuse(out: &mut impl Write, status: RefusalStatus) -> io::Result<()> {
     let status_line = status.line();
-    let allow_header = if status == Status::NotGet { "Allow: GET\r\n" } else { "" };
+    let allow_header = if status == RefusalStatus::NotGet {
+        "Allow: GET\r\n"
+    } else {
+        ""
+    };
     let response_head = format!(
-        "HTTP/1.1 {status_line}\r\n{HEADERS}{allow_header}Content-Type: text/plain\r\nContent-Length: {}\r\n\r\n{status_line}\n",
+        "HTTP/1.1 {status_line}\r\n{SECURITY_HEADERS}{allow_header}Content-Type: text/plain\r\nContent-Length: {}\r\n\r\n{status_line}\n",
         status_line.len() + 1
     );
     out.write_all(response_head.as_bytes())
@@ -57,32 +61,32 @@ pub(super) fn refuse(out: &mut impl Write, status: Status) -> io::Result<()> {
 
 /// Answers that there is nothing under this name, which is not an error.
 pub(super) fn no_content(out: &mut impl Write) -> io::Result<()> {
-    out.write_all(format!("HTTP/1.1 204 No Content\r\n{HEADERS}\r\n").as_bytes())
+    out.write_all(format!("HTTP/1.1 204 No Content\r\n{SECURITY_HEADERS}\r\n").as_bytes())
 }
 
 pub(super) fn send_bytes(out: &mut impl Write, kind: &str, body: &[u8]) -> io::Result<()> {
     let body_length = body.len();
     let response_head =
-        format!("HTTP/1.1 200 OK\r\n{HEADERS}Content-Type: {kind}\r\nContent-Length: {body_length}\r\n\r\n");
+        format!("HTTP/1.1 200 OK\r\n{SECURITY_HEADERS}Content-Type: {kind}\r\nContent-Length: {body_length}\r\n\r\n");
     out.write_all(response_head.as_bytes())?;
     out.write_all(body)
 }
 
 /// The part of a file of `length` bytes that is read: first byte and number of bytes; an error if the range is outside.
-pub(super) fn byte_range(range: Option<(u64, Option<u64>)>, length: u64) -> Result<(u64, u64), Status> {
+pub(super) fn byte_range(range: Option<(u64, Option<u64>)>, length: u64) -> Result<(u64, u64), RefusalStatus> {
     let Some((first_byte, last_byte)) = range else {
         return Ok((0, length));
     };
     let end_byte = last_byte.map_or(length, |last_byte| last_byte.saturating_add(1).min(length));
     if first_byte >= end_byte {
-        return Err(Status::NoSuchRange);
+        return Err(RefusalStatus::NoSuchRange);
     }
     Ok((first_byte, end_byte - first_byte))
 }
 
 /// Sends a part of a file, in pieces.
 pub(super) fn send_file(
-    out: &mut Paced,
+    out: &mut PacedStream,
     kind: &str,
     file: &mut File,
     length: u64,
@@ -98,7 +102,7 @@ pub(super) fn send_file(
         "200 OK".into()
     };
     let response_head = format!(
-        "HTTP/1.1 {status_line}\r\n{HEADERS}Accept-Ranges: bytes\r\nContent-Type: {kind}\r\nContent-Length: {n}\r\n\r\n"
+        "HTTP/1.1 {status_line}\r\n{SECURITY_HEADERS}Accept-Ranges: bytes\r\nContent-Type: {kind}\r\nContent-Length: {n}\r\n\r\n"
     );
     out.write_all(response_head.as_bytes())?;
     file.seek(SeekFrom::Start(first))?;

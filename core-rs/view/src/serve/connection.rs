@@ -6,55 +6,55 @@ use std::net::{Shutdown, TcpStream};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use super::answer::{self, Status};
-use super::pace::Paced;
+use super::answer::{self, RefusalStatus};
+use super::pace::PacedStream;
 use super::request::{self, Request, RequestError};
-use super::strangers::StrangerPlace;
-use super::{Shared, Slot, access, assets, keys, player, viewer};
+use super::strangers::PendingPlace;
+use super::{ConnectionSlot, ServerState, access, assets, keys, player, viewer};
 
 /// Bytes of a refused request that are read after the answer: if a socket is closed with unread bytes, it is reset and
 /// the answer is lost.
 const DRAIN_BYTES_MAX: usize = 64 << 10;
 
-/// Serves a connection. It keeps the `place` of a stranger until it is admitted, also while a refusal is sent.
-pub(super) fn serve(stream: &TcpStream, place: StrangerPlace, shared: &Shared) {
-    let admission = match request::read(stream, shared.options.limits.head) {
+/// Serves a connection. It keeps the `pending_place` of a stranger until it is admitted, also while a refusal is sent.
+pub(super) fn serve_connection(stream: &TcpStream, pending_place: PendingPlace, shared: &ServerState) {
+    let admission = match request::read(stream, shared.options.limits.head_timeout) {
         Ok(request) => admit(request, shared),
         Err(RequestError::Refused(status)) => Err(status.into()),
-        Err(RequestError::Gone) if place.is_sent_away() => Err(Status::Full.into()),
+        Err(RequestError::Gone) if pending_place.is_evicted() => Err(RefusalStatus::Full.into()),
         Err(RequestError::Gone) => Err(ReplyError::Gone),
     };
     match admission {
         Ok(admitted) => {
-            drop(place);
-            finish(reply(stream, &admitted, shared), stream, shared);
+            drop(pending_place);
+            count_and_refuse(reply(stream, &admitted, shared), stream, shared);
         }
-        Err(error) => finish(Err(error), stream, shared),
+        Err(error) => count_and_refuse(Err(error), stream, shared),
     }
 }
 
 /// A request with the key, which has a place among the connections.
-struct Admitted<'a> {
+struct AdmittedRequest<'a> {
     request: Request,
     /// The path below the key.
     name: String,
-    _slot: Slot<'a>,
+    _slot: ConnectionSlot<'a>,
 }
 
-fn admit(request: Request, shared: &Shared) -> Result<Admitted<'_>, ReplyError> {
+fn admit(request: Request, shared: &ServerState) -> Result<AdmittedRequest<'_>, ReplyError> {
     let options = &shared.options;
-    let name = access::check(&request, &options.key, shared.address)?.to_owned();
-    let connection_slot = Slot::take(&shared.tally.connections, options.limits.connections);
-    Ok(Admitted {
+    let name = access::check(&request, &options.access_key, shared.address)?.to_owned();
+    let connection_slot = ConnectionSlot::take(&shared.counts.connections, options.limits.connections);
+    Ok(AdmittedRequest {
         request,
         name,
-        _slot: connection_slot.ok_or(Status::Full)?,
+        _slot: connection_slot.ok_or(RefusalStatus::Full)?,
     })
 }
 
 /// Counts how a connection ended, and sends the refusal if it was refused.
-fn finish(outcome: Result<(), ReplyError>, stream: &TcpStream, shared: &Shared) {
-    let (server_tally, server_limits) = (&shared.tally, shared.options.limits);
+fn count_and_refuse(outcome: Result<(), ReplyError>, stream: &TcpStream, shared: &ServerState) {
+    let (server_tally, server_limits) = (&shared.counts, shared.options.limits);
     let counter = match &outcome {
         Ok(()) => &server_tally.served,
         Err(ReplyError::Slow) => &server_tally.dropped,
@@ -62,10 +62,10 @@ fn finish(outcome: Result<(), ReplyError>, stream: &TcpStream, shared: &Shared) 
     };
     counter.fetch_add(1, Ordering::Relaxed);
     if let Err(ReplyError::Refused(refusal_status)) = outcome
-        && let Ok(mut paced_stream) = Paced::new(stream, server_limits)
+        && let Ok(mut paced_stream) = PacedStream::new(stream, server_limits)
         && answer::refuse(&mut paced_stream, refusal_status).is_ok()
     {
-        drain(stream, server_limits.head);
+        discard_input(stream, server_limits.head_timeout);
     }
 }
 
@@ -73,12 +73,12 @@ fn finish(outcome: Result<(), ReplyError>, stream: &TcpStream, shared: &Shared) 
 enum ReplyError {
     /// The connection is closed: nobody can be answered.
     Gone,
-    Refused(Status),
+    Refused(RefusalStatus),
     Slow,
 }
 
-impl From<Status> for ReplyError {
-    fn from(status: Status) -> Self {
+impl From<RefusalStatus> for ReplyError {
+    fn from(status: RefusalStatus) -> Self {
         Self::Refused(status)
     }
 }
@@ -89,29 +89,29 @@ impl From<io::Error> for ReplyError {
     }
 }
 
-fn reply(stream: &TcpStream, admitted: &Admitted, shared: &Shared) -> Result<(), ReplyError> {
+fn reply(stream: &TcpStream, admitted: &AdmittedRequest, shared: &ServerState) -> Result<(), ReplyError> {
     let options = &shared.options;
-    let Admitted { request, name, .. } = admitted;
+    let AdmittedRequest { request, name, .. } = admitted;
     if let Some(upgrade_key) = &request.upgrade {
         let serve = match name.as_str() {
-            "live" => viewer::send_to_page,
-            "hands" if !options.keys.is_empty() => player::take_from_page,
-            _ => return Err(Status::NotFound.into()),
+            "live" => viewer::serve_viewer,
+            "hands" if !options.page_keys.is_empty() => player::serve_player,
+            _ => return Err(RefusalStatus::NotFound.into()),
         };
-        let viewer_slot = Slot::take(&shared.tally.viewers, options.limits.viewers);
-        let viewer_slot = viewer_slot.ok_or(Status::Full)?;
-        answer::switch_protocols(&mut Paced::new(stream, options.limits)?, upgrade_key)?;
-        let remaining = request.rest.clone();
+        let viewer_slot = ConnectionSlot::take(&shared.counts.viewers, options.limits.viewers);
+        let viewer_slot = viewer_slot.ok_or(RefusalStatus::Full)?;
+        answer::switch_protocols(&mut PacedStream::new(stream, options.limits)?, upgrade_key)?;
+        let remaining = request.unread_bytes.clone();
         serve(stream.try_clone()?, remaining, shared, viewer_slot);
         return Ok(());
     }
-    let mut paced_stream = Paced::new(stream, options.limits)?;
+    let mut paced_stream = PacedStream::new(stream, options.limits)?;
     // A page requests the file to learn whether there is one; if not, it shows the live piece.
-    if name == "motion" && options.file.is_none() {
+    if name == "motion" && options.motion_file.is_none() {
         return Ok(answer::no_content(&mut paced_stream)?);
     }
     if name == "hands" {
-        let key_list = keys::listed(&options.keys);
+        let key_list = keys::key_list_json(&options.page_keys);
         return Ok(answer::send_bytes(
             &mut paced_stream,
             "application/json",
@@ -119,13 +119,13 @@ fn reply(stream: &TcpStream, admitted: &Admitted, shared: &Shared) -> Result<(),
         )?);
     }
     let page_file = match name.as_str() {
-        "motion" => Some((&options.file, "application/octet-stream")),
-        "sound.wav" => Some((&options.sound, "audio/wav")),
+        "motion" => Some((&options.motion_file, "application/octet-stream")),
+        "sound.wav" => Some((&options.sound_file, "audio/wav")),
         _ => None,
     };
     if let Some((file_path, media_type)) = page_file {
-        let file_path = file_path.as_ref().ok_or(Status::NotFound)?;
-        let mut opened_file = File::open(file_path).map_err(|_| Status::NotFound)?;
+        let file_path = file_path.as_ref().ok_or(RefusalStatus::NotFound)?;
+        let mut opened_file = File::open(file_path).map_err(|_| RefusalStatus::NotFound)?;
         let file_length = opened_file.metadata()?.len();
         let file_range = answer::byte_range(request.range, file_length)?;
         answer::send_file(
@@ -137,14 +137,14 @@ fn reply(stream: &TcpStream, admitted: &Admitted, shared: &Shared) -> Result<(),
             request.range.is_some(),
         )?;
     } else {
-        let (media_type, file_text) = assets::find(name).ok_or(Status::NotFound)?;
+        let (media_type, file_text) = assets::find(name).ok_or(RefusalStatus::NotFound)?;
         answer::send_bytes(&mut paced_stream, media_type, file_text.as_bytes())?;
     }
     Ok(())
 }
 
 /// Reads remaining bytes, for a limited time and up to a limit.
-fn drain(mut stream: &TcpStream, time_limit: Duration) {
+fn discard_input(mut stream: &TcpStream, time_limit: Duration) {
     let _ = stream.shutdown(Shutdown::Write);
     let _ = stream.set_read_timeout(Some(time_limit.min(Duration::from_millis(500))));
     let mut read_buffer = [0; 4 << 10];

@@ -21,23 +21,23 @@ pub trait PageKey: Send + Sync + fmt::Debug {
     /// The two ends of its travel [m].
     fn range(&self) -> [f64; 2];
     /// A page takes the key; false if another page holds it.
-    fn hold(&self) -> bool;
+    fn acquire(&self) -> bool;
     /// Whether a page holds it.
     fn is_held(&self) -> bool;
     /// The page that holds the key leaves it.
-    fn leave(&self);
+    fn release(&self);
     /// The pointer was at `x` [m] `age` [s] ago, with a pressure from 0 to 1, or was lifted; false if that is refused.
-    fn place(&self, age: f64, x: f64, pressure: Option<f64>) -> bool;
+    fn add_position(&self, age: f64, x: f64, pressure: Option<f64>) -> bool;
     /// Count a position of a page that does not hold the key.
-    fn refuse(&self);
+    fn count_refused(&self);
     /// What is drawn.
-    fn points(&self) -> PagePoints;
+    fn points(&self) -> KeyPoints;
 }
 
 /// Pointer, finger and key [m], and the force of the pointer on the finger [N]. Pointer and finger are not numbers
 /// while no finger is on the key.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PagePoints {
+pub struct KeyPoints {
     /// The pointer, as it pulls the finger.
     pub pointer: f64,
     /// The finger.
@@ -50,7 +50,7 @@ pub struct PagePoints {
 
 /// Positions of a pointer on a key, or its lift.
 #[derive(Debug, PartialEq)]
-pub(super) struct Played {
+pub(super) struct KeyInput {
     /// Number of the key.
     pub(super) key: usize,
     /// (when [s of the server], where [m], pressure; none: lifted).
@@ -58,7 +58,7 @@ pub(super) struct Played {
 }
 
 /// Parses the positions in a message; `None` if it is not such a message.
-pub(super) fn parse(bytes: &[u8]) -> Option<Played> {
+pub(super) fn parse_input(bytes: &[u8]) -> Option<KeyInput> {
     let (head_bytes, row_bytes) = bytes.split_at_checked(HEAD_BYTES)?;
     let is_lift = match head_bytes[1] {
         0 => false,
@@ -70,21 +70,21 @@ pub(super) fn parse(bytes: &[u8]) -> Option<Played> {
         return None;
     }
     let positions = row_bytes.chunks_exact(POSITION_BYTES).map(|row| {
-        let number_at = |from: usize| {
-            let word_bytes = row[from..from + 4].try_into().expect("four bytes");
+        let number_at = |offset: usize| {
+            let word_bytes = row[offset..offset + 4].try_into().expect("four bytes");
             f64::from(f32::from_le_bytes(word_bytes))
         };
         let position_time = f64::from_le_bytes(row[..8].try_into().expect("eight bytes"));
         (position_time, number_at(8), (!is_lift).then(|| number_at(12)))
     });
-    Some(Played {
+    Some(KeyInput {
         key: usize::from(head_bytes[0]),
         positions: positions.collect(),
     })
 }
 
 /// The keys as JSON, which a page asks for.
-pub(super) fn listed(keys: &[Arc<dyn PageKey>]) -> String {
+pub(super) fn key_list_json(keys: &[Arc<dyn PageKey>]) -> String {
     let key_rows: Vec<_> = keys
         .iter()
         .map(|key| {
@@ -123,10 +123,10 @@ mod tests {
     #[test]
     fn message_of_positions_and_lifts() {
         let pointer_rows = [(1.5, 0.25, 0.5), (1.75, -0.5, 1.0)];
-        let parsed_moves = parse(&message(3, 0, &pointer_rows)).unwrap();
+        let parsed_moves = parse_input(&message(3, 0, &pointer_rows)).unwrap();
         assert_eq!(parsed_moves.key, 3);
         assert_eq!(parsed_moves.positions[1], (1.75, -0.5, Some(1.0)));
-        let parsed_lifts = parse(&message(0, 1, &pointer_rows[..1])).unwrap();
+        let parsed_lifts = parse_input(&message(0, 1, &pointer_rows[..1])).unwrap();
         assert_eq!(parsed_lifts.positions, [(1.5, 0.25, None)]);
     }
 
@@ -141,7 +141,7 @@ mod tests {
             &message(0, 0, &[]),
             &message(0, 0, &[(0.0, 0.0, 0.0); POSITIONS_MAX + 1]),
         ] {
-            assert_eq!(parse(bytes), None);
+            assert_eq!(parse_input(bytes), None);
         }
     }
 }

@@ -4,34 +4,34 @@ use std::io::{self, ErrorKind, Write};
 use std::net::TcpStream;
 use std::time::Instant;
 
-use super::Limits;
+use super::ConnectionLimits;
 
 /// A stream, with the number of bytes that its reader has taken so far.
-pub(super) struct Paced<'a> {
+pub(super) struct PacedStream<'a> {
     stream: &'a TcpStream,
-    limits: Limits,
-    begin: Instant,
-    taken: u64,
+    limits: ConnectionLimits,
+    start_instant: Instant,
+    bytes_taken: u64,
 }
 
-impl<'a> Paced<'a> {
-    pub(super) fn new(stream: &'a TcpStream, limits: Limits) -> io::Result<Self> {
-        stream.set_write_timeout(Some(limits.stall))?;
+impl<'a> PacedStream<'a> {
+    pub(super) fn new(stream: &'a TcpStream, limits: ConnectionLimits) -> io::Result<Self> {
+        stream.set_write_timeout(Some(limits.stall_timeout))?;
         Ok(Self {
             stream,
             limits,
-            begin: Instant::now(),
-            taken: 0,
+            start_instant: Instant::now(),
+            bytes_taken: 0,
         })
     }
 }
 
-impl Write for Paced<'_> {
+impl Write for PacedStream<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let bytes_written = self.stream.write(bytes)?;
-        self.taken += bytes_written as u64;
-        let time_beyond = self.begin.elapsed().saturating_sub(self.limits.stall);
-        if self.taken < time_beyond.as_secs() * self.limits.floor {
+        self.bytes_taken += bytes_written as u64;
+        let time_beyond = self.start_instant.elapsed().saturating_sub(self.limits.stall_timeout);
+        if self.bytes_taken < time_beyond.as_secs() * self.limits.byte_rate_min {
             return Err(ErrorKind::TimedOut.into());
         }
         Ok(bytes_written)

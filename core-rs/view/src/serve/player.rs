@@ -7,24 +7,24 @@ use std::time::{Duration, Instant};
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Bytes, Error, Message, WebSocket};
 
-use super::keys::{self, MESSAGE_MAX, Played};
-use super::viewer::{End, ended, is_wait};
-use super::{Shared, Slot};
+use super::keys::{self, KeyInput, MESSAGE_MAX};
+use super::viewer::{ConnectionEnd, connection_end, is_timeout};
+use super::{ConnectionSlot, ServerState};
 
 /// Longest wait for a message.
 const READ_TIMEOUT: Duration = Duration::from_millis(4);
 /// Time between two pictures of the points.
-const PICTURE_INTERVAL: Duration = Duration::from_millis(12);
+const KEY_STATE_INTERVAL: Duration = Duration::from_millis(12);
 /// Silence after which a page counts as gone: its network may be lost although its connection is open. Browsers call a
 /// page in the background once a second.
-const SILENCE: Duration = Duration::from_millis(2_500);
+const SILENCE_TIMEOUT: Duration = Duration::from_millis(2_500);
 /// Positions that are refused before the connection is dropped.
 const REFUSED_MAX: usize = 10_000;
 
 /// Takes positions from a page until the connection ends.
-pub(super) fn take_from_page(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _slot: Slot<'_>) {
+pub(super) fn serve_player(stream: TcpStream, unread_bytes: Vec<u8>, shared: &ServerState, _slot: ConnectionSlot<'_>) {
     let page_limits = shared.options.limits;
-    let stream_ready = stream.set_write_timeout(Some(page_limits.stall)).is_ok()
+    let stream_ready = stream.set_write_timeout(Some(page_limits.stall_timeout)).is_ok()
         && stream.set_read_timeout(Some(READ_TIMEOUT)).is_ok()
         && stream.set_nodelay(true).is_ok();
     let socket_config = WebSocketConfig::default()
@@ -32,32 +32,32 @@ pub(super) fn take_from_page(stream: TcpStream, rest: Vec<u8>, shared: &Shared, 
         .write_buffer_size(0)
         .max_message_size(Some(MESSAGE_MAX))
         .max_frame_size(Some(MESSAGE_MAX));
-    let mut page = Page {
-        socket: WebSocket::from_partially_read(stream, rest, Role::Server, Some(socket_config)),
+    let mut page = PlayerPage {
+        socket: WebSocket::from_partially_read(stream, unread_bytes, Role::Server, Some(socket_config)),
         shared,
-        holds: vec![false; shared.options.keys.len()],
-        refused: 0,
+        held_keys: vec![false; shared.options.page_keys.len()],
+        n_refused: 0,
     };
-    if stream_ready && let End::Dropped = page.run() {
-        shared.tally.dropped.fetch_add(1, Ordering::Relaxed);
+    if stream_ready && let ConnectionEnd::Dropped = page.exchange_until_closed() {
+        shared.counts.dropped.fetch_add(1, Ordering::Relaxed);
     }
 }
 
-struct Page<'a> {
+struct PlayerPage<'a> {
     socket: WebSocket<TcpStream>,
-    shared: &'a Shared,
+    shared: &'a ServerState,
     /// Which keys this page holds.
-    holds: Vec<bool>,
-    refused: usize,
+    held_keys: Vec<bool>,
+    n_refused: usize,
 }
 
-impl Page<'_> {
-    fn run(&mut self) -> End {
-        let (mut pictured, mut last_message) = (None::<Instant>, Instant::now());
+impl PlayerPage<'_> {
+    fn exchange_until_closed(&mut self) -> ConnectionEnd {
+        let (mut last_sent, mut last_message) = (None::<Instant>, Instant::now());
         loop {
-            if self.shared.is_over() {
+            if self.shared.is_stopping() {
                 let _ = self.socket.close(None);
-                return End::Left;
+                return ConnectionEnd::Left;
             }
             match self.socket.read() {
                 Ok(message) => {
@@ -66,88 +66,98 @@ impl Page<'_> {
                         return end;
                     }
                 }
-                Err(Error::Io(error)) if is_wait(&error) => {}
-                Err(error) => return ended(&error),
+                Err(Error::Io(error)) if is_timeout(&error) => {}
+                Err(error) => return connection_end(&error),
             }
-            if last_message.elapsed() > SILENCE {
-                self.leave_all();
+            if last_message.elapsed() > SILENCE_TIMEOUT {
+                self.release_all();
             }
-            if pictured.is_none_or(|last| last.elapsed() >= PICTURE_INTERVAL) {
-                pictured = Some(Instant::now());
-                let picture = Message::binary(self.picture());
-                if let Err(error) = self.socket.send(picture) {
-                    return ended(&error);
+            if last_sent.is_none_or(|last| last.elapsed() >= KEY_STATE_INTERVAL) {
+                last_sent = Some(Instant::now());
+                let key_states = Message::binary(self.key_state_bytes());
+                if let Err(error) = self.socket.send(key_states) {
+                    return connection_end(&error);
                 }
             }
         }
     }
 
-    fn receive(&mut self, message: &Message) -> Result<(), End> {
+    fn receive(&mut self, message: &Message) -> Result<(), ConnectionEnd> {
         match message {
             Message::Text(text) => self.receive_text(text),
             Message::Binary(bytes) => {
-                let played_key = keys::parse(bytes).ok_or(End::Dropped)?;
-                self.play(&played_key)
+                let played_key = keys::parse_input(bytes).ok_or(ConnectionEnd::Dropped)?;
+                self.apply_input(&played_key)
             }
             Message::Ping(_) | Message::Pong(_) => Ok(()),
-            Message::Close(_) => Err(End::Left),
-            Message::Frame(_) => Err(End::Dropped),
+            Message::Close(_) => Err(ConnectionEnd::Left),
+            Message::Frame(_) => Err(ConnectionEnd::Dropped),
         }
     }
 
-    fn receive_text(&mut self, text: &str) -> Result<(), End> {
-        let (message_verb, argument) = text.split_once(' ').ok_or(End::Dropped)?;
+    fn receive_text(&mut self, text: &str) -> Result<(), ConnectionEnd> {
+        let (message_verb, argument) = text.split_once(' ').ok_or(ConnectionEnd::Dropped)?;
         if message_verb == "ping" {
-            let sent_time: f64 = argument.parse().map_err(|_| End::Dropped)?;
+            let sent_time: f64 = argument.parse().map_err(|_| ConnectionEnd::Dropped)?;
             return self.send_text(format!("pong {sent_time} {}", self.shared.now()));
         }
-        let key_number: usize = argument.parse().map_err(|_| End::Dropped)?;
-        let page_key = self.shared.options.keys.get(key_number).ok_or(End::Dropped)?;
+        let key_number: usize = argument.parse().map_err(|_| ConnectionEnd::Dropped)?;
+        let page_key = self
+            .shared
+            .options
+            .page_keys
+            .get(key_number)
+            .ok_or(ConnectionEnd::Dropped)?;
         match message_verb {
-            "hold" if self.holds[key_number] => Ok(()),
-            "hold" if page_key.hold() => {
-                self.holds[key_number] = true;
+            "hold" if self.held_keys[key_number] => Ok(()),
+            "hold" if page_key.acquire() => {
+                self.held_keys[key_number] = true;
                 Ok(())
             }
             "hold" => self.send_text(format!("taken {key_number}")),
             "leave" => {
-                if std::mem::take(&mut self.holds[key_number]) {
-                    page_key.leave();
+                if std::mem::take(&mut self.held_keys[key_number]) {
+                    page_key.release();
                 }
                 Ok(())
             }
-            _ => Err(End::Dropped),
+            _ => Err(ConnectionEnd::Dropped),
         }
     }
 
     /// Moves a key by the positions of a pointer, if this page holds it.
-    fn play(&mut self, played: &Played) -> Result<(), End> {
-        let page_key = self.shared.options.keys.get(played.key).ok_or(End::Dropped)?;
+    fn apply_input(&mut self, played: &KeyInput) -> Result<(), ConnectionEnd> {
+        let page_key = self
+            .shared
+            .options
+            .page_keys
+            .get(played.key)
+            .ok_or(ConnectionEnd::Dropped)?;
         let time_now = self.shared.now();
         for &(time, x, pressure) in &played.positions {
-            let is_taken = if self.holds[played.key] {
-                page_key.place(time_now - time, x, pressure)
+            let is_taken = if self.held_keys[played.key] {
+                page_key.add_position(time_now - time, x, pressure)
             } else {
-                page_key.refuse();
+                page_key.count_refused();
                 false
             };
-            self.refused += usize::from(!is_taken);
+            self.n_refused += usize::from(!is_taken);
         }
-        if self.refused > REFUSED_MAX {
-            return Err(End::Dropped);
+        if self.n_refused > REFUSED_MAX {
+            return Err(ConnectionEnd::Dropped);
         }
         Ok(())
     }
 
-    fn send_text(&mut self, text: String) -> Result<(), End> {
+    fn send_text(&mut self, text: String) -> Result<(), ConnectionEnd> {
         let send_result = self.socket.send(Message::text(text));
-        send_result.map_err(|error| ended(&error))
+        send_result.map_err(|error| connection_end(&error))
     }
 
     /// For each key: whether this page (1), another (2) or none (0) holds it; pointer, finger, key [m] and force [N].
-    fn picture(&self) -> Bytes {
-        let mut picture_bytes = Vec::with_capacity(17 * self.holds.len());
-        for (key, &holds) in self.shared.options.keys.iter().zip(&self.holds) {
+    fn key_state_bytes(&self) -> Bytes {
+        let mut picture_bytes = Vec::with_capacity(17 * self.held_keys.len());
+        for (key, &holds) in self.shared.options.page_keys.iter().zip(&self.held_keys) {
             picture_bytes.push(match (holds, key.is_held()) {
                 (true, _) => 1,
                 (false, true) => 2,
@@ -161,17 +171,17 @@ impl Page<'_> {
         picture_bytes.into()
     }
 
-    fn leave_all(&mut self) {
-        for (key, holds) in self.shared.options.keys.iter().zip(&mut self.holds) {
+    fn release_all(&mut self) {
+        for (key, holds) in self.shared.options.page_keys.iter().zip(&mut self.held_keys) {
             if std::mem::take(holds) {
-                key.leave();
+                key.release();
             }
         }
     }
 }
 
-impl Drop for Page<'_> {
+impl Drop for PlayerPage<'_> {
     fn drop(&mut self) {
-        self.leave_all();
+        self.release_all();
     }
 }

@@ -4,7 +4,7 @@ use std::io::{ErrorKind, Read};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-use super::answer::Status;
+use super::answer::RefusalStatus;
 
 /// Largest size of a head [bytes]; that of a browser has a few hundred.
 const HEAD_BYTES_MAX: usize = 8 << 10;
@@ -22,14 +22,14 @@ pub(super) struct Request {
     /// The key of a WebSocket upgrade, from which the answer is derived.
     pub(super) upgrade: Option<String>,
     /// Bytes that came after the head.
-    pub(super) rest: Vec<u8>,
+    pub(super) unread_bytes: Vec<u8>,
 }
 
 /// Why there is no request.
 pub(super) enum RequestError {
     /// The connection is closed: nobody can be answered.
     Gone,
-    Refused(Status),
+    Refused(RefusalStatus),
 }
 
 /// Reads the head of a request within a time.
@@ -40,14 +40,14 @@ pub(super) fn read(mut stream: &TcpStream, time_limit: Duration) -> Result<Reque
     loop {
         let time_left = deadline.saturating_duration_since(Instant::now());
         if time_left.is_zero() || stream.set_read_timeout(Some(time_left)).is_err() {
-            return Err(RequestError::Refused(Status::TimedOut));
+            return Err(RequestError::Refused(RefusalStatus::TimedOut));
         }
         match stream.read(&mut head_bytes[bytes_read..]) {
             Ok(0) => return Err(RequestError::Gone),
             Ok(read_count) => bytes_read += read_count,
             Err(error) if error.kind() == ErrorKind::Interrupted => continue,
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                return Err(RequestError::Refused(Status::TimedOut));
+                return Err(RequestError::Refused(RefusalStatus::TimedOut));
             }
             Err(_) => return Err(RequestError::Gone),
         }
@@ -55,26 +55,26 @@ pub(super) fn read(mut stream: &TcpStream, time_limit: Duration) -> Result<Reque
             return Ok(request);
         }
         if bytes_read == HEAD_BYTES_MAX {
-            return Err(RequestError::Refused(Status::TooLarge));
+            return Err(RequestError::Refused(RefusalStatus::TooLarge));
         }
     }
 }
 
 /// Parses a request; `None` if its head is incomplete.
-pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
+pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, RefusalStatus> {
     let mut headers = [httparse::EMPTY_HEADER; HEADERS_MAX];
     let mut request_head = httparse::Request::new(&mut headers);
     let head_length = match request_head.parse(bytes) {
         Ok(httparse::Status::Complete(head_length)) => head_length,
         Ok(httparse::Status::Partial) => return Ok(None),
-        Err(httparse::Error::TooManyHeaders) => return Err(Status::TooLarge),
-        Err(_) => return Err(Status::Malformed),
+        Err(httparse::Error::TooManyHeaders) => return Err(RefusalStatus::TooLarge),
+        Err(_) => return Err(RefusalStatus::Malformed),
     };
     if request_head.method != Some("GET") {
-        return Err(Status::NotGet);
+        return Err(RefusalStatus::NotGet);
     }
     let request_target = request_head.path.unwrap_or_default();
-    let single_header = |name: &str| -> Result<Option<&str>, Status> {
+    let single_header = |name: &str| -> Result<Option<&str>, RefusalStatus> {
         let mut header_lines = request_head
             .headers
             .iter()
@@ -83,12 +83,12 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
         match (header_text, header_lines.next()) {
             (None, _) => Ok(None),
             (Some(Ok(header_text)), None) => Ok(Some(header_text.trim())),
-            _ => Err(Status::Malformed),
+            _ => Err(RefusalStatus::Malformed),
         }
     };
     // A GET has no body: it could be taken for a second request.
     if single_header("content-length")?.is_some_and(|n| n != "0") || single_header("transfer-encoding")?.is_some() {
-        return Err(Status::Malformed);
+        return Err(RefusalStatus::Malformed);
     }
     Ok(Some(Request {
         path: request_target.split('?').next().unwrap_or_default().to_owned(),
@@ -96,15 +96,15 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
         origin: single_header("origin")?.map(str::to_owned),
         range: single_header("range")?.map(range).transpose()?,
         upgrade: upgrade(&single_header, request_head.version)?,
-        rest: bytes[head_length..].to_vec(),
+        unread_bytes: bytes[head_length..].to_vec(),
     }))
 }
 
 /// The key of a WebSocket upgrade by RFC 6455; `None` if no upgrade is requested.
 fn upgrade<'a>(
-    single_header: &impl Fn(&str) -> Result<Option<&'a str>, Status>,
+    single_header: &impl Fn(&str) -> Result<Option<&'a str>, RefusalStatus>,
     version: Option<u8>,
-) -> Result<Option<String>, Status> {
+) -> Result<Option<String>, RefusalStatus> {
     let Some(upgrade_to) = single_header("upgrade")? else {
         return Ok(None);
     };
@@ -124,16 +124,16 @@ fn upgrade<'a>(
     {
         Ok(Some(socket_key.to_owned()))
     } else {
-        Err(Status::Malformed)
+        Err(RefusalStatus::Malformed)
     }
 }
 
-fn range(text: &str) -> Result<(u64, Option<u64>), Status> {
+fn range(text: &str) -> Result<(u64, Option<u64>), RefusalStatus> {
     let (first_byte, last_byte) = text
         .strip_prefix("bytes=")
         .and_then(|text| text.split_once('-'))
-        .ok_or(Status::NoSuchRange)?;
-    let parse_number = |text: &str| text.parse().map_err(|_| Status::NoSuchRange);
+        .ok_or(RefusalStatus::NoSuchRange)?;
+    let parse_number = |text: &str| text.parse().map_err(|_| RefusalStatus::NoSuchRange);
     let last_byte = if last_byte.is_empty() {
         None
     } else {

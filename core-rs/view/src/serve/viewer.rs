@@ -7,19 +7,19 @@ use std::time::Duration;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Error, Message, WebSocket};
 
-use super::hub::Next;
-use super::{Shared, Slot};
+use super::hub::NextMessage;
+use super::{ConnectionSlot, ServerState};
 
 /// Largest message from a page, which is `ping` and a number [bytes].
-const MAX_MESSAGE: usize = 64;
+const MESSAGE_BYTES_MAX: usize = 64;
 /// Messages that are read before the next one is sent: a page may send without end.
 const READS_PER_SEND: usize = 16;
 /// Longest wait for news, during which messages from the page are not read; and longest wait for such a message.
-const WAIT: Duration = Duration::from_millis(10);
+const NEWS_TIMEOUT: Duration = Duration::from_millis(10);
 const READ_TIMEOUT: Duration = Duration::from_millis(1);
 
 /// How the connection to a viewer ended.
-pub(super) enum End {
+pub(super) enum ConnectionEnd {
     /// The page was closed, or the server.
     Left,
     /// The client read too slowly, or sent a message that the protocol does not have.
@@ -27,32 +27,32 @@ pub(super) enum End {
 }
 
 /// Sends messages to a page until the connection ends.
-pub(super) fn send_to_page(stream: TcpStream, rest: Vec<u8>, shared: &Shared, _slot: Slot<'_>) {
+pub(super) fn serve_viewer(stream: TcpStream, unread_bytes: Vec<u8>, shared: &ServerState, _slot: ConnectionSlot<'_>) {
     let page_limits = shared.options.limits;
-    let stream_ready = stream.set_write_timeout(Some(page_limits.stall)).is_ok()
+    let stream_ready = stream.set_write_timeout(Some(page_limits.stall_timeout)).is_ok()
         && stream.set_read_timeout(Some(READ_TIMEOUT)).is_ok()
         && stream.set_nodelay(true).is_ok();
     let socket_config = WebSocketConfig::default()
         .read_buffer_size(1 << 10)
         .write_buffer_size(0)
-        .max_message_size(Some(MAX_MESSAGE))
-        .max_frame_size(Some(MAX_MESSAGE));
-    let mut page_socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(socket_config));
-    if stream_ready && let End::Dropped = run(&mut page_socket, shared) {
-        shared.tally.dropped.fetch_add(1, Ordering::Relaxed);
+        .max_message_size(Some(MESSAGE_BYTES_MAX))
+        .max_frame_size(Some(MESSAGE_BYTES_MAX));
+    let mut page_socket = WebSocket::from_partially_read(stream, unread_bytes, Role::Server, Some(socket_config));
+    if stream_ready && let ConnectionEnd::Dropped = send_until_closed(&mut page_socket, shared) {
+        shared.counts.dropped.fetch_add(1, Ordering::Relaxed);
     }
 }
 
-fn run(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> End {
-    let mut viewer_cursor = shared.hub.join();
+fn send_until_closed(socket: &mut WebSocket<TcpStream>, shared: &ServerState) -> ConnectionEnd {
+    let mut viewer_cursor = shared.hub.new_cursor();
     loop {
-        let message = match shared.hub.take(&mut viewer_cursor, WAIT) {
-            Next::Message(bytes) => Some(Message::binary(tungstenite::Bytes::from_owner(bytes))),
-            Next::Lost(n) => Some(Message::text(format!("lost {n}"))),
-            Next::Nothing => None,
-            Next::Closed => {
+        let message = match shared.hub.next_message(&mut viewer_cursor, NEWS_TIMEOUT) {
+            NextMessage::Message(bytes) => Some(Message::binary(tungstenite::Bytes::from_owner(bytes))),
+            NextMessage::Lost(n) => Some(Message::text(format!("lost {n}"))),
+            NextMessage::Nothing => None,
+            NextMessage::Closed => {
                 let _ = socket.close(None);
-                return End::Left;
+                return ConnectionEnd::Left;
             }
         };
         // If the reader takes nothing, this times out. A message that was sent in part cannot be taken back, so the
@@ -60,7 +60,7 @@ fn run(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> End {
         if let Some(message) = message
             && let Err(error) = socket.send(message)
         {
-            return ended(&error);
+            return connection_end(&error);
         }
         if let Err(end) = answer_messages(socket, shared) {
             return end;
@@ -69,37 +69,39 @@ fn run(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> End {
 }
 
 /// Reads and answers messages of the page.
-fn answer_messages(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> Result<(), End> {
+fn answer_messages(socket: &mut WebSocket<TcpStream>, shared: &ServerState) -> Result<(), ConnectionEnd> {
     for _ in 0..READS_PER_SEND {
         let message = match socket.read() {
             Ok(message) => message,
-            Err(Error::Io(error)) if is_wait(&error) => return Ok(()),
-            Err(error) => return Err(ended(&error)),
+            Err(Error::Io(error)) if is_timeout(&error) => return Ok(()),
+            Err(error) => return Err(connection_end(&error)),
         };
         match message {
             Message::Text(text) => {
                 let ping_time = text.strip_prefix("ping ").and_then(|t| t.parse().ok());
-                let ping_time: f64 = ping_time.ok_or(End::Dropped)?;
+                let ping_time: f64 = ping_time.ok_or(ConnectionEnd::Dropped)?;
                 let pong_text = format!("pong {ping_time} {}", shared.now());
-                socket.send(Message::text(pong_text)).map_err(|error| ended(&error))?;
+                socket
+                    .send(Message::text(pong_text))
+                    .map_err(|error| connection_end(&error))?;
             }
             Message::Ping(_) | Message::Pong(_) => {}
-            Message::Close(_) => return Err(End::Left),
-            Message::Binary(_) | Message::Frame(_) => return Err(End::Dropped),
+            Message::Close(_) => return Err(ConnectionEnd::Left),
+            Message::Binary(_) | Message::Frame(_) => return Err(ConnectionEnd::Dropped),
         }
     }
     Ok(())
 }
 
-pub(super) fn is_wait(error: &std::io::Error) -> bool {
+pub(super) fn is_timeout(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
 }
 
-pub(super) fn ended(error: &Error) -> End {
+pub(super) fn connection_end(error: &Error) -> ConnectionEnd {
     match error {
-        Error::ConnectionClosed | Error::AlreadyClosed => End::Left,
-        Error::Io(error) if !is_wait(error) => End::Left,
-        _ => End::Dropped,
+        Error::ConnectionClosed | Error::AlreadyClosed => ConnectionEnd::Left,
+        Error::Io(error) if !is_timeout(error) => ConnectionEnd::Left,
+        _ => ConnectionEnd::Dropped,
     }
 }

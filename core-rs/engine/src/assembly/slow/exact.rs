@@ -7,10 +7,10 @@ use nalgebra::DMatrix;
 
 use super::{Solution, moving_mats, resolves_turn};
 use crate::assembly::constants::{FLOW_MASSES_MAX, LOOSE_STIFFNESS_RATIO};
-use crate::assembly::wiring::Body;
+use crate::assembly::wiring::WiredBody;
 use crate::integrate::flow::{Flow, frame_map};
 use crate::integrate::square::SquareMatrix;
-use crate::island::slow::{BlockFlow, Interface, Slow, SpringMethod, Weights, best_block_length};
+use crate::island::slow::{BlockFlow, BodyInterface, Slow, SpringMethod, Weights, best_block_length};
 use crate::maths;
 use crate::network::Subset;
 use crate::scheme::Scheme;
@@ -20,7 +20,7 @@ use crate::units::Rate;
 pub(super) fn slow_body_of_springs(
     rate: Rate,
     (part, macrostep): (usize, u32),
-    body: &Body,
+    body: &WiredBody,
     subset: Subset,
     is_struck: impl Fn(usize) -> bool,
 ) -> Result<Slow, String> {
@@ -69,7 +69,7 @@ pub(super) fn slow_body_of_springs(
         let missing = |local: usize| frame_flow.push_deficit(local, &state_after_strike(&frame, local, is_discrete));
         let ports = ports.iter();
         let ports = ports.map(|&(local, mat)| (local, is_struck(mat).then(|| missing(local))));
-        let interface = Interface {
+        let interface = BodyInterface {
             inverse_masses: &matrices.inverse_masses,
             ports: ports.collect(),
             outputs: outputs.to_vec(),
@@ -107,7 +107,7 @@ struct Matrices {
 }
 
 impl Matrices {
-    fn new(subset: &Subset, scheme: &Scheme, body: &Body) -> Self {
+    fn new(subset: &Subset, scheme: &Scheme, body: &WiredBody) -> Self {
         let mats = subset.network.mats();
         let free = moving_mats(body, subset);
         let free_count = free.len();

@@ -15,8 +15,8 @@ use crate::interrupt;
 use crate::island::bodies::BodyPlan;
 use crate::island::modal::Modal;
 use crate::island::slow::{RunningSlow, Slow};
-use crate::scheme::{Kind, Run, Scheme};
-use crate::state::Body;
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
+use crate::state::ModuleState;
 
 /// Work that a frame adds to the counter of interruptions, for each number of the state.
 const INTERRUPT_STEPS_PER_NUMBER: usize = 4;
@@ -101,7 +101,7 @@ struct ModalState<'a> {
 struct KickMap<'a> {
     scheme: Scheme,
     links: Vec<LinearLink>,
-    body: Body,
+    modules: ModuleState,
     /// MATs that the scheme steps.
     stepped_mats: Vec<usize>,
     slow_bodies: Vec<RunningSlow>,
@@ -124,8 +124,8 @@ impl<'a> KickMap<'a> {
             .flatten()
             .collect();
         let mat_count = scheme.n_mat();
-        let mut body = Body::new(&scheme, vec![0.0; mat_count], vec![0.0; mat_count]);
-        body.inner = vec![0.0; mat_count];
+        let mut modules = ModuleState::new(&scheme, vec![0.0; mat_count], vec![0.0; mat_count]);
+        modules.free_port_motion = vec![0.0; mat_count];
         let mut is_port_mat = vec![false; mat_count];
         let body_plans = || island_plan.bodies.iter();
         for mat in body_plans().flat_map(BodyPlan::ports) {
@@ -149,7 +149,7 @@ impl<'a> KickMap<'a> {
         for mat in body_plans().filter(has_no_map).flat_map(BodyPlan::ports) {
             is_port_mat[mat] = false;
         }
-        let start_slow = |slow: &&Slow| RunningSlow::new(&slow.frame_by_frame().layer_body(), &body);
+        let start_slow = |slow: &&Slow| RunningSlow::new(&slow.frame_by_frame().layer_body(), &modules);
         let running_slow: Vec<RunningSlow> = slow.iter().map(start_slow).collect();
         (frames <= COMMON_FRAMES_MAX).then(|| Self {
             slow_bodies: running_slow,
@@ -170,7 +170,7 @@ impl<'a> KickMap<'a> {
             is_partial,
             period_frames: frames,
             links,
-            body,
+            modules,
             scheme,
         })
     }
@@ -185,8 +185,8 @@ impl<'a> KickMap<'a> {
     /// Visits each number of the state, always in the same order.
     fn visit_state(&mut self, mut visit: impl FnMut(&mut f64)) {
         for &i in &self.stepped_mats {
-            visit(&mut self.body.x[i]);
-            visit(&mut self.body.d[i]);
+            visit(&mut self.modules.x[i]);
+            visit(&mut self.modules.d[i]);
         }
         self.slow_bodies
             .iter_mut()
@@ -215,20 +215,20 @@ impl<'a> KickMap<'a> {
 
     fn set_port_positions(&mut self) {
         for slow in &self.slow_bodies {
-            slow.set_ports(&mut self.body);
+            slow.set_ports(&mut self.modules);
         }
         for modes in &self.modes {
             for port in &modes.modal.ports {
                 let port_position = |q: &[f64]| q.iter().zip(&port.shape).map(|(q, s)| q * s).sum::<f64>();
                 let x = port_position(&modes.amplitudes);
-                self.body.x[port.mat] = x;
-                self.body.d[port.mat] = x - port_position(&modes.previous_amplitudes);
+                self.modules.x[port.mat] = x;
+                self.modules.d[port.mat] = x - port_position(&modes.previous_amplitudes);
             }
         }
     }
 
     fn step_frame(&mut self, n: u64) {
-        let Body { x, d, force, .. } = &mut self.body;
+        let ModuleState { x, d, force, .. } = &mut self.modules;
         force.fill(0.0);
         for link in &self.links {
             let (first_end, second_end) = (link.a, link.b);
@@ -356,7 +356,7 @@ impl<'a> KickMap<'a> {
             random_bits as f64 / 8_388_608.0 - 1.0
         };
         for &i in &self.stepped_mats {
-            (self.body.x[i], self.body.d[i]) = (0.0, next_random() * self.scheme.w[i].sqrt());
+            (self.modules.x[i], self.modules.d[i]) = (0.0, next_random() * self.scheme.w[i].sqrt());
         }
         for slow in &mut self.slow_bodies {
             slow.randomise(&mut next_random);
@@ -371,7 +371,7 @@ impl<'a> KickMap<'a> {
 
     /// Approximate energy of the whole state [in units of a frame].
     fn energy(&self) -> f64 {
-        let Body { x, d, .. } = &self.body;
+        let ModuleState { x, d, .. } = &self.modules;
         let Scheme { w, kappa, .. } = &self.scheme;
         let entries = self.stepped_mats.iter();
         let stepped_energy: f64 = entries.map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i]).sum();
@@ -396,11 +396,11 @@ impl<'a> KickMap<'a> {
 
 /// A run as linear links; `None` if it is open, is computed finer than a frame, or has no linear form.
 fn linear_links(
-    run: &Run,
+    run: &LinkRun,
     are_contacts_closed: bool,
     is_fine: bool,
 ) -> Option<impl Iterator<Item = LinearLink> + use<>> {
-    let is_contact = matches!(run.kind, Kind::But(_));
+    let is_contact = matches!(run.kind, LinkRunKind::But(_));
     if is_contact && (!are_contacts_closed || (is_fine && run.can_substep())) {
         return None;
     }

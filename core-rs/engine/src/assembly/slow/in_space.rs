@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{Solution, moving_mats, resolves_turn};
-use crate::assembly::wiring::Body;
+use crate::assembly::wiring::WiredBody;
 use crate::island::slow::{Slow, SpringMethod};
 use crate::maths;
 use crate::network::{Error, Subset};
@@ -14,7 +14,7 @@ use crate::units::Rate;
 pub(super) fn slow_body_in_space(
     rate: Rate,
     (part, macrostep): (usize, u32),
-    body: &Body,
+    body: &WiredBody,
     subset: Subset,
 ) -> Result<Slow, String> {
     let macro_frames = f64::from(macrostep);

@@ -3,7 +3,7 @@
 use super::{Complex, ComplexModes, Coordinates, Pole};
 use crate::body_modes::constants::{COUPLED_MODES_MAX, COUPLING_ERROR_MAX, COUPLING_NONE, COUPLING_ROUNDING};
 use crate::body_modes::linear::NoModes;
-use crate::spectrum::{General, general, inverse};
+use crate::spectrum::{Eigensystem, general, inverse};
 
 /// Sets of undamped modes that `damping` (n, n) couples, each in rising order.
 pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
@@ -212,7 +212,7 @@ pub(super) fn add(
 
 /// Eigenvectors as the columns of a real matrix: for a pair, the real part and minus the imaginary part   (n, n). With
 /// them y = V·(Re z, Im z).
-fn columns(eigen: &General) -> Vec<f64> {
+fn columns(eigen: &Eigensystem) -> Vec<f64> {
     let state_size = eigen.values.len();
     let mut eigen_columns = vec![0.0; state_size * state_size];
     let mut first_column = 0;
@@ -234,7 +234,7 @@ fn columns(eigen: &General) -> Vec<f64> {
 }
 
 /// ‖E‖, where A + E has exactly the computed eigenvalues and eigenvectors: E = (V·B − A·V)·V⁻¹.
-fn error(matrix: &[f64], eigen: &General, [vectors, left_vectors]: [&[f64]; 2]) -> f64 {
+fn error(matrix: &[f64], eigen: &Eigensystem, [vectors, left_vectors]: [&[f64]; 2]) -> f64 {
     let state_size = eigen.values.len();
     let mut residual = vec![0.0; state_size * state_size];
     for row in 0..state_size {

@@ -6,7 +6,7 @@ use super::loops::{add_at_ends, advance_psi_run, set_spring_terms};
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
 use crate::scheme::{ForceEnds, Spring};
-use crate::scheme::{Kind, Run, largest_eigenvalue};
+use crate::scheme::{LinkRun, LinkRunKind, largest_eigenvalue};
 
 /// The links, springs first, others after them.
 #[derive(Clone, Debug)]
@@ -58,13 +58,13 @@ pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Resul
     }
     for link_run in &mesh.other_runs {
         let refusal_reason = match &link_run.kind {
-            Kind::Lnl { law, .. } if law.is_shared() => Some(
+            LinkRunKind::Lnl { law, .. } if law.is_shared() => Some(
                 "method ieq cannot compute the tension of a string, which all its links share; choose another method",
             ),
-            Kind::Lnl { law, .. } if !law.has_closed_energy() => {
+            LinkRunKind::Lnl { law, .. } if !law.has_closed_energy() => {
                 Some("method ieq needs a law by points or a polynomial, whose energy is known; choose another method")
             }
-            Kind::Lnl { law, .. } => {
+            LinkRunKind::Lnl { law, .. } => {
                 // A law that pushes away from rest has a negative potential near rest.
                 let mut probe_lengths = [1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6]
                     .into_iter()
@@ -74,7 +74,7 @@ pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Resul
                          choose another method",
                 )
             }
-            Kind::But(but) if but.is_clamped && link_run.z != 0.0 => Some(
+            LinkRunKind::But(but) if but.is_clamped && link_run.z != 0.0 => Some(
                 "method ieq computes a contact with Z only if the contact may pull; remove `clamp`, or choose \
                      another method",
             ),
@@ -91,14 +91,14 @@ pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Resul
 pub(super) fn linear_lambda_max(mesh: &Mesh, network: &Network) -> Result<f64, Error> {
     let mut linear_scheme = mesh.scheme.clone();
     linear_scheme.runs.retain(|run| match &run.kind {
-        Kind::Ref | Kind::Hardening(_) => true,
-        Kind::But(_)
-        | Kind::Followed { .. }
-        | Kind::Bristle { .. }
-        | Kind::Dry { .. }
-        | Kind::Space(_)
-        | Kind::Pairwise { .. } => false,
-        Kind::Lnl { law, .. } => law.hardening_spring().is_some(),
+        LinkRunKind::Ref | LinkRunKind::Hardening(_) => true,
+        LinkRunKind::But(_)
+        | LinkRunKind::Followed { .. }
+        | LinkRunKind::Bristle { .. }
+        | LinkRunKind::Dry { .. }
+        | LinkRunKind::Space(_)
+        | LinkRunKind::Pairwise { .. } => false,
+        LinkRunKind::Lnl { law, .. } => law.hardening_spring().is_some(),
     });
     Ok(largest_eigenvalue(&linear_scheme, network, 0.0, super::EXPLICIT_LAMBDA_MAX)?.lambda)
 }
@@ -261,27 +261,27 @@ fn elongation(run: &Spring, x: &[f64], d: &[f64], i: usize) -> (f64, f64) {
 }
 
 /// ψ of a contact or a law: √(2V), with the sign of e for a law that acts on both sides.
-fn psi(run: &Run, e: f64) -> f64 {
+fn psi(run: &LinkRun, e: f64) -> f64 {
     match &run.kind {
-        Kind::Lnl { law, .. } => copysign(sqrt(2.0 * law.potential(e)), e),
-        Kind::But(but) => {
+        LinkRunKind::Lnl { law, .. } => copysign(sqrt(2.0 * law.potential(e)), e),
+        LinkRunKind::But(but) => {
             let penetration = but.sign() * e;
             sqrt(2.0 * but.elastic(run.k).energy(penetration.max(0.0)))
         }
-        Kind::Ref
-        | Kind::Hardening(_)
-        | Kind::Followed { .. }
-        | Kind::Bristle { .. }
-        | Kind::Dry { .. }
-        | Kind::Space(_)
-        | Kind::Pairwise { .. } => 0.0,
+        LinkRunKind::Ref
+        | LinkRunKind::Hardening(_)
+        | LinkRunKind::Followed { .. }
+        | LinkRunKind::Bristle { .. }
+        | LinkRunKind::Dry { .. }
+        | LinkRunKind::Space(_)
+        | LinkRunKind::Pairwise { .. } => 0.0,
     }
 }
 
 /// dψ/de of a contact or a law, the coefficient of damping that acts implicitly, and an explicit force.
-fn slope_and_damping(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
+fn slope_and_damping(run: &LinkRun, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
     match &run.kind {
-        Kind::Lnl { law, rate, .. } => {
+        LinkRunKind::Lnl { law, rate, .. } => {
             let potential_root = psi(run, e);
             let psi_slope = if potential_root == 0.0 {
                 sqrt(law.slope(e).max(0.0))
@@ -301,7 +301,7 @@ fn slope_and_damping(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64
                 (psi_slope, 0.0, drag_force)
             }
         }
-        Kind::But(but) => {
+        LinkRunKind::But(but) => {
             let contact_sign = but.sign();
             let penetration = contact_sign * e;
             let psi_slope = if penetration > 0.0 {
@@ -319,12 +319,12 @@ fn slope_and_damping(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64
                 0.0,
             )
         }
-        Kind::Ref
-        | Kind::Hardening(_)
-        | Kind::Followed { .. }
-        | Kind::Bristle { .. }
-        | Kind::Dry { .. }
-        | Kind::Space(_)
-        | Kind::Pairwise { .. } => (0.0, 0.0, run.force(e, de)),
+        LinkRunKind::Ref
+        | LinkRunKind::Hardening(_)
+        | LinkRunKind::Followed { .. }
+        | LinkRunKind::Bristle { .. }
+        | LinkRunKind::Dry { .. }
+        | LinkRunKind::Space(_)
+        | LinkRunKind::Pairwise { .. } => (0.0, 0.0, run.force(e, de)),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::network::{But, Contact, Side, Tie};
-use crate::simulation::{OnFault, Options, Simulation};
+use crate::simulation::{OnFault, Simulation, SimulationOptions};
 use crate::timeline::Timeline;
 
 /// A mesh with all kinds of links, and a contact of each kind.
@@ -41,7 +41,7 @@ fn integrator_by_ca_equals_the_scheme_of_islands() {
             .strike(&network, mat, frame as f64 / HERTZ, impulse, Some(0.0), 0)
             .expect("a strike");
     }
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         record: false,
         on_fault: OnFault::Stop,

@@ -2,8 +2,8 @@
 
 use crate::island::energy_account::{EnergyAccount, EnergyGain};
 use crate::network::{AXES_MAX, SpaceLink};
-use crate::scheme::{Kind, Run, Scheme, Spring};
-use crate::state::Body;
+use crate::scheme::{LinkRun, LinkRunKind, Scheme, Spring};
+use crate::state::ModuleState;
 
 /// The account of one link, added to at every step.
 #[derive(Clone, Debug)]
@@ -58,12 +58,12 @@ impl SpaceWork {
     }
 
     /// The work that the link took since the step before [J], if it pulls with `force` [N] now.
-    fn step(&mut self, ends: (usize, usize), force: f64, body: &Body) -> f64 {
-        let (_, direction) = self.link.length_and_direction(ends, |mat| body.x[mat]);
+    fn step(&mut self, ends: (usize, usize), force: f64, modules: &ModuleState) -> f64 {
+        let (_, direction) = self.link.length_and_direction(ends, |mat| modules.x[mat]);
         let mut step_work = 0.0;
         for (axis, direction) in direction.into_iter().enumerate().take(self.link.n_axes) {
             let (first_mat, second_mat) = self.link.pair(ends, axis);
-            let stretch = body.d[second_mat] - body.d[first_mat];
+            let stretch = modules.d[second_mat] - modules.d[first_mat];
             step_work += 0.5 * (self.previous_stretches[axis] + stretch) * self.previous_forces[axis];
             (self.previous_stretches[axis], self.previous_forces[axis]) = (stretch, force * direction);
         }
@@ -75,7 +75,7 @@ impl SpaceWork {
 #[derive(Clone, Debug)]
 pub(super) struct CheckedLink {
     /// A run of only this link.
-    pub(super) run: Run,
+    pub(super) run: LinkRun,
     /// Elongations [m] when the account began, and a step before; of bristles, their bend, twice.
     start_elongations: [f64; 2],
     /// Whether the account counts the energy that was stored when it began; that is computed only when needed.
@@ -90,7 +90,7 @@ crate::archive::state!(CheckedLink {
 });
 
 impl CheckedLink {
-    pub(super) fn new(run: Run) -> Self {
+    pub(super) fn new(run: LinkRun) -> Self {
         Self {
             run,
             start_elongations: [0.0; 2],
@@ -104,7 +104,7 @@ impl CheckedLink {
     pub(super) fn check(
         &mut self,
         link_account: &mut LinkAccount,
-        body: &Body,
+        modules: &ModuleState,
         (motion_energy, hand_work): (impl Fn() -> f64, f64),
         n: u64,
     ) -> Option<EnergyGain> {
@@ -118,8 +118,8 @@ impl CheckedLink {
         }
         let energy_now = motion_energy();
         link_account.energy_account.add_work_of_masses(0.0, energy_now);
-        let gain = link_account.energy_gain(self, body, (energy_now, hand_work), n);
-        if !gain.is_reportable() || gain.created_energy <= rounding_energy(&self.run, body) {
+        let gain = link_account.energy_gain(self, modules, (energy_now, hand_work), n);
+        if !gain.is_reportable() || gain.created_energy <= rounding_energy(&self.run, modules) {
             return None;
         }
         self.worst_gain = Some(gain.worse_of(self.worst_gain));
@@ -130,16 +130,16 @@ impl CheckedLink {
 impl LinkAccount {
     /// The account of a run of one link; `is_fused`: it is computed in one pass with others; `strength_varies`: its
     /// strength changes in time.
-    pub(super) fn new(run: &Run, is_fused: bool, strength_varies: bool) -> Self {
+    pub(super) fn new(run: &LinkRun, is_fused: bool, strength_varies: bool) -> Self {
         Self {
             a: run.a,
             b: run.b,
-            link: run.first,
+            link: run.first_link,
             previous_stretch: 0.0,
             previous_force: 0.0,
             energy_account: EnergyAccount::default(),
             space_work: match &run.kind {
-                Kind::Space(link) => Some(SpaceWork::new(link.clone())),
+                LinkRunKind::Space(link) => Some(SpaceWork::new(link.clone())),
                 _ => None,
             },
             fused_spring: is_fused.then(|| run.spring()).flatten(),
@@ -153,26 +153,26 @@ impl LinkAccount {
     }
 
     /// Restart the account.
-    pub(super) fn begin(&mut self, link: &mut CheckedLink, scheme: &Scheme, gates: &[f64], body: &Body) {
+    pub(super) fn begin(&mut self, link: &mut CheckedLink, scheme: &Scheme, gates: &[f64], modules: &ModuleState) {
         self.energy_account = EnergyAccount::default();
-        self.previous_stretch = body.d[self.b] - body.d[self.a];
-        self.previous_force = self.force_now(body);
+        self.previous_stretch = modules.d[self.b] - modules.d[self.a];
+        self.previous_force = self.force_now(modules);
         if self.strength_factor.is_some() {
             self.strength_factor = Some(strength_factor(&link.run, scheme, gates));
         }
         if let Some(space_work) = &mut self.space_work {
-            space_work.step((self.a, self.b), self.previous_force, body);
+            space_work.step((self.a, self.b), self.previous_force, modules);
         }
-        (link.start_elongations, link.includes_start_energy) = (elongations(&link.run, body), false);
+        (link.start_elongations, link.includes_start_energy) = (elongations(&link.run, modules), false);
     }
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
-    pub(super) fn step(&mut self, link: &CheckedLink, scheme: &Scheme, gates: &[f64], body: &Body) {
-        let link_force = self.force_now(body);
+    pub(super) fn step(&mut self, link: &CheckedLink, scheme: &Scheme, gates: &[f64], modules: &ModuleState) {
+        let link_force = self.force_now(modules);
         if let Some(strength_before) = self.strength_factor {
             let strength_now = strength_factor(&link.run, scheme, gates);
             if strength_now != strength_before {
-                let stored_energy = link_energy(&link.run, elongations(&link.run, body));
+                let stored_energy = link_energy(&link.run, elongations(&link.run, modules));
                 self.energy_account
                     .add_work((strength_now - strength_before) * stored_energy);
                 self.strength_factor = Some(strength_now);
@@ -183,19 +183,19 @@ impl LinkAccount {
         }
         let link_ends = (self.a, self.b);
         let (step_work, kinetic) = if let Some(space_work) = &mut self.space_work {
-            let step_work = space_work.step(link_ends, link_force, body);
+            let step_work = space_work.step(link_ends, link_force, modules);
             let axis_pairs = (0..space_work.link.n_axes).map(|axis| space_work.link.pair(link_ends, axis));
             (
                 step_work,
                 axis_pairs
-                    .map(|link_ends| kinetic_energy(link_ends, scheme, body))
+                    .map(|link_ends| kinetic_energy(link_ends, scheme, modules))
                     .sum(),
             )
         } else {
-            let stretch = body.d[self.b] - body.d[self.a];
+            let stretch = modules.d[self.b] - modules.d[self.a];
             let step_work = 0.5 * (self.previous_stretch + stretch) * self.previous_force;
             self.previous_stretch = stretch;
-            (step_work, kinetic_energy(link_ends, scheme, body))
+            (step_work, kinetic_energy(link_ends, scheme, modules))
         };
         self.energy_account.add_work_of_masses(step_work, kinetic);
         self.previous_force = link_force;
@@ -206,7 +206,7 @@ impl LinkAccount {
     pub(super) fn energy_gain(
         &self,
         link: &CheckedLink,
-        body: &Body,
+        modules: &ModuleState,
         (motion_energy, hand_work): (f64, f64),
         n: u64,
     ) -> EnergyGain {
@@ -214,7 +214,7 @@ impl LinkAccount {
         if !link.includes_start_energy {
             account.add_start(self.start_energy(link));
         }
-        let stored_energy = self.stored_energy(&link.run, body);
+        let stored_energy = self.stored_energy(&link.run, modules);
         account
             .energy_gain(stored_energy, motion_energy, n)
             .with_reference_energy_min(hand_work)
@@ -227,8 +227,8 @@ impl LinkAccount {
 
     /// The energy that its link stored between the two frames up to which the account goes: MATs have moved on since
     /// [J].
-    fn stored_energy(&self, run: &Run, body: &Body) -> f64 {
-        let [elongation_next, elongation_now] = elongations(run, body);
+    fn stored_energy(&self, run: &LinkRun, modules: &ModuleState) -> f64 {
+        let [elongation_next, elongation_now] = elongations(run, modules);
         let elongation_pair = if run.n_axes() > 1 || run.bristle().is_some() {
             [elongation_next, elongation_now]
         } else {
@@ -238,12 +238,12 @@ impl LinkAccount {
     }
 
     /// The force of the link now [N].
-    fn force_now(&self, body: &Body) -> f64 {
+    fn force_now(&self, modules: &ModuleState) -> f64 {
         match &self.fused_spring {
-            None => body.link[self.link],
+            None => modules.link_forces[self.link],
             Some(spring) => {
-                let e = body.x[self.b] - body.x[self.a] - spring.rest;
-                let stretch = body.d[self.b] - body.d[self.a];
+                let e = modules.x[self.b] - modules.x[self.a] - spring.rest;
+                let stretch = modules.d[self.b] - modules.d[self.a];
                 spring.k * e + spring.q * (e * e * e) + spring.z * stretch
             }
         }
@@ -251,10 +251,10 @@ impl LinkAccount {
 }
 
 /// The strength of a link in this step, as a factor of what it is as written.
-fn strength_factor(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
+fn strength_factor(run: &LinkRun, scheme: &Scheme, gates: &[f64]) -> f64 {
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let mut scheme_runs = scheme.runs.iter().chain(&scheme.exact_runs);
-    let run_now = scheme_runs.find(|scheme_run| scheme_run.links().contains(&run.first));
+    let run_now = scheme_runs.find(|scheme_run| scheme_run.links().contains(&run.first_link));
     let stiffness_ratio = run_now.map_or(1.0, |run_now| run_now.k / run.k);
     if stiffness_ratio.is_finite() {
         gate_opening * stiffness_ratio
@@ -264,40 +264,40 @@ fn strength_factor(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
 }
 
 /// Elongations of a link now and a step before [m]; of bristles, their bend.
-fn elongations(run: &Run, body: &Body) -> [f64; 2] {
+fn elongations(run: &LinkRun, modules: &ModuleState) -> [f64; 2] {
     if run.bristle().is_some() {
-        return [body.memory[run.first]; 2];
+        return [modules.link_memories[run.first_link]; 2];
     }
-    let elongation_now = run.elongation(0, |mat| body.x[mat]);
+    let elongation_now = run.elongation(0, |mat| modules.x[mat]);
     if run.n_axes() > 1 {
         let permanent_stretch = if run.has_permanent_stretch() {
-            body.memory[run.first]
+            modules.link_memories[run.first_link]
         } else {
             0.0
         };
-        let elongation_before = run.elongation(0, |mat| body.x[mat] - body.d[mat]);
+        let elongation_before = run.elongation(0, |mat| modules.x[mat] - modules.d[mat]);
         return [
             elongation_now - permanent_stretch,
             elongation_before - permanent_stretch,
         ];
     }
-    [elongation_now, elongation_now - (body.d[run.b] - body.d[run.a])]
+    [elongation_now, elongation_now - (modules.d[run.b] - modules.d[run.a])]
 }
 
 /// Energy of a link in space that rounding alone explains [J]: its elongation is a difference of coordinates.
-fn rounding_energy(run: &Run, body: &Body) -> f64 {
+fn rounding_energy(run: &LinkRun, modules: &ModuleState) -> f64 {
     /// Error of the elongation in units of the last digit: rounding adds up from step to step.
     const ELONGATION_ERROR_ULP: f64 = 1e4;
     if run.n_axes() == 1 {
         return 0.0; // a contact that is open has no force at all
     }
-    let end_positions = run.pairs(0).flat_map(|(a, b)| [body.x[a], body.x[b]]);
+    let end_positions = run.pairs(0).flat_map(|(a, b)| [modules.x[a], modules.x[b]]);
     let elongation_error = ELONGATION_ERROR_ULP * f64::EPSILON * end_positions.map(f64::abs).fold(0.0, f64::max);
     run.k * elongation_error * elongation_error
 }
 
 /// Energy of a link between two steps [J].
-fn link_energy(run: &Run, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
+fn link_energy(run: &LinkRun, [elongation_now, elongation_before]: [f64; 2]) -> f64 {
     match run.bristle() {
         Some((bristle, _)) => bristle.energy(elongation_now),
         None => 0.5 * (run.potential_energy(elongation_now) + run.potential_energy(elongation_before)),
@@ -305,9 +305,9 @@ fn link_energy(run: &Run, [elongation_now, elongation_before]: [f64; 2]) -> f64 
 }
 
 /// Kinetic energy of the two ends of a link along one axis [J], without ends that are imposed.
-fn kinetic_energy((a, b): (usize, usize), scheme: &Scheme, body: &Body) -> f64 {
+fn kinetic_energy((a, b): (usize, usize), scheme: &Scheme, modules: &ModuleState) -> f64 {
     let mat_energy = |mat: usize| {
-        let (d, w) = (body.d[mat], scheme.w[mat]);
+        let (d, w) = (modules.d[mat], scheme.w[mat]);
         if w > 0.0 { 0.5 * d * d / w } else { 0.0 }
     };
     mat_energy(a) + mat_energy(b)

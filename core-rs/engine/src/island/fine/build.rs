@@ -9,18 +9,18 @@ use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, new_joint, path_respo
 use super::laws::LawScript;
 use super::slides::Frictions;
 use super::stepped_points::SteppedPoints;
-use super::{FineLinks, FineWork, Script};
+use super::{FineLinks, FineScript, FineWork};
 use crate::island::StepNumbers;
 use crate::island::bodies::RunningBody;
 use crate::island::modal::RunningModal;
 use crate::network::Network;
-use crate::scheme::{Run, Scheme};
+use crate::scheme::{LinkRun, Scheme};
 use crate::timeline::{DriveKind, Timeline};
 
 impl FineLinks {
     /// `links` were taken out of the scheme: single contacts and laws whose ends are masses or ports.
     pub(in crate::island) fn new(
-        links: Vec<Run>,
+        links: Vec<LinkRun>,
         network: &Network,
         scheme: &Scheme,
         bodies: &[RunningBody],
@@ -31,7 +31,7 @@ impl FineLinks {
         let mut joint_mats: Vec<usize> = links.iter().flat_map(|run| [run.a, run.b]).collect();
         joint_mats.sort_unstable();
         joint_mats.dedup();
-        let fit_error = match links.iter().any(Run::is_dry) {
+        let fit_error = match links.iter().any(LinkRun::is_dry) {
             true => RELATIVE_ERROR_OF_FRICTION,
             false => RELATIVE_ERROR,
         };
@@ -81,7 +81,7 @@ impl FineLinks {
         let products = |joint_responses: &[Vec<f64>]| joint_responses.iter().map(Vec::len).sum::<usize>() as u64;
         let impulse_products = path_responses.chunks(n_joints.max(1)).map(products).collect();
         let start_responses = start_responses(&path_responses, &joints, &basis);
-        let mut script = Script {
+        let mut script = FineScript {
             is_coupled: false,
             steps_min: steps.contact_substeps,
             contact_order: steps.contact_order,

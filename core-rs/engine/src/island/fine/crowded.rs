@@ -6,14 +6,14 @@
 
 use super::basis::{Basis, Instant, dot};
 use super::joint::Joint;
-use super::{FineLinks, Script};
+use super::{FineLinks, FineScript};
 use crate::cell::Cell;
 use crate::island::bodies::RunningBody;
 use crate::kernel::bank::SUM_LANES;
 use crate::kernel::pushed_modes::{
     ModeTables, ModeValues, PushedGroup, add_all_impulses, move_to_instant, point_motion, push_point,
 };
-use crate::scheme::{Kind, Run};
+use crate::scheme::{LinkRun, LinkRunKind};
 use crate::units::Rate;
 
 /// Share of the joints that push at once, as a bridge or a fret that a string wraps.
@@ -47,13 +47,13 @@ pub(super) struct CrowdedMotion {
 
 /// All bodies of which the modes are to be pushed.
 pub(super) fn crowded_bodies(
-    links: &[Run],
+    links: &[LinkRun],
     joints: &[Joint],
     bodies: &[RunningBody],
     (basis, rate): (&Basis, Rate),
 ) -> Vec<CrowdedBody> {
     // Laws and friction are solved from the responses of pairs.
-    if !links.iter().all(|run| matches!(run.kind, Kind::But(_))) {
+    if !links.iter().all(|run| matches!(run.kind, LinkRunKind::But(_))) {
         return Vec::new();
     }
     let body_indices = 0..bodies.len();
@@ -207,7 +207,7 @@ impl FineLinks {
     }
 
     /// Keep what impulses have added so far, for a step that may be repeated.
-    pub(super) fn save_crowded(&mut self, script: &Script) {
+    pub(super) fn save_crowded(&mut self, script: &FineScript) {
         for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
             motion.save(body);
         }
@@ -220,7 +220,7 @@ impl FineLinks {
 
     /// An instant of this frame, 0 to 1. From now on the motion of joints is read, and joints are pushed, at this
     /// instant.
-    pub(super) fn set_instant(&mut self, script: &Script, s: f64) -> Instant {
+    pub(super) fn set_instant(&mut self, script: &FineScript, s: f64) -> Instant {
         let instant = Instant::new(script.basis.n_polynomials(), s);
         for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
             if motion.instant != Some(s) {
@@ -233,7 +233,7 @@ impl FineLinks {
     }
 
     /// Position [m] and velocity [m/frame] of a joint at this instant.
-    pub(super) fn joint_motion(&self, script: &Script, joint: usize, instant: &Instant) -> [f64; 2] {
+    pub(super) fn joint_motion(&self, script: &FineScript, joint: usize, instant: &Instant) -> [f64; 2] {
         let n_instants = script.basis.n_polynomials();
         let joint_path = &self.paths[joint * n_instants..(joint + 1) * n_instants];
         let [x, v] = [&instant.value, &instant.slope].map(|polynomials| dot(joint_path, polynomials));
@@ -250,7 +250,7 @@ impl FineLinks {
     }
 
     /// Push a joint that is on such a body at this instant [N·s]; false if it is on none.
-    pub(super) fn push_crowded(&mut self, script: &Script, joint: usize, impulse: f64) -> bool {
+    pub(super) fn push_crowded(&mut self, script: &FineScript, joint: usize, impulse: f64) -> bool {
         let Some((body_index, row_index)) = script.crowded_rows[joint] else {
             return false;
         };

@@ -1,13 +1,13 @@
 //! One frame: which contacts may close, the free paths of their points, and the impulses that links give.
 
 use super::basis::Instant;
-use super::script::Script;
-use super::slides::Frame;
+use super::script::FineScript;
+use super::slides::SlideFrame;
 use super::{FineLinks, penetration_bound};
 use crate::island::bodies::RunningBody;
 use crate::kernel;
 use crate::scheme::Scheme;
-use crate::state::{Body, Target};
+use crate::state::{ImposedTarget, ModuleState};
 
 impl FineLinks {
     /// Compute one frame of all laws and of every contact that may be closed, once all other forces are summed.
@@ -15,22 +15,22 @@ impl FineLinks {
         &mut self,
         scheme: &Scheme,
         gates: &[f64],
-        targets: &[Target],
+        targets: &[ImposedTarget],
         bodies: &mut [RunningBody],
-        body: &mut Body,
+        modules: &mut ModuleState,
     ) {
-        let next_position = |mat: usize, body: &Body| match targets.iter().find(|target| target.mat == mat) {
+        let next_position = |mat: usize, modules: &ModuleState| match targets.iter().find(|target| target.mat == mat) {
             Some(target) => target.x,
-            None => kernel::predict_position(scheme, body, mat),
+            None => kernel::predict_position(scheme, modules, mat),
         };
         let mut any_may_close = false;
         for (link_index, run) in self.script.links.iter().enumerate() {
-            let distance_now = body.x[run.b] - body.x[run.a];
-            let distance_next = next_position(run.b, body) - next_position(run.a, body);
+            let distance_now = modules.x[run.b] - modules.x[run.a];
+            let distance_next = next_position(run.b, modules) - next_position(run.a, modules);
             let may_close = penetration_bound(run, distance_now - run.rest, distance_next - run.rest) > 0.0;
             self.may_close[link_index] = may_close;
             any_may_close |= may_close;
-            body.link[run.first] = 0.0;
+            modules.link_forces[run.first_link] = 0.0;
         }
         if !any_may_close && self.frictions.is_empty() {
             self.is_resting.fill(false);
@@ -46,7 +46,7 @@ impl FineLinks {
         self.work.products += script.free_path_products;
         self.frame_impulses.fill(0.0);
         self.begin_crowded();
-        self.compute_free_paths(&script, scheme, bodies, body, &next_position);
+        self.compute_free_paths(&script, scheme, bodies, modules, &next_position);
         let is_located = any_may_close || !self.frictions.is_empty() || self.has_glided.contains(&true);
         self.start_laws(&script, &law_script, gates, !is_located);
         if is_located {
@@ -60,15 +60,15 @@ impl FineLinks {
                 script.basis.fit(free_path, path);
             }
             if self.frictions.is_empty() {
-                self.march(&script, &law_script, gates, body);
+                self.march(&script, &law_script, gates, modules);
             } else {
                 let slide_script = self.frictions.script.clone();
-                let slide_frame = Frame {
+                let slide_frame = SlideFrame {
                     script: &script,
                     slide_script: &slide_script,
                     gates,
                 };
-                self.compute_frictions(slide_frame, body);
+                self.compute_frictions(slide_frame, modules);
             }
             // Impulses at the instants of the frame that have the same effect on any smooth function as those between
             // them.
@@ -86,10 +86,10 @@ impl FineLinks {
         } else {
             self.collocate(&script, &law_script, gates);
         }
-        self.write_start_forces(&script, &law_script, body);
+        self.write_start_forces(&script, &law_script, modules);
         self.stepped_points
             .record_impulses(&script, &self.frame_impulses, scheme);
-        self.apply_impulses(&script, bodies, body);
+        self.apply_impulses(&script, bodies, modules);
     }
 
     /// Mark more contacts as ones that may close: each that pushes may push points off their free paths, and with them
@@ -99,10 +99,11 @@ impl FineLinks {
         let is_moved_by = |pushing_link: usize, moved_link: usize| {
             let n_joints = script.joints.len();
             let both_ends = |(a, b): (usize, usize)| [a, b];
-            let is_coupled = |from: usize, to: usize| {
+            let is_coupled = |source_joint: usize, target_joint: usize| {
                 let crowded_body = |joint: usize| script.crowded_rows[joint].map(|(body, _)| body);
-                let on_same_body = crowded_body(from).is_some() && crowded_body(from) == crowded_body(to);
-                on_same_body || !script.path_responses[from * n_joints + to].is_empty()
+                let on_same_body =
+                    crowded_body(source_joint).is_some() && crowded_body(source_joint) == crowded_body(target_joint);
+                on_same_body || !script.path_responses[source_joint * n_joints + target_joint].is_empty()
             };
             let (mover_joints, moved_joints) = (
                 both_ends(script.link_joints[pushing_link]),
@@ -127,11 +128,11 @@ impl FineLinks {
     /// Compute the paths of all joints in this frame if no contact pushes them.
     fn compute_free_paths(
         &mut self,
-        script: &Script,
+        script: &FineScript,
         scheme: &Scheme,
         bodies: &mut [RunningBody],
-        body: &Body,
-        next_position: &dyn Fn(usize, &Body) -> f64,
+        modules: &ModuleState,
+        next_position: &dyn Fn(usize, &ModuleState) -> f64,
     ) {
         let (n_instants, n_joints) = (script.basis.n_polynomials(), script.joints.len());
         for (joint_index, joint) in script.joints.iter().enumerate() {
@@ -147,18 +148,18 @@ impl FineLinks {
                 }
                 None => {
                     // From where it rests, its path is exact to the last bit if it does not move.
-                    let rest_position = joint.rest_position.unwrap_or(body.x[joint.mat]);
-                    let free_step = next_position(joint.mat, body) - body.x[joint.mat];
+                    let rest_position = joint.rest_position.unwrap_or(modules.x[joint.mat]);
+                    let free_step = next_position(joint.mat, modules) - modules.x[joint.mat];
                     let (x, next_x) = (
-                        body.x[joint.mat] - rest_position,
-                        next_position(joint.mat, body) - rest_position,
+                        modules.x[joint.mat] - rest_position,
+                        next_position(joint.mat, modules) - rest_position,
                     );
                     for (x_at, (weight_now, weight_next)) in free_path.iter_mut().zip(&joint.frame_weights) {
                         *x_at = rest_position + (x * weight_now + next_x * weight_next);
                     }
                     if joint.cell.is_some() {
                         // The forces inside a mesh also bend the path of its port throughout the frame.
-                        frame_pull += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
+                        frame_pull += 0.5 * modules.free_port_motion.get(joint.mat).copied().unwrap_or(0.0);
                         self.stepped_points
                             .record_free_motion(joint_index, free_step, frame_pull);
                     } else {
@@ -174,7 +175,7 @@ impl FineLinks {
         }
         // Other forces on a port act from the start of the frame.
         for (joint_index, joint) in script.joints.iter().enumerate() {
-            let joint_force = body.force[joint.mat];
+            let joint_force = modules.force[joint.mat];
             if joint.port.is_none() || joint_force == 0.0 {
                 continue;
             }
@@ -194,7 +195,7 @@ impl FineLinks {
     }
 
     /// Push a joint [N·s].
-    pub(super) fn push_joint(&mut self, script: &Script, joint: usize, impulse: f64, instant: &Instant) {
+    pub(super) fn push_joint(&mut self, script: &FineScript, joint: usize, impulse: f64, instant: &Instant) {
         let n_instants = script.basis.n_polynomials();
         let impulses = &mut self.impulse_sums[joint * n_instants..(joint + 1) * n_instants];
         for (impulse_sum, value) in impulses.iter_mut().zip(&instant.value) {
@@ -207,7 +208,7 @@ impl FineLinks {
     }
 
     /// Apply the impulses of a frame to bodies and MATs.
-    fn apply_impulses(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
+    fn apply_impulses(&mut self, script: &FineScript, bodies: &mut [RunningBody], modules: &mut ModuleState) {
         let n_instants = script.basis.n_polynomials();
         for (joint_index, joint) in script.joints.iter().enumerate() {
             let joint_impulses = &self.frame_impulses[joint_index * n_instants..(joint_index + 1) * n_instants];
@@ -217,18 +218,18 @@ impl FineLinks {
             match (joint.port, &joint.cell) {
                 (Some((owner, port)), _) => {
                     if let Some(modal_body) = bodies[owner].modal_mut() {
-                        modal_body.apply_impulses(port, joint_impulses, body);
+                        modal_body.apply_impulses(port, joint_impulses, modules);
                     }
                 }
                 (None, Some(_)) => {
                     for (impulse, [force_now, force_later]) in joint_impulses.iter().zip(&joint.impulse_split) {
-                        body.push(joint.mat, impulse * force_now);
+                        modules.push(joint.mat, impulse * force_now);
                         self.next_frame_forces[joint_index] += impulse * force_later;
                     }
                 }
                 // The motion of such a MAT is imposed; a hand that holds it feels the force.
                 (None, None) => {
-                    body.push(joint.mat, joint_impulses.iter().sum::<f64>() * script.rate.hertz());
+                    modules.push(joint.mat, joint_impulses.iter().sum::<f64>() * script.rate.hertz());
                 }
             }
         }

@@ -1,8 +1,8 @@
 //! Points that contacts touch: the free path of each in a frame, and its response to impulses.
 
-use super::Script;
+use super::FineScript;
 use super::basis::{Basis, POLYNOMIALS_MAX};
-use crate::cell::{Cell, Ratios};
+use crate::cell::{Cell, CellRatios};
 use crate::island::bodies::RunningBody;
 use crate::network::{MatKind, Network};
 use crate::scheme::Scheme;
@@ -55,7 +55,7 @@ pub(super) fn fastest_rate(
     all_rates.fold(0.0, f64::max) * frame_rate.step()
 }
 
-impl Script {
+impl FineScript {
     /// Retune a stepped joint to the means of 1/M, κ and ζ of this frame and the next; the number of products that this
     /// takes, or `None` if they do not make a cell. Nothing is allocated.
     pub(super) fn retune(&mut self, joint: usize, constants: [[f64; 3]; 2]) -> Option<u64> {
@@ -65,7 +65,7 @@ impl Script {
         let [constants_now, constants_next] = constants;
         let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (constants_now[i] + constants_next[i]));
         let (rate, time_step) = (self.rate, self.rate.step());
-        let mean_cell = Cell::from_ratios(time_step * time_step / w, Ratios { kappa, zeta }, rate)?;
+        let mean_cell = Cell::from_ratios(time_step * time_step / w, CellRatios { kappa, zeta }, rate)?;
         stepped_joint.cell = Some(mean_cell);
         // Each of the two forces that replace an impulse acts on the mass of its own frame.
         let mass_ratios = [w / constants_now[0], w / constants_next[0]];

@@ -7,9 +7,9 @@ mod state;
 mod tables;
 
 use super::basis::{Instant, dot};
-use super::{FineLinks, Script};
+use super::{FineLinks, FineScript};
 use crate::maths::pow;
-use crate::state::Body;
+use crate::state::ModuleState;
 use root::{find_root, inverse};
 use state::InstantLaw;
 pub(super) use state::LawState;
@@ -50,7 +50,7 @@ pub(super) type StageMatrix = [StageValues; STAGES];
 
 impl FineLinks {
     /// Compute the laws of a frame in which no contact is near.
-    pub(super) fn collocate(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) {
+    pub(super) fn collocate(&mut self, script: &FineScript, laws: &LawScript, gates: &[f64]) {
         self.laws.iter_mut().for_each(|state| state.extrapolate_forces(laws));
         let finest_index = laws.divisions.len() - 1;
         let round_limit = if finest_index == 0 {
@@ -103,7 +103,7 @@ impl FineLinks {
                 self.solve_by_bisection(script, laws, (gates, division_index, part));
             }
             self.apply_law_forces(script, laws, (division_index, part));
-            self.push_later_paths(script, division, part);
+            self.add_to_later_paths(script, division, part);
         }
         // Forces of parts of different lengths are not extrapolated together.
         self.laws.iter_mut().for_each(|state| state.previous_forces = None);
@@ -113,7 +113,7 @@ impl FineLinks {
     /// if they agree.
     fn solve_law_forces(
         &mut self,
-        script: &Script,
+        script: &FineScript,
         laws: &LawScript,
         (gates, division_index): (&[f64], usize),
         (part, rounds): (usize, usize),
@@ -146,7 +146,7 @@ impl FineLinks {
     /// method does not converge. It is of order 2; the force does not exceed the law, and its slope is not needed.
     fn solve_by_bisection(
         &mut self,
-        script: &Script,
+        script: &FineScript,
         laws: &LawScript,
         (gates, division_index, part): (&[f64], usize, usize),
     ) {
@@ -205,7 +205,7 @@ impl FineLinks {
     }
 
     /// Push by the forces that were found for a part of a frame.
-    fn apply_law_forces(&mut self, script: &Script, laws: &LawScript, (division_index, part): (usize, usize)) {
+    fn apply_law_forces(&mut self, script: &FineScript, laws: &LawScript, (division_index, part): (usize, usize)) {
         let (n_instants, division) = (script.basis.n_polynomials(), &laws.divisions[division_index]);
         let part_seconds = script.rate.step() / division.parts as f64;
         for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
@@ -231,7 +231,7 @@ impl FineLinks {
     }
 
     /// Add the effect of a part's forces to the paths of the laws in later parts.
-    fn push_later_paths(&mut self, script: &Script, division: &Division, part: usize) {
+    fn add_to_later_paths(&mut self, script: &FineScript, division: &Division, part: usize) {
         let (n_instants, n_laws) = (script.basis.n_polynomials(), self.laws.len());
         let part_seconds = script.rate.step() / division.parts as f64;
         self.work.products += (n_laws * n_laws * STAGES * n_instants) as u64;
@@ -253,16 +253,18 @@ impl FineLinks {
     }
 
     /// Deviation of the forces of a whole frame from their laws at its two ends, relative to the largest.
-    fn end_deviation(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) -> f64 {
+    fn end_deviation(&mut self, script: &FineScript, laws: &LawScript, gates: &[f64]) -> f64 {
         let n_laws = laws.links.len();
         let mut deviation_max = 0.0_f64;
         for law_index in 0..n_laws {
             let state = &self.laws[law_index];
             let [path_end, mut v] = [0, 1].map(|order| dot(&laws.end_interpolation[order], &state.relative_path));
             let mut e = state.elongation_offset + path_end;
-            for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.end_responses[law_index * n_laws..]) {
-                e += dot(by_x, &other.stage_forces);
-                v += dot(by_v, &other.stage_forces);
+            for (other, [position_response, velocity_response]) in
+                self.laws.iter().zip(&laws.end_responses[law_index * n_laws..])
+            {
+                e += dot(position_response, &other.stage_forces);
+                v += dot(velocity_response, &other.stage_forces);
             }
             let law_at_end = InstantLaw {
                 bristle: state.bristle_at_end,
@@ -285,7 +287,7 @@ impl FineLinks {
     /// largest.
     fn newton_step(
         &mut self,
-        script: &Script,
+        script: &FineScript,
         laws: &LawScript,
         (gates, division_index, part): (&[f64], usize, usize),
         law: usize,
@@ -293,10 +295,12 @@ impl FineLinks {
         let n_laws = laws.links.len();
         let division = &laws.divisions[division_index];
         let (mut e, mut v) = (self.laws[law].stage_elongations, self.laws[law].stage_rates);
-        for (other, [by_x, by_v]) in self.laws.iter().zip(&division.force_responses[law * n_laws..]) {
+        for (other, [position_response, velocity_response]) in
+            self.laws.iter().zip(&division.force_responses[law * n_laws..])
+        {
             for stage in 0..STAGES {
-                e[stage] += dot(&by_x[stage], &other.stage_forces);
-                v[stage] += dot(&by_v[stage], &other.stage_forces);
+                e[stage] += dot(&position_response[stage], &other.stage_forces);
+                v[stage] += dot(&velocity_response[stage], &other.stage_forces);
             }
         }
         let stage_laws =
@@ -308,9 +312,9 @@ impl FineLinks {
         let v = v.map(|v| v * rate);
         let state = &mut self.laws[law];
         let law_moves = &division.force_responses[law * n_laws + law];
-        let (law_forces, unmet_slopes) = state.forces_and_slopes(&stage_laws, (&e, &v), (part_length, law_moves));
-        let unmet_forces: StageValues = std::array::from_fn(|stage| law_forces[stage] - state.stage_forces[stage]);
-        let newton_step = inverse(&unmet_slopes).map(|row| dot(&row, &unmet_forces));
+        let (law_forces, residual_slopes) = state.forces_and_slopes(&stage_laws, (&e, &v), (part_length, law_moves));
+        let residuals: StageValues = std::array::from_fn(|stage| law_forces[stage] - state.stage_forces[stage]);
+        let newton_step = inverse(&residual_slopes).map(|row| dot(&row, &residuals));
         let (mut force_change, mut largest) = (0.0_f64, f64::MIN_POSITIVE);
         for stage in 0..STAGES {
             state.stage_forces[stage] += newton_step[stage];
@@ -322,7 +326,7 @@ impl FineLinks {
 
     /// Compute elongation, rate and force of each law at the start of the frame, but not the force of an expression if
     /// the frame is collocated: `collocate` computes it together with those at the Gauss points.
-    pub(super) fn start_laws(&mut self, script: &Script, laws: &LawScript, gates: &[f64], is_collocated: bool) {
+    pub(super) fn start_laws(&mut self, script: &FineScript, laws: &LawScript, gates: &[f64], is_collocated: bool) {
         let n_instants = script.basis.n_polynomials();
         for (law_index, &link) in laws.links.iter().enumerate() {
             let ((a, b), rest_length) = (script.link_joints[link], script.links[link].rest);
@@ -341,17 +345,17 @@ impl FineLinks {
         }
     }
 
-    /// Write the force of each law at the start of the frame into `body.link`.
-    pub(super) fn write_start_forces(&self, script: &Script, laws: &LawScript, body: &mut Body) {
+    /// Write the force of each law at the start of the frame into `body.link_forces`.
+    pub(super) fn write_start_forces(&self, script: &FineScript, laws: &LawScript, modules: &mut ModuleState) {
         for (state, &link) in self.laws.iter().zip(&laws.links) {
-            body.link[script.links[link].first] = state.start_force;
+            modules.link_forces[script.links[link].first_link] = state.start_force;
         }
     }
 
     /// A law as it is at an instant of this frame.
     fn law_at<'a>(
         &self,
-        script: &'a Script,
+        script: &'a FineScript,
         laws: &LawScript,
         gates: &[f64],
         (law_index, s): (usize, f64),
@@ -371,7 +375,7 @@ impl FineLinks {
     /// Move the bristles of laws on by `h` frames, at the rate of their ends at an instant of a frame of contacts.
     pub(super) fn slide_bristles(
         &mut self,
-        script: &Script,
+        script: &FineScript,
         (laws, gates): (&LawScript, &[f64]),
         (instant, h): (&Instant, f64),
     ) {
@@ -389,7 +393,7 @@ impl FineLinks {
     }
 
     /// Elongation of a link [m] and its rate [m/frame].
-    pub(super) fn elongation(&self, script: &Script, link: usize, instant: &Instant) -> [f64; 2] {
+    pub(super) fn elongation(&self, script: &FineScript, link: usize, instant: &Instant) -> [f64; 2] {
         let n_instants = script.basis.n_polynomials();
         let (a, b) = script.link_joints[link];
         let [a, b] = [a, b].map(|end| &self.paths[end * n_instants..(end + 1) * n_instants]);
@@ -400,7 +404,7 @@ impl FineLinks {
     /// A kick of a law that lasts `duration` frames, in a frame of contacts.
     pub(super) fn kick_law(
         &mut self,
-        script: &Script,
+        script: &FineScript,
         (laws, gates): (&LawScript, &[f64]),
         law: usize,
         (instant, duration): (&Instant, f64),

@@ -9,12 +9,12 @@ use std::f64::consts::PI;
 use super::basis::Instant;
 use super::laws::{LawScript, LawState};
 use super::order::{ContactRates, Stages};
-use super::{FineLinks, Script};
+use super::{FineLinks, FineScript};
 use crate::kernel::ExactContact;
 use crate::maths::{expm1, sqrt};
 use crate::network::ContactLaw;
-use crate::scheme::Kind;
-use crate::state::Body;
+use crate::scheme::LinkRunKind;
+use crate::state::ModuleState;
 
 /// Most steps that are tried in a frame, before a step that is stable at any length takes the rest.
 const STEPS_MAX: usize = 256;
@@ -108,7 +108,7 @@ impl LinkContact {
 
 impl FineLinks {
     /// Compute the pushes of a frame.
-    pub(super) fn march(&mut self, script: &Script, laws: &LawScript, gates: &[f64], body: &mut Body) {
+    pub(super) fn march(&mut self, script: &FineScript, laws: &LawScript, gates: &[f64], modules: &mut ModuleState) {
         let start_instant = self.set_instant(script, 0.0);
         let mut rests_fast = false;
         for index in 0..script.links.len() {
@@ -121,7 +121,7 @@ impl FineLinks {
             let is_pushing = contact.pushing_criterion(contact_state) > 0.0;
             (self.is_pushing[index], self.is_resting[index]) = (is_pushing, is_pushing);
             if is_pushing {
-                body.link[script.links[index].first] =
+                modules.link_forces[script.links[index].first_link] =
                     contact.side * contact.law.unlimited(contact_state[0], contact_state[1]);
                 rests_fast |= has_rested && contact.rate_bound(contact_state, script.rate.step()) > STEP_PHASE_MAX;
             }
@@ -152,9 +152,9 @@ impl FineLinks {
     }
 
     /// The contact `index` at the instant `s` of this frame; `None` if it cannot be closed in this frame.
-    fn contact_at(&self, script: &Script, gates: &[f64], (index, s): (usize, f64)) -> Option<LinkContact> {
+    fn contact_at(&self, script: &FineScript, gates: &[f64], (index, s): (usize, f64)) -> Option<LinkContact> {
         let link_run = &script.links[index];
-        let Kind::But(but) = &link_run.kind else {
+        let LinkRunKind::But(but) = &link_run.kind else {
             return None;
         };
         let gate_opening = link_run.gate.map_or(1.0, |gate| gates[gate]);
@@ -173,14 +173,14 @@ impl FineLinks {
     }
 
     /// Penetration [m] and how fast it grows [m/frame].
-    fn contact_state(&self, script: &Script, contact: &LinkContact, instant: &Instant) -> [f64; 2] {
+    fn contact_state(&self, script: &FineScript, contact: &LinkContact, instant: &Instant) -> [f64; 2] {
         let (first_joint, second_joint) = contact.ends;
         let [[x_a, v_a], [x_b, v_b]] = [first_joint, second_joint].map(|end| self.joint_motion(script, end, instant));
         [contact.side * (x_b - x_a - contact.rest), contact.side * (v_b - v_a)]
     }
 
     /// Push both ends of a contact [N·s].
-    fn push_contact_ends(&mut self, script: &Script, contact: &LinkContact, impulse: f64, instant: &Instant) {
+    fn push_contact_ends(&mut self, script: &FineScript, contact: &LinkContact, impulse: f64, instant: &Instant) {
         let (first_joint, second_joint) = contact.ends;
         self.push_joint(script, first_joint, contact.side * impulse, instant);
         self.push_joint(script, second_joint, -contact.side * impulse, instant);
@@ -189,7 +189,7 @@ impl FineLinks {
     /// Advance from `s` by a step, or up to where a contact closes or opens in it; returns the instant reached.
     fn advance_step(
         &mut self,
-        script: &Script,
+        script: &FineScript,
         laws_and_gates: (&LawScript, &[f64]),
         s: f64,
         steps_left: &mut usize,
@@ -229,7 +229,7 @@ impl FineLinks {
     /// length.
     fn locate_switch(
         &mut self,
-        script: &Script,
+        script: &FineScript,
         laws_and_gates: (&LawScript, &[f64]),
         (s, h, index): (f64, f64, usize),
         steps_left: &mut usize,
@@ -300,7 +300,7 @@ impl FineLinks {
     }
 
     /// Stages and length of the step from `s`.
-    fn choose_step(&mut self, script: &Script, gates: &[f64], s: f64) -> (Stages, f64) {
+    fn choose_step(&mut self, script: &FineScript, gates: &[f64], s: f64) -> (Stages, f64) {
         let time_step = script.rate.step();
         let instant = self.set_instant(script, s);
         let mut rates = ContactRates::default();
@@ -315,7 +315,7 @@ impl FineLinks {
     }
 
     /// One step of the contacts that push, and of all laws.
-    fn step_contacts(&mut self, script: &Script, laws_and_gates: (&LawScript, &[f64]), s: f64, h: f64) {
+    fn step_contacts(&mut self, script: &FineScript, laws_and_gates: (&LawScript, &[f64]), s: f64, h: f64) {
         // Half of the motion of bristles comes before all else, and half after it.
         self.slide_bristles(
             script,
@@ -341,7 +341,7 @@ impl FineLinks {
     /// kick is given in one order and half in the reverse order: then the whole is symmetric.
     fn apply_kicks(
         &mut self,
-        script: &Script,
+        script: &FineScript,
         laws_and_gates: (&LawScript, &[f64]),
         (s, duration): (f64, f64),
         is_reversed: bool,
@@ -372,7 +372,7 @@ impl FineLinks {
     /// Kicks one after the other, or in reverse order.
     fn kick_in_order(
         &mut self,
-        script: &Script,
+        script: &FineScript,
         (laws, gates): (&LawScript, &[f64]),
         (instant, duration): (&Instant, f64),
         is_back: bool,
@@ -411,7 +411,7 @@ impl FineLinks {
     }
 
     /// A contact that stops or begins to push at `s`, and was not located in this step.
-    fn first_switched(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
+    fn first_switched(&mut self, script: &FineScript, gates: &[f64], s: f64) -> Option<usize> {
         let instant = self.set_instant(script, s);
         let unlocated_links = (0..script.links.len()).filter(|&index| !self.is_located[index]);
         unlocated_links.into_iter().find(|&index| {
@@ -427,7 +427,7 @@ impl FineLinks {
     }
 
     /// The first instant from `s` on at which a contact closes while none pushes, and which.
-    fn next_closing(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<(f64, usize)> {
+    fn next_closing(&mut self, script: &FineScript, gates: &[f64], s: f64) -> Option<(f64, usize)> {
         let mut search_from = s;
         for probe_index in 1..=CLOSING_PROBES {
             let search_to = s + (1.0 - s) * probe_index as f64 / CLOSING_PROBES as f64;
@@ -466,7 +466,7 @@ impl FineLinks {
     }
 
     /// The rest of a frame that would take too many steps: by the discrete gradient, stable at any step length.
-    fn finish_implicitly(&mut self, script: &Script, laws: &LawScript, gates: &[f64], start_instant: f64) {
+    fn finish_implicitly(&mut self, script: &FineScript, laws: &LawScript, gates: &[f64], start_instant: f64) {
         let step_length = (1.0 - start_instant) / script.steps_min as f64;
         let time_step = script.rate.step();
         for step_index in 0..script.steps_min {

@@ -4,7 +4,7 @@ use super::ContactOrder;
 use super::basis::{Basis, Instant, add_rows};
 use super::crowded::CrowdedBody;
 use super::joint::Joint;
-use crate::scheme::Run;
+use crate::scheme::LinkRun;
 use crate::units::Rate;
 
 /// Links whose pushes change each other's velocity by less than this part of their own are not coupled.
@@ -12,14 +12,14 @@ const UNCOUPLED_SHARE_MAX: f64 = 1e-6;
 
 /// The constant data of links and their points.
 #[derive(Clone, Debug)]
-pub(super) struct Script {
+pub(super) struct FineScript {
     /// Least number of steps a frame, and of steps per radian of a contact's own oscillation, for splitting of order 4.
     pub(super) steps_min: usize,
     /// The order of the splitting that steps closed contacts.
     pub(super) contact_order: ContactOrder,
     pub(super) rate: Rate,
     pub(super) basis: Basis,
-    pub(super) links: Vec<Run>,
+    pub(super) links: Vec<LinkRun>,
     /// The two joints of each link.
     pub(super) link_joints: Vec<(usize, usize)>,
     pub(super) joints: Vec<Joint>,
@@ -42,7 +42,7 @@ pub(super) struct Script {
     pub(super) free_path_products: u64,
 }
 
-impl Script {
+impl FineScript {
     /// Change of a link's rate of elongation by an impulse of the link [m/frame per N·s].
     pub(super) fn velocity_step(&self, a: usize, b: usize) -> f64 {
         self.velocity_step_between((a, b), (a, b))
@@ -51,7 +51,9 @@ impl Script {
     /// Change of the rate of elongation of the second link, given by its joints, by an impulse of the first [m/frame
     /// per N·s].
     pub(super) fn velocity_step_between(&self, (a, b): (usize, usize), (c, d): (usize, usize)) -> f64 {
-        let jump = |from: usize, to: usize| self.velocity_steps[from * self.joints.len() + to];
+        let jump = |pushed_joint: usize, moved_joint: usize| {
+            self.velocity_steps[pushed_joint * self.joints.len() + moved_joint]
+        };
         jump(a, c) + jump(b, d) - jump(a, d) - jump(b, c)
     }
 

@@ -13,10 +13,10 @@ use std::sync::Arc;
 
 use super::basis::{Instant, dot};
 use super::laws::{STAGES, StageMatrix, StageValues, lagrange_weights};
-use super::{FineLinks, Script};
+use super::{FineLinks, FineScript};
 use crate::network::Dry;
 use crate::scheme::Scheme;
-use crate::state::Body;
+use crate::state::ModuleState;
 use script::{EvenSteps, SlideScript};
 
 /// Most steps tried in a frame, before one step takes the rest of it.
@@ -68,8 +68,8 @@ struct FrictionLink {
 
 /// What all steps of a frame use.
 #[derive(Clone, Copy)]
-pub(super) struct Frame<'a> {
-    pub(super) script: &'a Script,
+pub(super) struct SlideFrame<'a> {
+    pub(super) script: &'a FineScript,
     pub(super) slide_script: &'a SlideScript,
     pub(super) gates: &'a [f64],
 }
@@ -96,7 +96,7 @@ impl Friction {
 }
 
 impl Frictions {
-    pub(super) fn new(script: &Script) -> Self {
+    pub(super) fn new(script: &FineScript) -> Self {
         let slide_script = SlideScript::new(script);
         let n_dry = slide_script.links.len();
         let n_forces = STAGES * n_dry;
@@ -115,9 +115,9 @@ impl Frictions {
 
 impl FineLinks {
     /// Compute the frictions of a frame.
-    pub(super) fn compute_frictions(&mut self, frame: Frame<'_>, body: &mut Body) {
+    pub(super) fn compute_frictions(&mut self, frame: SlideFrame<'_>, modules: &mut ModuleState) {
         self.has_closed = true;
-        self.begin_frame(frame, body);
+        self.begin_frame(frame, modules);
         self.slide_to_end(frame);
         for (slide, &link) in self.frictions.friction_links.iter().zip(&frame.slide_script.links) {
             self.is_resting[link] = slide.direction == 0.0;
@@ -125,7 +125,7 @@ impl FineLinks {
     }
 
     /// Compute a frame event by event.
-    fn slide_to_end(&mut self, frame: Frame<'_>) {
+    fn slide_to_end(&mut self, frame: SlideFrame<'_>) {
         let (mut instant_now, mut steps_left) = (0.0, STEPS_MAX);
         while instant_now < 1.0 {
             if steps_left == 0 {
@@ -162,7 +162,7 @@ impl FineLinks {
     }
 
     /// Let masses rest exactly that a fixed point has held throughout the frame: rounding alone would leave a step.
-    pub(in crate::island) fn stop_held_masses(&self, scheme: &Scheme, body: &mut Body) {
+    pub(in crate::island) fn stop_held_masses(&self, scheme: &Scheme, modules: &mut ModuleState) {
         let dry_links = self.frictions.script.links.iter();
         let slides = self.frictions.friction_links.iter().zip(dry_links);
         for (slide, &link) in slides.filter(|(slide, _)| slide.has_held) {
@@ -173,16 +173,16 @@ impl FineLinks {
                 (link_run.a, first_joint, link_run.b, x_a),
                 (link_run.b, second_joint, link_run.a, x_b),
             ] {
-                let is_fixed = scheme.w[other] == 0.0 && body.d[other] == 0.0;
+                let is_fixed = scheme.w[other] == 0.0 && modules.d[other] == 0.0;
                 if is_fixed && scheme.w[mass] > 0.0 && self.script.joints[joint].port.is_none() {
-                    (body.x[mass], body.d[mass]) = (x, 0.0);
+                    (modules.x[mass], modules.d[mass]) = (x, 0.0);
                 }
             }
         }
     }
 
     /// Find the direction of every link at the start of a frame, and note the forces for outputs.
-    fn begin_frame(&mut self, frame: Frame<'_>, body: &mut Body) {
+    fn begin_frame(&mut self, frame: SlideFrame<'_>, modules: &mut ModuleState) {
         let (script, start_instant) = (frame.script, Instant::new(frame.script.basis.n_polynomials(), 0.0));
         for (slide_index, &link) in frame.slide_script.links.iter().enumerate() {
             let [_, v] = self.elongation(script, link, &start_instant);
@@ -205,13 +205,13 @@ impl FineLinks {
         for (slide, &link) in slides.zip(&frame.slide_script.links) {
             let link_run = &script.links[link];
             (slide.has_held, slide.start_positions) =
-                (slide.direction == 0.0, [body.x[link_run.a], body.x[link_run.b]]);
-            body.link[link_run.first] = dot(&lagrange_weights(0.0), &slide.stage_forces);
+                (slide.direction == 0.0, [modules.x[link_run.a], modules.x[link_run.b]]);
+            modules.link_forces[link_run.first_link] = dot(&lagrange_weights(0.0), &slide.stage_forces);
         }
     }
 
     /// Of the links at rest at an instant, let those hold whose level suffices, and the others slide.
-    fn settle_holds(&mut self, frame: Frame<'_>, s: f64) {
+    fn settle_holds(&mut self, frame: SlideFrame<'_>, s: f64) {
         let stands_still = |slide: &FrictionLink| slide.direction == 0.0;
         while self.frictions.friction_links.iter().any(stands_still) {
             let step_length = self.even_steps(frame).length(s);
@@ -234,7 +234,7 @@ impl FineLinks {
     }
 
     /// The even steps of a frame in the present state: only a slide whose level falls needs short ones.
-    fn even_steps<'a>(&self, frame: Frame<'a>) -> &'a EvenSteps {
+    fn even_steps<'a>(&self, frame: SlideFrame<'a>) -> &'a EvenSteps {
         let mut dry_slides = self.frictions.friction_links.iter().zip(&frame.slide_script.dry_laws);
         frame
             .slide_script
@@ -242,7 +242,7 @@ impl FineLinks {
     }
 
     /// The friction of a link at an instant of this frame.
-    fn friction(&self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> Friction {
+    fn friction(&self, frame: SlideFrame<'_>, (slide_index, s): (usize, f64)) -> Friction {
         let dry_link = frame.slide_script.links[slide_index];
         let (dry_law, frame_rate) = frame.slide_script.dry_laws[slide_index];
         let [_, friction_level] = self.link_constants_at(dry_link, s);
@@ -256,7 +256,7 @@ impl FineLinks {
 
     /// A value that is positive while a link goes on as it does, at the end `s` of a step: of a slide its speed, of a
     /// hold the force that its level leaves.
-    fn event_margin(&self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> f64 {
+    fn event_margin(&self, frame: SlideFrame<'_>, (slide_index, s): (usize, f64)) -> f64 {
         let slide = &self.frictions.friction_links[slide_index];
         if slide.direction == 0.0 {
             return self.hold_margin(frame, (slide_index, s), 1.0);
@@ -266,7 +266,7 @@ impl FineLinks {
     }
 
     /// The same at the start `s` of a step that was taken.
-    fn event_margin_at_start(&mut self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> f64 {
+    fn event_margin_at_start(&mut self, frame: SlideFrame<'_>, (slide_index, s): (usize, f64)) -> f64 {
         if self.frictions.friction_links[slide_index].direction == 0.0 {
             return self.hold_margin(frame, (slide_index, s), 0.0);
         }
@@ -277,7 +277,7 @@ impl FineLinks {
     }
 
     /// The force that the level of a holding link leaves, at the start (0) or at the end (1) of a step [N].
-    fn hold_margin(&self, frame: Frame<'_>, (slide_index, s): (usize, f64), step_fraction: f64) -> f64 {
+    fn hold_margin(&self, frame: SlideFrame<'_>, (slide_index, s): (usize, f64), step_fraction: f64) -> f64 {
         let friction_level = self.friction(frame, (slide_index, s)).level(0.0);
         friction_level * (1.0 + EXCESS_SHARE)
             - dot(
@@ -288,14 +288,19 @@ impl FineLinks {
     }
 
     /// A link whose slide or hold has ended by the end `s` of a step, at an instant that is not located yet.
-    fn first_ended(&self, frame: Frame<'_>, s: f64) -> Option<usize> {
+    fn first_ended(&self, frame: SlideFrame<'_>, s: f64) -> Option<usize> {
         let slides = &self.frictions.friction_links;
         let mut unlocated_links = (0..slides.len()).filter(|&slide_index| !slides[slide_index].is_located);
         unlocated_links.find(|&slide_index| self.event_margin(frame, (slide_index, s)) < 0.0)
     }
 
     /// Repeat a step of `h` from `s` up to the instant at which a link's slide or hold ends; returns its length.
-    fn locate_end(&mut self, frame: Frame<'_>, (s, h, slide_index): (f64, f64, usize), steps_left: &mut usize) -> f64 {
+    fn locate_end(
+        &mut self,
+        frame: SlideFrame<'_>,
+        (s, h, slide_index): (f64, f64, usize),
+        steps_left: &mut usize,
+    ) -> f64 {
         let mut high_end = (h, self.event_margin(frame, (slide_index, s + h)));
         let mut low_end = (0.0, self.event_margin_at_start(frame, (slide_index, s)));
         let mut length_taken = h;

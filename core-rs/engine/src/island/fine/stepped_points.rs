@@ -5,16 +5,16 @@
 //! difference is created energy; without springs it is zero, to rounding. All points have one account: what is created
 //! at one end of a link may be lost at the other.
 
-use super::script::Script;
+use super::script::FineScript;
 use crate::island::energy_account::{EnergyAccount, EnergyGain};
 use crate::island::energy_gain::ACCOUNTED_LAWS_MAX;
 use crate::network::{LinkKind, Network};
 use crate::scheme::Scheme;
-use crate::state::Body;
+use crate::state::ModuleState;
 
 /// A point on which impulses act between frames, and springs in the steps.
 #[derive(Clone, Debug)]
-struct Point {
+struct SteppedPoint {
     joint: usize,
     mat: usize,
     /// A link between frames that ends there.
@@ -28,7 +28,7 @@ struct Point {
     created_energy: f64,
 }
 
-crate::archive::state!(Point {
+crate::archive::state!(SteppedPoint {
     impulse_force,
     last_step,
     created_energy
@@ -37,7 +37,7 @@ crate::archive::state!(Point {
 /// All stepped points of an island, and their energy account.
 #[derive(Clone, Debug)]
 pub(in crate::island) struct SteppedPoints {
-    points: Vec<Point>,
+    points: Vec<SteppedPoint>,
     energy_account: EnergyAccount,
     /// The most energy that was created, and a link at the point where most of it was.
     worst_gain: Option<EnergyGain>,
@@ -54,7 +54,7 @@ crate::archive::state!(SteppedPoints {
 impl SteppedPoints {
     /// Points of a mesh are left out. A mesh that is a body has its own energy account; a mesh of many hardening
     /// springs is bounded by the guard, which restarts accounts too often for this one.
-    pub(super) fn new(script: &Script, network: &Network) -> Self {
+    pub(super) fn new(script: &FineScript, network: &Network) -> Self {
         let hardens = |kind: &LinkKind| match kind {
             LinkKind::Lnl(law) => law.hardening_spring().is_some(),
             _ => false,
@@ -72,10 +72,10 @@ impl SteppedPoints {
         let new_point = |(index, joint): (usize, &super::Joint)| {
             let mut link_ends = script.link_joints.iter();
             let link_index = link_ends.position(|&(a, b)| a == index || b == index)?;
-            Some(Point {
+            Some(SteppedPoint {
                 joint: index,
                 mat: joint.mat,
-                worst_link: script.links[link_index].first,
+                worst_link: script.links[link_index].first_link,
                 free_motion: [0.0; 2],
                 impulse_force: 0.0,
                 last_step: 0.0,
@@ -99,10 +99,10 @@ impl SteppedPoints {
     }
 
     /// Count the work that the impulses of the step before did in the steps: ½(d[n] + d[n+1])·f.
-    pub(super) fn count_step_work(&mut self, scheme: &Scheme, body: &Body) {
+    pub(super) fn count_step_work(&mut self, scheme: &Scheme, modules: &ModuleState) {
         let (mut impulse_work, mut kinetic_energy) = (0.0, 0.0);
         for point in &mut self.points {
-            let (last_step, w) = (body.d[point.mat], scheme.w[point.mat]);
+            let (last_step, w) = (modules.d[point.mat], scheme.w[point.mat]);
             if w > 0.0 {
                 kinetic_energy += 0.5 * last_step * last_step / w;
             }
@@ -117,15 +117,15 @@ impl SteppedPoints {
 
     /// Record the forces that impulses of the previous frame carry over into this frame, for each point [N];
     /// `carried_forces` has an entry for each joint.
-    pub(super) fn record_carried_forces(&mut self, carried_forces: &[f64], body: &Body) {
+    pub(super) fn record_carried_forces(&mut self, carried_forces: &[f64], modules: &ModuleState) {
         for point in &mut self.points {
-            (point.impulse_force, point.last_step) = (carried_forces[point.joint], body.d[point.mat]);
+            (point.impulse_force, point.last_step) = (carried_forces[point.joint], modules.d[point.mat]);
         }
     }
 
     /// Count the work of this frame's impulses, those on all joints, along the motion within the frame; and note the
     /// forces that replace them.
-    pub(super) fn record_impulses(&mut self, script: &Script, joint_impulses: &[f64], scheme: &Scheme) {
+    pub(super) fn record_impulses(&mut self, script: &FineScript, joint_impulses: &[f64], scheme: &Scheme) {
         let (n_instants, frame_rate) = (script.basis.n_polynomials(), script.rate.hertz());
         for point in &mut self.points {
             let joint_impulses = &joint_impulses[point.joint * n_instants..(point.joint + 1) * n_instants];

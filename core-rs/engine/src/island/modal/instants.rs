@@ -6,7 +6,7 @@ use super::{RunningModal, WINDOW_FRAMES, lanes};
 use crate::cell::{Cell, Response};
 use crate::kernel::bank::{LANES, Lanes};
 use crate::kernel::ports::{self, PADDING};
-use crate::state::Body;
+use crate::state::ModuleState;
 
 /// Tables for n instants of a frame, for every group of modes.
 #[derive(Clone, Debug)]
@@ -60,10 +60,10 @@ impl RunningModal {
             }
             weights
         };
-        let split_kick = |port: usize, mode: usize, j: usize| {
+        let split_kick = |port: usize, mode: usize, instant_index: usize| {
             let mode_response = plan.port_response(port, mode);
             mode_response.map_or([0.0; 2], |mode_response| {
-                mode_response.split(step_square, instants[j], rate)
+                mode_response.split(step_square, instants[instant_index], rate)
             })
         };
         let n_tables = match &plan.complex_responses {
@@ -201,12 +201,12 @@ impl RunningModal {
     }
 
     /// Take impulses [N·s] on a port at the instants of this frame (n).
-    pub(crate) fn apply_impulses(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
+    pub(crate) fn apply_impulses(&mut self, port: usize, impulses: &[f64], modules: &mut ModuleState) {
         self.restart_window();
         self.contact_free_frames = 0;
-        let Some(between) = &self.instant_tables else { return };
+        let Some(tables) = &self.instant_tables else { return };
         let is_complex = self.script.plan.complex_responses.is_some();
-        for (group, table) in between.kick_table[if is_complex { port } else { 0 }].iter().enumerate() {
+        for (group, table) in tables.kick_table[if is_complex { port } else { 0 }].iter().enumerate() {
             let group_rows = &self.script.row_shapes[group];
             // The responses of complex modes already contain these shares.
             let port_share = if is_complex { &UNIT_LANES } else { &group_rows[port] };
@@ -218,6 +218,6 @@ impl RunningModal {
             ports::apply_impulses(impulses, table, port_share, mode_lanes, group_rows, rows_ahead);
         }
         self.has_pending_kicks = true;
-        self.set_ports(body);
+        self.set_ports(modules);
     }
 }

@@ -1,7 +1,7 @@
 //! Pushes on the ports of a body within a window of frames that are computed ahead: each moves all ports and outputs in
 //! the rest of the window by their responses, and the modes at its end.
 
-use super::script::Script;
+use super::script::ModalScript;
 use super::{FRAMES_AHEAD, RunningModal, WINDOW_FRAMES};
 use crate::kernel::bank::{GroupMotion, LaneSum, Lanes, advance_and_observe, lane_total};
 use crate::kernel::ports;
@@ -16,7 +16,7 @@ const MODES_PER_PORT: usize = 12;
 
 /// Displacement of each row in the frames after 1 N at each port during one frame   (n_ports, n_rows, FRAMES_AHEAD);
 /// empty if they would be too many.
-pub(super) fn responses(script: &Script) -> Vec<f64> {
+pub(super) fn responses(script: &ModalScript) -> Vec<f64> {
     let n_ports = script.plan.ports.len();
     let n_rows = n_ports + script.plan.outputs.len();
     if n_ports * n_rows > PAIRS_MAX {
@@ -53,7 +53,7 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
     responses
 }
 
-impl Script {
+impl ModalScript {
     /// Move a group that is one frame ahead by a force at a port [N].
     fn push_group(&self, group: usize, motion: &mut GroupMotion, port: usize, force: f64) {
         ports::add_scaled(&mut motion.positions, &self.port_gains[group][port], force);

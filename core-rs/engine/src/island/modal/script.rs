@@ -5,7 +5,7 @@ use crate::kernel::bank::{GroupCoefficients, LANES, Lanes};
 
 /// The constant data of a running body.
 #[derive(Clone, Debug)]
-pub(super) struct Script {
+pub(super) struct ModalScript {
     pub(super) plan: Modal,
     /// (n_groups)
     pub(super) coefficients: Vec<GroupCoefficients>,
@@ -39,7 +39,7 @@ pub(super) fn lanes(modes: &[Mode], group: usize, value_of: impl Fn(usize) -> f6
     group_lanes
 }
 
-impl Script {
+impl ModalScript {
     pub(super) fn new(plan: &Modal) -> Self {
         let modes = &plan.modes;
         let group_range = 0..modes.len().div_ceil(LANES);

@@ -12,7 +12,7 @@ const REST_BOUND: f64 = 1e-20;
 
 /// A running body.
 #[derive(Clone, Debug)]
-pub(super) struct Block {
+pub(super) struct SlowBlock {
     flow: Arc<BlockFlow>,
     /// Displacements and velocities at its first frame   (2n)
     state: Vec<f64>,
@@ -29,7 +29,7 @@ pub(super) struct Block {
     buffer: Vec<f64>,
 }
 
-archive::state!(Block {
+archive::state!(SlowBlock {
     state,
     observed,
     inputs,
@@ -38,7 +38,7 @@ archive::state!(Block {
     starts_at_rest
 });
 
-impl Block {
+impl SlowBlock {
     pub(super) fn new(flow: &Arc<BlockFlow>) -> Self {
         let (n_state, n_frames, n_inputs) = (flow.frame_map.n, flow.n_frames, flow.inputs.len());
         Self {
@@ -102,8 +102,8 @@ impl Block {
         self.is_pushed[input] = true;
         self.inputs[input * n_frames + frame_index] += value;
         let responses = self.flow.inputs[input].observed_response.chunks_exact(n_frames);
-        for (seen, response) in self.observed.chunks_exact_mut(n_frames + 1).zip(responses) {
-            for (seen, response) in seen[frame_index + 1..].iter_mut().zip(response) {
+        for (observed_row, response) in self.observed.chunks_exact_mut(n_frames + 1).zip(responses) {
+            for (seen, response) in observed_row[frame_index + 1..].iter_mut().zip(response) {
                 *seen += value * response;
             }
         }
@@ -278,24 +278,24 @@ impl Block {
 
 #[cfg(test)]
 mod tests {
-    use super::super::block_flow::Interface;
+    use super::super::block_flow::BodyInterface;
     use super::*;
     use crate::integrate::flow::{Flow, frame_map, row_of_three};
 
     /// A row of three masses; the last one may be struck.
-    fn row_of_masses(n_frames: usize) -> Block {
+    fn row_of_masses(n_frames: usize) -> SlowBlock {
         let (k, z) = row_of_three();
         let frame_map = frame_map(&k, &z, false);
         let flow = Flow::new(&frame_map).unwrap();
         let mut moved_state = vec![0.0; 6];
         moved_state[5] = 1.0;
         let missing = flow.push_deficit(2, &frame_map.times_vector(&moved_state));
-        let interface = Interface {
+        let interface = BodyInterface {
             inverse_masses: &[0.5, 0.25, 2.0],
             ports: vec![(0, None), (2, Some(missing))],
             outputs: vec![vec![(0, 1.0), (1, -0.5)]],
         };
-        let mut block = Block::new(&Arc::new(BlockFlow::new(flow, interface, n_frames)));
+        let mut block = SlowBlock::new(&Arc::new(BlockFlow::new(flow, interface, n_frames)));
         block.state_mut().copy_from_slice(&[1.0, -0.5, 2.0, 0.01, 0.03, -0.02]);
         block.begin();
         block

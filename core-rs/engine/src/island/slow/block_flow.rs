@@ -51,7 +51,7 @@ pub(super) struct InputResponse {
 
 /// The inputs and outputs of a body.
 #[derive(Clone, Debug)]
-pub(crate) struct Interface<'a> {
+pub(crate) struct BodyInterface<'a> {
     /// 1/M of each mass   (n)
     pub(crate) inverse_masses: &'a [f64],
     /// MATs that something pushes; for those that are struck, what a kick and straight motion lack after a push by a
@@ -69,10 +69,10 @@ pub(crate) fn best_block_length(n: usize, n_ports: usize) -> usize {
 }
 
 impl BlockFlow {
-    pub(crate) fn new(flow: Flow, interface: Interface<'_>, n_frames: usize) -> Self {
+    pub(crate) fn new(flow: Flow, interface: BodyInterface<'_>, n_frames: usize) -> Self {
         let mat_count = flow.velocity_factor.n;
         let frame_map = flow.frame_map();
-        let Interface {
+        let BodyInterface {
             inverse_masses,
             ports,
             outputs,
@@ -110,7 +110,7 @@ impl BlockFlow {
     }
 
     /// The same with other ports (their indices here) and outputs, without strikes, or with blocks of another length.
-    pub(crate) fn with_interface(&self, interface: Interface<'_>, n_frames: usize) -> Self {
+    pub(crate) fn with_interface(&self, interface: BodyInterface<'_>, n_frames: usize) -> Self {
         Self::new(self.flow.clone(), interface, n_frames)
     }
 

@@ -7,14 +7,14 @@
 use std::sync::Arc;
 
 use super::Slow;
-use super::block::Block;
+use super::block::SlowBlock;
 use super::block_flow::BlockFlow;
 use crate::archive::{Archive, Damaged, State};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::{self, KernelScratch};
 use crate::network::Network;
 use crate::scheme::Scheme;
-use crate::state::Body;
+use crate::state::ModuleState;
 
 /// How the springs pull.
 #[derive(Clone, Debug)]
@@ -29,7 +29,7 @@ impl SpringMethod {
     /// The running springs of that body.
     pub(super) fn start(&self, slow: &Slow) -> RunningSprings {
         match self {
-            Self::Exact(flow) => RunningSprings::Exact(Box::new(Block::new(flow))),
+            Self::Exact(flow) => RunningSprings::Exact(Box::new(SlowBlock::new(flow))),
             Self::Stepped(scheme) => RunningSprings::Stepped(Box::new(SteppedSprings::new(scheme, &slow.network))),
         }
     }
@@ -38,7 +38,7 @@ impl SpringMethod {
 /// Running springs.
 #[derive(Clone, Debug)]
 pub(super) enum RunningSprings {
-    Exact(Box<Block>),
+    Exact(Box<SlowBlock>),
     Stepped(Box<SteppedSprings>),
 }
 
@@ -54,7 +54,7 @@ impl State for RunningSprings {
 
 impl RunningSprings {
     /// Linear springs.
-    pub(super) fn exact_block(&self) -> Option<&Block> {
+    pub(super) fn exact_block(&self) -> Option<&SlowBlock> {
         match self {
             Self::Exact(block) => Some(block),
             Self::Stepped(_) => None,
@@ -66,7 +66,7 @@ impl RunningSprings {
         match self {
             Self::Exact(block) => {
                 let pairs = slow.x0.iter().zip(&slow.rest_positions);
-                let displacements: Vec<f64> = pairs.map(|(x, rest)| x - rest).collect();
+                let displacements: Vec<f64> = pairs.map(|(x, rest_position)| x - rest_position).collect();
                 block.flow().flow.start_velocities(&displacements, &slow.v0)
             }
             Self::Stepped(stepped) => {
@@ -83,7 +83,7 @@ impl RunningSprings {
 #[derive(Clone, Debug)]
 pub(super) struct SteppedSprings {
     scheme: Arc<Scheme>,
-    body: Body,
+    modules: ModuleState,
     laws: KernelScratch,
 }
 
@@ -93,7 +93,7 @@ impl SteppedSprings {
         let zero_steps = vec![0.0; start_positions.len()];
         Self {
             scheme: scheme.clone(),
-            body: Body::new(scheme, start_positions, zero_steps),
+            modules: ModuleState::new(scheme, start_positions, zero_steps),
             laws: KernelScratch::new(scheme),
         }
     }
@@ -106,7 +106,11 @@ impl SteppedSprings {
         velocities_before: Option<&[f64]>,
         velocities_after: &mut [f64],
     ) {
-        let Self { scheme, body, laws } = self;
+        let Self {
+            scheme,
+            modules: body,
+            laws,
+        } = self;
         let step_frames = f64::from(slow.macrostep);
         for (index, &mat) in slow.free_mats.iter().enumerate() {
             body.x[mat] = x[index];

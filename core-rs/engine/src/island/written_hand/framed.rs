@@ -82,11 +82,11 @@ impl FramedGesture {
                 },
                 GestureSegment::Throw {
                     strike_instant: from,
-                    arrival_instant: to,
+                    arrival_instant: arrival_time,
                     arrival_position: x,
                     ..
                 } => {
-                    let (strike_frame, landing_frame) = (frame_at(from), frame_at(to));
+                    let (strike_frame, landing_frame) = (frame_at(from), frame_at(arrival_time));
                     // Rounded to a frame of the score, the strike may come before the end of the path: the path then
                     // ends at the strike.
                     match legs.last_mut() {

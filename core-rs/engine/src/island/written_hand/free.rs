@@ -9,8 +9,8 @@ use crate::island::slow::{self, Slow};
 use crate::kernel;
 use crate::kernel::KernelScratch;
 use crate::kernel::thread_team::ThreadTeam;
-use crate::scheme::{Kind, Scheme};
-use crate::state::{Body, Target};
+use crate::scheme::{LinkRunKind, Scheme};
+use crate::state::{ImposedTarget, ModuleState};
 use crate::timeline::Drive;
 use frame_powers::FramePowers;
 
@@ -44,11 +44,11 @@ pub(crate) struct FreeKey {
 /// The motion of a free key.
 #[derive(Clone, Debug)]
 pub(crate) struct FreeMotion {
-    pub(crate) body: Body,
+    pub(crate) modules: ModuleState,
     slow_bodies: Vec<slow::RunningSlow>,
 }
 
-crate::archive::state!(FreeMotion { body, slow_bodies });
+crate::archive::state!(FreeMotion { modules, slow_bodies });
 
 impl FreeKey {
     /// Whether the motion of another free key fits this one; `name_of` and `other_name_of` give the names
@@ -110,7 +110,7 @@ fn find_force(guess: f64, compliance_max: f64, offset_at: &mut dyn FnMut(f64) ->
 impl FreeMotion {
     /// Copy another's motion without allocating.
     fn copy_motion(&mut self, other: &Self) {
-        self.body.copy_motion(&other.body);
+        self.modules.copy_motion(&other.modules);
         for (slow_body, other) in self.slow_bodies.iter_mut().zip(&other.slow_bodies) {
             slow_body.copy_motion(other);
         }
@@ -135,8 +135,8 @@ impl FreeMotion {
     /// Set slow bodies from the MATs, after these were set.
     pub(crate) fn set_slow_bodies(&mut self) {
         for slow in &mut self.slow_bodies {
-            slow.set_motion_of_ports(&self.body);
-            slow.set_ports(&mut self.body);
+            slow.set_motion_of_ports(&self.modules);
+            slow.set_ports(&mut self.modules);
         }
     }
 
@@ -173,7 +173,7 @@ impl FreeMotion {
 pub(crate) struct Buffers {
     pub(crate) trial_motion: FreeMotion,
     pub(crate) laws: KernelScratch,
-    pub(crate) targets: Vec<Target>,
+    pub(crate) targets: Vec<ImposedTarget>,
     /// Whether nothing but the flow of slow bodies moves the key between gestures.
     pub(crate) has_only_flow: bool,
     /// Present if one frame of the key is an affine map.
@@ -182,27 +182,27 @@ pub(crate) struct Buffers {
 
 impl FreeKey {
     /// Its motion at frame 0, from that of its MATs.
-    pub(crate) fn start_motion(&self, mut body: Body) -> FreeMotion {
-        let running_slow = |slow: &Slow| slow::RunningSlow::new(slow, &body);
+    pub(crate) fn start_motion(&self, mut modules: ModuleState) -> FreeMotion {
+        let running_slow = |slow: &Slow| slow::RunningSlow::new(slow, &modules);
         let slow_bodies: Vec<slow::RunningSlow> = self.slow_bodies.iter().map(running_slow).collect();
         if !slow_bodies.is_empty() {
-            body.inner = vec![0.0; body.x.len()];
-            slow_bodies.iter().for_each(|slow| slow.set_ports(&mut body));
+            modules.free_port_motion = vec![0.0; modules.x.len()];
+            slow_bodies.iter().for_each(|slow| slow.set_ports(&mut modules));
         }
-        FreeMotion { body, slow_bodies }
+        FreeMotion { modules, slow_bodies }
     }
 
     /// The motion of a key at 0, at rest.
     pub(crate) fn motion_at_rest(&self) -> FreeMotion {
         let zero_vector = vec![0.0; self.scheme.n_mat()];
-        self.start_motion(Body::new(&self.scheme, zero_vector.clone(), zero_vector))
+        self.start_motion(ModuleState::new(&self.scheme, zero_vector.clone(), zero_vector))
     }
 
     /// The free key of a layer: its positions are displacements from the motion of the voice below, with contacts open.
     pub(crate) fn layer_key(&self) -> Self {
         let mut scheme = (*self.scheme).clone();
         scheme.rest.fill(0.0);
-        scheme.runs.retain(|run| !matches!(run.kind, Kind::But(_)));
+        scheme.runs.retain(|run| !matches!(run.kind, LinkRunKind::But(_)));
         scheme.exact_runs.clear();
         scheme.runs.iter_mut().for_each(|run| run.rest = 0.0);
         Self {
@@ -228,7 +228,7 @@ impl FreeKey {
             deviation_key.sum_forces(&mut free_motion, n, &mut laws, &mut targets);
             let test_push = if n == 0 { test_push } else { 0.0 };
             deviation_key.strike_and_move(&mut free_motion, n, test_push, &mut targets);
-            free_motion.body.x[deviation_key.struck_mat] < 0.0
+            free_motion.modules.x[deviation_key.struck_mat] < 0.0
         })
     }
 
@@ -238,47 +238,53 @@ impl FreeKey {
         motion: &mut FreeMotion,
         n: u64,
         laws: &mut KernelScratch,
-        targets: &mut Vec<Target>,
+        targets: &mut Vec<ImposedTarget>,
     ) {
-        let body = &mut motion.body;
-        kernel::compute_link_forces(&self.scheme, &[], body, laws, &mut ThreadTeam::alone());
+        let modules = &mut motion.modules;
+        kernel::compute_link_forces(&self.scheme, &[], modules, laws, &mut ThreadTeam::alone());
         targets.clear();
         for drive in &self.drives {
-            drive.apply(n, self.scheme.rate, body, targets);
+            drive.apply(n, self.scheme.rate, modules, targets);
         }
     }
 
     /// The ergon's force that brings the struck MAT to x at the next frame [N], once the other forces
     /// are summed; `targets` are the key's own imposed points.
-    pub(crate) fn force_to_reach(&self, motion: &FreeMotion, x: f64, targets: &[Target], buffers: &mut Buffers) -> f64 {
-        let (scheme, struck_mat, body) = (&*self.scheme, self.struck_mat, &motion.body);
+    pub(crate) fn force_to_reach(
+        &self,
+        motion: &FreeMotion,
+        x: f64,
+        targets: &[ImposedTarget],
+        buffers: &mut Buffers,
+    ) -> f64 {
+        let (scheme, struck_mat, body) = (&*self.scheme, self.struck_mat, &motion.modules);
         if scheme.exact_runs.is_empty() {
             return kernel::force_to_reach(scheme, body, struck_mat, x);
         }
         // The force of exact contacts depends on where the ergon takes the MAT, so they are solved for that position.
-        let trial_body = &mut buffers.trial_motion.body;
-        trial_body.copy_motion(body);
-        trial_body.force.copy_from_slice(&body.force);
+        let trial_modules = &mut buffers.trial_motion.modules;
+        trial_modules.copy_motion(body);
+        trial_modules.force.copy_from_slice(&body.force);
         buffers.targets.clear();
         buffers.targets.extend_from_slice(targets);
-        buffers.targets.push(Target {
+        buffers.targets.push(ImposedTarget {
             mat: struck_mat,
             x,
             previous: 0.0,
         });
-        kernel::solve_exact_contacts(scheme, &[], &buffers.targets, trial_body);
-        let force = kernel::force_to_reach(scheme, trial_body, struck_mat, x);
+        kernel::solve_exact_contacts(scheme, &[], &buffers.targets, trial_modules);
+        let force = kernel::force_to_reach(scheme, trial_modules, struck_mat, x);
         if !scheme.has_dry_friction() {
             return force;
         }
         // If friction changes direction within the frame, how much of it acts each way depends on the ergon.
         let mut force_offset = |force: f64| {
-            let coast_body = &mut buffers.trial_motion.body;
-            coast_body.copy_motion(body);
-            coast_body.force.copy_from_slice(&body.force);
-            coast_body.force[struck_mat] += force;
-            kernel::solve_exact_contacts(scheme, &[], targets, coast_body);
-            kernel::predict_position(scheme, coast_body, struck_mat) - x
+            let coasting_modules = &mut buffers.trial_motion.modules;
+            coasting_modules.copy_motion(body);
+            coasting_modules.force.copy_from_slice(&body.force);
+            coasting_modules.force[struck_mat] += force;
+            kernel::solve_exact_contacts(scheme, &[], targets, coasting_modules);
+            kernel::predict_position(scheme, coasting_modules, struck_mat) - x
         };
         find_force(force, scheme.w[struck_mat], &mut force_offset)
     }
@@ -293,7 +299,12 @@ impl FreeKey {
         let scheme = &*self.scheme;
         let has_no_links = scheme.runs.is_empty() && scheme.fused_springs.is_empty() && scheme.exact_runs.is_empty();
         let is_held = |mat: usize| {
-            let coefficients = [scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat], motion.body.d[mat]];
+            let coefficients = [
+                scheme.w[mat],
+                scheme.kappa[mat],
+                scheme.zeta[mat],
+                motion.modules.d[mat],
+            ];
             coefficients.iter().all(|value| *value == 0.0)
         };
         let is_port = |mat: usize| motion.slow_bodies.iter().any(|slow| slow.has_port(mat));
@@ -306,7 +317,10 @@ impl FreeKey {
 
     /// Move by the flow of slow bodies alone, with the same result as [`Self::strike_and_move`] without a force.
     pub(crate) fn step_flow(motion: &mut FreeMotion) {
-        let FreeMotion { body, slow_bodies } = motion;
+        let FreeMotion {
+            modules: body,
+            slow_bodies,
+        } = motion;
         for slow in slow_bodies {
             slow.step_flow();
             slow.set_ports(body);
@@ -314,8 +328,11 @@ impl FreeKey {
     }
 
     /// Add a force on the struck MAT and move from frame n to n + 1.
-    pub(crate) fn strike_and_move(&self, motion: &mut FreeMotion, n: u64, force: f64, targets: &mut [Target]) {
-        let FreeMotion { body, slow_bodies } = motion;
+    pub(crate) fn strike_and_move(&self, motion: &mut FreeMotion, n: u64, force: f64, targets: &mut [ImposedTarget]) {
+        let FreeMotion {
+            modules: body,
+            slow_bodies,
+        } = motion;
         body.force[self.struck_mat] += force;
         kernel::solve_exact_contacts(&self.scheme, &[], targets, body);
         slow_bodies.iter_mut().for_each(|slow| slow.step(n, &body.force));
@@ -357,7 +374,7 @@ impl FreeKey {
         if let Some(frame_powers) = frame_powers.as_mut().filter(|_| stop_frame < target_frame) {
             frame_powers.advance(self, trial_motion, target_frame - stop_frame, laws, targets);
         }
-        trial_motion.body.x[self.struck_mat]
+        trial_motion.modules.x[self.struck_mat]
     }
 
     /// The force at frame `n` that makes the struck MAT pass `x` at frame `target_frame`; 0 if no force can (after a

@@ -1,7 +1,7 @@
 //! Particle ergons: real MAS that hit the key through a BUT whose contact lasts two steps, K = 2μ.
 
 use crate::scheme::Scheme;
-use crate::state::Body;
+use crate::state::ModuleState;
 
 /// Speed of approach [m/s]: fixed, so that the mass carries the impulse and the speed stays far above
 /// any key's (error of the impulse below 1e-6 for velocity steps from 1e-5 to 0.5 m/s).
@@ -40,16 +40,16 @@ crate::archive::state!(Particles { 0 });
 
 impl Particles {
     /// Step the particles that touch `mat` and push it; forget those that have left.
-    pub(crate) fn step(&mut self, body: &mut Body, mat: usize) {
+    pub(crate) fn step(&mut self, modules: &mut ModuleState, mat: usize) {
         for particle in &mut self.0 {
             if particle.k > 0.0 {
-                let penetration = particle.sign * (particle.position - body.x[mat]);
+                let penetration = particle.sign * (particle.position - modules.x[mat]);
                 let push_force = if penetration > 0.0 {
                     particle.k * penetration
                 } else {
                     0.0
                 };
-                body.push(mat, particle.sign * push_force);
+                modules.push(mat, particle.sign * push_force);
                 particle.last_step -= particle.sign * push_force * particle.w;
                 particle.position += particle.last_step;
                 if penetration < -GONE_DISTANCE {
@@ -67,12 +67,18 @@ impl Particles {
     /// Launch a particle whose contact gives impulse `force`·T now: it flew in freely and touched one step ago. Returns
     /// its mass [kg] and velocity [m/s]; `None` if no particle of that speed can carry that impulse, or too many are
     /// near.
-    pub(crate) fn launch(&mut self, scheme: &Scheme, body: &mut Body, mat: usize, force: f64) -> Option<(f64, f64)> {
+    pub(crate) fn launch(
+        &mut self,
+        scheme: &Scheme,
+        modules: &mut ModuleState,
+        mat: usize,
+        force: f64,
+    ) -> Option<(f64, f64)> {
         let time_step = 1.0 / scheme.rate;
         let sign = force.signum();
         let approach_speed = sign * APPROACH_SPEED;
         // Penetration after one step of approach, the key moving as it did.
-        let approach_depth = (approach_speed * time_step - body.d[mat]) * sign;
+        let approach_depth = (approach_speed * time_step - modules.d[mat]) * sign;
         // force = K·penetration with K = 2μ, and 1/μ = w + w_key.
         let mu = 0.5 * force.abs() / approach_depth;
         let w = 1.0 / mu - scheme.w[mat];
@@ -81,14 +87,14 @@ impl Particles {
             return None;
         }
         *free_slot = Particle {
-            position: body.x[mat] + sign * approach_depth,
+            position: modules.x[mat] + sign * approach_depth,
             last_step: approach_speed * time_step,
             w,
             k: 2.0 * mu,
             sign,
         };
         let push_force = free_slot.k * approach_depth;
-        body.push(mat, sign * push_force);
+        modules.push(mat, sign * push_force);
         free_slot.last_step -= sign * push_force * free_slot.w;
         free_slot.position += free_slot.last_step;
         Some((time_step * time_step / w, approach_speed))

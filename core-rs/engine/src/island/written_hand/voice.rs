@@ -20,7 +20,7 @@ use crate::island::record::ErgonStream;
 use crate::kernel;
 use crate::kernel::KernelScratch;
 use crate::scheme::Scheme;
-use crate::state::{Body, Target};
+use crate::state::{ImposedTarget, ModuleState};
 use join::Joining;
 
 /// A layer's free key counts as at rest below this, in metres and in metres a second: far below what is heard.
@@ -47,7 +47,7 @@ pub(crate) struct VoiceScript {
 pub(crate) struct Voice {
     free_motion: FreeMotion,
     /// Imposed points inside the free key, at this frame.
-    targets: Vec<Target>,
+    targets: Vec<ImposedTarget>,
     buffers: Buffers,
     particles: Particles,
     pub(crate) sparks: Sparks,
@@ -131,8 +131,8 @@ enum Request {
 /// The parts of the scene that a voice reads and changes.
 pub(crate) struct VoiceScene<'a> {
     pub(crate) scheme: &'a Scheme,
-    pub(crate) body: &'a mut Body,
-    pub(crate) targets: &'a mut Vec<Target>,
+    pub(crate) modules: &'a mut ModuleState,
+    pub(crate) targets: &'a mut Vec<ImposedTarget>,
     pub(crate) gestures: &'a [FramedGesture],
     pub(crate) reports: &'a mut [GestureReport],
     pub(crate) ergon_stream: &'a mut ErgonStream,
@@ -143,8 +143,8 @@ pub(crate) struct VoiceScene<'a> {
 
 impl VoiceScript {
     /// The MAT of another part that pushes the key most, if any does.
-    fn pushed_by(&self, body: &Body) -> Option<usize> {
-        let link_push = |link: usize| body.link[link].abs();
+    fn pushed_by(&self, modules: &ModuleState) -> Option<usize> {
+        let link_push = |link: usize| modules.link_forces[link].abs();
         let strongest = self
             .outer_links
             .iter()
@@ -159,8 +159,8 @@ impl Voice {
     pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) -> bool {
         let is_due = |&i: &usize| (gestures[i].join_frame..=gestures[i].last_frame()).contains(&n);
         let i = script.free_key.struck_mat;
-        let key_moves = self.free_motion.body.x[i].abs()
-            + self.free_motion.body.d[i].abs() * script.free_key.scheme.rate
+        let key_moves = self.free_motion.modules.x[i].abs()
+            + self.free_motion.modules.d[i].abs() * script.free_key.scheme.rate
             > STILL_BOUND;
         !script.is_layer || key_moves || script.gesture_indices.iter().any(is_due)
     }
@@ -214,7 +214,7 @@ impl Voice {
 
     /// The deviation that a layer adds to its key now [m].
     pub(crate) fn deviation(&self, script: &VoiceScript) -> f64 {
-        self.free_motion.body.x[script.free_key.struck_mat]
+        self.free_motion.modules.x[script.free_key.struck_mat]
     }
 
     pub(crate) fn new(script: &VoiceScript, free_motion: FreeMotion) -> Self {
@@ -256,7 +256,7 @@ impl Voice {
         script
             .free_key
             .sum_forces(&mut self.free_motion, n, &mut self.buffers.laws, &mut self.targets);
-        self.particles.step(scene.body, script.struck_mat);
+        self.particles.step(scene.modules, script.struck_mat);
         self.begin_gestures(script, scene, n);
         let request = self.requested_motion(scene.gestures, scene.scheme.rate, n);
         let last_requested_position = std::mem::replace(&mut self.requested_position, f64::NAN);
@@ -264,7 +264,7 @@ impl Voice {
             Some(frame_ask) => self.strike_as_requested(script, scene, n, &frame_ask, last_requested_position),
             None if self.is_led => {
                 let force = script.free_key.release_force(&self.free_motion);
-                scene.body.push(script.struck_mat, force);
+                scene.modules.push(script.struck_mat, force);
                 force
             }
             None => 0.0,
@@ -296,13 +296,13 @@ impl Voice {
         };
         if !self.requested_position.is_nan() && !script.is_layer {
             let wanted_position = self.requested_position + scene.layer_deviations[script.key_index];
-            let deviation = (scene.body.x[script.struck_mat] - wanted_position).abs();
+            let deviation = (scene.modules.x[script.struck_mat] - wanted_position).abs();
             report.squared_deviation_sum += deviation * deviation;
             report.n_compared_frames += 1;
             report.stop = n as f64 / scene.scheme.rate;
             if deviation > report.deviation_max {
                 (report.deviation_max, report.deviation_max_instant) = (deviation, report.stop);
-                report.pushed_by_mat = script.pushed_by(scene.body);
+                report.pushed_by_mat = script.pushed_by(scene.modules);
             }
         }
     }
@@ -321,7 +321,7 @@ impl Voice {
                 .map(|begun_index| script.gesture_indices[begun_index])
         };
         let report = &mut reports[running_gesture.or_else(last_gesture)?];
-        let free_position = self.free_motion.body.x[script.free_key.struck_mat];
+        let free_position = self.free_motion.modules.x[script.free_key.struck_mat];
         report.position_min = report.position_min.min(free_position);
         report.position_max = report.position_max.max(free_position);
         Some(report)
@@ -333,10 +333,10 @@ impl Voice {
         let (scheme, body, mat_index) = match touch {
             Touch::Open => (
                 &*script.free_key.scheme,
-                &self.free_motion.body,
+                &self.free_motion.modules,
                 script.free_key.struck_mat,
             ),
-            Touch::Tracked => (scene.scheme, &*scene.body, script.struck_mat),
+            Touch::Tracked => (scene.scheme, &*scene.modules, script.struck_mat),
         };
         let (x, position_before) = (body.x[mat_index], body.x[mat_index] - body.d[mat_index]);
         let position_next = kernel::predict_position(scheme, body, mat_index);

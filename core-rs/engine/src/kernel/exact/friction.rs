@@ -2,8 +2,8 @@
 
 use super::super::{force_to_reach, predict_position};
 use crate::dry::Turned;
-use crate::scheme::{Kind, Run, Scheme};
-use crate::state::{Body, Target};
+use crate::scheme::{LinkRun, LinkRunKind, Scheme};
+use crate::state::{ImposedTarget, ModuleState};
 
 /// Two ends with given positions slide if the distance between them changes by more than this in a frame [m]; less is
 /// rounding.
@@ -12,19 +12,25 @@ pub(crate) const SLIDE_DISTANCE_MIN: f64 = 1e-14;
 const REST_STEP_RATIO: f64 = 1e-12;
 
 /// Force of one friction, given all other forces [N].
-pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
-    let Kind::Dry { law: dry_law, rate } = &run.kind else {
+pub(super) fn force(
+    scheme: &Scheme,
+    gates: &[f64],
+    targets: &[ImposedTarget],
+    modules: &ModuleState,
+    run: &LinkRun,
+) -> f64 {
+    let LinkRunKind::Dry { law: dry_law, rate } = &run.kind else {
         return 0.0;
     };
     let (first_mat, second_mat) = (run.a, run.b);
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
-    let v = body.d[second_mat] - body.d[first_mat];
+    let v = modules.d[second_mat] - modules.d[first_mat];
     let dry_law = dry_law.with(run.z);
     let level_at = |v: f64| gate_opening * dry_law.level_at(v * rate);
     let imposed_target = |i: usize| targets.iter().find(|target| target.mat == i);
     let free_move = |i: usize| match imposed_target(i) {
-        Some(target) => (target.x - body.x[i], 0.0),
-        None => (predict_position(scheme, body, i) - body.x[i], scheme.w[i]),
+        Some(target) => (target.x - modules.x[i], 0.0),
+        None => (predict_position(scheme, modules, i) - modules.x[i], scheme.w[i]),
     };
     let ((da, wa), (db, wb)) = (free_move(first_mat), free_move(second_mat));
     let free_step = db - da;
@@ -57,7 +63,7 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
     let holding_force = |i: usize| {
         imposed_target(i)
             .filter(|_| scheme.w[i] > 0.0)
-            .map(|target| force_to_reach(scheme, body, i, target.x))
+            .map(|target| force_to_reach(scheme, modules, i, target.x))
     };
     match (holding_force(first_mat), holding_force(second_mat)) {
         (Some(push), _) => push.clamp(-friction_level, friction_level),
@@ -67,14 +73,14 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
 }
 
 /// Stop masses that friction against a fixed point has brought to rest, if only a step of the size of rounding is left.
-pub(crate) fn stop_resting_masses(scheme: &Scheme, body: &mut Body) {
+pub(crate) fn stop_resting_masses(scheme: &Scheme, modules: &mut ModuleState) {
     for run in scheme.exact_runs.iter().filter(|run| run.is_dry()) {
         for (mass, other) in [(run.a, run.b), (run.b, run.a)] {
-            let is_fixed = scheme.w[other] == 0.0 && body.d[other] == 0.0;
-            let mass_step = body.d[mass];
+            let is_fixed = scheme.w[other] == 0.0 && modules.d[other] == 0.0;
+            let mass_step = modules.d[mass];
             if is_fixed && mass_step != 0.0 && mass_step.abs() <= REST_STEP_RATIO * scheme.w[mass] * run.z {
-                body.x[mass] -= mass_step;
-                body.d[mass] = 0.0;
+                modules.x[mass] -= mass_step;
+                modules.d[mass] = 0.0;
             }
         }
     }

@@ -2,7 +2,7 @@ use super::*;
 use crate::network::Network;
 use crate::units::Rate;
 
-fn scene(n: usize) -> (Network, Body) {
+fn scene(n: usize) -> (Network, ModuleState) {
     let mut network = Network::new();
     network.part("p", None);
     for i in 0..n {
@@ -14,7 +14,7 @@ fn scene(n: usize) -> (Network, Body) {
         .map(|i| (1.0 + i as f64) / 3.0 * [1.0, -1e-9, 1e7, -1e-3][i % 4])
         .collect();
     let zero_steps = vec![0.0; n];
-    (network, Body::new(&scheme, positions, zero_steps))
+    (network, ModuleState::new(&scheme, positions, zero_steps))
 }
 
 /// The tree is part of the definition of a sample: eight lanes, then ((0+4)+(2+6))+((1+5)+(3+7)).
@@ -63,10 +63,10 @@ fn taps_have_signs_and_weights_of_terms() {
         )
         .unwrap();
     let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
-    let mut body = Body::new(&scheme, vec![0.5, 2.0], vec![0.0; 2]);
-    body.link[link_index] = 4.5;
+    let mut modules = ModuleState::new(&scheme, vec![0.5, 2.0], vec![0.0; 2]);
+    modules.link_forces[link_index] = 4.5;
     let mut tap_frame = [f64::NAN];
-    write_outputs(&scheme, &body, &mut tap_frame);
+    write_outputs(&scheme, &modules, &mut tap_frame);
     // Positions 2.5; the link pulls b by −4.5; the force on the ground is 7·(0.5 − 0.25).
     assert_eq!(tap_frame, [25.0 - 450.0 + 1750.0]);
 }

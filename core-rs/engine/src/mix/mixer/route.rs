@@ -8,7 +8,7 @@ use crate::mix::delay::{DelayLine, Echo};
 use crate::mix::filter::{Filter, FilterKind};
 use crate::mix::glide::GainGlide;
 use crate::mix::room::RoomError;
-use crate::section::Section;
+use crate::section::FilterSection;
 
 /// Largest delay of a route [frames].
 pub(super) const DELAY_MAX: usize = 1 << 20;
@@ -247,8 +247,8 @@ impl Route {
     }
 
     /// Glide from one factor of its gain to another.
-    pub(super) fn set_fade(&mut self, rate: f64, from: f64, to: f64) {
-        self.fade = Some(GainGlide::between(rate, from, to));
+    pub(super) fn set_fade(&mut self, rate: f64, start_gain: f64, target_gain: f64) {
+        self.fade = Some(GainGlide::between(rate, start_gain, target_gain));
     }
 
     /// Whether its filters have the same input as those of another route, and the same state.
@@ -273,7 +273,7 @@ impl Route {
     }
 
     /// The section of its first filter, if that is a high-pass.
-    pub(super) fn first_highpass(&mut self) -> Option<&mut Section> {
+    pub(super) fn first_highpass(&mut self) -> Option<&mut FilterSection> {
         self.filters.first_mut()?.highpass_section()
     }
 
@@ -298,7 +298,7 @@ impl Route {
         (group, gains): (&GainGlide, Option<&[f64]>),
         first: u64,
         signal: &[f64],
-        to: &mut [f64],
+        mixed: &mut [f64],
     ) {
         let is_gliding = self.fade.is_some() || self.residual_gain.is_some();
         let is_plain = self.delay.is_none() && self.entry_glide.is_none() && !is_gliding;
@@ -306,14 +306,14 @@ impl Route {
         let route_gain = steady_gain.map(|group| self.gain * group);
         match (route_gain, &self.curve, gains) {
             (Some(route_gain), None, _) => {
-                let sample_pairs = to.iter_mut().zip(signal);
+                let sample_pairs = mixed.iter_mut().zip(signal);
                 sample_pairs.for_each(|(y, x)| *y += route_gain * x);
             }
             (Some(route_gain), Some(_), Some(curve)) => {
-                let curved_samples = to.iter_mut().zip(signal).zip(curve);
+                let curved_samples = mixed.iter_mut().zip(signal).zip(curve);
                 curved_samples.for_each(|((y, x), curve)| *y += route_gain * curve * x);
             }
-            _ => self.add_gliding((group, gains), first, signal, to),
+            _ => self.add_gliding((group, gains), first, signal, mixed),
         }
     }
 
@@ -322,9 +322,9 @@ impl Route {
         (group, gains): (&GainGlide, Option<&[f64]>),
         first: u64,
         signal: &[f64],
-        to: &mut [f64],
+        mixed: &mut [f64],
     ) {
-        for (index, ((y, &x), frame)) in to.iter_mut().zip(signal).zip(first..).enumerate() {
+        for (index, ((y, &x), frame)) in mixed.iter_mut().zip(signal).zip(first..).enumerate() {
             let x = self.entry_glide.map_or(x, |entry| entry.gain_at(frame) * x);
             let x = self.delay.as_mut().map_or(x, |delay| delay.next(x));
             let curve = match (gains, &self.curve) {

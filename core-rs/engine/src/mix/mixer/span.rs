@@ -2,7 +2,7 @@
 
 use super::{Mixer, PlacedOutput, Route, RouteTarget, SPAN_FRAMES};
 use crate::mix::glide::GainGlide;
-use crate::section::{SECTION_LANES, Section, highpass_all};
+use crate::section::{FilterSection, SECTION_LANES, highpass_all};
 
 /// Filtering all lanes at once takes as long as two single high-passes, so fewer high-passes than this are computed one
 /// by one.
@@ -159,8 +159,8 @@ fn highpass_together(routes: &mut [Route], signals: &mut [f64], n_frames: usize)
     let mut unused_signals = unused_samples.chunks_exact_mut(SPAN_FRAMES);
     let routes_and_signals = non_repeating(routes).zip(signals.chunks_exact_mut(SPAN_FRAMES));
     let mut filter_pairs = routes_and_signals.filter_map(|(route, signal)| Some((route.first_highpass()?, signal)));
-    let mut sections = [const { Section::IDENTITY }; SECTION_LANES];
-    let mut highpasses: [Option<&mut Section>; SECTION_LANES] = Default::default();
+    let mut sections = [const { FilterSection::IDENTITY }; SECTION_LANES];
+    let mut highpasses: [Option<&mut FilterSection>; SECTION_LANES] = Default::default();
     let mut rows: [&mut [f64]; SECTION_LANES] = Default::default();
     for ((section, highpass_slot), row) in sections.iter_mut().zip(&mut highpasses).zip(&mut rows) {
         if let Some((highpass, signal)) = filter_pairs.next() {

@@ -249,8 +249,8 @@ fn nearest_point([a, b, c]: &[Vector; 3], place: Vector) -> Vector {
     std::array::from_fn(|axis| a[axis] + ab[axis] * v + ac[axis] * w)
 }
 
-fn point_along(from: Vector, share: f64, direction: Vector) -> Vector {
-    std::array::from_fn(|axis| from[axis] + share * direction[axis])
+fn point_along(origin: Vector, share: f64, direction: Vector) -> Vector {
+    std::array::from_fn(|axis| origin[axis] + share * direction[axis])
 }
 
 fn difference(a: Vector, b: Vector) -> Vector {

@@ -14,7 +14,7 @@ use crate::plan::trial::record::TrialRecord;
 
 impl<'a> PlanBuilder<'a> {
     /// Plans an island, and stores what was decided; of a draft, as was decided before, if anything was.
-    pub(super) fn stored_island(&mut self, subset: Subset, island_timeline: LocalTimeline) -> Result<(), Error> {
+    pub(super) fn island_from_store(&mut self, subset: Subset, island_timeline: LocalTimeline) -> Result<(), Error> {
         let Some(store) = self.trial_store.filter(|_| !island_timeline.timeline.is_open) else {
             return self.plan_island(subset, island_timeline);
         };

@@ -9,9 +9,9 @@ use crate::assembly::cost;
 use crate::assembly::split::LocalTimeline;
 use crate::island::bodies::BodyPlan;
 use crate::network::Subset;
-use crate::plan::constants::{PRESERVED_LIMITS, SEEN_SHARE, SLOW_COST_RATIO_MAX};
+use crate::plan::constants::{DISPLAYED_ERROR_SHARE, PRESERVED_LIMITS, SLOW_COST_RATIO_MAX};
 use crate::plan::row::MeasuredError;
-use crate::plan::trial::multirate::{self, Offered};
+use crate::plan::trial::multirate::{self, OfferedParts};
 
 /// Why a part that asks for a rate of its own does not get it, if its island is better without.
 const NO_GAIN_REASON: &str = "at every frame its island keeps the budget, or keeps it at less cost";
@@ -20,7 +20,7 @@ impl PlanBuilder<'_> {
     /// The island without slow parts that asked for it, if it misses its budget with them, takes more steps a frame for
     /// it, or has one that is dearer than without a rate, and is within the budget without them, at less cost if both
     /// are.
-    pub(super) fn without_costly_rates(
+    pub(super) fn without_unhelpful_rates(
         &self,
         subset: &Subset,
         island_timeline: &LocalTimeline,
@@ -39,7 +39,7 @@ impl PlanBuilder<'_> {
         match self.choose_stepping(&plain_subset, island_timeline, None) {
             Ok(plain_solved)
                 if plain_solved.is_within_budget(self.budget)
-                    && !(is_within && with_rates.cost() <= plain_solved.cost()) =>
+                    && !(is_within && with_rates.frame_ns() <= plain_solved.frame_ns()) =>
             {
                 PlannedIsland {
                     refused_slow_parts: refused_slow,
@@ -51,13 +51,13 @@ impl PlanBuilder<'_> {
     }
 
     /// The island with what is only seen slow, and with its keys slow, wherever that is cheaper and sounds the same.
-    pub(super) fn with_offered_parts(
+    pub(super) fn with_slow_parts_offered(
         &self,
         subset: &Subset,
         island_timeline: &LocalTimeline,
         without_offers: PlannedIsland,
     ) -> PlannedIsland {
-        let (seldom_subset, mut best_solved) = self.offer_only_seen(subset, island_timeline, without_offers);
+        let (seldom_subset, mut best_solved) = self.offer_displayed_parts(subset, island_timeline, without_offers);
         let subset = seldom_subset.as_ref().unwrap_or(subset);
         for &(macrostep, error_limit) in &PRESERVED_LIMITS {
             // Without allowance an offer cannot be measured.
@@ -66,14 +66,14 @@ impl PlanBuilder<'_> {
             }
             let error_max = error_limit.min(self.budget.contact_error_db_max());
             let slow_keys =
-                multirate::with_offered_slow(subset, island_timeline, self.budget, Offered::Keys, macrostep);
+                multirate::with_offered_slow(subset, island_timeline, self.budget, OfferedParts::Keys, macrostep);
             let is_better = |solved: &PlannedIsland, best_solved: &PlannedIsland| {
                 solved.slow_error.is_some_and(|error| error.waveform_db <= error_max)
-                    && solved.cost() < SLOW_COST_RATIO_MAX * best_solved.cost()
+                    && solved.frame_ns() < SLOW_COST_RATIO_MAX * best_solved.frame_ns()
                     && solved.is_as_exact(best_solved, self.budget)
             };
             if let Some(slow_subset) = slow_keys
-                && let Some(solved) = self.try_offer(&slow_subset, island_timeline, &best_solved, is_better)
+                && let Some(solved) = self.planned_if_better(&slow_subset, island_timeline, &best_solved, is_better)
             {
                 best_solved = solved;
             }
@@ -83,34 +83,39 @@ impl PlanBuilder<'_> {
 
     /// The island with what is only seen computed as seldom as `displayed_frame_interval` says, or more often if that
     /// would be heard.
-    fn offer_only_seen(
+    fn offer_displayed_parts(
         &self,
         subset: &Subset,
         island_timeline: &LocalTimeline,
         plain: PlannedIsland,
     ) -> (Option<Subset>, PlannedIsland) {
-        let mut seen_every = self.displayed_frame_interval;
-        while seen_every > 1 && self.allowance.n_refused_trials() == 0 {
-            let slower_subset =
-                multirate::with_offered_slow(subset, island_timeline, self.budget, Offered::OnlySeen, seen_every);
+        let mut macrostep = self.displayed_frame_interval;
+        while macrostep > 1 && self.allowance.n_refused_trials() == 0 {
+            let slower_subset = multirate::with_offered_slow(
+                subset,
+                island_timeline,
+                self.budget,
+                OfferedParts::DisplayedOnly,
+                macrostep,
+            );
             let is_better = |solved: &PlannedIsland, plain: &PlannedIsland| {
                 solved.slow_error_is_inaudible(self.budget)
-                    && solved.cost() < plain.cost()
+                    && solved.frame_ns() < plain.frame_ns()
                     && solved.sounds_as_exact(plain, self.budget)
             };
             if let Some(seldom_subset) = slower_subset
-                && let Some(solved) = self.try_offer(&seldom_subset, island_timeline, &plain, is_better)
+                && let Some(solved) = self.planned_if_better(&seldom_subset, island_timeline, &plain, is_better)
             {
                 return (Some(seldom_subset), solved);
             }
-            seen_every /= 2;
+            macrostep /= 2;
         }
         (None, plain)
     }
 
     /// Solves an island with offered slow parts, and returns it if it `is_better` compared with the island without
     /// them.
-    fn try_offer(
+    fn planned_if_better(
         &self,
         slow_subset: &Subset,
         island_timeline: &LocalTimeline,
@@ -126,7 +131,7 @@ impl PlanBuilder<'_> {
     }
 
     /// The island as it was decided before, if that made parts slow that did not ask for it, or not those that did.
-    pub(super) fn pinned_offer(
+    pub(super) fn planned_by_pin(
         &self,
         subset: &Subset,
         island_timeline: &LocalTimeline,
@@ -160,8 +165,8 @@ impl PlanBuilder<'_> {
         let mut first_offer = interval_pairs
             .filter(|&interval_pair| interval_pair != (1, 1))
             .filter_map(|(seen_interval, key_interval)| {
-                let slow_subset = offer_slow(subset, Offered::OnlySeen, seen_interval)?;
-                let slow_subset = offer_slow(&slow_subset, Offered::Keys, key_interval)?;
+                let slow_subset = offer_slow(subset, OfferedParts::DisplayedOnly, seen_interval)?;
+                let slow_subset = offer_slow(&slow_subset, OfferedParts::Keys, key_interval)?;
                 self.choose_stepping(&slow_subset, island_timeline, Some(pin)).ok()
             });
         Some(PlannedIsland {
@@ -172,7 +177,7 @@ impl PlanBuilder<'_> {
 }
 
 impl PlannedIsland {
-    fn cost(&self) -> f64 {
+    fn frame_ns(&self) -> f64 {
         self.chosen.island.island_plan.frame_ns()
     }
 
@@ -192,7 +197,8 @@ impl PlannedIsland {
                 (Some(db), Budget::Cents { .. }) => db,
                 (Some(_), _) => f64::INFINITY,
             };
-            error.waveform_db <= budget.contact_error_db_max() && error_excess.max(spectral_excess) <= SEEN_SHARE
+            error.waveform_db <= budget.contact_error_db_max()
+                && error_excess.max(spectral_excess) <= DISPLAYED_ERROR_SHARE
         })
     }
 

@@ -74,10 +74,10 @@ impl PlanBuilder<'_> {
         if let Some(pilot_result) = recalled {
             return Ok(pilot_result);
         }
-        let allowance_left = self.allowance.begin();
-        let pilot_result = pilot::pilot(assemble, budget, &self.allowance, cost_rule)?;
+        let allowance_left = self.allowance.begin_series();
+        let pilot_result = pilot::choose_by_trials(assemble, budget, &self.allowance, cost_rule)?;
         if let Some(record_series) = &record_series {
-            record_series.keep(&self.allowance, allowance_left, pilot_result.record());
+            record_series.store(&self.allowance, allowance_left, pilot_result.record());
         }
         Ok(pilot_result)
     }

@@ -1,5 +1,5 @@
-//! Islands of a session. What will strike them is not known, so no mode is left out; how finely contacts are computed is
-//! decided by a trial of their hardest strikes.
+//! Islands of a session. What will strike them is not known, so no mode is left out; how finely contacts are computed
+//! is decided by a trial of their hardest strikes.
 
 use super::PlanBuilder;
 use crate::assembly::assemble::{Assembled, AssemblyOptions, Stepping};
@@ -24,7 +24,8 @@ pub(in crate::plan) struct SessionTrial {
 const TRIALS_MAX: usize = 1_024;
 
 impl PlanBuilder<'_> {
-    /// The trials of this plan, then those of earlier ones that it did not need: a line may wait while others are planned.
+    /// The trials of this plan, then those of earlier ones that it did not need: a line may wait while others are
+    /// planned.
     pub(super) fn take_session_trials(&self) -> Vec<SessionTrial> {
         let mut trials = self.session_trials.take();
         for earlier_trial in self.earlier_trials {
@@ -37,7 +38,7 @@ impl PlanBuilder<'_> {
 
     /// Gives an island of a session an allowance of its own, so that it is decided the same beside any other island.
     pub(super) fn begin_session_allowance(&mut self, n_modules: usize) {
-        self.allowance = Allowance::with_total(allowance_of_plan(n_modules, self.allowance_share));
+        self.allowance = Allowance::with_seconds(allowance_of_plan(n_modules, self.allowance_share));
     }
 
     /// Decides an island of a session.
@@ -57,8 +58,8 @@ impl PlanBuilder<'_> {
         Ok(ChosenIsland::unmeasured(island))
     }
 
-    /// What a trial of the hardest strikes decides, or decided for an earlier plan. Once the trials of a plan have taken
-    /// all that they may, the next plan goes on with them.
+    /// What a trial of the hardest strikes decides, or decided for an earlier plan. Once the trials of a plan have
+    /// taken all that they may, the next plan goes on with them.
     fn session_stepping(&self, subset: &Subset, island_timeline: &LocalTimeline) -> Option<Stepping> {
         let trial_timeline = LocalTimeline {
             timeline: island_timeline.timeline.closed_for_trial()?,
@@ -72,7 +73,7 @@ impl PlanBuilder<'_> {
             Some(earlier_trial) => earlier_trial.clone(),
             None if self.session_trial_seconds.get() >= self.trial_seconds_max => return None,
             None => SessionTrial {
-                stepping: self.try_strikes(subset, &trial_timeline),
+                stepping: self.try_trial_strikes(subset, &trial_timeline),
                 content,
             },
         };
@@ -82,7 +83,7 @@ impl PlanBuilder<'_> {
     }
 
     /// The cheapest way that is within the budget when the strikes of a closed timeline are played.
-    fn try_strikes(&self, subset: &Subset, trial_timeline: &LocalTimeline) -> Option<Stepping> {
+    fn try_trial_strikes(&self, subset: &Subset, trial_timeline: &LocalTimeline) -> Option<Stepping> {
         let assemble = |options: AssemblyOptions<'_>| self.assembled(subset, trial_timeline, options, None);
         let (spent_before, _) = self.allowance.seconds_spent();
         let pilot_result = self.pilot((subset, trial_timeline), self.budget, CostRule::Busiest, &assemble);

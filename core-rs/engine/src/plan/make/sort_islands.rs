@@ -38,7 +38,7 @@ impl PlanBuilder<'_> {
     /// Sorts islands, and reports those that are not computed.
     pub(super) fn sort_islands(&mut self, all_islands: Vec<IslandMembers>, timeline: &Timeline) -> SortedIslands {
         let network = self.plan.network.clone();
-        let (mut refusals, mut only_seen) = (Vec::new(), Vec::new());
+        let (mut refusals, mut displayed_only) = (Vec::new(), Vec::new());
         let (mut uncoupled_mats, mut subsets, mut gliding_mats) = (Vec::new(), Vec::new(), Vec::new());
         let glide_mats = timeline.glides.iter().map(|glide| glide.mat as u32);
         let glide_mats: BTreeSet<u32> = glide_mats.collect();
@@ -51,14 +51,14 @@ impl PlanBuilder<'_> {
             }
             match (island.is_heard, island.is_moved) {
                 (false, is_moved) => {
-                    self.add_left_out_row(&island, LeftOutReason::Unheard);
+                    self.add_omitted_row(&island, LeftOutReason::Unheard);
                     if is_moved && seen::is_displayed(&network, &island, self.displayed_parts) {
-                        only_seen.push(island);
+                        displayed_only.push(island);
                     }
                 }
                 (true, false) => {
                     refusals.extend(self.add_constant(&island).err());
-                    self.add_left_out_row(&island, LeftOutReason::Still);
+                    self.add_omitted_row(&island, LeftOutReason::Motionless);
                 }
                 (true, true) if is_loose() => uncoupled_mats.extend(island.mats),
                 // Gliding cells are stepped as one island: one island for each would take far longer.
@@ -80,13 +80,13 @@ impl PlanBuilder<'_> {
         SortedIslands {
             subsets,
             n_islands,
-            displayed_unheard: only_seen,
+            displayed_unheard: displayed_only,
             refusals,
         }
     }
 
     /// Reports an island that is not computed, in one row with others of its part.
-    fn add_left_out_row(&mut self, island: &IslandMembers, reason: LeftOutReason) {
+    fn add_omitted_row(&mut self, island: &IslandMembers, reason: LeftOutReason) {
         let new_row = Row::left_out(&self.plan.network, island, reason);
         if new_row.mats + new_row.links == 0 {
             return; // points that hold nothing

@@ -20,7 +20,7 @@ use crate::plan::{Plan, PlanContext};
 use crate::timeline::Timeline;
 
 /// Plans the islands that are seen but not heard.
-pub(super) fn plan_displayed(
+pub(super) fn plan_displayed_islands(
     network: &Arc<Network>,
     timeline: &Timeline,
     budget: &Budget,
@@ -31,7 +31,7 @@ pub(super) fn plan_displayed(
     let (budget, share) = known.draft.map_or((budget, known.allowance_share), |draft| {
         (draft.budget, draft.allowance_share)
     });
-    let allowance = Allowance::with_total(allowance_of_plan(module_count, share));
+    let allowance = Allowance::with_seconds(allowance_of_plan(module_count, share));
     let mut maker = PlanBuilder {
         frame_interval: known.displayed_frame_interval,
         ..PlanBuilder::new(network, timeline, budget)
@@ -94,7 +94,7 @@ impl PlanBuilder<'_> {
                 )
                 .is_ok()
             });
-            if is_planned && self.set_every(counts_before, frame_interval) {
+            if is_planned && self.set_frame_interval(counts_before, frame_interval) {
                 return Ok(());
             }
             self.truncate(counts_before);
@@ -133,19 +133,19 @@ impl PlanBuilder<'_> {
         self.plan.refused_rates.truncate(stay_count);
     }
 
-    /// Sets what was just planned to be computed once in `every` frames. Returns false if it would then still take as
-    /// many steps as frames.
-    fn set_every(&mut self, [first_unit, first_row, ..]: [usize; 4], every: u32) -> bool {
+    /// Sets what was just planned to be computed once in `frame_interval` frames. Returns false if it would then still
+    /// take as many steps as frames.
+    fn set_frame_interval(&mut self, [first_unit, first_row, ..]: [usize; 4], frame_interval: u32) -> bool {
         for unit in &mut self.plan.units[first_unit..] {
             if let ComputationUnit::IslandPlan(island_plan) = unit {
-                if island_plan.oversampling >= every {
+                if island_plan.oversampling >= frame_interval {
                     return false;
                 }
-                island_plan.frame_interval = every;
+                island_plan.frame_interval = frame_interval;
             }
         }
         for row in &mut self.plan.rows[first_row..] {
-            row.frame_interval = every;
+            row.frame_interval = frame_interval;
             // Only trials of what is heard count as cut short.
             row.trials_cut_short = false;
         }

@@ -6,7 +6,7 @@ use std::cell::Cell;
 
 use crate::interrupt;
 use crate::network::Error;
-use crate::plan::constants::{ALLOWANCE_MAX, ALLOWANCE_MIN, ALLOWANCE_PER_MODULE, ALLOWANCE_RESERVE};
+use crate::plan::constants::{ALLOWANCE_MAX, ALLOWANCE_MIN, RESERVE_SHARE, SECONDS_PER_MODULE};
 
 /// Why a trial gives no result.
 #[derive(Debug)]
@@ -34,13 +34,13 @@ pub(in crate::plan) fn unless_spent<T>(result: Result<T, TrialError>) -> Result<
 
 /// What a series of trials took: enough to account for it again without playing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::plan) struct WorkTaken {
+pub(in crate::plan) struct SeriesWork {
     /// Work [s].
-    pub(in crate::plan) drawn_seconds: f64,
+    pub(in crate::plan) spent_seconds: f64,
     /// The least allowance that gives the same results [s].
     pub(in crate::plan) needed_seconds: f64,
     /// What was left when the series began, if its results depend on that.
-    pub(in crate::plan) left_at_start: Option<WorkLeft>,
+    pub(in crate::plan) left_at_start: Option<RemainingWork>,
     /// The series ended because the allowance was spent.
     pub(in crate::plan) ended_early: bool,
     /// How far the longest trial of the series played [frames of the scene].
@@ -49,18 +49,18 @@ pub(in crate::plan) struct WorkTaken {
 
 /// What is left of an allowance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::plan) enum WorkLeft {
+pub(in crate::plan) enum RemainingWork {
     /// So much work [s].
     Seconds(f64),
     /// Nothing: a trial was refused.
     Spent,
 }
 
-impl WorkLeft {
+impl RemainingWork {
     /// Whether it pays for a total of `seconds` of work.
     fn pays_for(self, seconds: f64) -> bool {
         match self {
-            Self::Seconds(left) => seconds <= left,
+            Self::Seconds(seconds_left) => seconds <= seconds_left,
             Self::Spent => false,
         }
     }
@@ -68,7 +68,7 @@ impl WorkLeft {
     /// As a number of a record. (A reserve that is overdrawn by exactly 1 s reads as spent: its trial is played again.)
     pub(in crate::plan) fn to_number(self) -> f64 {
         match self {
-            Self::Seconds(left) => left,
+            Self::Seconds(seconds_left) => seconds_left,
             Self::Spent => -1.0,
         }
     }
@@ -77,7 +77,7 @@ impl WorkLeft {
     pub(in crate::plan) fn from_number(number: f64) -> Self {
         match number {
             -1.0 => Self::Spent,
-            left => Self::Seconds(left),
+            seconds_left => Self::Seconds(seconds_left),
         }
     }
 }
@@ -87,9 +87,9 @@ impl WorkLeft {
 pub(in crate::plan) struct Allowance {
     total_seconds: f64,
     /// Work drawn before the current series of trials.
-    drawn_before_seconds: Cell<f64>,
+    spent_before_seconds: Cell<f64>,
     /// Work drawn by the current series.
-    series_seconds: Cell<f64>,
+    series_spent_seconds: Cell<f64>,
     /// Most work that the current series asked for.
     series_needed_seconds: Cell<f64>,
     /// How far the longest trial of the series plays [frames].
@@ -102,16 +102,16 @@ pub(in crate::plan) struct Allowance {
 
 /// The work that the trials of a plan of `n_modules` may take [s], if they may take the part `share` of the usual.
 pub(in crate::plan) fn allowance_of_plan(n_modules: usize, share: f64) -> f64 {
-    share * (ALLOWANCE_PER_MODULE * n_modules as f64).clamp(ALLOWANCE_MIN, ALLOWANCE_MAX)
+    share * (SECONDS_PER_MODULE * n_modules as f64).clamp(ALLOWANCE_MIN, ALLOWANCE_MAX)
 }
 
 impl Allowance {
     /// An allowance of `total` work [s].
-    pub(in crate::plan) fn with_total(total: f64) -> Self {
+    pub(in crate::plan) fn with_seconds(total: f64) -> Self {
         Self {
             total_seconds: total,
-            drawn_before_seconds: Cell::new(0.0),
-            series_seconds: Cell::new(0.0),
+            spent_before_seconds: Cell::new(0.0),
+            series_spent_seconds: Cell::new(0.0),
             series_needed_seconds: Cell::new(0.0),
             series_frames: Cell::new(0),
             reserve_seconds: Cell::new(0.0),
@@ -120,28 +120,28 @@ impl Allowance {
     }
 
     /// What was left when the current series began.
-    fn left_for_series(&self) -> WorkLeft {
+    fn left_for_series(&self) -> RemainingWork {
         match self.n_refused_trials.get() {
-            0 => WorkLeft::Seconds(self.total_seconds - self.drawn_before_seconds.get()),
-            _ => WorkLeft::Spent,
+            0 => RemainingWork::Seconds(self.total_seconds - self.spent_before_seconds.get()),
+            _ => RemainingWork::Spent,
         }
     }
 
     /// Begins a series of trials and returns how much work is left for it.
-    pub(in crate::plan) fn begin(&self) -> WorkLeft {
-        self.drawn_before_seconds
-            .set(self.drawn_before_seconds.get() + self.series_seconds.take());
+    pub(in crate::plan) fn begin_series(&self) -> RemainingWork {
+        self.spent_before_seconds
+            .set(self.spent_before_seconds.get() + self.series_spent_seconds.take());
         self.series_needed_seconds.set(0.0);
         self.series_frames.set(0);
         self.left_for_series()
     }
 
     /// What the current series has taken, if so much was left when it began.
-    pub(in crate::plan) fn work_taken(&self, left: WorkLeft) -> WorkTaken {
+    pub(in crate::plan) fn series_work(&self, left: RemainingWork) -> SeriesWork {
         let is_refused = self.n_refused_trials.get() > 0;
         let depends_on_rest = is_refused || !left.pays_for(self.series_needed_seconds.get());
-        WorkTaken {
-            drawn_seconds: self.series_seconds.get(),
+        SeriesWork {
+            spent_seconds: self.series_spent_seconds.get(),
             needed_seconds: self.series_needed_seconds.get(),
             left_at_start: depends_on_rest.then_some(left),
             ended_early: is_refused,
@@ -150,8 +150,8 @@ impl Allowance {
     }
 
     /// Whether a series of trials that was played before would go the same way if it began now.
-    pub(in crate::plan) fn begin_replay_if_enough(&self, taken: &WorkTaken) -> bool {
-        let work_left = self.begin();
+    pub(in crate::plan) fn begin_replay_if_enough(&self, taken: &SeriesWork) -> bool {
+        let work_left = self.begin_series();
         match taken.left_at_start {
             Some(recorded_left) => recorded_left == work_left,
             None => work_left.pays_for(taken.needed_seconds),
@@ -159,15 +159,15 @@ impl Allowance {
     }
 
     /// Accounts for a series of trials that was played before, as if it were played now.
-    pub(in crate::plan) fn replay(&self, taken: &WorkTaken) {
-        self.begin();
-        self.series_seconds.set(taken.drawn_seconds);
+    pub(in crate::plan) fn replay(&self, taken: &SeriesWork) {
+        self.begin_series();
+        self.series_spent_seconds.set(taken.spent_seconds);
         let n_refused = self.n_refused_trials.get() + usize::from(taken.ended_early);
         self.n_refused_trials.set(n_refused);
     }
 
     /// Records that a trial plays up to frame `n_frames` of the scene.
-    pub(in crate::plan) fn note_frames(&self, n_frames: usize) {
+    pub(in crate::plan) fn record_frames(&self, n_frames: usize) {
         self.series_frames.set(self.series_frames.get().max(n_frames as u64));
     }
 
@@ -177,26 +177,26 @@ impl Allowance {
     ///
     /// [`TrialError::AllowanceSpent`] if less is left. The allowance then counts as spent, even if smaller trials would
     /// still fit.
-    pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), TrialError> {
-        let work_drawn = self.series_seconds.get() + seconds;
+    pub(in crate::plan) fn spend(&self, seconds: f64) -> Result<(), TrialError> {
+        let work_drawn = self.series_spent_seconds.get() + seconds;
         if !self.left_for_series().pays_for(work_drawn) {
             self.n_refused_trials.set(self.n_refused_trials.get() + 1);
             return Err(TrialError::AllowanceSpent);
         }
         self.series_needed_seconds
             .set(self.series_needed_seconds.get().max(work_drawn));
-        self.series_seconds.set(work_drawn);
+        self.series_spent_seconds.set(work_drawn);
         interrupt::spend((seconds * 1e9) as usize); // a step is a nanosecond
         Ok(())
     }
 
     /// Takes work [s] that is done even if less is left; trials have that much less.
-    pub(in crate::plan) fn spend_regardless(&self, seconds: f64) {
-        let work_drawn = self.series_seconds.get() + seconds;
+    pub(in crate::plan) fn spend_unchecked(&self, seconds: f64) {
+        let work_drawn = self.series_spent_seconds.get() + seconds;
         self.series_needed_seconds
             .set(self.series_needed_seconds.get().max(work_drawn));
-        let work_left = self.total_seconds - self.drawn_before_seconds.get();
-        self.series_seconds.set(work_drawn.min(work_left).max(0.0));
+        let work_left = self.total_seconds - self.spent_before_seconds.get();
+        self.series_spent_seconds.set(work_drawn.min(work_left).max(0.0));
     }
 
     /// Checks that `seconds` of work are left, and takes nothing.
@@ -205,52 +205,54 @@ impl Allowance {
     ///
     /// [`TrialError::AllowanceSpent`] if less is left. The allowance then counts as spent.
     pub(in crate::plan) fn check_affordable(&self, seconds: f64) -> Result<(), TrialError> {
-        let work_drawn = self.series_seconds.get() + seconds;
+        let work_drawn = self.series_spent_seconds.get() + seconds;
         if !self.left_for_series().pays_for(work_drawn) {
-            return self.draw(f64::INFINITY);
+            return self.spend(f64::INFINITY);
         }
         self.series_needed_seconds
             .set(self.series_needed_seconds.get().max(work_drawn));
-        self.draw(0.0)
+        self.spend(0.0)
     }
 
     /// The part of `seconds` of work that is left (0 to 1); nothing is taken.
     pub(in crate::plan) fn share_left(&self, seconds: f64) -> f64 {
-        let work_drawn = self.series_seconds.get();
+        let work_drawn = self.series_spent_seconds.get();
         self.series_needed_seconds
             .set(self.series_needed_seconds.get().max(work_drawn + seconds));
         match self.left_for_series() {
-            WorkLeft::Seconds(left) => ((left - work_drawn) / seconds).clamp(0.0, 1.0),
-            WorkLeft::Spent => 0.0,
+            RemainingWork::Seconds(seconds_left) => ((seconds_left - work_drawn) / seconds).clamp(0.0, 1.0),
+            RemainingWork::Spent => 0.0,
         }
     }
 
     /// A separate allowance of the part `share` (0 to 1) of what is left.
     pub(in crate::plan) fn split_off(&self, share: f64) -> Self {
         match self.left_for_series() {
-            WorkLeft::Seconds(left) => Self::with_total((share * (left - self.series_seconds.get())).max(0.0)),
-            WorkLeft::Spent => Self::with_total(0.0),
+            RemainingWork::Seconds(seconds_left) => {
+                Self::with_seconds((share * (seconds_left - self.series_spent_seconds.get())).max(0.0))
+            }
+            RemainingWork::Spent => Self::with_seconds(0.0),
         }
     }
 
     /// Takes what was drawn from such a separate part. If the part ran out, that does not end other trials.
     pub(in crate::plan) fn spend_split(&self, fraction: &Self, share: f64) {
         let work_needed = match fraction.n_refused_trials() {
-            0 => fraction.series_seconds.get() / share,
+            0 => fraction.series_spent_seconds.get() / share,
             // With a larger part it would have taken more.
             _ => f64::INFINITY,
         };
         self.series_needed_seconds.set(
             self.series_needed_seconds
                 .get()
-                .max(self.series_seconds.get() + work_needed),
+                .max(self.series_spent_seconds.get() + work_needed),
         );
-        self.spend_regardless(fraction.series_seconds.get());
+        self.spend_unchecked(fraction.series_spent_seconds.get());
     }
 
     /// What is left of the reserve, as a separate allowance: if it runs out, no other trial ends.
     pub(in crate::plan) fn reserve(&self) -> Self {
-        Self::with_total(ALLOWANCE_RESERVE * self.total_seconds - self.reserve_seconds.get())
+        Self::with_seconds(RESERVE_SHARE * self.total_seconds - self.reserve_seconds.get())
     }
 
     /// Takes work [s] from the reserve.
@@ -266,7 +268,7 @@ impl Allowance {
     /// Work that the trials have taken, and the most that they may [s].
     pub(in crate::plan) fn seconds_spent(&self) -> (f64, f64) {
         (
-            self.drawn_before_seconds.get() + self.series_seconds.get(),
+            self.spent_before_seconds.get() + self.series_spent_seconds.get(),
             self.total_seconds,
         )
     }
@@ -287,10 +289,10 @@ mod tests {
 
     #[test]
     fn allowance_is_spent_from_the_first_refused_trial() {
-        let allowance = Allowance::with_total(1.0);
-        assert!(allowance.draw(0.75).is_ok());
-        assert!(matches!(allowance.draw(0.5), Err(TrialError::AllowanceSpent)));
-        assert!(matches!(allowance.draw(0.01), Err(TrialError::AllowanceSpent)));
+        let allowance = Allowance::with_seconds(1.0);
+        assert!(allowance.spend(0.75).is_ok());
+        assert!(matches!(allowance.spend(0.5), Err(TrialError::AllowanceSpent)));
+        assert!(matches!(allowance.spend(0.01), Err(TrialError::AllowanceSpent)));
         assert_eq!(
             (allowance.n_refused_trials(), allowance.seconds_spent()),
             (2, (0.75, 1.0))
@@ -299,28 +301,28 @@ mod tests {
 
     #[test]
     fn spend_of_required_work_leaves_less_for_trials() {
-        let allowance = Allowance::with_total(1.0);
-        allowance.spend_regardless(0.75);
-        assert!(matches!(allowance.draw(0.5), Err(TrialError::AllowanceSpent)));
-        allowance.spend_regardless(9.0);
+        let allowance = Allowance::with_seconds(1.0);
+        allowance.spend_unchecked(0.75);
+        assert!(matches!(allowance.spend(0.5), Err(TrialError::AllowanceSpent)));
+        allowance.spend_unchecked(9.0);
         assert_eq!(allowance.seconds_spent(), (1.0, 1.0));
     }
 
     #[test]
     fn replay_of_trials_with_enough_allowance() {
-        let first_allowance = Allowance::with_total(1.0);
-        let work_left = first_allowance.begin();
-        first_allowance.draw(0.25).unwrap();
+        let first_allowance = Allowance::with_seconds(1.0);
+        let work_left = first_allowance.begin_series();
+        first_allowance.spend(0.25).unwrap();
         first_allowance.check_affordable(0.5).unwrap();
-        let taken = first_allowance.work_taken(work_left);
+        let taken = first_allowance.series_work(work_left);
         assert_eq!(
-            (taken.drawn_seconds, taken.needed_seconds, taken.left_at_start),
+            (taken.spent_seconds, taken.needed_seconds, taken.left_at_start),
             (0.25, 0.75, None)
         );
         // First after trials that leave enough, then after trials that do not.
         for (other_work, is_same) in [(0.25, true), (0.375, false)] {
-            let replay_allowance = Allowance::with_total(1.0);
-            replay_allowance.draw(other_work).unwrap();
+            let replay_allowance = Allowance::with_seconds(1.0);
+            replay_allowance.spend(other_work).unwrap();
             assert_eq!(replay_allowance.begin_replay_if_enough(&taken), is_same);
             replay_allowance.replay(&taken);
             assert_eq!(replay_allowance.seconds_spent().0, other_work + 0.25);
@@ -329,25 +331,25 @@ mod tests {
 
     #[test]
     fn replay_of_refused_trials_with_equal_allowance() {
-        let first_allowance = Allowance::with_total(1.0);
-        let work_left = first_allowance.begin();
-        first_allowance.draw(0.75).unwrap();
-        assert!(first_allowance.draw(0.5).is_err());
-        let taken = first_allowance.work_taken(work_left);
-        assert!(taken.ended_early && taken.left_at_start == Some(WorkLeft::Seconds(1.0)));
-        let replay_allowance = Allowance::with_total(1.0);
+        let first_allowance = Allowance::with_seconds(1.0);
+        let work_left = first_allowance.begin_series();
+        first_allowance.spend(0.75).unwrap();
+        assert!(first_allowance.spend(0.5).is_err());
+        let taken = first_allowance.series_work(work_left);
+        assert!(taken.ended_early && taken.left_at_start == Some(RemainingWork::Seconds(1.0)));
+        let replay_allowance = Allowance::with_seconds(1.0);
         assert!(replay_allowance.begin_replay_if_enough(&taken));
         replay_allowance.replay(&taken);
-        assert!(replay_allowance.n_refused_trials() > 0 && replay_allowance.draw(0.01).is_err());
-        let later_allowance = Allowance::with_total(1.0);
-        later_allowance.draw(0.01).unwrap();
+        assert!(replay_allowance.n_refused_trials() > 0 && replay_allowance.spend(0.01).is_err());
+        let later_allowance = Allowance::with_seconds(1.0);
+        later_allowance.spend(0.01).unwrap();
         assert!(!later_allowance.begin_replay_if_enough(&taken));
         // If nothing is left, nothing is played: how much was left before does not matter.
-        let work_left = replay_allowance.begin();
-        assert!(replay_allowance.draw(0.01).is_err());
-        let nothing_taken = replay_allowance.work_taken(work_left);
-        let half_allowance = Allowance::with_total(0.5);
-        assert!(half_allowance.draw(2.0).is_err());
+        let work_left = replay_allowance.begin_series();
+        assert!(replay_allowance.spend(0.01).is_err());
+        let nothing_taken = replay_allowance.series_work(work_left);
+        let half_allowance = Allowance::with_seconds(0.5);
+        assert!(half_allowance.spend(2.0).is_err());
         assert!(half_allowance.begin_replay_if_enough(&nothing_taken));
     }
 }

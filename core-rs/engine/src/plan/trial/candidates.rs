@@ -29,8 +29,8 @@ const STEP_CHOICES: usize = OVERSAMPLING_MAX.ilog2() as usize + 1;
 pub(in crate::plan) enum CostRule {
     /// The mean over all frames.
     Mean,
-    /// That of the busiest frames, as each block of a session has to be in time: steps cost the same at any time, what is
-    /// computed between frames costs most while contacts are closed.
+    /// That of the busiest frames, as each block of a session has to be in time: steps cost the same at any time, what
+    /// is computed between frames costs most while contacts are closed.
     Busiest,
 }
 
@@ -48,39 +48,39 @@ pub(in crate::plan) struct Candidate {
 
 /// How a family of candidates computes its bodies, contacts and laws; its members differ in their steps alone.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::plan) struct Family {
+pub(in crate::plan) struct CandidateFamily {
     pub(in crate::plan) body_methods: MethodChoice<'static>,
-    pub(in crate::plan) is_once_a_step: bool,
+    pub(in crate::plan) links_once_per_step: bool,
 }
 
-impl Family {
+impl CandidateFamily {
     /// All contacts and laws are computed once a step.
-    pub(in crate::plan) const ONCE_A_STEP: Self = Self {
+    pub(in crate::plan) const ONCE_PER_STEP: Self = Self {
         body_methods: MethodChoice::ByBudget,
-        is_once_a_step: true,
+        links_once_per_step: true,
     };
     /// The families among which a reference is looked for, those of the highest order first, and last the one that is
     /// needed where friction holds all that is heard.
     pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 4] = [
         Self::between_steps(MethodChoice::ByBudget),
         Self::between_steps(MethodChoice::All((MeshMethod::Bm4, 1))),
-        Self::ONCE_A_STEP,
+        Self::ONCE_PER_STEP,
         Self::between_steps(MethodChoice::Stepped),
     ];
 
     const fn between_steps(bodies: MethodChoice<'static>) -> Self {
         Self {
             body_methods: bodies,
-            is_once_a_step: false,
+            links_once_per_step: false,
         }
     }
 
     /// How a member of the family is assembled.
-    pub(in crate::plan) fn with_steps(self, oversampling: u32) -> AssemblyOptions<'static> {
+    pub(in crate::plan) fn options_for_steps(self, oversampling: u32) -> AssemblyOptions<'static> {
         AssemblyOptions {
             oversampling,
             body_methods: self.body_methods,
-            is_plain: self.is_once_a_step,
+            is_plain: self.links_once_per_step,
         }
     }
 }
@@ -114,7 +114,7 @@ enum Waiting {
 struct GroupSteps {
     /// The position of its methods of bodies among all.
     methods_index: usize,
-    family: Family,
+    family: CandidateFamily,
     steps: u32,
 }
 
@@ -135,9 +135,9 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
                 _ => reference.0.island.stepped_ns,
             };
             contact_choices.iter().map(move |&is_once_a_step| {
-                let family = Family {
+                let family = CandidateFamily {
                     body_methods,
-                    is_once_a_step,
+                    links_once_per_step: is_once_a_step,
                 };
                 let group_steps = GroupSteps {
                     methods_index,
@@ -171,7 +171,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
             match self.waiting.swap_remove(first) {
                 Waiting::Steps(group_steps, _) => self.assemble_steps(group_steps),
                 Waiting::Candidate(candidate) => {
-                    if !self.earlier.iter().any(|earlier| earlier.is_same(&candidate)) {
+                    if !self.earlier.iter().any(|earlier| earlier.is_same_method(&candidate)) {
                         self.earlier.push(candidate.clone());
                         return Some(candidate);
                     }
@@ -189,7 +189,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Candidates<'a, 
             steps,
         } = group_steps;
         let mut cost_min = 0.0;
-        if let Ok(island) = (self.assemble)(family.with_steps(steps)) {
+        if let Ok(island) = (self.assemble)(family.options_for_steps(steps)) {
             let candidates = substeps_to_try(&island).into_iter().map(|substeps| Candidate {
                 group_index: methods_index * STEP_CHOICES + steps.ilog2() as usize,
                 ..Candidate::new(island.clone(), substeps, Some(self.reference))
@@ -262,7 +262,7 @@ impl Candidate {
     }
 
     /// Whether an allowance pays for playing `n_frames` of it, as far as its cost is known; nothing is taken.
-    pub(in crate::plan) fn is_within(&self, allowance: &Allowance, n_frames: usize) -> bool {
+    pub(in crate::plan) fn is_affordable(&self, allowance: &Allowance, n_frames: usize) -> bool {
         allowance.share_left(1e-9 * self.frame_ns * n_frames as f64) >= 1.0
     }
 
@@ -287,7 +287,7 @@ impl Candidate {
     }
 
     /// Whether both compute the same under two names.
-    fn is_same(&self, other: &Self) -> bool {
+    fn is_same_method(&self, other: &Self) -> bool {
         let [first_plan, other_plan] = [self, other].map(|candidate| &candidate.island.island_plan);
         self.frame_ns.to_bits() == other.frame_ns.to_bits()
             && self.contact_substeps == other.contact_substeps

@@ -11,10 +11,10 @@ use crate::island::bodies::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
 use crate::plan::constants::{
-    ATTACK_ERROR_MIN, ATTACK_SECONDS, FIRST_STRETCH_SECONDS, GROWTH_MARGIN_DB, NUDGE_SHARE, PARTED_DB,
+    ATTACK_ERROR_MIN, ATTACK_SECONDS, FIRST_STRETCH_SECONDS, GROWTH_MARGIN_DB, PERTURBATION_SHARE, UNCORRELATED_DB,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::pilot_run::{BLOCK_FRAMES, Excerpt, PilotRun, play_nudged};
+use crate::plan::trial::pilot_run::{BLOCK_FRAMES, Excerpt, PilotRun, play_perturbed};
 use crate::plan::trial::waveform_error::{ComparedSpans, FACTOR_TWO_DB};
 
 /// Stretches of time after the first sound, each ending at twice the time of the one before.
@@ -41,7 +41,7 @@ pub(in crate::plan) struct ChaoticComparison {
     /// The error over the attack [dB].
     pub(in crate::plan) attack_error_db: f64,
     /// How much a nudge grows over the attack [dB].
-    nudge_growth_db: f64,
+    perturbation_growth_db: f64,
     /// Mean difference of third octaves [dB].
     pub(in crate::plan) third_octave_db: f64,
 }
@@ -69,10 +69,10 @@ impl ComparedStretches {
         let is_heard =
             |frame: &[f64]| (0..n_outputs).any(|output| displacement(frame, output) > 1e-3 * peak_motion[output]);
         let silent_frames = event_sound.chunks_exact(n_outputs).position(is_heard).unwrap_or(0);
-        Self::from(event_frame + silent_frames, sound.len() / n_outputs, spans)
+        Self::from_start(event_frame + silent_frames, sound.len() / n_outputs, spans)
     }
 
-    fn from(start: usize, n_frames: usize, spans: &ComparedSpans) -> Self {
+    fn from_start(start: usize, n_frames: usize, spans: &ComparedSpans) -> Self {
         let mut edges = vec![start];
         let mut stretch_length = FIRST_STRETCH_SECONDS * spans.rate;
         while ((start as f64 + 1.5 * stretch_length) as usize) < n_frames {
@@ -165,7 +165,7 @@ impl RunPair<'_> {
         if self.coarse_run.is_unusable || is_linear(island_plan) {
             return Ok(None);
         }
-        let growth_levels = self.nudge_difference_db(island_plan, contact_substeps, allowance)?;
+        let growth_levels = self.perturbation_difference_db(island_plan, contact_substeps, allowance)?;
         if !is_chaotic(&growth_levels) {
             return Ok(None);
         }
@@ -189,7 +189,7 @@ impl RunPair<'_> {
         ChaoticComparison {
             attack_error_db: cumulative_errors[self.stretches.count_within(ATTACK_SECONDS, self.spans) - 1],
             cumulative_errors_db: cumulative_errors,
-            nudge_growth_db: growth_db,
+            perturbation_growth_db: growth_db,
             third_octave_db: level_difference(
                 &run_sound[first_sample..],
                 &finer_sound[first_sample..],
@@ -200,26 +200,28 @@ impl RunPair<'_> {
     }
 
     /// How far a nudge takes the run from itself, stretch by stretch [dB].
-    fn nudge_difference_db(
+    fn perturbation_difference_db(
         &self,
         island_plan: &IslandPlan,
         contact_substeps: usize,
         allowance: &Allowance,
     ) -> Result<Vec<Option<f64>>, TrialError> {
         let n_frames = self.coarse_run.sound.len() / self.spans.n_out.max(1);
-        let nudge_start = self.stretches.first_frame().next_multiple_of(BLOCK_FRAMES);
-        let nudged = play_nudged(
+        let perturbed_frame = self.stretches.first_frame().next_multiple_of(BLOCK_FRAMES);
+        let perturbed_run = play_perturbed(
             (island_plan, contact_substeps),
             Excerpt {
-                first_frame: self.coarse_run.from,
+                first_frame: self.coarse_run.first_frame,
                 n_frames,
             },
-            (nudge_start, 1.0 - NUDGE_SHARE),
+            (perturbed_frame, 1.0 - PERTURBATION_SHARE),
             allowance,
         )?;
         // After the nudged block the run goes on freely.
-        let free_stretches = ComparedStretches::from(nudge_start + BLOCK_FRAMES, n_frames, self.spans);
-        Ok(free_stretches.profile(&nudged.sound, &self.coarse_run.sound).stretch_db)
+        let free_stretches = ComparedStretches::from_start(perturbed_frame + BLOCK_FRAMES, n_frames, self.spans);
+        Ok(free_stretches
+            .profile(&perturbed_run.sound, &self.coarse_run.sound)
+            .stretch_db)
     }
 }
 
@@ -241,9 +243,9 @@ fn is_chaotic(growth_levels: &[Option<f64>]) -> bool {
 
 impl ChaoticComparison {
     /// Whether an attack with an error as small as `error_limit_db` is attainable: errors of the first stretch, at
-    /// least `ATTACK_ERROR_MIN`, grow by `nudge_growth_db`.
+    /// least `ATTACK_ERROR_MIN`, grow by `perturbation_growth_db`.
     pub(in crate::plan) fn is_attainable(&self, error_limit_db: f64) -> bool {
-        error_limit_db - self.nudge_growth_db > ATTACK_ERROR_MIN
+        error_limit_db - self.perturbation_growth_db > ATTACK_ERROR_MIN
     }
 
     /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `error_allowed`; if it
@@ -255,7 +257,7 @@ impl ChaoticComparison {
                 .take_while(|db| **db <= error_max)
                 .count()
         };
-        let stretch_count = [count_below(error_allowed), count_below(PARTED_DB), 1]
+        let stretch_count = [count_below(error_allowed), count_below(UNCORRELATED_DB), 1]
             .into_iter()
             .find(|stretch_count| *stretch_count > 0)
             .unwrap_or(1);

@@ -10,19 +10,19 @@ use crate::island::bodies::BodyPlan;
 use crate::maths::log10;
 use crate::network::LinkKind;
 use crate::plan::constants::{
-    EQUAL_ERRORS_DB, ERROR_CHECK_SECONDS, HARDER_RATIO, PARTED_DB, RESERVE_FITS, RESERVE_PLANNED, RING_SECONDS,
-    SPECTRUM_NOISE,
+    EQUAL_ERRORS_DB, ERROR_CHECK_SECONDS, HARDER_EVENT_RATIO, LAST_EVENT_SECONDS, RESERVE_PLANNED_SHARE,
+    RESERVE_USABLE_SHARE, SPECTRUM_NOISE, UNCORRELATED_DB,
 };
 use crate::plan::row::MeasuredError;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::chaos::is_linear;
-use crate::plan::trial::pilot_run::{Excerpt, frame_seconds, frames_at_rest, frames_per_second, play};
+use crate::plan::trial::pilot_run::{Excerpt, frame_seconds, frames_per_second, play, resting_frames};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
 use crate::plan::trial::waveform_error::ComparedSpans;
 use crate::timeline::Timeline;
 
 /// A way to play an island: its plan, and its contact substeps a step.
-type PlayedIsland<'a> = (&'a IslandPlan, usize);
+type PlannedSteps<'a> = (&'a IslandPlan, usize);
 
 /// Whether errors may grow after a pilot: if keys are led to contacts, so that each contact begins where the one before
 /// it ended, or if parts are slow.
@@ -55,12 +55,12 @@ pub(in crate::plan) fn harder_event(island_plan: &IslandPlan, timeline: &Timelin
     harder_events.into_iter().flatten().reduce(f64::min)
 }
 
-/// The first instant after `measured_until` whose strength exceeds all until then by more than `HARDER_RATIO`, of pairs
-/// (instant [s], strength); `None` if there is none, or nothing until then.
+/// The first instant after `measured_until` whose strength exceeds all until then by more than `HARDER_EVENT_RATIO`, of
+/// pairs (instant [s], strength); `None` if there is none, or nothing until then.
 fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, measured_until: f64) -> Option<f64> {
     let tried_events = events.clone().filter(|event| event.0 <= measured_until);
     let hardest = tried_events.map(|event| event.1).reduce(f64::max)?;
-    let harder_events = events.filter(|event| event.0 > measured_until && event.1 > HARDER_RATIO * hardest);
+    let harder_events = events.filter(|event| event.0 > measured_until && event.1 > HARDER_EVENT_RATIO * hardest);
     harder_events.map(|event| event.0).reduce(f64::min)
 }
 
@@ -77,55 +77,55 @@ fn speed_bound(gesture: &Gesture) -> f64 {
 pub(in crate::plan) fn extend_error(
     measured: MeasuredError,
     budget: &Budget,
-    [coarse_island, other]: [PlayedIsland<'_>; 2],
+    [coarse_island, other]: [PlannedSteps<'_>; 2],
     (allowance, store): (&Allowance, Option<&dyn TrialStore>),
 ) -> Result<MeasuredError, TrialError> {
     let frame_rate = frames_per_second(coarse_island.0);
-    if measured.waveform_db > PARTED_DB {
+    if measured.waveform_db > UNCORRELATED_DB {
         return Ok(measured); // the runs have no waveform in common
     }
     // The reserve is separate: if it runs out, the pilot's result stands as it is.
     let reserve = allowance.reserve();
     let frame_work = frame_seconds(coarse_island.0) + frame_seconds(other.0);
     // The pilot has already drawn the work of finding this rest.
-    let Some(first_frame) = unless_spent(frames_at_rest(coarse_island.0, &allowance.reserve()))? else {
+    let Some(first_frame) = unless_spent(resting_frames(coarse_island.0, &allowance.reserve()))? else {
         return Ok(measured);
     };
     let n_frames = (end_seconds(coarse_island.0) * frame_rate - first_frame as f64)
-        .min(RESERVE_PLANNED * reserve.seconds_spent().1 / frame_work) as usize;
+        .min(RESERVE_PLANNED_SHARE * reserve.seconds_spent().1 / frame_work) as usize;
     let pilot_frames = ((measured.duration_seconds * frame_rate) as usize).saturating_sub(first_frame);
-    let look_frames = ((ERROR_CHECK_SECONDS * frame_rate) as usize).max(1);
-    if n_frames < pilot_frames + look_frames {
+    let check_frames = ((ERROR_CHECK_SECONDS * frame_rate) as usize).max(1);
+    if n_frames < pilot_frames + check_frames {
         return Ok(measured);
     }
     let longest_excerpt = Excerpt { first_frame, n_frames };
-    let key = store.map(|_| trial_key(measured, budget, [coarse_island, other], longest_excerpt.end()));
+    let key = store.map(|_| horizon_key(measured, budget, [coarse_island, other], longest_excerpt.end()));
     let store_and_key = store.zip(key.as_deref());
     let recalled = store_and_key.and_then(|(store, key)| record::find(store, key, &reserve));
     if let Some((taken_work, trial_record)) = recalled
         && let Some(Some(recalled_error)) = trial_record.sole_error()
     {
-        allowance.spend_reserve(taken_work.drawn_seconds);
+        allowance.spend_reserve(taken_work.spent_seconds);
         return Ok(recalled_error);
     }
-    let reserve_left = reserve.begin();
+    let reserve_left = reserve.begin_series();
     let extended = extend_error_over(
         measured,
         budget,
         [coarse_island, other],
-        (longest_excerpt, look_frames),
+        (longest_excerpt, check_frames),
         &reserve,
     )?;
     if let Some((store, key)) = store_and_key {
         let trial_record = TrialRecord::from_error(Some(extended));
-        record::keep(store, key, (&reserve, reserve_left), trial_record);
+        record::store_record(store, key, (&reserve, reserve_left), trial_record);
     }
     allowance.spend_reserve(reserve.seconds_spent().0);
     Ok(extended)
 }
 
 /// A hash of all that the result of [`extend_error_over`] depends on.
-fn trial_key(measured: MeasuredError, budget: &Budget, played: [PlayedIsland<'_>; 2], n_frames: usize) -> String {
+fn horizon_key(measured: MeasuredError, budget: &Budget, played: [PlannedSteps<'_>; 2], n_frames: usize) -> String {
     let [run_key, other_key] = played.map(|(island_plan, contact_substeps)| {
         let content = Content::new(island_plan).key(island_plan, (0, n_frames as u64), "");
         (content, contact_substeps)
@@ -135,11 +135,11 @@ fn trial_key(measured: MeasuredError, budget: &Budget, played: [PlayedIsland<'_>
     ))
 }
 
-/// The same over an excerpt or its beginning, with the error looked at every `look_interval` frames.
+/// The same over an excerpt or its beginning, with the error looked at every `check_interval` frames.
 fn extend_error_over(
     measured: MeasuredError,
     budget: &Budget,
-    [coarse, other]: [PlayedIsland<'_>; 2],
+    [coarse, other]: [PlannedSteps<'_>; 2],
     (longest, look_interval): (Excerpt, usize),
     reserve: &Allowance,
 ) -> Result<MeasuredError, TrialError> {
@@ -149,7 +149,7 @@ fn extend_error_over(
     let played_runs = play(coarse.0, coarse.1, longest, reserve).and_then(|run| {
         // What contacts added to the first run is assumed to add to each step of the other too.
         let step_ratio = f64::from(other.0.oversampling) / f64::from(coarse.0.oversampling);
-        let reserve_share = reserve.share_left(step_ratio * reserve.seconds_spent().0 / RESERVE_FITS);
+        let reserve_share = reserve.share_left(step_ratio * reserve.seconds_spent().0 / RESERVE_USABLE_SHARE);
         let n_frames = (reserve_share * longest.n_frames as f64) as usize;
         if n_frames < pilot_frames + look_interval {
             return Err(TrialError::AllowanceSpent);
@@ -183,14 +183,14 @@ fn extend_error_over(
     if let Some(error) = audible_error.filter(is_allowed) {
         return Ok(error);
     }
-    let parting_level = budget.waveform_error_db().max(measured.waveform_db + EQUAL_ERRORS_DB);
+    let uncorrelated_level = budget.waveform_error_db().max(measured.waveform_db + EQUAL_ERRORS_DB);
     let (mut valid_frames, mut db) = (pilot_frames, measured.waveform_db);
-    let mut looked_frames = pilot_frames;
-    while looked_frames < n_frames {
-        looked_frames = (looked_frames + look_interval).min(n_frames);
-        let error_now = change_at(looked_frames) + error_excess;
+    let mut checked_frames = pilot_frames;
+    while checked_frames < n_frames {
+        checked_frames = (checked_frames + look_interval).min(n_frames);
+        let error_now = change_at(checked_frames) + error_excess;
         // In a linear motion errors of pitch add up, and the waveform is as wrong as measured: nothing parts by chance.
-        if error_now > parting_level && !is_linear(coarse.0) {
+        if error_now > uncorrelated_level && !is_linear(coarse.0) {
             let first_sample = valid_frames * spans.n_out.max(1);
             let spectral = level_difference(
                 &run.sound[first_sample..other.sound.len()],
@@ -207,7 +207,7 @@ fn extend_error_over(
                 ..measured
             }));
         }
-        (valid_frames, db) = (looked_frames, db.max(error_now));
+        (valid_frames, db) = (checked_frames, db.max(error_now));
     }
     Ok(audible_error.unwrap_or(MeasuredError {
         waveform_db: db,
@@ -217,15 +217,15 @@ fn extend_error_over(
 }
 
 /// ‖a − b‖ / ‖b‖ [dB] of the worst output, from the start to each look; the mean of `b` does not count as sound.
-fn relative_changes_db(a: &[f64], b: &[f64], n_outputs: usize, look_interval: usize) -> Vec<f64> {
+fn relative_changes_db(a: &[f64], b: &[f64], n_outputs: usize, check_interval: usize) -> Vec<f64> {
     let n_outputs = n_outputs.max(1);
     // Sums so far for each output: the squared difference, and b and its square, both relative to the first frame.
     let mut output_sums = vec![[0.0; 3]; n_outputs];
     let mut frame_count = 0.0;
     let mut changes = Vec::new();
     let look_chunks = a
-        .chunks(look_interval * n_outputs)
-        .zip(b.chunks(look_interval * n_outputs));
+        .chunks(check_interval * n_outputs)
+        .zip(b.chunks(check_interval * n_outputs));
     for (a, b_chunk) in look_chunks {
         for (a, b_frame) in a.chunks(n_outputs).zip(b_chunk.chunks(n_outputs)) {
             frame_count += 1.0;
@@ -257,7 +257,7 @@ fn relative_changes_db(a: &[f64], b: &[f64], n_outputs: usize, look_interval: us
 /// From when on the error of an island may be larger than a pilot measured [s]: it may grow, and events follow the time
 /// over which it was checked. `None` if it holds for all that is played.
 pub(in crate::plan) fn unchecked_from(island_plan: &IslandPlan, error: MeasuredError) -> Option<f64> {
-    let last_event = end_seconds(island_plan) - RING_SECONDS;
+    let last_event = end_seconds(island_plan) - LAST_EVENT_SECONDS;
     let is_unchecked =
         error.third_octave_db.is_none() && error_may_grow(island_plan) && error.duration_seconds < last_event;
     is_unchecked.then_some(error.duration_seconds)
@@ -270,7 +270,7 @@ pub(in crate::plan) fn end_seconds(island_plan: &IslandPlan) -> f64 {
     let gesture_ends = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
     let strike_times = timeline.strikes.iter().map(|strike| strike.instant);
     let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
-    gesture_ends.chain(strike_times).chain(ergon_times).fold(0.0, f64::max) + RING_SECONDS
+    gesture_ends.chain(strike_times).chain(ergon_times).fold(0.0, f64::max) + LAST_EVENT_SECONDS
 }
 
 #[cfg(test)]

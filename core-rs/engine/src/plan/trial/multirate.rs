@@ -15,7 +15,7 @@ use crate::assembly::unit::IslandPlan;
 use crate::content::island::IslandContent;
 use crate::island::bodies::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
-use crate::plan::constants::KEY_TURN_MAX;
+use crate::plan::constants::KEY_PHASE_MAX;
 use crate::plan::row::MeasuredError;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::horizon;
@@ -68,7 +68,7 @@ pub(in crate::plan) fn with_offered_slow(
     subset: &Subset,
     island_timeline: &LocalTimeline,
     budget: &Budget,
-    offered: Offered,
+    offered: OfferedParts,
     macrostep: u32,
 ) -> Option<Subset> {
     let timeline = &island_timeline.timeline;
@@ -84,7 +84,7 @@ pub(in crate::plan) fn with_offered_slow(
         return None;
     }
     let offered_names: BTreeSet<&str> = offered
-        .parts(network, timeline)
+        .part_indices(network, timeline)
         .into_iter()
         .map(|part| &network.parts()[part])
         .filter(|part| part.macrostep.is_none())
@@ -108,7 +108,7 @@ pub(in crate::plan) fn with_offered_slow(
         |name: &str| is_offered(name) && fitting_parts.iter().any(|&part| network.parts()[part].name == name);
     let network =
         network.with_macrosteps(|name, asked_macrostep| asked_macrostep.or(is_fitting(name).then_some(macrostep)));
-    has_more_slow_parts(&network, &subset.network).then(|| Subset {
+    slow_part_count(&network, &subset.network).then(|| Subset {
         network,
         ..subset.clone()
     })
@@ -116,29 +116,29 @@ pub(in crate::plan) fn with_offered_slow(
 
 /// Parts that a plan may make slow without being asked.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::plan) enum Offered {
+pub(in crate::plan) enum OfferedParts {
     /// Keys.
     Keys,
     /// What is only seen: no output hears it, and nobody plays it.
-    OnlySeen,
+    DisplayedOnly,
 }
 
-impl Offered {
+impl OfferedParts {
     /// Largest turn of their modes from kick to kick [rad].
     fn turn_radians_max(self) -> f64 {
         match self {
-            Self::Keys => KEY_TURN_MAX,
+            Self::Keys => KEY_PHASE_MAX,
             // As much as any slow body may turn: its error is measured.
-            Self::OnlySeen => f64::INFINITY,
+            Self::DisplayedOnly => f64::INFINITY,
         }
     }
 
-    fn parts(self, network: &Network, timeline: &Timeline) -> BTreeSet<usize> {
+    fn part_indices(self, network: &Network, timeline: &Timeline) -> BTreeSet<usize> {
         let part_of_mat = |mat: usize| network.mats().part[mat] as usize;
         let key_parts: BTreeSet<usize> = timeline.keys.iter().map(|key| part_of_mat(key.struck_mat)).collect();
         match self {
             Self::Keys => key_parts,
-            Self::OnlySeen => {
+            Self::DisplayedOnly => {
                 let mut unheard_parts: BTreeSet<usize> = (0..network.n_mat()).map(part_of_mat).collect();
                 let driven_parts = timeline.drives.iter().map(|drive| part_of_mat(drive.mat));
                 for audible_or_played in key_parts.into_iter().chain(driven_parts).chain(audible_parts(network)) {
@@ -171,7 +171,7 @@ fn audible_parts(network: &Network) -> BTreeSet<usize> {
 }
 
 /// Whether more parts of `network` than of `compared_network` are slow.
-fn has_more_slow_parts(network: &Network, compared_network: &Network) -> bool {
+fn slow_part_count(network: &Network, compared_network: &Network) -> bool {
     let slow_count = |network: &Network| {
         let parts = network.parts().iter();
         parts.filter(|part| part.macrostep.is_some()).count()
@@ -189,7 +189,7 @@ pub(in crate::plan) fn certify_growth(island: &Assembled, allowance: &Allowance)
     let Some(growth) = growth::growth(&island.island_plan) else {
         return Err("its stability at its own rate is too expensive to test".to_owned());
     };
-    allowance.spend_regardless(growth.test_seconds);
+    allowance.spend_unchecked(growth.test_seconds);
     if growth.is_stable() {
         return Ok(Some(growth));
     }

@@ -1,8 +1,8 @@
 //! A pilot: plays the beginning of an island to choose how it is computed.
 //!
-//! It ends a while after the first contact, or after the first event if nothing touches. A `reference` is found first;
-//! the `search` then compares candidates with it; at last modes that this score does not excite are left out. By ear
-//! the plain ways come first, and others only if none of them is exact enough.
+//! It ends a while after the first contact, or after the first event if nothing touches. A `find_reference` is found
+//! first; the `search` then compares candidates with it; at last modes that this score does not excite are left out. By
+//! ear the plain ways come first, and others only if none of them is exact enough.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -13,23 +13,25 @@ use crate::assembly::mesh::MethodChoice;
 use crate::assembly::unit::IslandPlan;
 use crate::island::FINE_SUBSTEPS_MIN;
 use crate::network::Error;
-use crate::plan::constants::{FAINT_SHARE, OVERSAMPLING_MAX, PARTED_DB, PILOT_PARTS, SEARCH_COST};
+use crate::plan::constants::{FAINT_OUTPUT_SHARE, OVERSAMPLING_MAX, PILOT_SPANS, SEARCH_COST_RUNS, UNCORRELATED_DB};
 use crate::plan::row::MeasuredError;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::candidates::{Candidate, CostRule};
 use crate::plan::trial::chaos::{ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_result::{ChosenIsland, LongComparison, PilotResult};
-use crate::plan::trial::pilot_run::{Excerpt, PilotRun, pilot_excerpt, up_to_next_event};
+use crate::plan::trial::pilot_run::{Excerpt, PilotRun, extended_to_next_event, pilot_excerpt};
 use crate::plan::trial::prune_modes::prune;
-use crate::plan::trial::reference::{Reference, ReferenceSearch, is_plain_first, plain_reference, reference};
-use crate::plan::trial::runs::PlayedRuns;
-use crate::plan::trial::search::{Search, TriedCandidate};
+use crate::plan::trial::reference::{
+    Reference, ReferenceSearch, find_reference, is_cheaper_once_per_step, once_per_step_reference,
+};
+use crate::plan::trial::runs::RunCache;
+use crate::plan::trial::search::{CandidateSearch, CandidateTrial};
 use crate::plan::trial::waveform_error::{ComparedSpans, amplitude_difference_db, amplitude_sum_db, power_sum_db};
 use crate::waveform::is_still;
 
 /// Finds the cheapest island within the budget; `assemble` puts the island together at some oversampling.
-pub(in crate::plan) fn pilot(
+pub(in crate::plan) fn choose_by_trials(
     assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     budget: &Budget,
     allowance: &Allowance,
@@ -52,7 +54,7 @@ pub(in crate::plan) fn pilot(
     if let Some(excerpt) =
         next_excerpt.filter(|_| matches!(budget, Budget::Cents { .. }) && !island.has_sticking_friction())
         && let Some(pilot) = Pilot::new((assemble, budget, allowance, cost_rule), (&island, 1), excerpt)?
-        && let Some((result, _)) = pilot.find_without_substeps()?
+        && let Some((result, _)) = pilot.find_once_per_step()?
     {
         return Ok(result);
     }
@@ -67,7 +69,7 @@ pub(in crate::plan) fn pilot(
         };
         // Friction may hold what the first events strike: nothing is known then of those that are heard.
         let is_silent = island.has_sticking_friction() && is_still(&pilot_run.sound, pilot.compared_spans.n_out);
-        next_excerpt = up_to_next_event(&island.island_plan, pilot.runs.excerpt()).filter(|_| is_silent);
+        next_excerpt = extended_to_next_event(&island.island_plan, pilot.runs.excerpt()).filter(|_| is_silent);
         if next_excerpt.is_none() {
             return Ok(result);
         }
@@ -84,7 +86,7 @@ struct Pilot<'a, F> {
     budget: &'a Budget,
     allowance: &'a Allowance,
     cost_rule: CostRule,
-    runs: PlayedRuns,
+    runs: RunCache,
     compared_spans: ComparedSpans,
 }
 
@@ -108,15 +110,15 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     }
 
     /// Finds the cheapest plain island that is not heard to differ from its finer twins; `None` if there is none.
-    fn find_without_substeps(&self) -> Result<Option<PilotOutcome>, Error> {
-        let reference_result = plain_reference(&self.reference_search(), self.allowance);
+    fn find_once_per_step(&self) -> Result<Option<PilotOutcome>, Error> {
+        let reference_result = once_per_step_reference(&self.reference_search(), self.allowance);
         let Some(reference) = unless_spent(reference_result)?.flatten() else {
             return Ok(None);
         };
         let stretches = ComparedStretches::new(&reference.run.sound, &self.compared_spans);
-        let plain_tried = self.search(&reference, None).find_without_substeps(self.cost_rule)?;
-        plain_tried
-            .map(|plain_tried| self.with_pruned_modes(plain_tried, &stretches))
+        let cheapest_trial = self.search(&reference, None).find_once_per_step(self.cost_rule)?;
+        cheapest_trial
+            .map(|plain_tried| self.outcome_without_modes(plain_tried, &stretches))
             .transpose()
     }
 
@@ -129,8 +131,12 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         }
     }
 
-    fn search<'b>(&'b self, reference: &'b Reference, chaos: Option<(&'b ComparedStretches, f64)>) -> Search<'b, F> {
-        Search {
+    fn search<'b>(
+        &'b self,
+        reference: &'b Reference,
+        chaos: Option<(&'b ComparedStretches, f64)>,
+    ) -> CandidateSearch<'b, F> {
+        CandidateSearch {
             assemble: self.assemble,
             budget: self.budget,
             allowance: self.allowance,
@@ -149,20 +155,20 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             return Ok(None);
         };
         let first_candidate = Candidate::new(island.clone(), substeps, None).with_counted_cost(&first_run);
-        let reference_result = reference(&self.reference_search(), &first_candidate, self.allowance);
+        let reference_result = find_reference(&self.reference_search(), &first_candidate, self.allowance);
         let Some(reference) = unless_spent(reference_result)?.flatten() else {
-            return Ok(Some(self.first_island(first_candidate, first_run)?));
+            return Ok(Some(self.outcome_of_first_run(first_candidate, first_run)?));
         };
         let stretches = ComparedStretches::new(&reference.run.sound, &self.compared_spans);
         let growth = unless_spent(self.chaotic_growth_db(&reference, &stretches))?.flatten();
-        let is_unknown = !reference.shows_regular_motion(self.budget) && reference.error_db > PARTED_DB;
+        let is_unknown = !reference.shows_regular_motion(self.budget) && reference.error_db > UNCORRELATED_DB;
         if growth.is_none() && is_unknown {
-            return Ok(Some(self.first_island(first_candidate, first_run)?)); // no two runs agree
+            return Ok(Some(self.outcome_of_first_run(first_candidate, first_run)?)); // no two runs agree
         }
         let chaos_growth = growth.map(|growth| (&stretches, growth));
         match self.search(&reference, chaos_growth).find()? {
-            Some(tried) => Ok(Some(self.with_pruned_modes(tried, &stretches)?)),
-            None => Ok(Some(self.first_island(first_candidate, first_run)?)),
+            Some(tried) => Ok(Some(self.outcome_without_modes(tried, &stretches)?)),
+            None => Ok(Some(self.outcome_of_first_run(first_candidate, first_run)?)),
         }
     }
 
@@ -187,15 +193,19 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     }
 
     /// The result of a search: the candidate without modes that are not heard, and its error.
-    fn with_pruned_modes(&self, tried: TriedCandidate, stretches: &ComparedStretches) -> Result<PilotOutcome, Error> {
-        let (island, db) = match tried.chaotic_comparison {
-            None if matches!(self.budget, Budget::Error(_)) => self.pruned_within(&tried)?,
+    fn outcome_without_modes(
+        &self,
+        trial: CandidateTrial,
+        stretches: &ComparedStretches,
+    ) -> Result<PilotOutcome, Error> {
+        let (island, db) = match trial.chaotic_comparison {
+            None if matches!(self.budget, Budget::Error(_)) => self.without_modes_within_budget(&trial)?,
             _ => (
-                self.pruned((&tried.candidate, &tried.run), self.budget.left_out_db_max())?,
-                tried.error_db,
+                self.without_inaudible_modes((&trial.candidate, &trial.run), self.budget.left_out_db_max())?,
+                trial.error_db,
             ),
         };
-        let measured_error = match &tried.chaotic_comparison {
+        let measured_error = match &trial.chaotic_comparison {
             Some(parting) => {
                 let (db, valid_until) = parting.valid_span(self.budget.waveform_error_db(), stretches);
                 MeasuredError {
@@ -209,10 +219,10 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
                 waveform_db: db,
                 duration_seconds: self.played_seconds(self.runs.excerpt().n_frames),
                 third_octave_db: None,
-                audible: tried.audible_error,
+                audible: trial.audible_error,
             },
         };
-        let full_island = tried.candidate.island;
+        let full_island = trial.candidate.island;
         let is_open_ended =
             measured_error.third_octave_db.is_none() && horizon::error_may_grow(&full_island.island_plan);
         let methods = full_island.mesh_methods();
@@ -222,14 +232,14 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             chosen: ChosenIsland {
                 island,
                 measured_error: Some(measured_error),
-                has_diverged: tried.run.has_diverged,
+                has_diverged: trial.run.has_diverged,
             },
             long_comparison: finer.map(|finer| LongComparison {
                 finer_island: finer,
-                contact_substeps: tried.candidate.contact_substeps,
+                contact_substeps: trial.candidate.contact_substeps,
             }),
         };
-        Ok((pilot_result, tried.run))
+        Ok((pilot_result, trial.run))
     }
 
     /// The time at which a number of frames of the excerpt has been played [s].
@@ -237,7 +247,11 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         (self.runs.excerpt().first_frame + n_frames) as f64 / self.compared_spans.rate
     }
 
-    fn pruned(&self, (candidate, run): (&Candidate, &PilotRun), limit: Option<f64>) -> Result<Assembled, Error> {
+    fn without_inaudible_modes(
+        &self,
+        (candidate, run): (&Candidate, &PilotRun),
+        limit: Option<f64>,
+    ) -> Result<Assembled, Error> {
         let prune_context = (self.runs.excerpt(), self.budget, limit);
         prune(
             &candidate.island,
@@ -249,21 +263,21 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
 
     /// The same, with no more left out than an error leaves of the budget; also returns the error to state, of both
     /// together: they may point the same way.
-    fn pruned_within(&self, tried: &TriedCandidate) -> Result<(Assembled, f64), Error> {
-        let level_left = amplitude_difference_db(self.budget.waveform_error_db(), tried.error_db);
+    fn without_modes_within_budget(&self, trial: &CandidateTrial) -> Result<(Assembled, f64), Error> {
+        let level_left = amplitude_difference_db(self.budget.waveform_error_db(), trial.error_db);
         let limit = self.budget.left_out_db_max().map(|limit| limit.min(level_left));
-        let island = self.pruned((&tried.candidate, &tried.run), limit)?;
+        let island = self.without_inaudible_modes((&trial.candidate, &trial.run), limit)?;
         let left_out = island.bodies.iter().filter_map(|body| body.left_out_db);
         let stated_error = match left_out.reduce(power_sum_db) {
-            Some(left_out) => amplitude_sum_db([tried.error_db, left_out]),
-            None => tried.error_db,
+            Some(left_out) => amplitude_sum_db([trial.error_db, left_out]),
+            None => trial.error_db,
         };
         Ok((island, stated_error))
     }
 
     /// The island as it was played first, whose error is not known. If that run is lost, the island with meshes that
     /// cannot diverge, unless that is lost too.
-    fn first_island(&self, first: Candidate, run: Rc<PilotRun>) -> Result<PilotOutcome, Error> {
+    fn outcome_of_first_run(&self, first: Candidate, run: Rc<PilotRun>) -> Result<PilotOutcome, Error> {
         let (mut candidate, mut run) = (first, run);
         if run.is_unusable
             && let Ok(island) = (self.assemble)(AssemblyOptions::between_steps(1, MethodChoice::Unconditional))
@@ -275,7 +289,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
                 (candidate, run) = (safe_candidate, safe_run);
             }
         }
-        let island = self.pruned((&candidate, &run), self.budget.left_out_db_max())?;
+        let island = self.without_inaudible_modes((&candidate, &run), self.budget.left_out_db_max())?;
         let left_out = island
             .bodies
             .iter()
@@ -312,7 +326,7 @@ fn runs_until_heard(
     (island, substeps): (&Assembled, usize),
     mut excerpt: Excerpt,
     allowance: &Allowance,
-) -> Result<(PlayedRuns, ComparedSpans), TrialError> {
+) -> Result<(RunCache, ComparedSpans), TrialError> {
     let island_plan = &island.island_plan;
     loop {
         let (runs, spans) = affordable_runs((island_plan, substeps), excerpt, allowance)?;
@@ -320,8 +334,8 @@ fn runs_until_heard(
             return Ok((runs, spans));
         }
         let first_run = runs.play((island_plan, substeps), allowance)?;
-        match up_to_next_event(island_plan, excerpt) {
-            Some(longer) if first_run.loudest_share < FAINT_SHARE => excerpt = longer,
+        match extended_to_next_event(island_plan, excerpt) {
+            Some(longer) if first_run.loudest_share < FAINT_OUTPUT_SHARE => excerpt = longer,
             _ => return Ok((runs, spans)),
         }
     }
@@ -333,20 +347,20 @@ fn affordable_runs(
     played: (&IslandPlan, usize),
     excerpt: Excerpt,
     allowance: &Allowance,
-) -> Result<(PlayedRuns, ComparedSpans), TrialError> {
-    let (runs, spans) = (PlayedRuns::new(excerpt), ComparedSpans::new(played.0, excerpt.n_frames));
+) -> Result<(RunCache, ComparedSpans), TrialError> {
+    let (runs, spans) = (RunCache::new(excerpt), ComparedSpans::new(played.0, excerpt.n_frames));
     let (spent_before, _) = allowance.seconds_spent();
     let affordable_share = Cell::new(1.0);
     // A run that was stopped early is not kept: the shorter excerpt is played again as a whole.
     let frames_after_event = |frames: usize| frames.saturating_sub(spans.event_frame()) as f64;
     runs.play_while(played, allowance, |frames, _| {
         let run_work = allowance.seconds_spent().0 - spent_before;
-        let affordable = allowance.share_left(SEARCH_COST * run_work);
+        let affordable = allowance.share_left(SEARCH_COST_RUNS * run_work);
         affordable_share.set(affordable * frames_after_event(frames) / frames_after_event(excerpt.n_frames));
         affordable == 1.0 || frames <= spans.shortened(1).end()
     })?;
-    let span_parts = (PILOT_PARTS as f64 * affordable_share.get()) as usize;
-    if span_parts >= PILOT_PARTS {
+    let span_parts = (PILOT_SPANS as f64 * affordable_share.get()) as usize;
+    if span_parts >= PILOT_SPANS {
         return Ok((runs, spans));
     }
     let spans = spans.shortened(span_parts);
@@ -354,14 +368,14 @@ fn affordable_runs(
         n_frames: spans.end(),
         ..excerpt
     };
-    Ok((PlayedRuns::new(excerpt), spans))
+    Ok((RunCache::new(excerpt), spans))
 }
 
 /// The contact substeps of the first run: once a step where computing laws between frames is far dearer.
 fn first_substeps(island: &Assembled, budget: &Budget) -> usize {
     let substeps = island.island_plan.contact_substeps;
     let may_be_fine = island.can_solve_laws_between_steps && !matches!(budget, Budget::Method(_));
-    match may_be_fine && !is_plain_first(island) {
+    match may_be_fine && !is_cheaper_once_per_step(island) {
         true => substeps.max(FINE_SUBSTEPS_MIN),
         false => substeps,
     }

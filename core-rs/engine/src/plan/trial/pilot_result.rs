@@ -155,7 +155,7 @@ impl PilotResult {
             island_plan.contact_order.number(),
         ];
         head_counts.extend(island_plan.counted_cost);
-        let mut numbers = TrialRecord::numbers_of(self.chosen.measured_error);
+        let mut numbers = TrialRecord::error_numbers(self.chosen.measured_error);
         numbers.extend(bodies.iter().map(|body| body.left_out_db));
         let body_numbers = bodies.iter().map(|body| body.choice().numbers());
         TrialRecord {
@@ -223,7 +223,7 @@ impl PilotResult {
             body.left_out_db = *left_out;
         }
         island.modes_refusal = match &record.reason {
-            Some(why) => Some(NoModes::from_text(why)?),
+            Some(reason) => Some(NoModes::from_text(reason)?),
             None => None,
         };
         let long_run = if long_run_substeps > 0 {

@@ -5,10 +5,10 @@ use crate::assembly::cost;
 use crate::assembly::cost_table::Costs;
 use crate::assembly::unit::IslandPlan;
 use crate::derivative::Derivatives;
-use crate::island::{Island, OnFault, Options, StepNumbers};
+use crate::island::{Island, OnFault, SimulationOptions, StepNumbers};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
-use crate::plan::constants::{ENERGY_CHECKS, EXCERPT_SECONDS_MAX, PILOT_SECONDS};
+use crate::plan::constants::{ENERGY_CHECKS_PER_RUN, EXCERPT_SECONDS_MAX, PILOT_SECONDS};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::silence::SilentOutputs;
 use crate::waveform::is_still;
@@ -40,7 +40,7 @@ impl Excerpt {
 #[derive(Clone)]
 pub(in crate::plan) struct PilotRun {
     /// The first frame of the sound.
-    pub(in crate::plan) from: usize,
+    pub(in crate::plan) first_frame: usize,
     /// (n_frames · n_out)
     pub(in crate::plan) sound: Vec<f64>,
     /// Square of the amplitude that each mode of each body reached.
@@ -55,18 +55,18 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) is_unusable: bool,
     /// The largest share that an output hears of what it would hear if no motion were cancelled.
     pub(in crate::plan) loudest_share: f64,
-    pub(in crate::plan) energy_gains: EnergyGains,
+    pub(in crate::plan) energy_gains: EnergyGainShares,
 }
 
 /// The largest gain of energy by the errors of one link, relative to the energy of the island.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::plan) struct EnergyGains {
+pub(in crate::plan) struct EnergyGainShares {
     pub(in crate::plan) contact_share: f64,
     /// In the first half of the run, and in all of it.
     pub(in crate::plan) law_shares: [f64; 2],
 }
 
-impl EnergyGains {
+impl EnergyGainShares {
     fn update(&mut self, island: &Island, is_first_half: bool) {
         let [contacts, law_share] = island.created_shares();
         self.contact_share = self.contact_share.max(contacts);
@@ -118,16 +118,16 @@ pub(in crate::plan) fn is_affordable(island_plan: &IslandPlan, n_frames: usize) 
 /// # Errors
 ///
 /// Those of [`play`].
-pub(in crate::plan) fn frames_at_rest(island_plan: &IslandPlan, allowance: &Allowance) -> Result<usize, TrialError> {
+pub(in crate::plan) fn resting_frames(island_plan: &IslandPlan, allowance: &Allowance) -> Result<usize, TrialError> {
     if !is_affordable(island_plan, REST_PROBE_FRAMES) {
         return Ok(0);
     }
     let mut meter = WorkMeter::new(island_plan, allowance);
-    let mut island = start_island(island_plan, island_plan.contact_substeps)?;
+    let mut island = started_island(island_plan, island_plan.contact_substeps)?;
     let mut rest_sound = vec![0.0; REST_PROBE_FRAMES * island.n_out()];
     // Faults are muted: a pilot does not report them.
     let _ = island.process(&mut rest_sound, REST_PROBE_FRAMES, &mut ThreadTeam::alone());
-    meter.draw(&island, island.computed_frames() as usize)?;
+    meter.spend_block(&island, island.computed_frames() as usize)?;
     // An island that comes to rest later sounds before it does.
     if !is_still(&rest_sound, island.n_out()) {
         return Ok(0);
@@ -143,17 +143,17 @@ pub(in crate::plan) fn frames_at_rest(island_plan: &IslandPlan, allowance: &Allo
 /// [`TrialError::Engine`] if the island cannot be played, [`TrialError::AllowanceSpent`] if the allowance ends first.
 pub(in crate::plan) fn pilot_excerpt(island_plan: &IslandPlan, allowance: &Allowance) -> Result<Excerpt, TrialError> {
     let widest = Excerpt {
-        first_frame: frames_at_rest(island_plan, allowance)?,
+        first_frame: resting_frames(island_plan, allowance)?,
         n_frames: frames_max(island_plan),
     };
     let frame_rate = frames_per_second(island_plan);
-    let pilot_length = find_length(island_plan, (widest, frame_rate), allowance);
+    let pilot_length = excerpt_length(island_plan, (widest, frame_rate), allowance);
     // If no length was found, the decision depends on all of `widest`.
     let looked_frames = match pilot_length {
         Ok(n_frames) if n_frames > 0 => n_frames,
         _ => widest.n_frames,
     };
-    allowance.note_frames(widest.first_frame + looked_frames);
+    allowance.record_frames(widest.first_frame + looked_frames);
     Ok(Excerpt {
         n_frames: pilot_length?,
         ..widest
@@ -161,7 +161,7 @@ pub(in crate::plan) fn pilot_excerpt(island_plan: &IslandPlan, allowance: &Allow
 }
 
 /// How many frames a pilot plays after the rest; 0 if that would take too long.
-fn find_length(
+fn excerpt_length(
     island_plan: &IslandPlan,
     (excerpt, rate): (Excerpt, f64),
     allowance: &Allowance,
@@ -172,12 +172,12 @@ fn find_length(
     } = excerpt;
     let frames_after = (PILOT_SECONDS * rate) as usize;
     if island_plan.contact_substeps > 1 {
-        let mut island = start_island(island_plan, island_plan.contact_substeps)?;
+        let mut island = started_island(island_plan, island_plan.contact_substeps)?;
         let mut meter = WorkMeter::new(island_plan, allowance);
         let mut block_sound = vec![0.0; BLOCK_FRAMES * island.n_out()];
         meter.play_rest(&mut island, first_frame)?;
         for first_frame in (0..longest).step_by(BLOCK_FRAMES) {
-            meter.draw(&island, BLOCK_FRAMES)?;
+            meter.spend_block(&island, BLOCK_FRAMES)?;
             // Faults are muted: a pilot does not report them.
             let _ = island.process(&mut block_sound, BLOCK_FRAMES, &mut ThreadTeam::alone());
             if island.has_closed_fine_contact() {
@@ -213,7 +213,7 @@ fn next_event(island_plan: &IslandPlan, earliest: f64, rate: f64) -> f64 {
 
 /// The excerpt up to a while after the next event, for an island that is silent until then; `None` if there is none, or
 /// it would take too long.
-pub(in crate::plan) fn up_to_next_event(island_plan: &IslandPlan, excerpt: Excerpt) -> Option<Excerpt> {
+pub(in crate::plan) fn extended_to_next_event(island_plan: &IslandPlan, excerpt: Excerpt) -> Option<Excerpt> {
     let frame_rate = frames_per_second(island_plan);
     let event_time = next_event(island_plan, excerpt.end() as f64 / frame_rate, frame_rate);
     let end_frame = ((event_time + PILOT_SECONDS) * frame_rate).min(1e12) as usize;
@@ -273,7 +273,7 @@ impl<'a> WorkMeter<'a> {
             let computed_frames = (island.computed_frames() - computed_before) as usize;
             let skipped_share = 1.0 - computed_frames as f64 / block_frames as f64;
             self.added_seconds += skipped_share * (self.guard_and_contact_seconds(island) - self.added_seconds);
-            self.draw(island, computed_frames)?;
+            self.spend_block(island, computed_frames)?;
         }
         Ok(cost::counted_ns(island))
     }
@@ -284,16 +284,16 @@ impl<'a> WorkMeter<'a> {
         1e-9 * counted + self.step_seconds * island.guard_steps() as f64
     }
 
-    fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
+    fn spend_block(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
         let added_work = self.guard_and_contact_seconds(island);
         let more_work = added_work - self.added_seconds;
         self.added_seconds = added_work;
-        self.allowance.draw(self.frame_seconds * n_frames as f64 + more_work)
+        self.allowance.spend(self.frame_seconds * n_frames as f64 + more_work)
     }
 }
 
-fn start_island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
-    let options = Options {
+fn started_island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
+    let options = SimulationOptions {
         ledger: false,
         record: false,
         on_fault: OnFault::Mute,
@@ -324,11 +324,11 @@ pub(in crate::plan) fn play(
     allowance: &Allowance,
 ) -> Result<PilotRun, TrialError> {
     let played_plan = (island_plan, contact_substeps);
-    play_nudged(played_plan, excerpt, (excerpt.n_frames, 1.0), allowance)
+    play_perturbed(played_plan, excerpt, (excerpt.n_frames, 1.0), allowance)
 }
 
-/// The same, but stops as soon as `goes_on`, given the frames played and their sound, is false; `None` if it was
-/// stopped.
+/// The same, but stops as soon as `should_continue`, given the frames played and their sound, is false; `None` if it
+/// was stopped.
 ///
 /// # Errors
 ///
@@ -337,28 +337,28 @@ pub(in crate::plan) fn play_while(
     played: (&IslandPlan, usize),
     excerpt: Excerpt,
     allowance: &Allowance,
-    goes_on: impl FnMut(usize, &[f64]) -> bool,
+    should_continue: impl FnMut(usize, &[f64]) -> bool,
 ) -> Result<Option<PilotRun>, TrialError> {
-    play_nudged_while(played, excerpt, (excerpt.n_frames, 1.0), allowance, goes_on)
+    play_perturbed_while(played, excerpt, (excerpt.n_frames, 1.0), allowance, should_continue)
 }
 
-/// Plays an excerpt to its end; in the block that begins at frame `nudge.0` all motion fades by the factor `nudge.1` at
-/// each step.
+/// Plays an excerpt to its end; in the block that begins at frame `perturbation.0` all motion fades by the factor
+/// `perturbation.1` at each step.
 ///
 /// # Errors
 ///
 /// Those of [`play`].
-pub(in crate::plan) fn play_nudged(
+pub(in crate::plan) fn play_perturbed(
     played: (&IslandPlan, usize),
     excerpt: Excerpt,
-    nudge: (usize, f64),
+    perturbation: (usize, f64),
     allowance: &Allowance,
 ) -> Result<PilotRun, TrialError> {
-    let run = play_nudged_while(played, excerpt, nudge, allowance, |_, _| true)?;
+    let run = play_perturbed_while(played, excerpt, perturbation, allowance, |_, _| true)?;
     Ok(run.unwrap_or_else(|| unreachable!("nothing ends it")))
 }
 
-fn play_nudged_while(
+fn play_perturbed_while(
     (island_plan, contact_substeps): (&IslandPlan, usize),
     excerpt: Excerpt,
     (nudge_frame, damping_factor): (usize, f64),
@@ -366,14 +366,14 @@ fn play_nudged_while(
     mut goes_on: impl FnMut(usize, &[f64]) -> bool,
 ) -> Result<Option<PilotRun>, TrialError> {
     let n_frames = excerpt.n_frames;
-    allowance.note_frames(excerpt.end());
+    allowance.record_frames(excerpt.end());
     let (drawn_before, _) = allowance.seconds_spent();
     let mut meter = WorkMeter::new(island_plan, allowance);
     // A run that the allowance cannot pay for is not begun.
     meter
         .allowance
         .check_affordable(frame_seconds(island_plan) * n_frames as f64)?;
-    let mut island = start_island(island_plan, contact_substeps)?;
+    let mut island = started_island(island_plan, contact_substeps)?;
     let counted_at_rest = meter.play_rest(&mut island, excerpt.first_frame)?;
     let n_outputs = island.n_out();
     let mut sound = vec![0.0; n_frames * n_outputs];
@@ -384,8 +384,8 @@ fn play_nudged_while(
         .map(|body| vec![0.0; body.n_modes()])
         .collect();
     let (mut touched_from, mut silence) = (None, SilentOutputs::new(island_plan, &island));
-    let mut created = EnergyGains::default();
-    let look_frames = (n_frames / ENERGY_CHECKS).max(1);
+    let mut created = EnergyGainShares::default();
+    let look_frames = (n_frames / ENERGY_CHECKS_PER_RUN).max(1);
     for first_frame in (0..n_frames).step_by(BLOCK_FRAMES) {
         if first_frame == nudge_frame {
             island.damp(damping_factor);
@@ -394,9 +394,9 @@ fn play_nudged_while(
         }
         let block_end = (first_frame + BLOCK_FRAMES).min(n_frames);
         let block_sound = &mut sound[first_frame * n_outputs..block_end * n_outputs];
-        meter.draw(&island, block_end - first_frame)?;
+        meter.spend_block(&island, block_end - first_frame)?;
         let _ = island.process(block_sound, block_end - first_frame, &mut ThreadTeam::alone());
-        silence.note_block(&island, block_sound);
+        silence.update(&island, block_sound);
         if first_frame / look_frames < block_end / look_frames || block_end == n_frames {
             created.update(&island, 2 * block_end <= n_frames);
         }
@@ -411,7 +411,7 @@ fn play_nudged_while(
         }
     }
     Ok(Some(PilotRun {
-        from: excerpt.first_frame,
+        first_frame: excerpt.first_frame,
         work_seconds: allowance.seconds_spent().0 - drawn_before,
         loudest_share: silence.loudest_share(&squares),
         energy_gains: created,

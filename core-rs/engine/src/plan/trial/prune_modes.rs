@@ -9,7 +9,7 @@ use crate::island::bodies::BodyPlan;
 use crate::island::modal::Modal;
 use crate::maths::pow;
 use crate::network::{Error, LinkKind};
-use crate::plan::constants::PRUNE_TRIES;
+use crate::plan::constants::PRUNE_TRIALS_MAX;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, is_affordable, play};
 use crate::plan::trial::waveform_error::{ComparedSpans, difference_db};
@@ -54,7 +54,7 @@ pub(in crate::plan) fn prune(
     };
     let spans = ComparedSpans::new(&island.island_plan, excerpt.n_frames);
     let mut allowed = error_max;
-    for _ in 0..PRUNE_TRIES {
+    for _ in 0..PRUNE_TRIALS_MAX {
         let mut pruned_island = pruned_within(Some(allowed));
         if count_modes(&pruned_island) == count_modes(&reference) {
             break;
@@ -94,7 +94,7 @@ fn audible_modes(
     let output_shapes = body.outputs.iter().map(|(_, shape)| shape.as_slice());
     let shape_rows: Vec<&[f64]> = port_shapes.chain(output_shapes).collect();
     let mut modes_kept = loudest_by_energy(
-        &excitations(body, amplitudes_squared),
+        &mode_excitations(body, amplitudes_squared),
         &shape_rows,
         allowed,
         budget,
@@ -136,7 +136,7 @@ fn audible_modes(
 
 /// Ways in which modes get their energies: as the pilot measured, and as may happen later, by a strike at each place
 /// that is ever struck and by a touch of each port that the pilot may have missed.
-fn excitations(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
+fn mode_excitations(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
     let energies_from = |shape: &Vec<f64>| -> Vec<f64> {
         let indexed_shape = shape.iter().enumerate();
         indexed_shape

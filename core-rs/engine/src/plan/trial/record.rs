@@ -10,7 +10,7 @@ use crate::content::island::IslandContent;
 use crate::hearing::{Audible, JUST_NOTICEABLE};
 use crate::network::Error;
 use crate::plan::row::MeasuredError;
-use crate::plan::trial::allowance::{Allowance, WorkLeft, WorkTaken};
+use crate::plan::trial::allowance::{Allowance, RemainingWork, SeriesWork};
 
 /// Most lengths that are remembered for one island.
 const LENGTHS_MAX: usize = 8;
@@ -54,11 +54,11 @@ impl TrialRecord {
     }
 
     /// The record with `taken` at its head.
-    fn with_header(mut self, taken: &WorkTaken) -> Self {
+    fn with_header(mut self, taken: &SeriesWork) -> Self {
         let header_numbers = [
-            Some(taken.drawn_seconds),
+            Some(taken.spent_seconds),
             Some(taken.needed_seconds),
-            taken.left_at_start.map(WorkLeft::to_number),
+            taken.left_at_start.map(RemainingWork::to_number),
         ];
         self.numbers.splice(0..0, header_numbers);
         self.counts.insert(0, vec![u32::from(taken.ended_early)]);
@@ -66,17 +66,17 @@ impl TrialRecord {
     }
 
     /// Splits a record into what was taken and the rest; `None` if it is not valid.
-    fn split_header(mut self) -> Option<(WorkTaken, Self)> {
+    fn split_header(mut self) -> Option<(SeriesWork, Self)> {
         let numbers = self.numbers.iter().flatten();
         let are_finite = numbers.clone().all(|number| number.is_finite());
         if !are_finite || self.numbers.len() < 3 || self.counts.is_empty() {
             return None;
         }
         let header_numbers: Vec<Option<f64>> = self.numbers.drain(..3).collect();
-        let taken = WorkTaken {
-            drawn_seconds: header_numbers[0].filter(|drawn| *drawn >= 0.0)?,
+        let taken = SeriesWork {
+            spent_seconds: header_numbers[0].filter(|drawn| *drawn >= 0.0)?,
             needed_seconds: header_numbers[1]?,
-            left_at_start: header_numbers[2].map(WorkLeft::from_number),
+            left_at_start: header_numbers[2].map(RemainingWork::from_number),
             ended_early: match self.counts.remove(0)[..] {
                 [0] => false,
                 [1] => true,
@@ -88,7 +88,7 @@ impl TrialRecord {
     }
 
     /// An error as numbers.
-    pub(in crate::plan) fn numbers_of(error: Option<MeasuredError>) -> Vec<Option<f64>> {
+    pub(in crate::plan) fn error_numbers(error: Option<MeasuredError>) -> Vec<Option<f64>> {
         let audible = error.and_then(|error| error.audible);
         let mut numbers = vec![
             error.map(|error| error.waveform_db),
@@ -105,7 +105,7 @@ impl TrialRecord {
     /// A record of an error and nothing else.
     pub(in crate::plan) fn from_error(error: Option<MeasuredError>) -> Self {
         Self {
-            numbers: Self::numbers_of(error),
+            numbers: Self::error_numbers(error),
             ..Self::default()
         }
     }
@@ -119,16 +119,16 @@ impl TrialRecord {
 
     /// The error at the head of the record, and the numbers after it.
     pub(in crate::plan) fn error(&self) -> Option<(Option<MeasuredError>, &[Option<f64>])> {
-        let ([db, over, spectral], numbers_left) = self.numbers.split_first_chunk()?;
+        let ([waveform_db, duration, third_octave_db], numbers_left) = self.numbers.split_first_chunk()?;
         let (audible, numbers_left) = numbers_left.split_first_chunk::<{ JUST_NOTICEABLE.len() }>()?;
         let audible_numbers: Vec<f64> = audible.iter().filter_map(|value| *value).collect();
         let audible = <[f64; JUST_NOTICEABLE.len()]>::try_from(audible_numbers)
             .ok()
             .map(Audible::from);
-        let measured_error = db.zip(*over).map(|(db, over)| MeasuredError {
+        let measured_error = waveform_db.zip(*duration).map(|(db, over)| MeasuredError {
             waveform_db: db,
             duration_seconds: over,
-            third_octave_db: *spectral,
+            third_octave_db: *third_octave_db,
             audible,
         });
         Some((measured_error, numbers_left))
@@ -139,7 +139,7 @@ impl TrialRecord {
 pub(in crate::plan) struct TrialSeries<'a> {
     store: &'a dyn TrialStore,
     content: IslandContent<'a>,
-    timeless_key: String,
+    series_key: String,
 }
 
 impl<'a> TrialSeries<'a> {
@@ -148,16 +148,16 @@ impl<'a> TrialSeries<'a> {
         Self {
             store,
             content,
-            timeless_key: fixed,
+            series_key: fixed,
         }
     }
 
     fn key(&self, frames: u64) -> String {
-        hex_of(format_args!("{} {}", self.timeless_key, self.content.until(frames)))
+        hex_of(format_args!("{} {}", self.series_key, self.content.until(frames)))
     }
 
     fn recorded_lengths(&self) -> Vec<u64> {
-        let length_index = self.store.get(&self.timeless_key).unwrap_or_default();
+        let length_index = self.store.get(&self.series_key).unwrap_or_default();
         if length_index.reason.is_some() || !length_index.numbers.is_empty() || length_index.counts.len() != 1 {
             return Vec::new();
         }
@@ -166,15 +166,15 @@ impl<'a> TrialSeries<'a> {
     }
 
     /// Finds an earlier series that would go the same way now: what it took and its record.
-    pub(in crate::plan) fn find(&self, allowance: &Allowance) -> Option<(WorkTaken, TrialRecord)> {
+    pub(in crate::plan) fn find(&self, allowance: &Allowance) -> Option<(SeriesWork, TrialRecord)> {
         let mut lengths = self.recorded_lengths().into_iter();
         lengths.find_map(|frames| find(self.store, &self.key(frames), allowance))
     }
 
-    /// Keeps the record of the current series, which began with `left` of the allowance.
-    pub(in crate::plan) fn keep(&self, allowance: &Allowance, left: WorkLeft, record: TrialRecord) {
-        let series_frames = allowance.work_taken(left).frames_played;
-        keep(self.store, &self.key(series_frames), (allowance, left), record);
+    /// Keeps the record of the current series, which began with `work_left` of the allowance.
+    pub(in crate::plan) fn store(&self, allowance: &Allowance, left: RemainingWork, record: TrialRecord) {
+        let series_frames = allowance.series_work(left).frames_played;
+        store_record(self.store, &self.key(series_frames), (allowance, left), record);
         let mut lengths = self.recorded_lengths();
         if !lengths.contains(&series_frames) {
             lengths.insert(0, series_frames);
@@ -184,7 +184,7 @@ impl<'a> TrialSeries<'a> {
                 counts: vec![lengths],
                 ..TrialRecord::default()
             };
-            self.store.put(&self.timeless_key, length_index);
+            self.store.put(&self.series_key, length_index);
         }
     }
 }
@@ -201,10 +201,10 @@ pub(in crate::plan) fn measured_error(
         allowance.replay(&taken);
         return Ok(recorded_error);
     }
-    let work_left = allowance.begin();
+    let work_left = allowance.begin_series();
     let measurement = measure()?;
     if let Some(series) = &series {
-        series.keep(allowance, work_left, TrialRecord::from_error(measurement));
+        series.store(allowance, work_left, TrialRecord::from_error(measurement));
     }
     Ok(measurement)
 }
@@ -214,8 +214,8 @@ pub(in crate::plan) fn find(
     store: &dyn TrialStore,
     key: &str,
     allowance: &Allowance,
-) -> Option<(WorkTaken, TrialRecord)> {
-    let work_left = allowance.begin();
+) -> Option<(SeriesWork, TrialRecord)> {
+    let work_left = allowance.begin_series();
     [key.to_owned(), key_with_left(key, work_left)].iter().find_map(|key| {
         let taken_record = store.get(key)?.split_header()?;
         allowance
@@ -224,19 +224,19 @@ pub(in crate::plan) fn find(
     })
 }
 
-/// Keeps the record of trials of known length, which began with `left` of the allowance.
-pub(in crate::plan) fn keep(
+/// Keeps the record of trials of known length, which began with `work_left` of the allowance.
+pub(in crate::plan) fn store_record(
     store: &dyn TrialStore,
     key: &str,
-    (allowance, left): (&Allowance, WorkLeft),
+    (allowance, left): (&Allowance, RemainingWork),
     record: TrialRecord,
 ) {
-    let work_taken = allowance.work_taken(left);
+    let work_taken = allowance.series_work(left);
     let bound_key = work_taken.left_at_start.map(|left| key_with_left(key, left));
     store.put(bound_key.as_deref().unwrap_or(key), record.with_header(&work_taken));
 }
 
 /// The key for trials whose results depend on what was left.
-fn key_with_left(key: &str, left: WorkLeft) -> String {
-    hex_of(format_args!("{key} {:016x}", left.to_number().to_bits()))
+fn key_with_left(key: &str, work_left: RemainingWork) -> String {
+    hex_of(format_args!("{key} {:016x}", work_left.to_number().to_bits()))
 }

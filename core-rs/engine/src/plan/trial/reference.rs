@@ -14,18 +14,18 @@ use crate::island::FINE_SUBSTEPS_MIN;
 use crate::maths::{amplitude_ratio, pow};
 use crate::network::Error;
 use crate::plan::constants::{
-    CONVERGENCE_ORDERS, DOUBLING_RESERVE, EQUAL_ERRORS_DB, FAMILY_SHARE, OVERSAMPLING_MAX, REFERENCE_DB,
-    REFERENCE_MARGIN_DB,
+    CONVERGENCE_ORDERS, DOUBLING_WORK_FACTOR, EQUAL_ERRORS_DB, FAMILY_ALLOWANCE_SHARE, OVERSAMPLING_MAX,
+    REFERENCE_ERROR_DB_MAX, REFERENCE_MARGIN_DB,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::candidates::{Candidate, Family, has_fine_links};
+use crate::plan::trial::candidates::{Candidate, CandidateFamily, has_fine_links};
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
-use crate::plan::trial::runs::PlayedRuns;
+use crate::plan::trial::runs::RunCache;
 use crate::plan::trial::waveform_error::{ComparedSpans, FACTOR_TWO_DB, difference_db};
 use crate::waveform::is_still;
 
 /// Contact substeps a step of a reference with laws, which divide a frame only as far as they have to: never a limit.
-const LAW_SUBSTEPS: usize = 4 * SUBSTEPS_MAX;
+const REFERENCE_LAW_SUBSTEPS: usize = 4 * SUBSTEPS_MAX;
 
 /// The most exact run.
 pub(in crate::plan) struct Reference {
@@ -42,7 +42,7 @@ impl Reference {
     fn is_exact_enough(&self, budget: &Budget) -> bool {
         match self.audible_error {
             Some(audible) => budget.excess_ratio(&audible) <= amplitude_ratio(-REFERENCE_MARGIN_DB),
-            None => self.error_db <= (budget.waveform_error_db() - REFERENCE_MARGIN_DB).min(REFERENCE_DB),
+            None => self.error_db <= (budget.waveform_error_db() - REFERENCE_MARGIN_DB).min(REFERENCE_ERROR_DB_MAX),
         }
     }
 
@@ -51,7 +51,7 @@ impl Reference {
         self.error_db <= INAUDIBLE_ERROR_DB || (self.audible_error.is_some() && self.is_exact_enough(budget))
     }
 
-    fn is_better(&self, other: &Self, budget: &Budget) -> bool {
+    fn is_better_than(&self, other: &Self, budget: &Budget) -> bool {
         match (self.audible_error, other.audible_error) {
             (Some(audible), Some(other_audible)) => budget.excess_ratio(&audible) < budget.excess_ratio(&other_audible),
             _ => self.error_db < other.error_db,
@@ -62,33 +62,37 @@ impl Reference {
 /// What a search for a reference plays, and how.
 pub(in crate::plan) struct ReferenceSearch<'a, F> {
     pub(in crate::plan) assemble: &'a F,
-    pub(in crate::plan) runs: &'a PlayedRuns,
+    pub(in crate::plan) runs: &'a RunCache,
     pub(in crate::plan) spans: &'a ComparedSpans,
     pub(in crate::plan) budget: &'a Budget,
 }
 
 /// Finds the reference of an island whose first run was `first`; `None` if no two runs of one family can be played.
-pub(in crate::plan) fn reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>>(
-    climb: &ReferenceSearch<'_, F>,
+pub(in crate::plan) fn find_reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>>(
+    search: &ReferenceSearch<'_, F>,
     first: &Candidate,
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
-    let budget = climb.budget;
+    let budget = search.budget;
     let steps_max = 8 * OVERSAMPLING_MAX;
     let substeps = first_substeps(first);
     let mut best_reference: Option<Reference> = None;
-    for family in Family::REFERENCE_FAMILIES {
-        let family_allowance = allowance.split_off(FAMILY_SHARE);
-        let lowest_steps = if family.is_once_a_step { OVERSAMPLING_MAX } else { 1 };
-        let family_reference = climb.best_of_family((family, substeps), lowest_steps..=steps_max, &family_allowance);
-        allowance.spend_split(&family_allowance, FAMILY_SHARE);
+    for family in CandidateFamily::REFERENCE_FAMILIES {
+        let family_allowance = allowance.split_off(FAMILY_ALLOWANCE_SHARE);
+        let lowest_steps = if family.links_once_per_step {
+            OVERSAMPLING_MAX
+        } else {
+            1
+        };
+        let family_reference = search.best_of_family((family, substeps), lowest_steps..=steps_max, &family_allowance);
+        allowance.spend_split(&family_allowance, FAMILY_ALLOWANCE_SHARE);
         match family_reference {
             // By CA a strike that friction can stop within a step moves nothing, at any rate.
-            Ok(Some(reached)) if is_stuck(&reached, family, climb.spans) => {}
+            Ok(Some(reached)) if is_stuck(&reached, family, search.spans) => {}
             Ok(Some(reached)) => {
                 if best_reference
                     .as_ref()
-                    .is_none_or(|best_reference| reached.is_better(best_reference, budget))
+                    .is_none_or(|best_reference| reached.is_better_than(best_reference, budget))
                 {
                     best_reference = Some(reached);
                 }
@@ -107,15 +111,19 @@ pub(in crate::plan) fn reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled,
 }
 
 /// The reference by ear of the plain ways, from one step a frame on; `None` if it is not exact enough.
-pub(in crate::plan) fn plain_reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>>(
-    climb: &ReferenceSearch<'_, F>,
+pub(in crate::plan) fn once_per_step_reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>>(
+    search: &ReferenceSearch<'_, F>,
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
-    let family_allowance = allowance.split_off(FAMILY_SHARE);
-    let family_reference = climb.best_of_family((Family::ONCE_A_STEP, 1), 1..=2 * OVERSAMPLING_MAX, &family_allowance);
-    allowance.spend_split(&family_allowance, FAMILY_SHARE);
+    let family_allowance = allowance.split_off(FAMILY_ALLOWANCE_SHARE);
+    let family_reference = search.best_of_family(
+        (CandidateFamily::ONCE_PER_STEP, 1),
+        1..=2 * OVERSAMPLING_MAX,
+        &family_allowance,
+    );
+    allowance.spend_split(&family_allowance, FAMILY_ALLOWANCE_SHARE);
     match family_reference {
-        Ok(reached) => Ok(reached.filter(|reached| reached.is_exact_enough(climb.budget))),
+        Ok(reached) => Ok(reached.filter(|reached| reached.is_exact_enough(search.budget))),
         Err(TrialError::AllowanceSpent) => Ok(None),
         Err(error) => Err(error),
     }
@@ -124,19 +132,19 @@ pub(in crate::plan) fn plain_reference<F: Fn(AssemblyOptions<'_>) -> Result<Asse
 /// Contact substeps a step of all runs, given the first one.
 fn first_substeps(first: &Candidate) -> usize {
     match first.island.can_solve_laws_between_steps {
-        true if !first.island.has_dry_friction() => LAW_SUBSTEPS,
+        true if !first.island.has_dry_friction() => REFERENCE_LAW_SUBSTEPS,
         _ => FINE_SUBSTEPS_MIN,
     }
 }
 
 /// Whether dry friction, computed once a step, holds all that is heard.
-fn is_stuck(reached: &Reference, family: Family, spans: &ComparedSpans) -> bool {
-    let island = &reached.candidate.island;
-    family.is_once_a_step && island.has_sticking_friction() && is_still(&reached.run.sound, spans.n_out)
+fn is_stuck(reference: &Reference, family: CandidateFamily, spans: &ComparedSpans) -> bool {
+    let island = &reference.candidate.island;
+    family.links_once_per_step && island.has_sticking_friction() && is_still(&reference.run.sound, spans.n_out)
 }
 
 /// Whether contacts and laws between frames cost more than all of the island by the plain way at the highest rate.
-pub(in crate::plan) fn is_plain_first(island: &Assembled) -> bool {
+pub(in crate::plan) fn is_cheaper_once_per_step(island: &Assembled) -> bool {
     let mut island_plan = island.island_plan.clone();
     (island_plan.contact_substeps, island_plan.counted_cost) = (1, None);
     let plain_cost = island_plan.frame_ns();
@@ -149,7 +157,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
     /// one step a frame, three runs have to agree: two that both miss a short contact may agree by chance.
     fn best_of_family(
         &self,
-        (family, substeps): (Family, usize),
+        (family, substeps): (CandidateFamily, usize),
         step_range: RangeInclusive<u32>,
         allowance: &Allowance,
     ) -> Result<Option<Reference>, TrialError> {
@@ -158,10 +166,10 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
         let mut last_runs: [Option<Rc<PilotRun>>; 2] = [None, None];
         let mut previous_change_db: Option<f64> = None;
         let mut work_spent = 0.0;
-        let is_coarse = family.is_once_a_step && step_range.contains(&1);
+        let is_coarse = family.links_once_per_step && step_range.contains(&1);
         let mut step_count = *step_range.start();
         while step_range.contains(&step_count) {
-            let family_member = (self.assemble)(family.with_steps(step_count));
+            let family_member = (self.assemble)(family.options_for_steps(step_count));
             step_count *= 2;
             let Ok(island) = family_member else {
                 continue;
@@ -169,7 +177,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
             let substeps = if has_fine_links(&island) { substeps } else { 1 };
             let candidate = Candidate::new(island, substeps, None);
             let n_frames = self.runs.excerpt().n_frames;
-            let is_paid_for = allowance.share_left(DOUBLING_RESERVE * work_spent) >= 1.0;
+            let is_paid_for = allowance.share_left(DOUBLING_WORK_FACTOR * work_spent) >= 1.0;
             if !is_affordable(&candidate.island.island_plan, n_frames) || !is_paid_for {
                 break;
             }
@@ -211,7 +219,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> ReferenceSearch<'_,
             let is_last_run = gains_nothing || new_reference.is_exact_enough(self.budget);
             if best_reference
                 .as_ref()
-                .is_none_or(|best_reference| new_reference.is_better(best_reference, self.budget))
+                .is_none_or(|best_reference| new_reference.is_better_than(best_reference, self.budget))
             {
                 best_reference = Some(new_reference);
             }

@@ -31,17 +31,17 @@ struct BodyKey {
 }
 
 /// Runs of one excerpt of an island.
-pub(in crate::plan) struct PlayedRuns {
+pub(in crate::plan) struct RunCache {
     excerpt: Excerpt,
-    played: RefCell<Vec<(RunKey, Rc<PilotRun>)>>,
+    stored_runs: RefCell<Vec<(RunKey, Rc<PilotRun>)>>,
 }
 
-impl PlayedRuns {
+impl RunCache {
     /// Begins without any run.
     pub(in crate::plan) fn new(excerpt: Excerpt) -> Self {
         Self {
             excerpt,
-            played: RefCell::default(),
+            stored_runs: RefCell::default(),
         }
     }
 
@@ -50,8 +50,8 @@ impl PlayedRuns {
         self.excerpt
     }
 
-    fn keep(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
-        let mut played_runs = self.played.borrow_mut();
+    fn store_run(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
+        let mut played_runs = self.stored_runs.borrow_mut();
         let sample_count: usize = played_runs.iter().map(|(_, run)| run.sound.len()).sum();
         if sample_count + run.sound.len() <= SAMPLES_MAX {
             played_runs.push((run_key(island_plan, contact_substeps), run.clone()));
@@ -65,15 +65,15 @@ impl PlayedRuns {
     /// Those of [`play_while`].
     pub(in crate::plan) fn play(
         &self,
-        played: (&IslandPlan, usize),
+        played_plan: (&IslandPlan, usize),
         allowance: &Allowance,
     ) -> Result<Rc<PilotRun>, TrialError> {
-        let full_run = self.play_while(played, allowance, |_, _| true)?;
+        let full_run = self.play_while(played_plan, allowance, |_, _| true)?;
         Ok(full_run.unwrap_or_else(|| unreachable!("nothing ends it")))
     }
 
-    /// The same, but stops as soon as `goes_on`, given the frames played and their sound, is false; `None` if it was
-    /// stopped.
+    /// The same, but stops as soon as `should_continue`, given the frames played and their sound, is false; `None` if
+    /// it was stopped.
     ///
     /// # Errors
     ///
@@ -82,18 +82,18 @@ impl PlayedRuns {
         &self,
         (island_plan, contact_substeps): (&IslandPlan, usize),
         allowance: &Allowance,
-        goes_on: impl FnMut(usize, &[f64]) -> bool,
+        should_continue: impl FnMut(usize, &[f64]) -> bool,
     ) -> Result<Option<Rc<PilotRun>>, TrialError> {
-        let sought_key = run_key(island_plan, contact_substeps);
+        let requested_key = run_key(island_plan, contact_substeps);
         let known_run =
-            |played_entry: &(RunKey, Rc<PilotRun>)| (played_entry.0 == sought_key).then(|| played_entry.1.clone());
-        if let Some(run) = self.played.borrow().iter().find_map(known_run) {
+            |played_entry: &(RunKey, Rc<PilotRun>)| (played_entry.0 == requested_key).then(|| played_entry.1.clone());
+        if let Some(run) = self.stored_runs.borrow().iter().find_map(known_run) {
             return Ok(Some(run));
         }
         let played_plan = (island_plan, contact_substeps);
-        let run = play_while(played_plan, self.excerpt, allowance, goes_on)?.map(Rc::new);
+        let run = play_while(played_plan, self.excerpt, allowance, should_continue)?.map(Rc::new);
         if let Some(run) = &run {
-            self.keep(played_plan, run);
+            self.store_run(played_plan, run);
         }
         Ok(run)
     }

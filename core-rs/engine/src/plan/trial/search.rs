@@ -16,25 +16,25 @@ use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
 use crate::maths::{amplitude_ratio, sqrt};
 use crate::network::Error;
 use crate::plan::constants::{
-    CREATED_SHARE_MAX, EQUAL_ERRORS_DB, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX, SPECTRUM_NOISE,
+    CREATED_ENERGY_SHARE_MAX, EQUAL_ERRORS_DB, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX, SPECTRUM_NOISE,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::candidates::{Candidate, Candidates, CostRule, has_fine_links};
 use crate::plan::trial::chaos::{ChaoticComparison, ComparedStretches, RunPair};
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_run::{EnergyGains, PilotRun, is_affordable};
+use crate::plan::trial::pilot_run::{EnergyGainShares, PilotRun, is_affordable};
 use crate::plan::trial::reference::Reference;
-use crate::plan::trial::runs::PlayedRuns;
+use crate::plan::trial::runs::RunCache;
 use crate::plan::trial::waveform_error::{
     ComparedSpans, EarlyComparison, amplitude_difference_db, amplitude_sum_db, difference_db,
 };
 
 /// What the trials of one island share.
-pub(in crate::plan) struct Search<'a, F> {
+pub(in crate::plan) struct CandidateSearch<'a, F> {
     pub(in crate::plan) assemble: &'a F,
     pub(in crate::plan) budget: &'a Budget,
     pub(in crate::plan) allowance: &'a Allowance,
-    pub(in crate::plan) runs: &'a PlayedRuns,
+    pub(in crate::plan) runs: &'a RunCache,
     pub(in crate::plan) spans: &'a ComparedSpans,
     pub(in crate::plan) reference: &'a Reference,
     /// The stretches of the reference, and how much a nudge grows, if the motion is chaotic.
@@ -43,7 +43,7 @@ pub(in crate::plan) struct Search<'a, F> {
 
 /// A candidate that was played.
 #[derive(Clone)]
-pub(in crate::plan) struct TriedCandidate {
+pub(in crate::plan) struct CandidateTrial {
     pub(in crate::plan) candidate: Candidate,
     pub(in crate::plan) run: Rc<PilotRun>,
     /// A bound of its error [dB].
@@ -54,10 +54,10 @@ pub(in crate::plan) struct TriedCandidate {
     pub(in crate::plan) audible_error: Option<Audible>,
 }
 
-impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
+impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> CandidateSearch<'_, F> {
     /// The cheapest candidate within the budget, or the best of those tried; without any, the reference if a plan may
     /// choose it.
-    pub(in crate::plan) fn find(&self) -> Result<Option<TriedCandidate>, Error> {
+    pub(in crate::plan) fn find(&self) -> Result<Option<CandidateTrial>, Error> {
         let (cheapest, nearest) = self.try_candidates(false)?;
         let cheapest = match cheapest {
             Some(tried) => {
@@ -66,25 +66,25 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             }
             None => None,
         };
-        Ok(cheapest.or(nearest).or_else(|| self.reference_itself()))
+        Ok(cheapest.or(nearest).or_else(|| self.reference_as_trial()))
     }
 
     /// The cheapest candidate within the budget whose contacts and laws are computed once a step, or one step a frame
     /// with contacts between frames, if that is within the budget too and costs less than several steps in the mean.
-    pub(in crate::plan) fn find_without_substeps(&self, cost_rule: CostRule) -> Result<Option<TriedCandidate>, Error> {
+    pub(in crate::plan) fn find_once_per_step(&self, cost_rule: CostRule) -> Result<Option<CandidateTrial>, Error> {
         let (cheapest, _) = self.try_candidates(true)?;
-        let Some(plain_tried) = cheapest else {
+        let Some(cheapest_trial) = cheapest else {
             return Ok(None);
         };
-        let between_frames = match (plain_tried.candidate.island.island_plan.oversampling, cost_rule) {
+        let between_frames = match (cheapest_trial.candidate.island.island_plan.oversampling, cost_rule) {
             (1, _) | (_, CostRule::Busiest) => None,
-            (_, CostRule::Mean) => unless_spent(self.with_contacts_between_frames(&plain_tried))?.flatten(),
+            (_, CostRule::Mean) => unless_spent(self.with_contacts_between_frames(&cheapest_trial))?.flatten(),
         };
-        Ok(Some(between_frames.unwrap_or(plain_tried)))
+        Ok(Some(between_frames.unwrap_or(cheapest_trial)))
     }
 
     /// The same with contacts of a lower order, if it is within the budget and costs less.
-    fn with_lower_order(&self, tried: &TriedCandidate) -> Result<Option<TriedCandidate>, TrialError> {
+    fn with_lower_order(&self, tried: &CandidateTrial) -> Result<Option<CandidateTrial>, TrialError> {
         let Candidate {
             island,
             contact_substeps: substeps,
@@ -95,33 +95,36 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         }
         let mut orders = self.budget.contact_orders().iter();
         match orders.find(|order| order.number() < island.island_plan.contact_order.number()) {
-            Some(&order) => self.cheaper_with_order(&tried.candidate, order, tried),
+            Some(&order) => self.cheaper_trial_with_order(&tried.candidate, order, tried),
             None => Ok(None),
         }
     }
 
     /// A candidate with contacts of this order, if it is within the budget and costs less than `limit`. Contacts that
     /// are open cost nothing, so its run ends where it is known to cost more.
-    fn cheaper_with_order(
+    fn cheaper_trial_with_order(
         &self,
         candidate: &Candidate,
         order: ContactOrder,
-        limit: &TriedCandidate,
-    ) -> Result<Option<TriedCandidate>, TrialError> {
+        limit: &CandidateTrial,
+    ) -> Result<Option<CandidateTrial>, TrialError> {
         let mut candidate = candidate.clone();
         candidate.island.island_plan.contact_order = order;
         let (spent_before, _) = self.allowance.seconds_spent();
-        let goes_on = |_, _: &[f64]| self.allowance.seconds_spent().0 - spent_before <= limit.run.work_seconds;
+        let should_continue = |_, _: &[f64]| self.allowance.seconds_spent().0 - spent_before <= limit.run.work_seconds;
         let played_plan = (&candidate.island.island_plan, candidate.contact_substeps);
-        let run = self.runs.play_while(played_plan, self.allowance, goes_on)?;
+        let run = self.runs.play_while(played_plan, self.allowance, should_continue)?;
         let run = run.filter(|run| !run.is_unusable && !self.creates_energy(&candidate.island, run));
         let tried = run.map(|run| self.compare(candidate, run));
         Ok(tried.filter(|tried| tried.candidate.frame_ns < limit.candidate.frame_ns && !self.misses_budget(tried)))
     }
 
     /// The island at one step a frame with contacts between frames, if it is within the budget and costs less than
-    /// `plain`.
-    fn with_contacts_between_frames(&self, plain: &TriedCandidate) -> Result<Option<TriedCandidate>, TrialError> {
+    /// `once_per_step_trial`.
+    fn with_contacts_between_frames(
+        &self,
+        once_per_step_trial: &CandidateTrial,
+    ) -> Result<Option<CandidateTrial>, TrialError> {
         let Ok(island) = (self.assemble)(AssemblyOptions::between_steps(1, MethodChoice::ByBudget)) else {
             return Ok(None);
         };
@@ -130,7 +133,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         }
         let candidate = Candidate::new(island, FINE_SUBSTEPS_MIN, None);
         for &order in self.budget.contact_orders() {
-            if let Some(tried) = self.cheaper_with_order(&candidate, order, plain)? {
+            if let Some(tried) = self.cheaper_trial_with_order(&candidate, order, once_per_step_trial)? {
                 return Ok(Some(tried));
             }
         }
@@ -142,13 +145,13 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     fn try_candidates(
         &self,
         is_once_a_step_only: bool,
-    ) -> Result<(Option<TriedCandidate>, Option<TriedCandidate>), Error> {
+    ) -> Result<(Option<CandidateTrial>, Option<CandidateTrial>), Error> {
         let reference = (&self.reference.candidate, &*self.reference.run);
-        let (mut cheapest, mut nearest): (Option<TriedCandidate>, Option<TriedCandidate>) = (None, None);
+        let (mut cheapest, mut nearest): (Option<CandidateTrial>, Option<CandidateTrial>) = (None, None);
         let mut gains = SubstepGains::default();
         let mut candidates = Candidates::new(self.assemble, reference, is_once_a_step_only);
         // Candidates that were played may have cost more than was estimated; with more substeps they cost still more.
-        let cost_limit = |cheapest: &Option<TriedCandidate>| {
+        let cost_limit = |cheapest: &Option<CandidateTrial>| {
             cheapest
                 .as_ref()
                 .map_or(f64::INFINITY, |tried| tried.candidate.frame_ns)
@@ -159,7 +162,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             }
             let n_frames = self.runs.excerpt().n_frames;
             let fits_work_limit = is_affordable(&candidate.island.island_plan, n_frames);
-            let is_paid_for = candidate.is_within(self.allowance, n_frames);
+            let is_paid_for = candidate.is_affordable(self.allowance, n_frames);
             if !fits_work_limit || !is_paid_for || gains.gains_nothing(&candidate) {
                 continue;
             }
@@ -170,7 +173,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             let Some(tried) = tried_result else { continue };
             gains.add(&tried);
             if !self.misses_budget(&tried) {
-                let is_cheaper = |cheapest: &TriedCandidate| tried.candidate.frame_ns < cheapest.candidate.frame_ns;
+                let is_cheaper = |cheapest: &CandidateTrial| tried.candidate.frame_ns < cheapest.candidate.frame_ns;
                 if cheapest.as_ref().is_none_or(is_cheaper) {
                     cheapest = Some(tried);
                 }
@@ -185,7 +188,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     }
 
     /// The reference as a candidate, if its steps are no more than a plan may choose.
-    fn reference_itself(&self) -> Option<TriedCandidate> {
+    fn reference_as_trial(&self) -> Option<CandidateTrial> {
         let Reference { candidate, run, .. } = self.reference;
         let is_allowed = candidate.island.island_plan.oversampling <= 2 * OVERSAMPLING_MAX;
         is_allowed.then(|| self.compare(candidate.clone(), run.clone()))
@@ -205,22 +208,22 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     fn measure(
         &self,
         candidate: Candidate,
-        nearest: Option<&TriedCandidate>,
-    ) -> Result<Option<TriedCandidate>, TrialError> {
+        nearest: Option<&CandidateTrial>,
+    ) -> Result<Option<CandidateTrial>, TrialError> {
         let is_by_waveform = matches!(self.budget, Budget::Error(_)) && self.chaotic_stretches.is_none();
         let error_limit = match nearest {
             Some(nearest) if is_by_waveform => self.error_limit_db().max(nearest.error_db - EQUAL_ERRORS_DB),
             _ => f64::INFINITY,
         };
-        let mut comparison = EarlyComparison::against(&self.reference.run.sound, self.spans);
-        let goes_on = |frames: usize, sound: &[f64]| {
+        let mut comparison = EarlyComparison::with_reference(&self.reference.run.sound, self.spans);
+        let should_continue = |frames: usize, sound: &[f64]| {
             let run_difference = comparison.update(frames, sound);
             run_difference.is_none_or(|run_difference| {
                 amplitude_difference_db(run_difference, self.reference.error_db) <= error_limit
             })
         };
         let played_plan = (&candidate.island.island_plan, candidate.contact_substeps);
-        let run = self.runs.play_while(played_plan, self.allowance, goes_on)?;
+        let run = self.runs.play_while(played_plan, self.allowance, should_continue)?;
         let run = run.filter(|run| !run.is_unusable && !self.creates_energy(&candidate.island, run));
         Ok(run.map(|run| self.compare(candidate, run)))
     }
@@ -237,20 +240,20 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         let [start_time, played_time] = [excerpt.first_frame, excerpt.n_frames].map(|n| n as f64 / self.spans.rate);
         let time_to_end = horizon::end_seconds(&self.reference.candidate.island.island_plan) - start_time;
         let length_ratio = (time_to_end / played_time).max(1.0);
-        let EnergyGains {
+        let EnergyGainShares {
             contact_share: contacts,
             law_shares: laws,
         } = run.energy_gains;
         let late_growth = (laws[1] - laws[0]).max(0.0);
-        sqrt(length_ratio) * contacts > CREATED_SHARE_MAX
-            || laws[1] + 2.0 * (length_ratio - 1.0) * late_growth > CREATED_SHARE_MAX
+        sqrt(length_ratio) * contacts > CREATED_ENERGY_SHARE_MAX
+            || laws[1] + 2.0 * (length_ratio - 1.0) * late_growth > CREATED_ENERGY_SHARE_MAX
     }
 
     /// Compares a run with the reference.
-    fn compare(&self, candidate: Candidate, run: Rc<PilotRun>) -> TriedCandidate {
+    fn compare(&self, candidate: Candidate, run: Rc<PilotRun>) -> CandidateTrial {
         let reference = self.reference;
         let run_difference = difference_db(&run.sound, &reference.run.sound, self.spans);
-        let parting = self.chaotic_stretches.map(|(stretches, growth)| {
+        let chaotic_comparison = self.chaotic_stretches.map(|(stretches, growth)| {
             let run_pair = RunPair {
                 coarse_run: &run,
                 fine_run: &reference.run,
@@ -262,18 +265,20 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         let audible = self
             .spans
             .audible_error(self.budget, (&run.sound, &reference.run.sound));
-        let audible = audible.zip(reference.audible_error).filter(|_| parting.is_none());
-        TriedCandidate {
+        let audible = audible
+            .zip(reference.audible_error)
+            .filter(|_| chaotic_comparison.is_none());
+        CandidateTrial {
             error_db: amplitude_sum_db([run_difference, reference.error_db]),
             audible_error: audible.map(|(run_audible, reference_audible)| run_audible.plus(reference_audible)),
-            chaotic_comparison: parting,
+            chaotic_comparison,
             candidate: candidate.with_counted_cost(&run),
             run,
         }
     }
 
     /// Whether the error of a candidate is above the budget.
-    pub(in crate::plan) fn misses_budget(&self, tried: &TriedCandidate) -> bool {
+    pub(in crate::plan) fn misses_budget(&self, tried: &CandidateTrial) -> bool {
         match (self.budget, &tried.chaotic_comparison) {
             (Budget::Error(_), None) => tried.error_db > self.error_limit_db(),
             // No waveform can be kept: the attack is judged by its waveform, the rest by its spectrum.
@@ -283,19 +288,19 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
                     || parting.third_octave_db > SPECTRUM_NOISE
             }
             (_, Some(parting)) => parting.third_octave_db > SPECTRUM_NOISE,
-            (_, None) => self.excess(tried) > 1.0,
+            (_, None) => self.budget_excess(tried) > 1.0,
         }
     }
 
     /// The audible error, as a multiple of what a budget of pitch allows.
-    fn excess(&self, tried: &TriedCandidate) -> f64 {
+    fn budget_excess(&self, tried: &CandidateTrial) -> f64 {
         tried
             .audible_error
             .map_or(0.0, |audible| self.budget.excess_ratio(&audible))
     }
 
     /// Whether a candidate that misses the budget is enough better than `other` to be worth its cost.
-    fn is_worth_its_cost(&self, tried: &TriedCandidate, other: &TriedCandidate) -> bool {
+    fn is_worth_its_cost(&self, tried: &CandidateTrial, other: &CandidateTrial) -> bool {
         match (&tried.chaotic_comparison, &other.chaotic_comparison) {
             (Some(parting), Some(other_parting)) => {
                 let spectral_limit = other_parting.third_octave_db.max(SPECTRUM_NOISE);
@@ -305,7 +310,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             }
             _ => match self.budget {
                 Budget::Error(_) => tried.error_db < other.error_db - EQUAL_ERRORS_DB,
-                _ => self.excess(tried) < self.excess(other) / amplitude_ratio(EQUAL_ERRORS_DB),
+                _ => self.budget_excess(tried) < self.budget_excess(other) / amplitude_ratio(EQUAL_ERRORS_DB),
             },
         }
     }
@@ -323,7 +328,7 @@ impl SubstepGains {
         candidate.contact_substeps > 1 && group_gain.is_some_and(|(_, is_idle)| *is_idle)
     }
 
-    fn add(&mut self, tried: &TriedCandidate) {
+    fn add(&mut self, tried: &CandidateTrial) {
         if tried.candidate.contact_substeps > 1 {
             let group_gain = self.0.get(&tried.candidate.group_index);
             let is_idle = group_gain.is_some_and(|(least_error, _)| tried.error_db >= *least_error);

@@ -7,7 +7,7 @@ use crate::island::Island;
 use crate::island::bodies::BodyPlan;
 use crate::maths::sqrt;
 use crate::network::{Output, Term};
-use crate::plan::constants::SILENT_SHARE;
+use crate::plan::constants::SILENT_OUTPUT_SHARE;
 
 /// Outputs that have heard nothing but rounding so far in a run.
 pub(in crate::plan) struct SilentOutputs<'a> {
@@ -46,7 +46,7 @@ impl<'a> SilentOutputs<'a> {
     }
 
     /// Notes a block of sound before it is differentiated, (n_frames · n_out), and the island after it.
-    pub(in crate::plan) fn note_block(&mut self, island: &Island, sound: &[f64]) {
+    pub(in crate::plan) fn update(&mut self, island: &Island, sound: &[f64]) {
         for frame in sound.chunks_exact(self.outputs.len().max(1)) {
             for (output_state, x) in self.outputs.iter_mut().zip(frame) {
                 let [range_low, range_high] = output_state.range;
@@ -69,7 +69,7 @@ impl<'a> SilentOutputs<'a> {
             }
             let output_share = self.audible_share(output, squares);
             let output_state = &mut self.outputs[output];
-            output_state.is_silent = output_share <= SILENT_SHARE;
+            output_state.is_silent = output_share <= SILENT_OUTPUT_SHARE;
             let first_sample = *output_state.first_value.get_or_insert(sound[output]);
             if output_state.is_silent {
                 let samples = sound.iter_mut().skip(output).step_by(n_outputs);

@@ -4,7 +4,7 @@ use crate::assembly::budget::Budget;
 use crate::assembly::unit::IslandPlan;
 use crate::hearing::Audible;
 use crate::maths::{amplitude_ratio, log10, pow, sqrt};
-use crate::plan::constants::{EARLY_CHECK, PILOT_PARTS, PILOT_SECONDS};
+use crate::plan::constants::{EARLY_COMPARISON, PILOT_SECONDS, PILOT_SPANS};
 use crate::plan::trial::pilot_run::frames_per_second;
 use crate::waveform::worst_ratio;
 
@@ -65,10 +65,10 @@ impl ComparedSpans {
         first_end.saturating_sub(last_end - second_end)
     }
 
-    /// The same spans over a shorter time after the first event: `parts` of `PILOT_PARTS`, at least one.
+    /// The same spans over a shorter time after the first event: `parts` of `PILOT_SPANS`, at least one.
     pub(in crate::plan) fn shortened(&self, parts: usize) -> Self {
         let event_frame = self.event_frame();
-        let third_frames = (self.end() - event_frame) * parts.clamp(1, PILOT_PARTS) / PILOT_PARTS / 3;
+        let third_frames = (self.end() - event_frame) * parts.clamp(1, PILOT_SPANS) / PILOT_SPANS / 3;
         let end_frame = event_frame + 3 * third_frames;
         Self {
             span_ends: [2, 1, 0].map(|thirds| end_frame - thirds * third_frames),
@@ -86,14 +86,14 @@ impl ComparedSpans {
     pub(in crate::plan) fn checkpoints(&self) -> [usize; 3] {
         let [first_end, second_end, _] = self.span_ends;
         [
-            first_end - (first_end - self.event_frame()) * (EARLY_CHECK.0 - 1) / EARLY_CHECK.0,
+            first_end - (first_end - self.event_frame()) * (EARLY_COMPARISON.0 - 1) / EARLY_COMPARISON.0,
             first_end,
             second_end,
         ]
     }
 
     /// The same spans, cut off at `n_frames`.
-    pub(in crate::plan) fn within(&self, n_frames: usize) -> Self {
+    pub(in crate::plan) fn limited_to(&self, n_frames: usize) -> Self {
         Self {
             span_ends: self.span_ends.map(|n| n.min(n_frames)),
             ..*self
@@ -112,7 +112,7 @@ pub(in crate::plan) struct EarlyComparison<'a> {
 }
 
 impl<'a> EarlyComparison<'a> {
-    pub(in crate::plan) fn against(reference: &'a [f64], spans: &'a ComparedSpans) -> Self {
+    pub(in crate::plan) fn with_reference(reference: &'a [f64], spans: &'a ComparedSpans) -> Self {
         Self {
             reference_sound: reference,
             spans,
@@ -130,8 +130,8 @@ impl<'a> EarlyComparison<'a> {
             return None;
         }
         self.n_checked = checks_passed;
-        let early_margin = if checks_passed == 1 { EARLY_CHECK.1 } else { 0.0 };
-        let early_spans = self.spans.within(checkpoints[checks_passed - 1]);
+        let early_margin = if checks_passed == 1 { EARLY_COMPARISON.1 } else { 0.0 };
+        let early_spans = self.spans.limited_to(checkpoints[checks_passed - 1]);
         let bound_level = difference_db(sound, self.reference_sound, &early_spans) - early_margin;
         self.lower_bound_db = self.lower_bound_db.max(bound_level);
         Some(self.lower_bound_db)
@@ -192,7 +192,7 @@ mod tests {
         let growing_error = |n: usize| 1e-6 * (n as f64 - 60.0).max(0.0);
         let early_error = |n: usize| if (60..85).contains(&n) { 1e-3 } else { 1e-9 };
         for (a, b) in [notes(growing_error), notes(early_error)] {
-            let mut comparison = EarlyComparison::against(&b, &spans);
+            let mut comparison = EarlyComparison::with_reference(&b, &spans);
             let full_difference = difference_db(&a, &b, &spans);
             let mut bound_count = 0;
             for end in (0..=360).step_by(24) {
@@ -205,7 +205,7 @@ mod tests {
                 }
             }
             assert_eq!(bound_count, 3);
-            assert!(comparison.lower_bound_db > full_difference - EARLY_CHECK.1);
+            assert!(comparison.lower_bound_db > full_difference - EARLY_COMPARISON.1);
         }
     }
 }

@@ -1,12 +1,12 @@
 //! A snapshot of what can be seen of a simulation at one frame, in memory that is allocated beforehand.
 
-use super::Look;
+use super::MotionLook;
 use crate::island::ErgonRecord;
 use crate::simulation::Simulation;
 
 /// The strongest push of a contact between two glances.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Push {
+pub struct ContactPush {
     /// The frame in which it pushed most.
     pub frame: u64,
     /// The force in that frame [N], above 0 if the contact pushes its first end up; 0 if it did not touch.
@@ -15,7 +15,7 @@ pub struct Push {
 
 /// What was seen of a simulation at one frame.
 #[derive(Clone, Debug, Default)]
-pub struct Glance {
+pub struct MotionSnapshot {
     /// The frame.
     pub frame: u64,
     /// Displacements, as [`Simulation::write_tracks`] writes them [m]   (2 · n_tracks)
@@ -23,7 +23,7 @@ pub struct Glance {
     /// Position that the gesture of each key requires [m]; NaN for keys without a running gesture   (n_keys)
     pub gesture_positions: Vec<f64>,
     /// Strongest push of each contact since the last glance   (n_contacts)
-    pub pushes: Vec<Push>,
+    pub pushes: Vec<ContactPush>,
     /// Whether each link that may break is broken   (n_breakable)
     pub is_broken: Vec<bool>,
     /// Strikes of written hands since the last glance, as they are drawn: the first `n_sparks` are valid
@@ -31,14 +31,14 @@ pub struct Glance {
     n_sparks: usize,
 }
 
-impl Glance {
+impl MotionSnapshot {
     /// Memory for what is seen of a simulation.
-    pub fn new(simulation: &Simulation, look: &Look) -> Self {
+    pub fn new(simulation: &Simulation, look: &MotionLook) -> Self {
         Self {
             frame: 0,
             tracks: vec![0.0; 2 * look.n_tracks()],
             gesture_positions: vec![f64::NAN; simulation.plan.n_keys],
-            pushes: vec![Push::default(); look.contacts.len()],
+            pushes: vec![ContactPush::default(); look.contacts.len()],
             is_broken: vec![false; look.breakable.len()],
             sparks: vec![ErgonRecord::default(); simulation.sparks_max(look)],
             n_sparks: 0,
@@ -52,23 +52,23 @@ impl Glance {
 }
 
 impl Simulation {
-    /// Fills `glance` with the state at this frame and the contacts and strikes since the last glance. Only copies.
-    pub fn fill_glance(&mut self, look: &Look, glance: &mut Glance) {
-        glance.frame = self.frame;
-        self.write_tracks(look, &mut glance.tracks);
-        self.write_gesture_positions(&mut glance.gesture_positions);
-        glance.pushes.fill(Push::default());
-        let pushes = &mut glance.pushes;
+    /// Fills `snapshot` with the state at this frame and the contacts and strikes since the last glance. Only copies.
+    pub fn fill_snapshot(&mut self, look: &MotionLook, snapshot: &mut MotionSnapshot) {
+        snapshot.frame = self.frame;
+        self.write_tracks(look, &mut snapshot.tracks);
+        self.write_gesture_positions(&mut snapshot.gesture_positions);
+        snapshot.pushes.fill(ContactPush::default());
+        let pushes = &mut snapshot.pushes;
         self.take_contacts(look, |contact, frame, force| {
-            pushes[contact] = Push { frame, force };
+            pushes[contact] = ContactPush { frame, force };
         });
-        let broken_links = &mut glance.is_broken;
+        let broken_links = &mut snapshot.is_broken;
         self.for_each_breakable(look, |link, is_broken| broken_links[link] = is_broken);
-        glance.n_sparks = 0;
+        snapshot.n_sparks = 0;
         self.take_sparks(look, |spark| {
-            if let Some(spark_slot) = glance.sparks.get_mut(glance.n_sparks) {
+            if let Some(spark_slot) = snapshot.sparks.get_mut(snapshot.n_sparks) {
                 *spark_slot = spark;
-                glance.n_sparks += 1;
+                snapshot.n_sparks += 1;
             }
         });
     }

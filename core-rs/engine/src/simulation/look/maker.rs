@@ -1,9 +1,9 @@
-//! Makes a [`Look`]: finds where the number of each mass and mode is computed. Done once, outside real time.
+//! Makes a [`MotionLook`]: finds where the number of each mass and mode is computed. Done once, outside real time.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use super::{Contact, Look, Oscillation, Point, PointMotion, TrackSource, VisibleBody};
+use super::{MotionLook, Oscillation, PointMotion, TrackSource, VisibleBody, VisibleContact, VisiblePoint};
 use crate::assembly::unit::{BankPlan, IslandPlan, to_network_index};
 use crate::bank::Oscillator;
 use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
@@ -49,14 +49,14 @@ struct TrackedMode {
 }
 
 /// Goes through the units of a plan, and collects what each computes.
-pub(super) struct LookMaker<'a> {
+pub(super) struct LookBuilder<'a> {
     network: &'a Network,
     rate: f64,
     mats_by_name: HashMap<String, usize>,
     /// (n_mat)
     sources: Vec<Option<MatSource>>,
     bodies: Vec<ModalBody>,
-    contacts: Vec<Contact>,
+    contacts: Vec<VisibleContact>,
     contacts_by_unit: Vec<(usize, Vec<Option<u32>>)>,
     gestures_by_unit: Vec<(usize, Option<Vec<u32>>)>,
     breakable: Vec<usize>,
@@ -68,7 +68,7 @@ pub(super) struct LookMaker<'a> {
 /// Two MATs of the whole network, and the number of breakable links between them that come before this one.
 type NumberedEnds = (usize, usize, u32);
 
-impl<'a> LookMaker<'a> {
+impl<'a> LookBuilder<'a> {
     pub(super) fn new(network: &'a Network, rate: f64) -> Self {
         let mat_count = network.n_mat();
         let contacts = network.runs().iter().filter(|run| run.kind.is_contact());
@@ -82,7 +82,7 @@ impl<'a> LookMaker<'a> {
                 } else {
                     first_end
                 };
-                Contact {
+                VisibleContact {
                     name: network.link_name(run.first + i),
                     link: run.first + i,
                     ends: (first_end, second_end),
@@ -291,9 +291,9 @@ impl<'a> LookMaker<'a> {
             }));
     }
 
-    pub(super) fn finish(mut self, plan: Arc<Plan>) -> Look {
+    pub(super) fn finish(mut self, plan: Arc<Plan>) -> MotionLook {
         let mats = self.network.mats();
-        let mut points: Vec<Point> = Vec::new();
+        let mut points: Vec<VisiblePoint> = Vec::new();
         for (mat, is_space_end) in space_link_ends(self.network).into_iter().enumerate() {
             if mats.kind[mat] == MatKind::Sol && !is_space_end {
                 continue;
@@ -306,7 +306,7 @@ impl<'a> LookMaker<'a> {
                     (PointMotion::NotComputed { is_moved }, self.rest_position(mat))
                 }
             };
-            points.push(Point {
+            points.push(VisiblePoint {
                 mat,
                 part: mats.part[mat] as usize,
                 rest,
@@ -339,7 +339,7 @@ impl<'a> LookMaker<'a> {
             });
             n_modes += body_modes.len();
         }
-        Look {
+        MotionLook {
             sources: self.sources(&points, &bodies),
             bodies,
             contacts: self.contacts,
@@ -354,7 +354,7 @@ impl<'a> LookMaker<'a> {
     }
 
     /// Where the numbers of points and modes come from, grouped by source.
-    fn sources(&self, points: &[Point], bodies: &[VisibleBody]) -> Vec<(usize, TrackSource)> {
+    fn sources(&self, points: &[VisiblePoint], bodies: &[VisibleBody]) -> Vec<(usize, TrackSource)> {
         type SourceKey = (usize, u8, usize);
         let mut source_by_key: BTreeMap<SourceKey, TrackSource> = BTreeMap::new();
         for (point_index, point) in points.iter().enumerate() {

@@ -80,7 +80,7 @@ impl Takeover {
                     .filter(|index_pair| old.gestures[index_pair.0].join_frame <= takeover_step);
                 for &(old_gesture, new_gesture) in begun_gestures {
                     let is_same_unit = self.same_units.contains(&(old_unit, new_unit));
-                    let report = ItemTakeover::Report(old_gesture, new_gesture, is_same_unit);
+                    let report = ItemTakeover::GestureReport(old_gesture, new_gesture, is_same_unit);
                     self.items.push((old_unit, new_unit, report));
                 }
                 let voice = VoiceTakeover {
@@ -189,7 +189,7 @@ impl Takeover {
             part_pairs.sort_unstable();
             part_pairs.dedup();
             for (old_part, new_part) in part_pairs {
-                let passed_item = ItemTakeover::Part(old_part as usize, new_part as usize);
+                let passed_item = ItemTakeover::MutedPart(old_part as usize, new_part as usize);
                 self.items.push((old_unit, new_unit, passed_item));
             }
         }

@@ -78,9 +78,12 @@ fn pair(h: &mut [f64], n: usize, k: usize, rotation: &mut [f64]) -> [(f64, f64);
 }
 
 fn rotate(h: &mut [f64], n: usize, k: usize, rotation: &mut [f64], [c, s]: [f64; 2]) {
-    let rotate_rows = |table: &mut [f64], from: usize| {
+    let rotate_rows = |table: &mut [f64], first_column: usize| {
         let (first_row, second_row) = table[k * n..(k + 2) * n].split_at_mut(n);
-        for (x, y) in first_row[from..].iter_mut().zip(&mut second_row[from..]) {
+        for (x, y) in first_row[first_column..]
+            .iter_mut()
+            .zip(&mut second_row[first_column..])
+        {
             (*x, *y) = (c * *x + s * *y, c * *y - s * *x);
         }
     };
@@ -162,10 +165,10 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, rotat
         }
     }
 
-    fn reflect_rows(table: &mut [f64], n: usize, k: usize, [v, w]: [[f64; 3]; 2], from: usize) {
+    fn reflect_rows(table: &mut [f64], n: usize, k: usize, [v, w]: [[f64; 3]; 2], first_column: usize) {
         let (first_row, rows_below) = table[k * n..].split_at_mut(n);
         let (second_row, rows_below) = rows_below.split_at_mut(n);
-        let (first_row, second_row) = (&mut first_row[from..], &mut second_row[from..]);
+        let (first_row, second_row) = (&mut first_row[first_column..], &mut second_row[first_column..]);
         if w[2] == 0.0 {
             for (x, y) in first_row.iter_mut().zip(second_row) {
                 let projection = w[0] * *x + w[1] * *y;
@@ -173,7 +176,7 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, rotat
             }
             return;
         }
-        let third_row = &mut rows_below[from..n];
+        let third_row = &mut rows_below[first_column..n];
         for ((x, y), z) in first_row.iter_mut().zip(second_row).zip(third_row) {
             let projection = w[0] * *x + w[1] * *y + w[2] * *z;
             (*x, *y, *z) = (*x - projection, *y - projection * v[1], *z - projection * v[2]);

@@ -1,8 +1,8 @@
-use super::{General, general, inverse};
+use super::{Eigensystem, general, inverse};
 use crate::chance::Chance;
 
 /// Largest element of A·v − λ·v over all eigenpairs, relative to ‖v‖·‖A‖.
-fn residual(matrix: &[f64], result: &General) -> f64 {
+fn residual(matrix: &[f64], result: &Eigensystem) -> f64 {
     let dimension = result.values.len();
     let apply_matrix = |x: &[f64]| -> Vec<f64> {
         let matrix_rows = matrix.chunks_exact(dimension);

@@ -8,11 +8,11 @@ use libloading::Library;
 use crate::audio::AudioError;
 
 #[cfg(target_os = "macos")]
-const NAMES: [&str; 2] = ["libjack.0.dylib", "/usr/local/lib/libjack.0.dylib"];
+const LIBRARY_NAMES: [&str; 2] = ["libjack.0.dylib", "/usr/local/lib/libjack.0.dylib"];
 #[cfg(windows)]
-const NAMES: [&str; 1] = ["libjack64.dll"];
+const LIBRARY_NAMES: [&str; 1] = ["libjack64.dll"];
 #[cfg(not(any(target_os = "macos", windows)))]
-const NAMES: [&str; 1] = ["libjack.so.0"];
+const LIBRARY_NAMES: [&str; 1] = ["libjack.so.0"];
 
 /// `jack_client_t`.
 #[repr(C)]
@@ -42,14 +42,14 @@ pub(super) const PORT_IS_OUTPUT: c_ulong = 2;
 pub(super) const PORT_IS_PHYSICAL: c_ulong = 4;
 pub(super) const CAPTURE_LATENCY: c_uint = 0;
 pub(super) const PLAYBACK_LATENCY: c_uint = 1;
-pub(super) const AUDIO: &std::ffi::CStr = c"32 bit float mono audio";
+pub(super) const AUDIO_PORT_TYPE: &std::ffi::CStr = c"32 bit float mono audio";
 
-pub(super) type OnFrames = unsafe extern "C" fn(u32, *mut c_void) -> c_int;
-pub(super) type OnEvent = unsafe extern "C" fn(*mut c_void) -> c_int;
-pub(super) type OnSwitch = unsafe extern "C" fn(c_int, *mut c_void);
-pub(super) type OnThread = unsafe extern "C" fn(*mut c_void);
-pub(super) type OnEnd = unsafe extern "C" fn(c_uint, *const c_char, *mut c_void);
-type OnMessage = unsafe extern "C" fn(*const c_char);
+pub(super) type FrameCountCallback = unsafe extern "C" fn(u32, *mut c_void) -> c_int;
+pub(super) type EventCallback = unsafe extern "C" fn(*mut c_void) -> c_int;
+pub(super) type SwitchCallback = unsafe extern "C" fn(c_int, *mut c_void);
+pub(super) type ThreadCallback = unsafe extern "C" fn(*mut c_void);
+pub(super) type ShutdownCallback = unsafe extern "C" fn(c_uint, *const c_char, *mut c_void);
+type MessageCallback = unsafe extern "C" fn(*const c_char);
 
 macro_rules! api {
     ($($name:ident = $symbol:literal: $kind:ty;)*) => {
@@ -84,19 +84,19 @@ api! {
     get_buffer_size = "jack_get_buffer_size": unsafe extern "C" fn(*mut RawClient) -> u32;
     set_freewheel = "jack_set_freewheel": unsafe extern "C" fn(*mut RawClient, c_int) -> c_int;
     on_process = "jack_set_process_callback":
-        unsafe extern "C" fn(*mut RawClient, OnFrames, *mut c_void) -> c_int;
+        unsafe extern "C" fn(*mut RawClient, FrameCountCallback, *mut c_void) -> c_int;
     on_thread = "jack_set_thread_init_callback":
-        unsafe extern "C" fn(*mut RawClient, OnThread, *mut c_void) -> c_int;
+        unsafe extern "C" fn(*mut RawClient, ThreadCallback, *mut c_void) -> c_int;
     on_xrun = "jack_set_xrun_callback":
-        unsafe extern "C" fn(*mut RawClient, OnEvent, *mut c_void) -> c_int;
+        unsafe extern "C" fn(*mut RawClient, EventCallback, *mut c_void) -> c_int;
     on_buffer_size = "jack_set_buffer_size_callback":
-        unsafe extern "C" fn(*mut RawClient, OnFrames, *mut c_void) -> c_int;
+        unsafe extern "C" fn(*mut RawClient, FrameCountCallback, *mut c_void) -> c_int;
     on_sample_rate = "jack_set_sample_rate_callback":
-        unsafe extern "C" fn(*mut RawClient, OnFrames, *mut c_void) -> c_int;
+        unsafe extern "C" fn(*mut RawClient, FrameCountCallback, *mut c_void) -> c_int;
     on_freewheel = "jack_set_freewheel_callback":
-        unsafe extern "C" fn(*mut RawClient, OnSwitch, *mut c_void) -> c_int;
+        unsafe extern "C" fn(*mut RawClient, SwitchCallback, *mut c_void) -> c_int;
     on_shutdown = "jack_on_info_shutdown":
-        unsafe extern "C" fn(*mut RawClient, OnEnd, *mut c_void);
+        unsafe extern "C" fn(*mut RawClient, ShutdownCallback, *mut c_void);
     port_register = "jack_port_register": unsafe extern "C" fn(
         *mut RawClient, *const c_char, *const c_char, c_ulong, c_ulong) -> *mut RawPort;
     port_name = "jack_port_name": unsafe extern "C" fn(*const RawPort) -> *const c_char;
@@ -109,8 +109,8 @@ api! {
     connect = "jack_connect":
         unsafe extern "C" fn(*mut RawClient, *const c_char, *const c_char) -> c_int;
     free = "jack_free": unsafe extern "C" fn(*mut c_void);
-    set_error_function = "jack_set_error_function": unsafe extern "C" fn(OnMessage);
-    set_info_function = "jack_set_info_function": unsafe extern "C" fn(OnMessage);
+    set_error_function = "jack_set_error_function": unsafe extern "C" fn(MessageCallback);
+    set_info_function = "jack_set_info_function": unsafe extern "C" fn(MessageCallback);
 }
 
 unsafe extern "C" fn ignore_message(_: *const c_char) {}
@@ -120,7 +120,7 @@ pub(super) fn api() -> Result<&'static Api, AudioError> {
     static API: OnceLock<Result<Api, String>> = OnceLock::new();
     let load_result = API.get_or_init(|| {
         let mut load_error = String::new();
-        for name in NAMES {
+        for name in LIBRARY_NAMES {
             // SAFETY: libjack's initialisers do nothing that this program would not bear.
             match unsafe { Library::new(name) }.and_then(Api::load) {
                 Ok(api) => {

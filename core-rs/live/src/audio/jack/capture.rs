@@ -6,20 +6,20 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use super::api::{PORT_IS_INPUT, PORT_IS_OUTPUT};
-use super::client::{Active, Client, Cycle, Process};
+use super::client::{ActiveClient, Client, ProcessCallback, ProcessCycle};
 use crate::audio::AudioError;
 
 /// A running recording.
 pub struct Capture {
-    active: Active<Recorder>,
+    active: ActiveClient<CaptureCallback>,
     channels: usize,
-    recorded: Arc<AtomicUsize>,
+    recorded_frames: Arc<AtomicUsize>,
 }
 
-struct Recorder {
+struct CaptureCallback {
     channels: usize,
     samples: Vec<f32>,
-    recorded: Arc<AtomicUsize>,
+    recorded_frames: Arc<AtomicUsize>,
     capacity: usize,
 }
 
@@ -34,10 +34,10 @@ impl Capture {
         let client_name = CString::new(client_name).unwrap_or_default();
         let client = Client::open(&client_name, Arc::default())?;
         let recorded = Arc::new(AtomicUsize::new(0));
-        let recorder = Recorder {
+        let recorder = CaptureCallback {
             channels,
             samples: vec![0.0; frames * channels],
-            recorded: recorded.clone(),
+            recorded_frames: recorded.clone(),
             capacity: frames,
         };
         let active = client
@@ -46,7 +46,7 @@ impl Capture {
         Ok(Self {
             active,
             channels,
-            recorded,
+            recorded_frames: recorded,
         })
     }
 
@@ -62,7 +62,7 @@ impl Capture {
             if outputs.len() >= self.channels {
                 let port_names = self.active.port_names();
                 let mut port_pairs = outputs.iter().zip(&port_names);
-                return port_pairs.all(|(from, to)| client.connect(from, to));
+                return port_pairs.all(|(source_port, target_port)| client.connect(source_port, target_port));
             }
             if Instant::now() >= deadline {
                 return false;
@@ -74,7 +74,7 @@ impl Capture {
     /// Frames recorded so far.
     #[must_use]
     pub fn recorded(&self) -> usize {
-        self.recorded.load(Ordering::Acquire)
+        self.recorded_frames.load(Ordering::Acquire)
     }
 
     /// Switch the freewheel mode of the server, in which it runs as fast as its clients; returns whether the server
@@ -86,7 +86,7 @@ impl Capture {
     /// End the recording; returns its interleaved frames.
     #[must_use]
     pub fn finish(self) -> Vec<f32> {
-        let recorded = self.recorded.clone();
+        let recorded = self.recorded_frames.clone();
         let channels = self.channels;
         let mut samples = self.active.close().samples;
         samples.truncate(recorded.load(Ordering::Acquire) * channels);
@@ -94,14 +94,14 @@ impl Capture {
     }
 }
 
-impl Process for Recorder {
-    fn cycle(&mut self, cycle: &Cycle<'_>) {
-        let frames_done = self.recorded.load(Ordering::Relaxed);
+impl ProcessCallback for CaptureCallback {
+    fn process(&mut self, cycle: &ProcessCycle<'_>) {
+        let frames_done = self.recorded_frames.load(Ordering::Relaxed);
         let new_frames = cycle.frames().min(self.capacity - frames_done);
         let new_samples = &mut self.samples[frames_done * self.channels..(frames_done + new_frames) * self.channels];
         cycle.read(0, new_samples);
         if frames_done > 0 || new_samples.iter().any(|x| *x != 0.0) {
-            self.recorded.store(frames_done + new_frames, Ordering::Release);
+            self.recorded_frames.store(frames_done + new_frames, Ordering::Release);
         }
     }
 }

@@ -8,27 +8,27 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use super::api::{self, Api, LatencyRange, RawClient, RawPort};
 use super::registry::{Connection, Registry};
 use crate::audio::AudioError;
-use crate::audio::shared::Shared;
+use crate::audio::stream_state::StreamState;
 use crate::realtime;
 
 /// State that the server's own threads update; atomics only.
 struct ServerEvents {
-    shared: Arc<Shared>,
-    gone: AtomicBool,
+    stream_state: Arc<StreamState>,
+    server_ended: AtomicBool,
     rate: AtomicU32,
     block: AtomicU32,
 }
 
 /// A process callback.
-pub(super) trait Process: Send + 'static {
+pub(super) trait ProcessCallback: Send + 'static {
     /// One cycle of the server. No allocation, lock or panic; waits only while the server freewheels.
-    fn cycle(&mut self, cycle: &Cycle<'_>);
+    fn process(&mut self, cycle: &ProcessCycle<'_>);
 }
 
-struct Callback<P> {
+struct CallbackContext<P> {
     api: &'static Api,
     ports: Box<[Port]>,
-    process: P,
+    callback: P,
 }
 
 static CLIENTS: Registry<OpenClient> = Registry::new();
@@ -36,33 +36,33 @@ static CLIENTS: Registry<OpenClient> = Registry::new();
 /// What `CLIENTS` closes.
 struct OpenClient {
     api: &'static Api,
-    raw: *mut RawClient,
+    handle: *mut RawClient,
     events: ServerEvents,
 }
 
-// SAFETY: `raw` is used from any thread, but only while `CLIENTS` is locked and has the client.
+// SAFETY: `handle` is used from any thread, but only while `CLIENTS` is locked and has the client.
 unsafe impl Send for OpenClient {}
 // SAFETY: as above.
 unsafe impl Sync for OpenClient {}
 
 impl Connection for OpenClient {
     fn is_gone(&self) -> bool {
-        self.events.gone.load(Ordering::Acquire)
+        self.events.server_ended.load(Ordering::Acquire)
     }
 
     fn close(&self) {
         // SAFETY: open, and closed by `CLIENTS` alone, once; no callback runs when this returns.
         unsafe {
-            (self.api.deactivate)(self.raw);
-            (self.api.client_close)(self.raw);
+            (self.api.deactivate)(self.handle);
+            (self.api.client_close)(self.handle);
         }
-        self.events.gone.store(true, Ordering::Release);
+        self.events.server_ended.store(true, Ordering::Release);
     }
 }
 
 /// A client, closed when dropped, or when another one is opened after the server has ended.
 pub(super) struct Client {
-    opened: Arc<OpenClient>,
+    open_client: Arc<OpenClient>,
     opening_rate: u32,
 }
 
@@ -76,13 +76,13 @@ unsafe impl Send for Port {}
 unsafe impl Sync for Port {}
 
 /// One cycle of the server, as the process callback sees it.
-pub(super) struct Cycle<'a> {
+pub(super) struct ProcessCycle<'a> {
     api: &'a Api,
     ports: &'a [Port],
     frames: u32,
 }
 
-impl Cycle<'_> {
+impl ProcessCycle<'_> {
     /// Frames of the cycle.
     pub(super) fn frames(&self) -> usize {
         self.frames as usize
@@ -126,12 +126,12 @@ impl Cycle<'_> {
 }
 
 /// Attempts to open a client on a server that is too busy; each attempt waits some seconds.
-const ATTEMPTS: usize = 4;
+const OPEN_ATTEMPTS: usize = 4;
 
 /// Calls `open` until it succeeds; tries again if its status says that the server is there but too busy.
 fn open_with_retries<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Result<T, AudioError> {
     let mut jack_status = 0;
-    for _ in 0..ATTEMPTS {
+    for _ in 0..OPEN_ATTEMPTS {
         jack_status = 0;
         if let Some(client) = open(&mut jack_status) {
             return Ok(client);
@@ -140,19 +140,22 @@ fn open_with_retries<T>(mut open: impl FnMut(&mut c_uint) -> Option<T>) -> Resul
             break;
         }
     }
-    let why = if jack_status & api::SERVER_FAILED != 0 {
+    let reason = if jack_status & api::SERVER_FAILED != 0 {
         "no JACK server runs".into()
     } else if jack_status & api::SERVER_ERROR != 0 {
         "the JACK server is too busy to accept a client".into()
     } else {
         format!("the JACK server refuses (status {jack_status:#x})")
     };
-    Err(AudioError::Unavailable { backend: "jack", why })
+    Err(AudioError::Unavailable {
+        backend: "jack",
+        why: reason,
+    })
 }
 
 impl Client {
     /// Connects to the running server; starts no server.
-    pub(super) fn open(name: &CStr, shared: Arc<Shared>) -> Result<Self, AudioError> {
+    pub(super) fn open(name: &CStr, stream_state: Arc<StreamState>) -> Result<Self, AudioError> {
         let api = api::api()?;
         let opened = CLIENTS.open(|| {
             let raw = open_with_retries(|status| {
@@ -164,10 +167,10 @@ impl Client {
             let (server_rate, server_block) = unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
             Ok(OpenClient {
                 api,
-                raw,
+                handle: raw,
                 events: ServerEvents {
-                    shared,
-                    gone: AtomicBool::new(false),
+                    stream_state,
+                    server_ended: AtomicBool::new(false),
                     rate: AtomicU32::new(server_rate),
                     block: AtomicU32::new(server_block),
                 },
@@ -175,7 +178,7 @@ impl Client {
         })?;
         let opened_at = opened.events.rate.load(Ordering::Acquire);
         let client = Self {
-            opened,
+            open_client: opened,
             opening_rate: opened_at,
         };
         client.register_callbacks();
@@ -184,13 +187,13 @@ impl Client {
 
     /// Calls a function of libjack on the client, which stays open through the call; nothing if it is closed.
     fn call<T>(&self, call: impl FnOnce(&Api, *mut RawClient) -> T) -> Option<T> {
-        let open_client = &self.opened;
-        CLIENTS.call(open_client, || call(open_client.api, open_client.raw))
+        let open_client = &self.open_client;
+        CLIENTS.call(open_client, || call(open_client.api, open_client.handle))
     }
 
     fn register_callbacks(&self) {
-        let events_pointer = (&raw const self.opened.events).cast_mut().cast();
-        // SAFETY: `events` lives in `opened`, which is closed before it is dropped.
+        let events_pointer = (&raw const self.open_client.events).cast_mut().cast();
+        // SAFETY: `events` lives in `open_client`, which is closed before it is dropped.
         self.call(|api, raw| unsafe {
             (api.on_thread)(raw, thread, events_pointer);
             (api.on_xrun)(raw, xrun, events_pointer);
@@ -201,21 +204,21 @@ impl Client {
         });
     }
 
-    pub(super) fn shared(&self) -> &Shared {
-        &self.opened.events.shared
+    pub(super) fn stream_state(&self) -> &StreamState {
+        &self.open_client.events.stream_state
     }
 
     /// Whether the server still runs, at the rate that it had.
     pub(super) fn is_alive(&self) -> bool {
-        !self.opened.is_gone() && self.rate() == self.opening_rate
+        !self.open_client.is_gone() && self.rate() == self.opening_rate
     }
 
     pub(super) fn rate(&self) -> u32 {
-        self.opened.events.rate.load(Ordering::Acquire)
+        self.open_client.events.rate.load(Ordering::Acquire)
     }
 
     pub(super) fn block(&self) -> u32 {
-        self.opened.events.block.load(Ordering::Acquire)
+        self.open_client.events.block.load(Ordering::Acquire)
     }
 
     /// The name that the server gave the client; it differs from ours if that was taken.
@@ -231,12 +234,15 @@ impl Client {
             let port_name = CString::new(format!("{prefix}_{i}")).unwrap_or_default();
             // SAFETY: the client is open, the strings live through the call.
             let port = self.call(|api, raw| unsafe {
-                (api.port_register)(raw, port_name.as_ptr(), api::AUDIO.as_ptr(), direction, 0)
+                (api.port_register)(raw, port_name.as_ptr(), api::AUDIO_PORT_TYPE.as_ptr(), direction, 0)
             });
             let port = port.unwrap_or(ptr::null_mut());
             if port.is_null() {
-                let why = format!("the JACK server refused the port {prefix}_{i}");
-                return Err(AudioError::Unavailable { backend: "jack", why });
+                let reason = format!("the JACK server refused the port {prefix}_{i}");
+                return Err(AudioError::Unavailable {
+                    backend: "jack",
+                    why: reason,
+                });
             }
             Ok(Port(port))
         };
@@ -249,7 +255,7 @@ impl Client {
         // SAFETY: the client is open; what comes back is null or a list of strings that a null ends, ours to free.
         let port_names = self.call(|api, raw| unsafe {
             let mut port_names = Vec::new();
-            let name_list = (api.get_ports)(raw, pattern.as_ptr(), api::AUDIO.as_ptr(), flags);
+            let name_list = (api.get_ports)(raw, pattern.as_ptr(), api::AUDIO_PORT_TYPE.as_ptr(), flags);
             let mut list_entry = name_list;
             while !list_entry.is_null() && !(*list_entry).is_null() {
                 port_names.push(text(*list_entry));
@@ -265,14 +271,14 @@ impl Client {
 
     /// Connect two ports by name; whether they are connected now.
     pub(super) fn connect(&self, source_name: &str, target_name: &str) -> bool {
-        const EXISTS: c_int = 17;
+        const ALREADY_CONNECTED: c_int = 17;
         let (Ok(source_name), Ok(target_name)) = (CString::new(source_name), CString::new(target_name)) else {
             return false;
         };
         // SAFETY: the client is open, the strings live through the call.
         let connect_status =
             self.call(|api, raw| unsafe { (api.connect)(raw, source_name.as_ptr(), target_name.as_ptr()) });
-        connect_status.is_some_and(|connect_status| connect_status == 0 || connect_status == EXISTS)
+        connect_status.is_some_and(|connect_status| connect_status == 0 || connect_status == ALREADY_CONNECTED)
     }
 
     /// Switch the freewheel mode of the server, in which it runs as fast as its clients; returns whether the server
@@ -282,30 +288,30 @@ impl Client {
         self.call(|api, raw| unsafe { (api.set_freewheel)(raw, is_on.into()) }) == Some(0)
     }
 
-    /// Start: `process` is called for every cycle until the client is closed, with ports `prefix_1` to `prefix_n`.
-    pub(super) fn activate<P: Process>(
+    /// Start: `callback` is called for every cycle until the client is closed, with ports `prefix_1` to `prefix_n`.
+    pub(super) fn activate<P: ProcessCallback>(
         self,
         prefix: &str,
         n: usize,
         direction: c_ulong,
         process: P,
-    ) -> Result<Active<P>, (P, AudioError)> {
+    ) -> Result<ActiveClient<P>, (P, AudioError)> {
         let ports = match self.ports(prefix, n, direction) {
             Ok(ports) => ports,
             Err(error) => return Err((process, error)),
         };
-        let callback = Box::new(Callback {
-            api: self.opened.api,
+        let callback = Box::new(CallbackContext {
+            api: self.open_client.api,
             ports: ports.clone(),
-            process,
+            callback: process,
         });
         let callback = Box::into_raw(callback);
-        // SAFETY: the callback is freed only after the client is closed (`Active::close`).
+        // SAFETY: the callback is freed only after the client is closed (`ActiveClient::close`).
         let activate_status = self.call(|api, raw| unsafe {
             (api.on_process)(raw, cycle::<P>, callback.cast());
             (api.activate)(raw)
         });
-        let active = Active {
+        let active = ActiveClient {
             client: Some(self),
             ports,
             callback,
@@ -313,31 +319,34 @@ impl Client {
         if activate_status == Some(0) {
             return Ok(active);
         }
-        let why = "the JACK server refused to activate the client".into();
-        let error = AudioError::Unavailable { backend: "jack", why };
+        let reason = "the JACK server refused to activate the client".into();
+        let error = AudioError::Unavailable {
+            backend: "jack",
+            why: reason,
+        };
         Err((active.close(), error))
     }
 }
 
 impl Drop for Client {
     fn drop(&mut self) {
-        CLIENTS.close(&self.opened);
+        CLIENTS.close(&self.open_client);
     }
 }
 
 /// A client with a running callback.
-pub(super) struct Active<P: Process> {
+pub(super) struct ActiveClient<P: ProcessCallback> {
     client: Option<Client>,
     ports: Box<[Port]>,
-    callback: *mut Callback<P>,
+    callback: *mut CallbackContext<P>,
 }
 
 // SAFETY: the callback is `Send`, and touched only by the server's thread until that has ended.
-unsafe impl<P: Process> Send for Active<P> {}
+unsafe impl<P: ProcessCallback> Send for ActiveClient<P> {}
 // SAFETY: by reference, only the client can be reached.
-unsafe impl<P: Process> Sync for Active<P> {}
+unsafe impl<P: ProcessCallback> Sync for ActiveClient<P> {}
 
-impl<P: Process> Active<P> {
+impl<P: ProcessCallback> ActiveClient<P> {
     pub(super) fn client(&self) -> &Client {
         self.client.as_ref().expect("it is open until it is closed")
     }
@@ -364,16 +373,16 @@ impl<P: Process> Active<P> {
         latency_range.max
     }
 
-    /// Close the client and return its `process`.
+    /// Close the client and return its `callback`.
     pub(super) fn close(mut self) -> P {
         self.client = None;
         let callback = std::mem::replace(&mut self.callback, ptr::null_mut());
         // SAFETY: made by `Box::into_raw`, taken once, and the client that used it is closed.
-        unsafe { Box::from_raw(callback) }.process
+        unsafe { Box::from_raw(callback) }.callback
     }
 }
 
-impl<P: Process> Drop for Active<P> {
+impl<P: ProcessCallback> Drop for ActiveClient<P> {
     fn drop(&mut self) {
         self.client = None;
         if !self.callback.is_null() {
@@ -394,10 +403,10 @@ unsafe fn text(string: *const c_char) -> String {
     unsafe { CStr::from_ptr(string) }.to_string_lossy().into_owned()
 }
 
-unsafe extern "C" fn cycle<P: Process>(frames: u32, arg: *mut c_void) -> c_int {
+unsafe extern "C" fn cycle<P: ProcessCallback>(frames: u32, arg: *mut c_void) -> c_int {
     // SAFETY: `activate` gave this pointer; only this thread uses what it points to until the client is closed.
-    let callback = unsafe { &mut *arg.cast::<Callback<P>>() };
-    callback.process.cycle(&Cycle {
+    let callback = unsafe { &mut *arg.cast::<CallbackContext<P>>() };
+    callback.callback.process(&ProcessCycle {
         api: callback.api,
         ports: &callback.ports,
         frames,
@@ -416,12 +425,12 @@ unsafe fn events<'a>(arg: *mut c_void) -> &'a ServerEvents {
 unsafe extern "C" fn thread(arg: *mut c_void) {
     // SAFETY: a callback of `register_callbacks`.
     let events = unsafe { events(arg) };
-    events.shared.set_priority(realtime::priority());
+    events.stream_state.set_priority(realtime::priority());
 }
 
 unsafe extern "C" fn xrun(arg: *mut c_void) -> c_int {
     // SAFETY: a callback of `register_callbacks`.
-    unsafe { events(arg) }.shared.add_xruns(1);
+    unsafe { events(arg) }.stream_state.add_xruns(1);
     0
 }
 
@@ -439,12 +448,12 @@ unsafe extern "C" fn sample_rate(rate: u32, arg: *mut c_void) -> c_int {
 
 unsafe extern "C" fn freewheel(is_on: c_int, arg: *mut c_void) {
     // SAFETY: a callback of `register_callbacks`.
-    unsafe { events(arg) }.shared.set_freewheel(is_on != 0);
+    unsafe { events(arg) }.stream_state.set_freewheel(is_on != 0);
 }
 
 unsafe extern "C" fn shutdown(_: c_uint, _: *const c_char, arg: *mut c_void) {
     // SAFETY: a callback of `register_callbacks`.
-    unsafe { events(arg) }.gone.store(true, Ordering::Release);
+    unsafe { events(arg) }.server_ended.store(true, Ordering::Release);
 }
 
 #[cfg(test)]

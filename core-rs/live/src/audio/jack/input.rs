@@ -3,16 +3,20 @@
 use std::sync::Arc;
 
 use super::api::{CAPTURE_LATENCY, PORT_IS_INPUT, PORT_IS_OUTPUT};
-use super::client::{Active, Client, Cycle, Process};
-use super::{SLICE, connect, targets};
-use crate::audio::ring::Feed;
-use crate::audio::shared::Shared;
+use super::client::{ActiveClient, Client, ProcessCallback, ProcessCycle};
+use super::{SLICE_FRAMES, connect, targets};
+use crate::audio::ring::RingWriter;
 use crate::audio::source::{InputFailure, OpenedInput, Source};
-use crate::audio::{AudioError, Spec};
+use crate::audio::stream_state::StreamState;
+use crate::audio::{AudioError, AudioSpec};
 
 /// Opens a client that listens.
-pub(in crate::audio) fn open(spec: &Spec, channels: usize, shared: &Arc<Shared>) -> Result<OpenedInput, AudioError> {
-    let (client, _, device) = connect(c"ergon_in", spec, shared, PORT_IS_OUTPUT, "from")?;
+pub(in crate::audio) fn open(
+    spec: &AudioSpec,
+    channels: usize,
+    stream_state: &Arc<StreamState>,
+) -> Result<OpenedInput, AudioError> {
+    let (client, _, device) = connect(c"ergon_in", spec, stream_state, PORT_IS_OUTPUT, "from")?;
     let (rate, block) = (client.rate(), client.block());
     let pattern = spec.device.clone();
     Ok(OpenedInput {
@@ -20,47 +24,52 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize, shared: &Arc<Shared>)
         device,
         rate,
         block,
-        start: Box::new(move |feed| start(client, feed, channels, pattern.as_deref())),
+        start: Box::new(move |ring_writer| start(client, ring_writer, channels, pattern.as_deref())),
     })
 }
 
-fn start(client: Client, feed: Feed, channels: usize, device: Option<&str>) -> Result<Box<dyn Source>, InputFailure> {
+fn start(
+    client: Client,
+    ring_writer: RingWriter,
+    channels: usize,
+    device: Option<&str>,
+) -> Result<Box<dyn Source>, InputFailure> {
     let callback = InputCallback {
-        scratch: vec![0.0; SLICE * channels].into(),
-        feed,
+        scratch: vec![0.0; SLICE_FRAMES * channels].into(),
+        ring_writer,
     };
     let active = client
         .activate("in", channels, PORT_IS_INPUT, callback)
-        .map_err(|(callback, error)| (Some(Box::new(callback.feed)), error))?;
+        .map_err(|(callback, error)| (Some(Box::new(callback.ring_writer)), error))?;
     let client = active.client();
     let sources = targets(client, device, PORT_IS_OUTPUT);
     for (port, source) in active.port_names().iter().zip(&sources) {
         client.connect(source, port);
     }
-    Ok(Box::new(Hearing(active)))
+    Ok(Box::new(JackInput(active)))
 }
 
 /// The process callback, which runs in the server's thread.
 struct InputCallback {
-    feed: Feed,
+    ring_writer: RingWriter,
     scratch: Box<[f32]>,
 }
 
-impl Process for InputCallback {
-    fn cycle(&mut self, cycle: &Cycle<'_>) {
-        let channels = self.feed.channels();
-        for first in (0..cycle.frames()).step_by(SLICE) {
-            let slice_frames = (cycle.frames() - first).min(SLICE);
+impl ProcessCallback for InputCallback {
+    fn process(&mut self, cycle: &ProcessCycle<'_>) {
+        let channels = self.ring_writer.channels();
+        for first in (0..cycle.frames()).step_by(SLICE_FRAMES) {
+            let slice_frames = (cycle.frames() - first).min(SLICE_FRAMES);
             let slice_samples = &mut self.scratch[..slice_frames * channels];
             cycle.read(first, slice_samples);
-            self.feed.offer(slice_samples);
+            self.ring_writer.push_or_discard(slice_samples);
         }
     }
 }
 
-struct Hearing(Active<InputCallback>);
+struct JackInput(ActiveClient<InputCallback>);
 
-impl Source for Hearing {
+impl Source for JackInput {
     fn is_alive(&mut self) -> bool {
         self.0.client().is_alive()
     }
@@ -69,7 +78,7 @@ impl Source for Hearing {
         self.0.latency(CAPTURE_LATENCY)
     }
 
-    fn stop(self: Box<Self>) -> Option<Feed> {
-        Some(self.0.close().feed)
+    fn stop(self: Box<Self>) -> Option<RingWriter> {
+        Some(self.0.close().ring_writer)
     }
 }

@@ -6,23 +6,23 @@ use std::time::Duration;
 
 use pulseaudio::protocol::{self, Command, Prop, SourceInfo};
 
-use super::stream::{BLOCK, device_name, floats, missing, words};
-use super::wire::Wire;
-use crate::audio::ring::Feed;
-use crate::audio::sink::{PRIORITY, RingThread};
+use super::stream::{BLOCK_FRAMES, device_name, missing, native_float_format, server_words};
+use super::wire::ServerConnection;
+use crate::audio::ring::RingWriter;
+use crate::audio::sink::{RingThread, SINK_THREAD_PRIORITY};
 use crate::audio::source::{InputFailure, OpenedInput, Source};
-use crate::audio::{AudioError, Spec};
+use crate::audio::{AudioError, AudioSpec};
 use crate::realtime;
 
 const MESSAGE_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// Opens a stream from the named source, or from the default one; starts no server.
-pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<OpenedInput, AudioError> {
-    let mut wire = Wire::connect(c"ergon").map_err(missing)?;
+pub(in crate::audio) fn open(spec: &AudioSpec, channels: usize) -> Result<OpenedInput, AudioError> {
+    let mut wire = ServerConnection::connect(c"ergon").map_err(missing)?;
     let source = find(&mut wire, spec.device.as_deref())?;
-    let block = spec.block.unwrap_or(BLOCK);
+    let block = spec.block.unwrap_or(BLOCK_FRAMES);
     let source_channels = usize::from(source.sample_spec.channels);
-    let mut device = words(source.description.as_deref().unwrap_or(&source.name));
+    let mut device = server_words(source.description.as_deref().unwrap_or(&source.name));
     if source_channels < channels {
         device += &format!(", of which {source_channels} are heard");
     }
@@ -31,45 +31,50 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<OpenedInput
         device,
         rate: source.sample_spec.sample_rate,
         block,
-        start: Box::new(move |feed| start(wire, &source, feed, block)),
+        start: Box::new(move |ring_writer| start(wire, &source, ring_writer, block)),
     })
 }
 
-fn find(wire: &mut Wire, device: Option<&str>) -> Result<SourceInfo, AudioError> {
+fn find(wire: &mut ServerConnection, device: Option<&str>) -> Result<SourceInfo, AudioError> {
     let source_name = device_name(wire, device, "source", |server| server.default_source_name)?;
     let source_query = protocol::GetSourceInfo {
         index: None,
         name: Some(source_name.clone()),
     };
     wire.request(&Command::GetSourceInfo(source_query))
-        .map_err(|error| missing(format!("no source {} ({error})", words(&source_name))))
+        .map_err(|error| missing(format!("no source {} ({error})", server_words(&source_name))))
 }
 
-fn start(mut wire: Wire, source: &SourceInfo, feed: Feed, block: u32) -> Result<Box<dyn Source>, InputFailure> {
+fn start(
+    mut wire: ServerConnection,
+    source: &SourceInfo,
+    ring_writer: RingWriter,
+    block: u32,
+) -> Result<Box<dyn Source>, InputFailure> {
     let (channel, latency) = match begin(&mut wire, source, c"ergon", block) {
         Ok(begun) => begun,
-        Err(why) => return Err((Some(Box::new(feed)), missing(why))),
+        Err(reason) => return Err((Some(Box::new(ring_writer)), missing(reason))),
     };
     let mut recording_stream = RecordingStream {
-        wire,
+        connection: wire,
         channel,
         source_channels: usize::from(source.sample_spec.channels).max(1),
         samples: Vec::new(),
     };
-    let thread = RingThread::start("ergon pulse in", feed, move |feed, stop| {
-        realtime::set_priority(PRIORITY);
-        recording_stream.run(feed, stop)
+    let thread = RingThread::start("ergon pulse in", ring_writer, move |ring_writer, stop| {
+        realtime::set_priority(SINK_THREAD_PRIORITY);
+        recording_stream.run(ring_writer, stop)
     })?;
-    Ok(Box::new(Recording { thread, latency }))
+    Ok(Box::new(PulseInput { thread, latency }))
 }
 
 /// Creates a stream of all channels of a source: its number, and its latency [frames].
-fn begin(wire: &mut Wire, source: &SourceInfo, name: &CStr, block: u32) -> Result<(u32, u32), String> {
+fn begin(wire: &mut ServerConnection, source: &SourceInfo, name: &CStr, block: u32) -> Result<(u32, u32), String> {
     let mut props = protocol::Props::new();
     props.set(Prop::MediaName, name);
     let (sample_rate, channels) = (source.sample_spec.sample_rate, source.sample_spec.channels);
     let params = protocol::RecordStreamParams {
-        sample_spec: floats(channels, sample_rate),
+        sample_spec: native_float_format(channels, sample_rate),
         channel_map: source.channel_map,
         source_index: Some(source.index),
         buffer_attr: protocol::stream::BufferAttr {
@@ -89,7 +94,7 @@ fn begin(wire: &mut Wire, source: &SourceInfo, name: &CStr, block: u32) -> Resul
 }
 
 struct RecordingStream {
-    wire: Wire,
+    connection: ServerConnection,
     channel: u32,
     /// Channels of the source.
     source_channels: usize,
@@ -97,30 +102,30 @@ struct RecordingStream {
 }
 
 impl RecordingStream {
-    fn run(&mut self, feed: &mut Feed, stop: &AtomicBool) -> Result<(), String> {
+    fn run(&mut self, ring_writer: &mut RingWriter, stop: &AtomicBool) -> Result<(), String> {
         while !stop.load(Ordering::Acquire) {
-            let Some(message) = self.wire.message(MESSAGE_TIMEOUT)? else {
+            let Some(message) = self.connection.message(MESSAGE_TIMEOUT)? else {
                 continue;
             };
             if message.channel() == Some(self.channel) {
-                self.take(message.bytes(), feed);
+                self.push_samples(message.bytes(), ring_writer);
                 continue;
             }
-            match self.wire.read(&message) {
-                Some((_, Command::Overflow(_))) => feed.shared().add_xruns(1),
+            match self.connection.read(&message) {
+                Some((_, Command::Overflow(_))) => ring_writer.stream_state().add_xruns(1),
                 Some((_, Command::RecordStreamKilled(_))) => {
                     return Err("the server ended the stream".into());
                 }
                 _ => {}
             }
         }
-        let _ = self.wire.send(&Command::DeleteRecordStream(self.channel));
+        let _ = self.connection.send(&Command::DeleteRecordStream(self.channel));
         Ok(())
     }
 
     /// Write whole frames to the ring: the first channels of the source, and silence for those that it lacks.
-    fn take(&mut self, bytes: &[u8], feed: &mut Feed) {
-        let channels = feed.channels();
+    fn push_samples(&mut self, bytes: &[u8], ring_writer: &mut RingWriter) {
+        let channels = ring_writer.channels();
         self.samples.clear();
         for frame in bytes.chunks_exact(4 * self.source_channels) {
             let (samples, _) = frame.as_chunks();
@@ -128,16 +133,16 @@ impl RecordingStream {
             let padded_samples = samples.chain(std::iter::repeat(0.0));
             self.samples.extend(padded_samples.take(channels));
         }
-        feed.offer(&self.samples);
+        ring_writer.push_or_discard(&self.samples);
     }
 }
 
-struct Recording {
-    thread: RingThread<Feed>,
+struct PulseInput {
+    thread: RingThread<RingWriter>,
     latency: u32,
 }
 
-impl Source for Recording {
+impl Source for PulseInput {
     fn is_alive(&mut self) -> bool {
         self.thread.is_running()
     }
@@ -146,7 +151,7 @@ impl Source for Recording {
         self.latency
     }
 
-    fn stop(self: Box<Self>) -> Option<Feed> {
+    fn stop(self: Box<Self>) -> Option<RingWriter> {
         // The error is not reported: the supervisor sees that the thread has ended.
         self.thread.stop().0
     }

@@ -8,25 +8,28 @@ use pulseaudio::protocol::{
     self, ChannelMap, ChannelPosition, Command, Prop, SampleFormat, SampleSpec, ServerInfo, SinkInfo,
 };
 
-use super::wire::Wire;
-use crate::audio::ring::Drain;
-use crate::audio::sink::{Opened, PRIORITY, RingThread, Sink};
-use crate::audio::{AudioError, Spec};
+use super::wire::ServerConnection;
+use crate::audio::ring::RingReader;
+use crate::audio::sink::{OpenedOutput, RingThread, SINK_THREAD_PRIORITY, Sink};
+use crate::audio::{AudioError, AudioSpec};
 use crate::realtime;
 
 /// Most channels of a channel map of the protocol.
 const CHANNELS_MAX: usize = 32;
 /// With smaller blocks PulseAudio loses frames now and then; from this size on, tests lost none.
-pub(super) const BLOCK: u32 = 1024;
+pub(super) const BLOCK_FRAMES: u32 = 1024;
 const MESSAGE_TIMEOUT: Duration = Duration::from_millis(50);
-const LATENCY_EVERY: Duration = Duration::from_secs(1);
+const LATENCY_INTERVAL: Duration = Duration::from_secs(1);
 
-pub(super) fn missing(why: String) -> AudioError {
-    AudioError::Unavailable { backend: "pulse", why }
+pub(super) fn missing(reason: String) -> AudioError {
+    AudioError::Unavailable {
+        backend: "pulse",
+        why: reason,
+    }
 }
 
 /// Opens a stream to the named sink, or to the default one; starts no server.
-pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, AudioError> {
+pub(in crate::audio) fn open(spec: &AudioSpec, channels: usize) -> Result<OpenedOutput, AudioError> {
     if channels > CHANNELS_MAX {
         let limit_text = "PulseAudio's protocol carries 32 at most: use jack (any number) or file:PATH";
         return Err(AudioError::Channels {
@@ -34,9 +37,9 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, Aud
             why: limit_text.into(),
         });
     }
-    let mut wire = Wire::connect(c"ergon").map_err(missing)?;
+    let mut wire = ServerConnection::connect(c"ergon").map_err(missing)?;
     let sink = find(&mut wire, spec.device.as_deref())?;
-    let block = spec.block.unwrap_or(BLOCK);
+    let block = spec.block.unwrap_or(BLOCK_FRAMES);
     let rate = sink.sample_spec.sample_rate;
     let mut remarks = Vec::new();
     let sink_channels = usize::from(sink.sample_spec.channels);
@@ -45,40 +48,42 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, Aud
             "the sink has {sink_channels} channels: the first {sink_channels} are heard"
         ));
     }
-    Ok(Opened {
+    Ok(OpenedOutput {
         backend: "pulse",
-        device: words(sink.description.as_deref().unwrap_or(&sink.name)),
+        device: server_words(sink.description.as_deref().unwrap_or(&sink.name)),
         rate,
         block,
         paced: true,
         remarks,
         start: Box::new(move |drain| {
-            let pump = RingThread::start("ergon pulse", drain, move |drain, stop| {
-                drain.shared().set_priority(realtime::set_priority(PRIORITY));
+            let ring_thread = RingThread::start("ergon pulse", drain, move |drain, stop| {
+                drain
+                    .stream_state()
+                    .set_priority(realtime::set_priority(SINK_THREAD_PRIORITY));
                 PlayingStream::begin(wire, &sink, drain.channels(), block)?.run(drain, stop)
             })?;
-            Ok(Box::new(pump) as Box<dyn Sink>)
+            Ok(Box::new(ring_thread) as Box<dyn Sink>)
         }),
     })
 }
 
-pub(super) fn words(text: &CStr) -> String {
+pub(super) fn server_words(text: &CStr) -> String {
     text.to_string_lossy().into_owned()
 }
 
-fn find(wire: &mut Wire, device: Option<&str>) -> Result<SinkInfo, AudioError> {
+fn find(wire: &mut ServerConnection, device: Option<&str>) -> Result<SinkInfo, AudioError> {
     let sink_name = device_name(wire, device, "sink", |server| server.default_sink_name)?;
     let sink_query = protocol::GetSinkInfo {
         index: None,
         name: Some(sink_name.clone()),
     };
     wire.request(&Command::GetSinkInfo(sink_query))
-        .map_err(|error| missing(format!("no sink {} ({error})", words(&sink_name))))
+        .map_err(|error| missing(format!("no sink {} ({error})", server_words(&sink_name))))
 }
 
 /// The name of a device: as the user wrote it, or the server's default one.
 pub(super) fn device_name(
-    wire: &mut Wire,
+    wire: &mut ServerConnection,
     device: Option<&str>,
     kind: &str,
     default: fn(ServerInfo) -> Option<CString>,
@@ -91,7 +96,7 @@ pub(super) fn device_name(
 }
 
 /// Samples as they are sent and received.
-pub(super) fn floats(channels: u8, rate: u32) -> SampleSpec {
+pub(super) fn native_float_format(channels: u8, rate: u32) -> SampleSpec {
     SampleSpec {
         format: SampleFormat::Float32Le,
         channels,
@@ -101,7 +106,7 @@ pub(super) fn floats(channels: u8, rate: u32) -> SampleSpec {
 
 /// A stream that plays.
 struct PlayingStream {
-    wire: Wire,
+    connection: ServerConnection,
     channel: u32,
     rate: u32,
     channels: usize,
@@ -113,14 +118,14 @@ struct PlayingStream {
 }
 
 impl PlayingStream {
-    fn begin(mut wire: Wire, sink: &SinkInfo, channels: usize, block: u32) -> Result<Self, String> {
+    fn begin(mut wire: ServerConnection, sink: &SinkInfo, channels: usize, block: u32) -> Result<Self, String> {
         let rate = sink.sample_spec.sample_rate;
         let frame_bytes = 4 * channels as u32;
         let mut props = protocol::Props::new();
         props.set(Prop::MediaName, c"ergon");
         let params = protocol::PlaybackStreamParams {
-            sample_spec: floats(channels as u8, rate),
-            channel_map: map(sink, channels),
+            sample_spec: native_float_format(channels as u8, rate),
+            channel_map: channel_map(sink, channels),
             sink_index: Some(sink.index),
             buffer_attr: protocol::stream::BufferAttr {
                 target_length: 2 * block * frame_bytes,
@@ -140,7 +145,7 @@ impl PlayingStream {
         let stream_reply: protocol::CreatePlaybackStreamReply = wire.request(&Command::CreatePlaybackStream(params))?;
         let frames_max = 4 * block as usize;
         Ok(Self {
-            wire,
+            connection: wire,
             channel: stream_reply.channel,
             rate,
             channels,
@@ -151,43 +156,46 @@ impl PlayingStream {
         })
     }
 
-    fn run(mut self, drain: &mut Drain, stop: &AtomicBool) -> Result<(), String> {
-        drain.shared().set_timing(self.block, 2 * self.block);
+    fn run(mut self, drain: &mut RingReader, stop: &AtomicBool) -> Result<(), String> {
+        drain.stream_state().set_timing(self.block, 2 * self.block);
         let mut latency_query = (0, Instant::now());
         while !stop.load(Ordering::Acquire) {
-            if self.answer(drain)? {
+            if self.send_requested(drain)? {
                 continue;
             }
-            if latency_query.1.elapsed() > LATENCY_EVERY {
+            if latency_query.1.elapsed() > LATENCY_INTERVAL {
                 let now = SystemTime::now();
                 let channel = self.channel;
                 let params = protocol::LatencyParams { channel, now };
-                latency_query = (self.wire.send(&Command::GetPlaybackLatency(params))?, Instant::now());
+                latency_query = (
+                    self.connection.send(&Command::GetPlaybackLatency(params))?,
+                    Instant::now(),
+                );
             }
-            let Some(message) = self.wire.message(MESSAGE_TIMEOUT)? else {
+            let Some(message) = self.connection.message(MESSAGE_TIMEOUT)? else {
                 continue;
             };
-            match self.wire.read(&message) {
+            match self.connection.read(&message) {
                 Some((_, Command::Request(request))) if request.channel == self.channel => {
                     self.requested_bytes += request.length as usize;
                 }
-                Some((_, Command::Underflow(_))) => drain.shared().add_xruns(1),
+                Some((_, Command::Underflow(_))) => drain.stream_state().add_xruns(1),
                 Some((_, Command::PlaybackStreamKilled(_))) => {
                     return Err("the server ended the stream".into());
                 }
-                Some((to, Command::Reply)) if to == latency_query.0 => {
-                    let latency = self.latency(&self.wire.reply(&message)?);
-                    drain.shared().set_timing(self.block, latency);
+                Some((ring_reader, Command::Reply)) if ring_reader == latency_query.0 => {
+                    let latency = self.latency(&self.connection.reply(&message)?);
+                    drain.stream_state().set_timing(self.block, latency);
                 }
                 _ => {}
             }
         }
-        let _ = self.wire.send(&Command::DeletePlaybackStream(self.channel));
+        let _ = self.connection.send(&Command::DeletePlaybackStream(self.channel));
         Ok(())
     }
 
     /// Send the bytes that the server asked for; whether it had asked for any.
-    fn answer(&mut self, drain: &mut Drain) -> Result<bool, String> {
+    fn send_requested(&mut self, drain: &mut RingReader) -> Result<bool, String> {
         let frames = (self.requested_bytes / (4 * self.channels)).min(self.samples.len() / self.channels);
         if frames == 0 {
             return Ok(false);
@@ -197,7 +205,7 @@ impl PlayingStream {
         self.bytes.clear();
         self.bytes
             .extend(samples.iter().flat_map(|sample| sample.to_le_bytes()));
-        self.wire.samples(self.channel, &self.bytes)?;
+        self.connection.samples(self.channel, &self.bytes)?;
         self.requested_bytes -= self.bytes.len();
         Ok(true)
     }
@@ -212,14 +220,14 @@ impl PlayingStream {
 }
 
 /// Channel positions of our channels: those of the sink if it has as many channels, else numbered ones.
-fn map(sink: &SinkInfo, channels: usize) -> ChannelMap {
+fn channel_map(sink: &SinkInfo, channels: usize) -> ChannelMap {
     if channels == usize::from(sink.channel_map.num_channels()) {
         return sink.channel_map;
     }
     match channels {
         1 => ChannelMap::mono(),
         2 => ChannelMap::stereo(),
-        _ => ChannelMap::new(AUX.into_iter().take(channels)),
+        _ => ChannelMap::new(AUX_POSITIONS.into_iter().take(channels)),
     }
 }
 
@@ -227,14 +235,14 @@ macro_rules! aux {
     ($($name:ident)*) => { [$(ChannelPosition::$name),*] };
 }
 
-const AUX: [ChannelPosition; CHANNELS_MAX] = aux! {
+const AUX_POSITIONS: [ChannelPosition; CHANNELS_MAX] = aux! {
     Aux0 Aux1 Aux2 Aux3 Aux4 Aux5 Aux6 Aux7 Aux8 Aux9 Aux10 Aux11 Aux12 Aux13 Aux14 Aux15
     Aux16 Aux17 Aux18 Aux19 Aux20 Aux21 Aux22 Aux23 Aux24 Aux25 Aux26 Aux27 Aux28 Aux29 Aux30 Aux31
 };
 
 /// What the running server would play on.
 pub(in crate::audio) fn survey() -> Result<String, AudioError> {
-    let mut wire = Wire::connect(c"ergon").map_err(missing)?;
+    let mut wire = ServerConnection::connect(c"ergon").map_err(missing)?;
     let server: ServerInfo = wire.request(&Command::GetServerInfo).map_err(missing)?;
     let sink_list: protocol::SinkInfoList = wire.request(&Command::GetSinkInfoList).map_err(missing)?;
     let default = server.default_sink_name.unwrap_or_default();
@@ -245,11 +253,11 @@ pub(in crate::audio) fn survey() -> Result<String, AudioError> {
             let default_mark = if sink.name == default { ", default" } else { "" };
             format!(
                 "{} ({channels} channels, {sample_rate} Hz{default_mark})",
-                words(&sink.name)
+                server_words(&sink.name)
             )
         })
         .collect();
-    let server_name = words(&server.server_name.unwrap_or_default());
+    let server_name = server_words(&server.server_name.unwrap_or_default());
     Ok(match sink_texts.is_empty() {
         true => format!("{server_name}, no sinks"),
         false => format!("{server_name}: {}", sink_texts.join("; ")),

@@ -9,28 +9,28 @@ use std::time::{Duration, Instant};
 use pulseaudio::protocol::{self, Command, CommandReply, Prop};
 
 /// A server that does not answer for this long counts as dead.
-const PATIENCE: Duration = Duration::from_secs(2);
+const SERVER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// An authorised connection.
-pub(super) struct Wire {
+pub(super) struct ServerConnection {
     socket: UnixStream,
     version: u16,
     serial: u32,
     /// Received bytes that are not a whole message yet.
-    received: Vec<u8>,
-    buffer: Box<[u8]>,
+    partial_message: Vec<u8>,
+    read_buffer: Box<[u8]>,
 }
 
-/// A message: the stream that its samples belong to (`COMMAND`: a command), and the bytes after its header.
+/// A message: the stream that its samples belong to (`COMMAND_CHANNEL`: a command), and the bytes after its header.
 pub(super) struct Message {
     channel: u32,
     bytes: Vec<u8>,
 }
 
 /// The channel of commands.
-const COMMAND: u32 = u32::MAX;
+const COMMAND_CHANNEL: u32 = u32::MAX;
 
-impl Wire {
+impl ServerConnection {
     /// Connects to the server that the environment names; starts no server. The error is a sentence.
     pub(super) fn connect(name: &CStr) -> Result<Self, String> {
         let path = socket_path()?;
@@ -44,11 +44,11 @@ impl Wire {
             socket,
             version: protocol::MAX_VERSION,
             serial: 0,
-            received: Vec::with_capacity(1 << 16),
-            buffer: vec![0; 1 << 16].into(),
+            partial_message: Vec::with_capacity(1 << 16),
+            read_buffer: vec![0; 1 << 16].into(),
         };
         wire.socket
-            .set_write_timeout(Some(PATIENCE))
+            .set_write_timeout(Some(SERVER_TIMEOUT))
             .map_err(|error| error.to_string())?;
         let cookie = pulseaudio::cookie_path_from_env().and_then(|path| std::fs::read(path).ok());
         let auth_reply: protocol::AuthReply = wire.request(&Command::Auth(protocol::AuthParams {
@@ -76,13 +76,13 @@ impl Wire {
     /// Send a command and wait for its reply; other messages in between are skipped.
     pub(super) fn request<R: CommandReply>(&mut self, command: &Command) -> Result<R, String> {
         let command_serial = self.send(command)?;
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + SERVER_TIMEOUT;
         while Instant::now() < deadline {
-            let Some(message) = self.message(PATIENCE)? else {
+            let Some(message) = self.message(SERVER_TIMEOUT)? else {
                 continue;
             };
             match message.command(self.version) {
-                Some((to, Command::Reply)) if to == command_serial => {
+                Some((reply_to, Command::Reply)) if reply_to == command_serial => {
                     return message.reply(self.version);
                 }
                 Some((to, Command::Error(error))) if to == command_serial => {
@@ -117,10 +117,10 @@ impl Wire {
         let read_wait = read_wait.max(Duration::from_millis(1));
         let error_text = |error: io::Error| error.to_string();
         self.socket.set_read_timeout(Some(read_wait)).map_err(error_text)?;
-        match self.socket.read(&mut self.buffer) {
+        match self.socket.read(&mut self.read_buffer) {
             Ok(0) => Err("the server closed the connection".into()),
             Ok(n) => {
-                self.received.extend_from_slice(&self.buffer[..n]);
+                self.partial_message.extend_from_slice(&self.read_buffer[..n]);
                 self.complete_message()
             }
             Err(error)
@@ -136,24 +136,24 @@ impl Wire {
     }
 
     fn complete_message(&mut self) -> Result<Option<Message>, String> {
-        let Some(header) = self.received.get(..protocol::DESCRIPTOR_SIZE) else {
+        let Some(header) = self.partial_message.get(..protocol::DESCRIPTOR_SIZE) else {
             return Ok(None);
         };
         let header = protocol::read_descriptor(&mut Cursor::new(header)).map_err(|error| error.to_string())?;
         let message_end = protocol::DESCRIPTOR_SIZE + header.length as usize;
-        if self.received.len() < message_end {
+        if self.partial_message.len() < message_end {
             return Ok(None);
         }
         let message = Message {
             channel: header.channel,
-            bytes: self.received[protocol::DESCRIPTOR_SIZE..message_end].to_vec(),
+            bytes: self.partial_message[protocol::DESCRIPTOR_SIZE..message_end].to_vec(),
         };
-        self.received.drain(..message_end);
+        self.partial_message.drain(..message_end);
         Ok(Some(message))
     }
 }
 
-impl Drop for Wire {
+impl Drop for ServerConnection {
     fn drop(&mut self) {
         let _ = self.socket.flush();
         let _ = self.socket.shutdown(std::net::Shutdown::Both);
@@ -163,7 +163,7 @@ impl Drop for Wire {
 impl Message {
     /// The stream whose samples these are; `None`: a command.
     pub(super) fn channel(&self) -> Option<u32> {
-        (self.channel != COMMAND).then_some(self.channel)
+        (self.channel != COMMAND_CHANNEL).then_some(self.channel)
     }
 
     /// The bytes after the header.
@@ -172,7 +172,7 @@ impl Message {
     }
 
     fn command(&self, version: u16) -> Option<(u32, Command)> {
-        if self.channel != COMMAND {
+        if self.channel != COMMAND_CHANNEL {
             return None;
         }
         Command::read_tag_prefixed(&mut Cursor::new(&self.bytes), version).ok()

@@ -1,52 +1,52 @@
 use super::*;
-use crate::device::Emulated;
-use crate::emulate::{Hand, Key, Keys};
+use crate::device::EmulatedDevice;
+use crate::emulate::{EmulatedHand, EmulatedKeys, KeyConstants};
 
 const PERIOD: f64 = 1e-3;
 static GO: AtomicBool = AtomicBool::new(false);
 
-fn device(hand: Hand) -> Emulated {
-    let plain_key = Key::default();
-    let emulated_keys = Keys::new(1, plain_key, 1.0 / PERIOD, vec![hand]).unwrap();
-    Emulated::new(emulated_keys, plain_key)
+fn device(hand: EmulatedHand) -> EmulatedDevice {
+    let plain_key = KeyConstants::default();
+    let emulated_keys = EmulatedKeys::new(1, plain_key, 1.0 / PERIOD, vec![hand]).unwrap();
+    EmulatedDevice::new(emulated_keys, plain_key)
 }
 
 /// A device with a motor of reversed polarity, and a sensor with another scale and another zero.
-fn odd(device: Emulated) -> Calibrated<Emulated> {
-    let odd_axis = Axis {
+fn odd(device: EmulatedDevice) -> CalibratedDevice<EmulatedDevice> {
+    let odd_axis = AxisCalibration {
         sign: -1.0,
         offset: 0.01,
         gain: 2.0,
-        ..Axis::plain(device.spec())
+        ..AxisCalibration::plain(device.spec())
     };
-    Calibrated::new(device, vec![odd_axis])
+    CalibratedDevice::new(device, vec![odd_axis])
 }
 
 fn direction<D: Device>(device: &mut D) -> Result<f64, DirectionError> {
-    let pulse = Pulse::from_spec(device.spec());
-    directions(device, &[0], pulse, PERIOD, &GO).unwrap()[0]
+    let pulse = TestPulse::from_spec(device.spec());
+    find_directions(device, &[0], pulse, PERIOD, &GO).unwrap()[0]
 }
 
 #[test]
 fn direction_of_straight_and_reversed_motors() {
-    let mut straight = device(Hand::Resting);
+    let mut straight = device(EmulatedHand::Resting);
     assert_eq!(direction(&mut straight), Ok(1.0));
-    let mut reversed = odd(device(Hand::Resting));
+    let mut reversed = odd(device(EmulatedHand::Resting));
     assert_eq!(direction(&mut reversed), Ok(-1.0));
     // The calibration that was found corrects the device.
-    let measured_axis = Axis {
+    let measured_axis = AxisCalibration {
         sign: -1.0,
-        ..Axis::plain(reversed.spec())
+        ..AxisCalibration::plain(reversed.spec())
     };
-    let mut corrected = Calibrated::new(reversed, vec![measured_axis]);
+    let mut corrected = CalibratedDevice::new(reversed, vec![measured_axis]);
     assert_eq!(direction(&mut corrected), Ok(1.0));
 }
 
 #[test]
 fn pulse_moves_a_key_slightly() {
-    let mut straight = device(Hand::Resting);
-    let pulse = Pulse::from_spec(straight.spec());
-    directions(&mut straight, &[0], pulse, PERIOD, &GO).unwrap();
+    let mut straight = device(EmulatedHand::Resting);
+    let pulse = TestPulse::from_spec(straight.spec());
+    find_directions(&mut straight, &[0], pulse, PERIOD, &GO).unwrap();
     let rest_range = travel_ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
     let key_travel = straight.spec().pos_range[1] - straight.spec().pos_range[0];
     assert!(rest_range[1] - rest_range[0] < 1e-6, "at rest: {rest_range:?}");
@@ -55,29 +55,29 @@ fn pulse_moves_a_key_slightly() {
 
 #[test]
 fn directions_of_a_held_axis_are_unknown() {
-    let held = Hand::OnPath {
+    let held = EmulatedHand::OnPath {
         path: vec![0.0; 100_000],
         stiffness: 5e4,
         damping: 20.0,
     };
     let mut held = device(held);
-    let coarse_spec = Spec {
+    let coarse_spec = DeviceSpec {
         pos_lsb: 1e-3,
         ..held.spec().clone()
     };
-    let pulse = Pulse::from_spec(&coarse_spec);
-    let mut coarse_device = Calibrated::new(&mut held, vec![]);
+    let pulse = TestPulse::from_spec(&coarse_spec);
+    let mut coarse_device = CalibratedDevice::new(&mut held, vec![]);
     coarse_device.spec.pos_lsb = 1e-3;
     assert_eq!(
-        directions(&mut coarse_device, &[0], pulse, PERIOD, &GO),
-        Ok(vec![Err(DirectionError::Still)])
+        find_directions(&mut coarse_device, &[0], pulse, PERIOD, &GO),
+        Ok(vec![Err(DirectionError::NoMotion)])
     );
 }
 
 #[test]
 fn travel_ends_give_offset_and_gain() {
     let hand_path = (0..200).map(|i| if i < 100 { 0.01 } else { -0.03 });
-    let path_hand = Hand::OnPath {
+    let path_hand = EmulatedHand::OnPath {
         path: hand_path.collect(),
         stiffness: 2000.0,
         damping: 40.0,
@@ -89,9 +89,9 @@ fn travel_ends_give_offset_and_gain() {
         "{axis_ends:?}"
     );
     // By the ruler, the ends are 80 mm apart: the device reports half the true distance.
-    let scaled_axis = Axis::plain(device.spec()).between(axis_ends, 0.08);
-    let mut corrected = Calibrated::new(device, vec![scaled_axis]);
-    let mut sample = Sample::default();
+    let scaled_axis = AxisCalibration::plain(device.spec()).from_ends(axis_ends, 0.08);
+    let mut corrected = CalibratedDevice::new(device, vec![scaled_axis]);
+    let mut sample = DeviceSample::default();
     corrected.receive(&mut sample, Instant::now()).unwrap();
     assert!((sample.position[0] + 0.04).abs() < 4e-3, "{}", sample.position[0]);
     assert!((corrected.spec().pos_range[1] - 0.04).abs() < 1e-12);
@@ -101,16 +101,16 @@ fn travel_ends_give_offset_and_gain() {
 struct Counted<D>(D, usize);
 
 impl<D: Device> Device for Counted<D> {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &DeviceSpec {
         self.0.spec()
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         self.1 += 1;
         self.0.send(force)
     }
 
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, into: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
         self.0.receive(into, deadline)
     }
 
@@ -122,7 +122,7 @@ impl<D: Device> Device for Counted<D> {
         self.0.zero();
     }
 
-    fn stats(&self) -> Stats {
+    fn stats(&self) -> WireStats {
         self.0.stats()
     }
 }
@@ -131,25 +131,25 @@ impl<D: Device> Device for Counted<D> {
 #[test]
 fn directions_of_twelve_axes_together() {
     const AXES: usize = 12;
-    let plain_key = Key::default();
-    let mut hands = vec![Hand::Resting; AXES];
-    hands[2] = Hand::OnPath {
+    let plain_key = KeyConstants::default();
+    let mut hands = vec![EmulatedHand::Resting; AXES];
+    hands[2] = EmulatedHand::OnPath {
         path: vec![0.0; 100_000],
         stiffness: 5e4,
         damping: 20.0,
     };
-    let twelve_keys = Keys::new(AXES, plain_key, 1.0 / PERIOD, hands).unwrap();
-    let emulated = Emulated::new(twelve_keys, plain_key);
-    let mut axes = vec![Axis::plain(emulated.spec()); AXES];
+    let twelve_keys = EmulatedKeys::new(AXES, plain_key, 1.0 / PERIOD, hands).unwrap();
+    let emulated = EmulatedDevice::new(twelve_keys, plain_key);
+    let mut axes = vec![AxisCalibration::plain(emulated.spec()); AXES];
     axes[4].sign = -1.0;
-    let mut counted = Counted(Calibrated::new(emulated, axes), 0);
+    let mut counted = Counted(CalibratedDevice::new(emulated, axes), 0);
     counted.0.spec.pos_lsb = 1e-4;
-    let pulse = Pulse::from_spec(counted.spec());
+    let pulse = TestPulse::from_spec(counted.spec());
     let axis_numbers: Vec<usize> = (0..AXES).collect();
-    let axis_signs = directions(&mut counted, &axis_numbers, pulse, PERIOD, &GO).unwrap();
+    let axis_signs = find_directions(&mut counted, &axis_numbers, pulse, PERIOD, &GO).unwrap();
     for (axis, sign) in axis_signs.into_iter().enumerate() {
         let expected = match axis {
-            2 => Err(DirectionError::Still),
+            2 => Err(DirectionError::NoMotion),
             4 => Ok(-1.0),
             _ => Ok(1.0),
         };

@@ -6,17 +6,17 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::line::{ForceCommand, GuardianReply, Line, put_text, take_text, wait};
-use super::rules::{Action, Rules};
+use super::line::{ForceCommand, GuardianLine, GuardianReply, read_text, wait, write_text};
+use super::rules::{GuardianAction, GuardianRules};
 use super::service::{OpenError, Service};
 use super::start;
-pub use super::start::{Program, register_program};
-use crate::device::{FIRST_REPLY, Gone, LOCKSTEP_PATIENCE};
+pub use super::start::{GuardianProgram, register_program};
+use crate::device::{DeviceLoss, FIRST_REPLY_TIMEOUT, LOCKSTEP_TIMEOUT};
 use crate::realtime;
 
 /// Number of zeros that are sent at the end, unless a state answers one of them.
 const ZERO_REPEATS: usize = 3;
-const ZERO_PATIENCE: Duration = Duration::from_millis(20);
+const ZERO_REPLY_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// The host's first message: which device to open.
 pub(super) struct HostRequest<'a> {
@@ -32,22 +32,22 @@ impl HostRequest<'_> {
 }
 
 /// The guardian's answer to it.
-pub(super) enum Reply {
+pub(super) enum OpenReply {
     /// The device is open; its position [m].
-    Open([f64; 3]),
-    OpenError(String),
+    Opened([f64; 3]),
+    Refused(String),
     NoAnswer,
     /// Lockstep was asked for, but the device runs by its own clock.
-    OwnClock,
+    NotInLockstep,
 }
 
-impl Reply {
+impl OpenReply {
     fn text(&self) -> String {
         match self {
-            Self::Open(position) => json!({"open": position}),
-            Self::OpenError(why) => json!({"refused": why}),
+            Self::Opened(position) => json!({"open": position}),
+            Self::Refused(reason) => json!({"refused": reason}),
             Self::NoAnswer => json!({"no_answer": true}),
-            Self::OwnClock => json!({"own_time": true}),
+            Self::NotInLockstep => json!({"own_time": true}),
         }
         .to_string()
     }
@@ -56,13 +56,13 @@ impl Reply {
         let reply_object: Value = serde_json::from_str(text).ok()?;
         if let Some(position) = reply_object.get("open").and_then(Value::as_array) {
             let numbers: Option<Vec<f64>> = position.iter().map(Value::as_f64).collect();
-            return numbers?.try_into().ok().map(Self::Open);
+            return numbers?.try_into().ok().map(Self::Opened);
         }
         if let Some(refusal) = reply_object.get("refused").and_then(Value::as_str) {
-            return Some(Self::OpenError(refusal.to_owned()));
+            return Some(Self::Refused(refusal.to_owned()));
         }
         if reply_object.get("own_time").is_some() {
-            return Some(Self::OwnClock);
+            return Some(Self::NotInLockstep);
         }
         reply_object.get("no_answer").map(|_| Self::NoAnswer)
     }
@@ -76,23 +76,23 @@ impl Reply {
 pub fn serve() -> io::Result<()> {
     isolate_process();
     let mut host_stream = start::inherited()?;
-    let request = take_text(&mut host_stream, FIRST_REPLY)?;
+    let request = read_text(&mut host_stream, FIRST_REPLY_TIMEOUT)?;
     let request: Value = serde_json::from_str(&request)?;
     let service_url = request["target"].as_str().unwrap_or_default();
     let lockstep = request["lockstep"] == true;
     let open_result = Service::open(service_url, request["id"].as_str());
     let (first_reply, mut service) = match open_result {
-        Ok((service, first)) if lockstep && !first.lockstep => (Reply::OwnClock, Some(service)),
-        Ok((service, first)) => (Reply::Open(first.position), Some(service)),
-        Err(OpenError::Refused(why)) => (Reply::OpenError(why), None),
-        Err(OpenError::NoAnswer) => (Reply::NoAnswer, None),
+        Ok((service, first)) if lockstep && !first.lockstep => (OpenReply::NotInLockstep, Some(service)),
+        Ok((service, first)) => (OpenReply::Opened(first.position), Some(service)),
+        Err(OpenError::Refused(reason)) => (OpenReply::Refused(reason), None),
+        Err(OpenError::NoAnswer) => (OpenReply::NoAnswer, None),
     };
-    put_text(&mut host_stream, &first_reply.text())?;
-    if let (Reply::Open(_), Some(service)) = (&first_reply, &mut service) {
+    write_text(&mut host_stream, &first_reply.text())?;
+    if let (OpenReply::Opened(_), Some(service)) = (&first_reply, &mut service) {
         // Above the physics thread, so that a hanging physics thread cannot block its guardian.
         realtime::request(realtime::PHYSICS_PRIORITY + 1);
-        let mut host_line = Line::new(host_stream)?;
-        run(&mut host_line, service, lockstep);
+        let mut host_line = GuardianLine::new(host_stream)?;
+        guard_until_closed(&mut host_line, service, lockstep);
     }
     if let Some(service) = service {
         service.close();
@@ -101,29 +101,30 @@ pub fn serve() -> io::Result<()> {
 }
 
 /// Pass orders on and states back until either side is gone; at the end the force is zero.
-fn run(line: &mut Line, service: &mut Service, lockstep: bool) {
-    let mut rules = Rules::new(lockstep, Instant::now());
+fn guard_until_closed(line: &mut GuardianLine, service: &mut Service, lockstep: bool) {
+    let mut rules = GuardianRules::new(lockstep, Instant::now());
     if !lockstep {
-        // A force that a former host left may still act. If this fails, the service is gone, which `pass` detects.
+        // A force that a former host left may still act. If this fails, the service is gone, which `pass_messages`
+        // detects.
         let _ = service.command([0.0; 3]);
     }
-    let Err(gone_cause) = pass(line, service, &mut rules) else {
+    let Err(gone_cause) = pass_messages(line, service, &mut rules) else {
         return send_final_zero(service, lockstep);
     };
-    if gone_cause == Gone::Silent {
+    if gone_cause == DeviceLoss::Silent {
         send_final_zero(service, lockstep);
     } else if rules.may_push() {
-        service.zero_on_new_connection();
+        service.send_zero_anew();
     }
-    let _ = line.put(&GuardianReply::Gone(gone_cause).bytes());
+    let _ = line.send(&GuardianReply::Gone(gone_cause).bytes());
 }
 
 /// Pass orders and states; fails when the service is gone, and returns when the host is gone.
-fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(), Gone> {
+fn pass_messages(line: &mut GuardianLine, service: &mut Service, rules: &mut GuardianRules) -> Result<(), DeviceLoss> {
     loop {
         // Messages that have arrived are read before a silence is judged, and all with the time from before the reads.
         let pass_instant = Instant::now();
-        let host_result = line.take(|bytes| rules.order(ForceCommand::parse(bytes), pass_instant));
+        let host_result = line.receive(|bytes| rules.order(ForceCommand::parse(bytes), pass_instant));
         let has_more = service.read(|state| {
             let (number, let_go) = rules.state(pass_instant);
             let state_reply = GuardianReply::State {
@@ -132,13 +133,13 @@ fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(),
                 let_go,
             };
             // Errors are ignored here; a host that is gone is detected when orders are read.
-            let _ = line.put(&state_reply.bytes());
+            let _ = line.send(&state_reply.bytes());
         })?;
         loop {
-            match rules.due(pass_instant) {
-                Action::Nothing => break,
-                Action::Send(force) => service.command(force)?,
-                Action::Gone => return Err(Gone::Silent),
+            match rules.next_deadline(pass_instant) {
+                GuardianAction::Nothing => break,
+                GuardianAction::Send(force) => service.command(force)?,
+                GuardianAction::Gone => return Err(DeviceLoss::Silent),
             }
         }
         if host_result.is_err() {
@@ -153,19 +154,19 @@ fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(),
 /// Send zero until a state answers; in lockstep a command is a period, so one is enough.
 fn send_final_zero(service: &mut Service, lockstep: bool) {
     let (attempts, patience) = if lockstep {
-        (1, LOCKSTEP_PATIENCE)
+        (1, LOCKSTEP_TIMEOUT)
     } else {
-        (ZERO_REPEATS, ZERO_PATIENCE)
+        (ZERO_REPEATS, ZERO_REPLY_TIMEOUT)
     };
     for _ in 0..attempts {
         if service.command([0.0; 3]).is_err() {
-            return service.zero_on_new_connection();
+            return service.send_zero_anew();
         }
         let (deadline, mut answered) = (Instant::now() + patience, false);
         while !answered && Instant::now() < deadline {
             service.wait(deadline);
             if service.read(|_| answered = true).is_err() {
-                return service.zero_on_new_connection();
+                return service.send_zero_anew();
             }
         }
         if answered {

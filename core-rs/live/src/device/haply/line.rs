@@ -3,24 +3,24 @@
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
-use crate::device::Gone;
+use crate::device::DeviceLoss;
 
 #[cfg(unix)]
-pub(super) type Stream = std::os::unix::net::UnixStream;
+pub(super) type LineStream = std::os::unix::net::UnixStream;
 #[cfg(not(unix))]
-pub(super) type Stream = std::net::TcpStream;
+pub(super) type LineStream = std::net::TcpStream;
 
 /// Length of an order and of a reply [bytes].
-pub(super) const LEN: usize = 32;
+pub(super) const MESSAGE_BYTES: usize = 32;
 /// Messages that are read at once.
-const BATCH: usize = 64;
+const BATCH_MESSAGES: usize = 64;
 /// Longest text at the beginning of the connection [bytes].
-const TEXT: usize = 4096;
+const TEXT_BYTES_MAX: usize = 4096;
 /// Time between two checks of a stream, on systems without poll(2).
 #[cfg(not(unix))]
-const POLL: Duration = Duration::from_micros(200);
+const POLL_INTERVAL: Duration = Duration::from_micros(200);
 
-pub(super) type Bytes = [u8; LEN];
+pub(super) type MessageBytes = [u8; MESSAGE_BYTES];
 
 /// A message to the guardian: the force of all axes [N].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -42,7 +42,7 @@ pub(super) enum GuardianReply {
         let_go: bool,
     },
     /// The service is gone; no more states will come.
-    Gone(Gone),
+    Gone(DeviceLoss),
 }
 
 /// Kinds of a reply.
@@ -53,14 +53,14 @@ const SYSTEM: u8 = 3;
 const SHARED: u8 = 4;
 
 impl ForceCommand {
-    pub(super) fn bytes(&self) -> Bytes {
-        pack(self.number, 0, false, 0, self.force)
+    pub(super) fn bytes(&self) -> MessageBytes {
+        pack_message(self.number, 0, false, 0, self.force)
     }
 
-    pub(super) fn parse(bytes: &Bytes) -> Self {
+    pub(super) fn parse(bytes: &MessageBytes) -> Self {
         Self {
-            number: number(bytes),
-            force: vector(bytes),
+            number: read_number(bytes),
+            force: read_vector(bytes),
         }
     }
 
@@ -70,98 +70,98 @@ impl ForceCommand {
 }
 
 impl GuardianReply {
-    pub(super) fn bytes(&self) -> Bytes {
-        let gone_bytes = |kind, error| pack(0, kind, false, error, [0.0; 3]);
+    pub(super) fn bytes(&self) -> MessageBytes {
+        let gone_bytes = |kind, error| pack_message(0, kind, false, error, [0.0; 3]);
         match *self {
             Self::State {
                 number,
                 position,
                 let_go,
-            } => pack(number, STATE, let_go, 0, position),
-            Self::Gone(Gone::Closed) => gone_bytes(CLOSED, 0),
-            Self::Gone(Gone::Silent) => gone_bytes(SILENT, 0),
-            Self::Gone(Gone::Shared) => gone_bytes(SHARED, 0),
-            Self::Gone(Gone::System(error)) => gone_bytes(SYSTEM, error),
+            } => pack_message(number, STATE, let_go, 0, position),
+            Self::Gone(DeviceLoss::Closed) => gone_bytes(CLOSED, 0),
+            Self::Gone(DeviceLoss::Silent) => gone_bytes(SILENT, 0),
+            Self::Gone(DeviceLoss::Shared) => gone_bytes(SHARED, 0),
+            Self::Gone(DeviceLoss::System(error)) => gone_bytes(SYSTEM, error),
         }
     }
 
-    pub(super) fn parse(bytes: &Bytes) -> Self {
+    pub(super) fn parse(bytes: &MessageBytes) -> Self {
         match bytes[2] {
             STATE => Self::State {
-                number: number(bytes),
-                position: vector(bytes),
+                number: read_number(bytes),
+                position: read_vector(bytes),
                 let_go: bytes[3] != 0,
             },
-            SILENT => Self::Gone(Gone::Silent),
-            SHARED => Self::Gone(Gone::Shared),
-            SYSTEM => Self::Gone(Gone::System(i32::from_le_bytes(part(bytes, 4)))),
-            _ => Self::Gone(Gone::Closed),
+            SILENT => Self::Gone(DeviceLoss::Silent),
+            SHARED => Self::Gone(DeviceLoss::Shared),
+            SYSTEM => Self::Gone(DeviceLoss::System(i32::from_le_bytes(message_part(bytes, 4)))),
+            _ => Self::Gone(DeviceLoss::Closed),
         }
     }
 }
 
 /// Number (2 bytes), kind, flag, error (4 bytes), three f64; all little-endian.
-fn pack(number: u16, kind: u8, flag: bool, error: i32, vector: [f64; 3]) -> Bytes {
-    let mut packed_bytes = [0; LEN];
+fn pack_message(number: u16, kind: u8, flag: bool, error: i32, vector: [f64; 3]) -> MessageBytes {
+    let mut packed_bytes = [0; MESSAGE_BYTES];
     packed_bytes[..2].copy_from_slice(&number.to_le_bytes());
     (packed_bytes[2], packed_bytes[3]) = (kind, u8::from(flag));
     packed_bytes[4..8].copy_from_slice(&error.to_le_bytes());
-    for (place, number) in packed_bytes[8..].chunks_exact_mut(8).zip(vector) {
-        place.copy_from_slice(&number.to_le_bytes());
+    for (byte_slice, number) in packed_bytes[8..].chunks_exact_mut(8).zip(vector) {
+        byte_slice.copy_from_slice(&number.to_le_bytes());
     }
     packed_bytes
 }
 
-fn part<const N: usize>(bytes: &Bytes, at: usize) -> [u8; N] {
-    std::array::from_fn(|i| bytes[at + i])
+fn message_part<const N: usize>(bytes: &MessageBytes, offset: usize) -> [u8; N] {
+    std::array::from_fn(|i| bytes[offset + i])
 }
 
-fn number(bytes: &Bytes) -> u16 {
-    u16::from_le_bytes(part(bytes, 0))
+fn read_number(bytes: &MessageBytes) -> u16 {
+    u16::from_le_bytes(message_part(bytes, 0))
 }
 
-fn vector(bytes: &Bytes) -> [f64; 3] {
-    std::array::from_fn(|axis| f64::from_le_bytes(part(bytes, 8 + 8 * axis)))
+fn read_vector(bytes: &MessageBytes) -> [f64; 3] {
+    std::array::from_fn(|axis| f64::from_le_bytes(message_part(bytes, 8 + 8 * axis)))
 }
 
-/// One end of the line. Neither `put` nor `take` blocks or allocates.
-pub(super) struct Line {
-    stream: Stream,
-    bytes: [u8; LEN * BATCH],
+/// One end of the line. Neither `send` nor `receive` blocks or allocates.
+pub(super) struct GuardianLine {
+    stream: LineStream,
+    bytes: [u8; MESSAGE_BYTES * BATCH_MESSAGES],
     len: usize,
 }
 
-impl Line {
-    pub(super) fn new(stream: Stream) -> io::Result<Self> {
+impl GuardianLine {
+    pub(super) fn new(stream: LineStream) -> io::Result<Self> {
         stream.set_nonblocking(true)?;
         Ok(Self {
             stream,
-            bytes: [0; LEN * BATCH],
+            bytes: [0; MESSAGE_BYTES * BATCH_MESSAGES],
             len: 0,
         })
     }
 
     /// Send a message. It is dropped if the stream is full: then the other end is stopped and does not read.
-    pub(super) fn put(&mut self, message: &Bytes) -> Result<(), Gone> {
+    pub(super) fn send(&mut self, message: &MessageBytes) -> Result<(), DeviceLoss> {
         match self.stream.write(message) {
-            Ok(LEN) => Ok(()),
+            Ok(MESSAGE_BYTES) => Ok(()),
             // Only part of the message was written: the following messages would be read wrongly.
-            Ok(_) => Err(Gone::Closed),
-            Err(error) => is_quiet(&error).then_some(()).ok_or(Gone::Closed),
+            Ok(_) => Err(DeviceLoss::Closed),
+            Err(error) => is_quiet(&error).then_some(()).ok_or(DeviceLoss::Closed),
         }
     }
 
     /// Hand all messages that are there to `visit`; fails once the other end is gone and all its messages are read.
-    pub(super) fn take(&mut self, mut visit: impl FnMut(&Bytes)) -> Result<(), Gone> {
+    pub(super) fn receive(&mut self, mut visit: impl FnMut(&MessageBytes)) -> Result<(), DeviceLoss> {
         loop {
             let bytes_read = match self.stream.read(&mut self.bytes[self.len..]) {
-                Ok(0) => return Err(Gone::Closed),
+                Ok(0) => return Err(DeviceLoss::Closed),
                 Ok(bytes_read) => bytes_read,
                 Err(error) if is_quiet(&error) => return Ok(()),
-                Err(_) => return Err(Gone::Closed),
+                Err(_) => return Err(DeviceLoss::Closed),
             };
             self.len += bytes_read;
-            let (messages, partial_bytes) = self.bytes[..self.len].as_chunks::<LEN>();
+            let (messages, partial_bytes) = self.bytes[..self.len].as_chunks::<MESSAGE_BYTES>();
             messages.iter().for_each(&mut visit);
             let (partial_start, partial_length) = (self.len - partial_bytes.len(), partial_bytes.len());
             self.bytes.copy_within(partial_start..self.len, 0);
@@ -177,7 +177,7 @@ impl Line {
         wait([&self.stream], until);
     }
 
-    pub(super) fn stream(&self) -> &Stream {
+    pub(super) fn stream(&self) -> &LineStream {
         &self.stream
     }
 }
@@ -208,25 +208,25 @@ pub(super) fn wait<const N: usize>(streams: [&dyn Waitable; N], until: Instant) 
     #[cfg(not(unix))]
     {
         let _ = streams;
-        std::thread::sleep(time_left.min(POLL));
+        std::thread::sleep(time_left.min(POLL_INTERVAL));
     }
 }
 
 /// Send a text over a blocking stream.
-pub(super) fn put_text(stream: &mut Stream, text: &str) -> io::Result<()> {
-    let text_length = text.len().min(TEXT);
+pub(super) fn write_text(stream: &mut LineStream, text: &str) -> io::Result<()> {
+    let text_length = text.len().min(TEXT_BYTES_MAX);
     let mut framed_text = (text_length as u32).to_le_bytes().to_vec();
     framed_text.extend(&text.as_bytes()[..text_length]);
     stream.write_all(&framed_text)
 }
 
 /// Read a text from a blocking stream, for at most `patience`.
-pub(super) fn take_text(stream: &mut Stream, patience: Duration) -> io::Result<String> {
+pub(super) fn read_text(stream: &mut LineStream, patience: Duration) -> io::Result<String> {
     let deadline = Instant::now() + patience;
     let mut text_length = [0; 4];
     fill(stream, &mut text_length, deadline)?;
     let text_length = u32::from_le_bytes(text_length) as usize;
-    if text_length > TEXT {
+    if text_length > TEXT_BYTES_MAX {
         return Err(ErrorKind::InvalidData.into());
     }
     let mut text_bytes = vec![0; text_length];
@@ -234,7 +234,7 @@ pub(super) fn take_text(stream: &mut Stream, patience: Duration) -> io::Result<S
     String::from_utf8(text_bytes).map_err(|_| ErrorKind::InvalidData.into())
 }
 
-fn fill(stream: &mut Stream, mut bytes: &mut [u8], until: Instant) -> io::Result<()> {
+fn fill(stream: &mut LineStream, mut bytes: &mut [u8], until: Instant) -> io::Result<()> {
     while !bytes.is_empty() {
         let time_left = until.saturating_duration_since(Instant::now());
         if time_left.is_zero() {
@@ -270,10 +270,10 @@ mod tests {
                 position: [0.1, 0.2, -0.3],
                 let_go: true,
             },
-            GuardianReply::Gone(Gone::Closed),
-            GuardianReply::Gone(Gone::Silent),
-            GuardianReply::Gone(Gone::Shared),
-            GuardianReply::Gone(Gone::System(-32)),
+            GuardianReply::Gone(DeviceLoss::Closed),
+            GuardianReply::Gone(DeviceLoss::Silent),
+            GuardianReply::Gone(DeviceLoss::Shared),
+            GuardianReply::Gone(DeviceLoss::System(-32)),
         ] {
             assert_eq!(GuardianReply::parse(&answer.bytes()), answer);
         }
@@ -282,8 +282,8 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn line_finds_messages_in_any_pieces() {
-        let (mut writer_end, reader_end) = Stream::pair().unwrap();
-        let mut host_line = Line::new(reader_end).unwrap();
+        let (mut writer_end, reader_end) = LineStream::pair().unwrap();
+        let mut host_line = GuardianLine::new(reader_end).unwrap();
         let numbered_order = |number| ForceCommand {
             number,
             force: [f64::from(number); 3],
@@ -293,7 +293,7 @@ mod tests {
         for piece in sent_bytes.chunks(37) {
             writer_end.write_all(piece).unwrap();
             host_line
-                .take(|bytes| commands.push(ForceCommand::parse(bytes)))
+                .receive(|bytes| commands.push(ForceCommand::parse(bytes)))
                 .unwrap();
         }
         assert_eq!(commands, (0..300).map(numbered_order).collect::<Vec<_>>());
@@ -301,20 +301,20 @@ mod tests {
         writer_end.write_all(&sent_bytes).unwrap();
         drop(writer_end);
         let mut message_count = 0;
-        while host_line.take(|_| message_count += 1).is_ok() {}
+        while host_line.receive(|_| message_count += 1).is_ok() {}
         assert_eq!(message_count, 300);
     }
 
     #[cfg(unix)]
     #[test]
     fn take_text_with_wrong_length_is_refused() {
-        let (mut writer_end, mut reader_end) = Stream::pair().unwrap();
-        put_text(&mut writer_end, "ws://127.0.0.1").unwrap();
+        let (mut writer_end, mut reader_end) = LineStream::pair().unwrap();
+        write_text(&mut writer_end, "ws://127.0.0.1").unwrap();
         let patience = Duration::from_secs(10);
-        assert_eq!(take_text(&mut reader_end, patience).unwrap(), "ws://127.0.0.1");
+        assert_eq!(read_text(&mut reader_end, patience).unwrap(), "ws://127.0.0.1");
         writer_end.write_all(&[0xFF; 8]).unwrap();
-        assert!(take_text(&mut reader_end, patience).is_err(), "four gigabytes");
+        assert!(read_text(&mut reader_end, patience).is_err(), "four gigabytes");
         drop(writer_end);
-        assert!(take_text(&mut reader_end, patience).is_err());
+        assert!(read_text(&mut reader_end, patience).is_err());
     }
 }

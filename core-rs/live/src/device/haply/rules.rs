@@ -4,21 +4,21 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use super::line::ForceCommand;
-use crate::device::LOCKSTEP_PATIENCE;
+use crate::device::LOCKSTEP_TIMEOUT;
 
 /// Silence of the host after which the force is set to zero.
-pub(super) const HOST_SILENT: Duration = Duration::from_millis(50);
+pub(super) const HOST_SILENCE_MAX: Duration = Duration::from_millis(50);
 /// Time without a state after a command, after which the service counts as silent and the force is set to zero. The
 /// host's own limit for old positions is 20 ms: the host acts first, and fades its forces in again.
-pub(super) const SERVICE_SILENT: Duration = Duration::from_millis(30);
+pub(super) const SERVICE_SILENCE_MAX: Duration = Duration::from_millis(30);
 /// Time between two zeros sent to a silent service.
 const ZERO_INTERVAL: Duration = Duration::from_millis(20);
 /// Silence after which the service counts as gone.
-const SERVICE_GONE: Duration = LOCKSTEP_PATIENCE;
+const SERVICE_LOSS_TIMEOUT: Duration = LOCKSTEP_TIMEOUT;
 
 /// What the guardian has to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Action {
+pub(crate) enum GuardianAction {
     Nothing,
     /// Send this force.
     Send([f64; 3]),
@@ -26,109 +26,109 @@ pub(crate) enum Action {
     Gone,
 }
 
-pub(crate) struct Rules {
+pub(crate) struct GuardianRules {
     lockstep: bool,
     /// When the last order came from the host.
-    last_order: Instant,
+    last_order_time: Instant,
     /// Orders that were not passed on yet: the newest one, in lockstep all.
-    orders: VecDeque<ForceCommand>,
+    pending_orders: VecDeque<ForceCommand>,
     /// Number of the latest order that was passed on.
-    number: u16,
+    last_sent_number: u16,
     /// In lockstep: numbers of the commands that were not answered by a state yet.
-    unanswered: VecDeque<u16>,
+    unanswered_numbers: VecDeque<u16>,
     /// Start of the wait for a state, since the first command without one; `None`: all commands are answered.
-    asked: Option<Instant>,
+    wait_start: Option<Instant>,
     /// When the latest command was sent.
-    sent: Instant,
+    last_sent_time: Instant,
     /// Whether the latest command was a force that is not zero.
-    pushes: bool,
+    is_pushing: bool,
     /// Whether the latest command was a zero that the host did not order.
     let_go: bool,
 }
 
-impl Rules {
+impl GuardianRules {
     pub(crate) fn new(lockstep: bool, now: Instant) -> Self {
         Self {
             lockstep,
-            last_order: now,
-            orders: VecDeque::new(),
+            last_order_time: now,
+            pending_orders: VecDeque::new(),
             // The number before the first order, which is 0.
-            number: u16::MAX,
-            unanswered: VecDeque::new(),
-            asked: None,
-            sent: now,
-            pushes: false,
+            last_sent_number: u16::MAX,
+            unanswered_numbers: VecDeque::new(),
+            wait_start: None,
+            last_sent_time: now,
+            is_pushing: false,
             let_go: false,
         }
     }
 
     /// Take an order of the host.
     pub(crate) fn order(&mut self, order: ForceCommand, now: Instant) {
-        self.last_order = now;
+        self.last_order_time = now;
         if !self.lockstep {
-            self.orders.clear();
+            self.pending_orders.clear();
         }
-        self.orders.push_back(order);
+        self.pending_orders.push_back(order);
     }
 
     /// Take a state of the service; returns the number of the order that it answers, and whether the guardian let go.
     pub(crate) fn state(&mut self, now: Instant) -> (u16, bool) {
         if self.lockstep {
             // Every command has its own state.
-            let answered_number = self.unanswered.pop_front();
-            self.asked = (!self.unanswered.is_empty()).then_some(now);
-            return (answered_number.unwrap_or(self.number), self.let_go);
+            let answered_number = self.unanswered_numbers.pop_front();
+            self.wait_start = (!self.unanswered_numbers.is_empty()).then_some(now);
+            return (answered_number.unwrap_or(self.last_sent_number), self.let_go);
         }
-        self.unanswered.clear();
-        self.asked = None;
-        (self.number, self.let_go)
+        self.unanswered_numbers.clear();
+        self.wait_start = None;
+        (self.last_sent_number, self.let_go)
     }
 
     /// The next action; to be called until it is `Nothing`.
-    pub(crate) fn due(&mut self, now: Instant) -> Action {
+    pub(crate) fn next_deadline(&mut self, now: Instant) -> GuardianAction {
         if self.lockstep {
             // In lockstep the host sets the time, so nothing is late.
-            return match self.orders.pop_front() {
+            return match self.pending_orders.pop_front() {
                 Some(order) => self.pass(order, now),
-                None => Action::Nothing,
+                None => GuardianAction::Nothing,
             };
         }
-        let time_since = |at: Instant| now.saturating_duration_since(at);
-        let unanswered = self.asked.map_or(Duration::ZERO, time_since);
-        if unanswered >= SERVICE_GONE {
-            return Action::Gone;
+        let time_since = |deadline: Instant| now.saturating_duration_since(deadline);
+        let unanswered = self.wait_start.map_or(Duration::ZERO, time_since);
+        if unanswered >= SERVICE_LOSS_TIMEOUT {
+            return GuardianAction::Gone;
         }
-        let service_silent = unanswered >= SERVICE_SILENT;
-        if service_silent || time_since(self.last_order) >= HOST_SILENT {
-            self.orders.clear();
-            let repeats_zero = service_silent && time_since(self.sent) >= ZERO_INTERVAL;
-            if self.pushes || repeats_zero {
-                self.let_go |= self.pushes;
+        let service_silent = unanswered >= SERVICE_SILENCE_MAX;
+        if service_silent || time_since(self.last_order_time) >= HOST_SILENCE_MAX {
+            self.pending_orders.clear();
+            let repeats_zero = service_silent && time_since(self.last_sent_time) >= ZERO_INTERVAL;
+            if self.is_pushing || repeats_zero {
+                self.let_go |= self.is_pushing;
                 return self.send([0.0; 3], now);
             }
-            return Action::Nothing;
+            return GuardianAction::Nothing;
         }
         // Only one unanswered force at a time, otherwise a slow service would fall further and further behind. A zero
         // that ends a force is sent at once.
-        let may_send = |order: &ForceCommand| self.asked.is_none() || (order.is_zero() && self.pushes);
-        match self.orders.front().copied().filter(may_send) {
+        let may_send = |order: &ForceCommand| self.wait_start.is_none() || (order.is_zero() && self.is_pushing);
+        match self.pending_orders.front().copied().filter(may_send) {
             Some(order) => {
-                self.orders.clear();
+                self.pending_orders.clear();
                 self.pass(order, now)
             }
-            None => Action::Nothing,
+            None => GuardianAction::Nothing,
         }
     }
 
-    /// When `due` must be called again if no message comes.
+    /// When `next_deadline` must be called again if no message comes.
     pub(super) fn next(&self, now: Instant) -> Instant {
-        let host_deadline = self.pushes.then_some(self.last_order + HOST_SILENT);
-        let service = self.asked.map(|asked| {
-            let silence_instant = asked + SERVICE_SILENT;
-            if self.pushes {
+        let host_deadline = self.is_pushing.then_some(self.last_order_time + HOST_SILENCE_MAX);
+        let service = self.wait_start.map(|asked| {
+            let silence_instant = asked + SERVICE_SILENCE_MAX;
+            if self.is_pushing {
                 silence_instant
             } else {
-                silence_instant.max(self.sent + ZERO_INTERVAL)
+                silence_instant.max(self.last_sent_time + ZERO_INTERVAL)
             }
         });
         let deadlines = [host_deadline, service].into_iter().flatten();
@@ -137,23 +137,23 @@ impl Rules {
 
     /// Whether a force may still act: the latest command was a force, or no state has answered the zero yet.
     pub(super) fn may_push(&self) -> bool {
-        self.pushes || self.asked.is_some()
+        self.is_pushing || self.wait_start.is_some()
     }
 
-    fn pass(&mut self, order: ForceCommand, now: Instant) -> Action {
-        self.number = order.number;
+    fn pass(&mut self, order: ForceCommand, now: Instant) -> GuardianAction {
+        self.last_sent_number = order.number;
         self.let_go = false;
         self.send(order.force, now)
     }
 
-    fn send(&mut self, force: [f64; 3], now: Instant) -> Action {
-        self.pushes = force != [0.0; 3];
-        self.sent = now;
-        self.asked = self.asked.or(Some(now));
+    fn send(&mut self, force: [f64; 3], now: Instant) -> GuardianAction {
+        self.is_pushing = force != [0.0; 3];
+        self.last_sent_time = now;
+        self.wait_start = self.wait_start.or(Some(now));
         if self.lockstep {
-            self.unanswered.push_back(self.number);
+            self.unanswered_numbers.push_back(self.last_sent_number);
         }
-        Action::Send(force)
+        GuardianAction::Send(force)
     }
 }
 

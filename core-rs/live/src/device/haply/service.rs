@@ -8,11 +8,11 @@ use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket, client::client_with_config};
 
 use super::line::{Waitable, is_quiet, wait};
-use crate::device::{ASK_AGAIN, FIRST_REPLY, Gone};
+use crate::device::{DeviceLoss, FIRST_REPLY_TIMEOUT, REQUEST_RETRY_INTERVAL};
 use crate::wire::haply as wire;
 
 /// Messages that are read before the clock is checked again, because a service may send without pause.
-const READS_MAX: usize = 64;
+const READS_PER_CHECK_MAX: usize = 64;
 
 pub(super) struct Service {
     socket: WebSocket<TcpStream>,
@@ -29,16 +29,16 @@ pub(super) enum OpenError {
 
 impl Service {
     /// Connects and waits for the first state of the device `id`, or of any device.
-    pub(super) fn open(target: &str, id: Option<&str>) -> Result<(Self, wire::State), OpenError> {
-        let socket = connect(target, FIRST_REPLY).map_err(OpenError::Refused)?;
+    pub(super) fn open(target: &str, id: Option<&str>) -> Result<(Self, wire::HaplyState), OpenError> {
+        let socket = connect(target, FIRST_REPLY_TIMEOUT).map_err(OpenError::Refused)?;
         let mut new_service = Self {
             socket,
             target: target.to_owned(),
             id: id.unwrap_or_default().to_owned(),
         };
-        let deadline = Instant::now() + FIRST_REPLY;
+        let deadline = Instant::now() + FIRST_REPLY_TIMEOUT;
         while Instant::now() < deadline {
-            new_service.wait(Instant::now() + ASK_AGAIN);
+            new_service.wait(Instant::now() + REQUEST_RETRY_INTERVAL);
             let mut first_state = None;
             let read_result = new_service.read(|state| {
                 first_state.get_or_insert(state);
@@ -56,22 +56,22 @@ impl Service {
 
     /// Command a force [N]. If the service reads too slowly, the command stays in a buffer and is sent with the next
     /// one.
-    pub(super) fn command(&mut self, force: [f64; 3]) -> Result<(), Gone> {
-        let command = Message::text(wire::command(&self.id, force));
+    pub(super) fn command(&mut self, force: [f64; 3]) -> Result<(), DeviceLoss> {
+        let command = Message::text(wire::force_message(&self.id, force));
         send_result(self.socket.send(command))
     }
 
     /// Hand the states that are there to `visit`; returns whether there may be more.
-    pub(super) fn read(&mut self, mut visit: impl FnMut(wire::State)) -> Result<bool, Gone> {
+    pub(super) fn read(&mut self, mut visit: impl FnMut(wire::HaplyState)) -> Result<bool, DeviceLoss> {
         send_result(self.socket.flush())?;
         let device_id = (!self.id.is_empty()).then_some(self.id.as_str());
-        for _ in 0..READS_MAX {
+        for _ in 0..READS_PER_CHECK_MAX {
             match self.socket.read() {
                 Ok(Message::Text(text)) => wire::parse_state(&text, device_id).into_iter().for_each(&mut visit),
-                Ok(Message::Close(_)) => return Err(Gone::Closed),
+                Ok(Message::Close(_)) => return Err(DeviceLoss::Closed),
                 Ok(_) => {}
                 Err(Error::Io(error)) if is_quiet(&error) => return Ok(false),
-                Err(error) => return Err(gone(&error)),
+                Err(error) => return Err(loss_from_error(&error)),
             }
         }
         Ok(true)
@@ -86,7 +86,7 @@ impl Service {
     }
 
     /// Send zero on a new connection, because the old one has ended and the force may still act.
-    pub(super) fn zero_on_new_connection(&mut self) {
+    pub(super) fn send_zero_anew(&mut self) {
         const PATIENCE: Duration = Duration::from_secs(1);
         if let Ok(socket) = connect(&self.target, PATIENCE) {
             self.socket = socket;
@@ -105,19 +105,19 @@ impl Service {
     }
 }
 
-fn send_result(write_result: Result<(), Error>) -> Result<(), Gone> {
+fn send_result(write_result: Result<(), Error>) -> Result<(), DeviceLoss> {
     match write_result {
         Err(Error::Io(error)) if is_quiet(&error) => Ok(()),
         // The write buffer is full: the service reads nothing. `Rules` judge its silence.
         Err(Error::WriteBufferFull(_)) => Ok(()),
-        done => done.map_err(|error| gone(&error)),
+        done => done.map_err(|error| loss_from_error(&error)),
     }
 }
 
-fn gone(error: &Error) -> Gone {
+fn loss_from_error(error: &Error) -> DeviceLoss {
     match error {
-        Error::Io(error) => error.raw_os_error().map_or(Gone::Closed, Gone::System),
-        _ => Gone::Closed,
+        Error::Io(error) => error.raw_os_error().map_or(DeviceLoss::Closed, DeviceLoss::System),
+        _ => DeviceLoss::Closed,
     }
 }
 
@@ -132,10 +132,10 @@ fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, Str
         .and_then(|()| tcp_stream.set_read_timeout(Some(patience)));
     set_result.map_err(|error| error.to_string())?;
     let config = WebSocketConfig::default()
-        .max_write_buffer_size(wire::LONGEST * 4)
+        .max_write_buffer_size(wire::MESSAGE_BYTES_MAX * 4)
         .write_buffer_size(0)
-        .max_message_size(Some(wire::LONGEST))
-        .max_frame_size(Some(wire::LONGEST));
+        .max_message_size(Some(wire::MESSAGE_BYTES_MAX))
+        .max_frame_size(Some(wire::MESSAGE_BYTES_MAX));
     let (web_socket, _) = client_with_config(target, tcp_stream, Some(config)).map_err(|error| match error {
         HandshakeError::Failure(error) => error.to_string(),
         HandshakeError::Interrupted(_) => "it does not answer as a WebSocket".to_owned(),

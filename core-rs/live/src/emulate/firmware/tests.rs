@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::emulate::{Hand, Key};
+use crate::emulate::{EmulatedHand, KeyConstants};
 use crate::wire::Parsed;
 
 fn board(protocol: Protocol, lockstep: bool) -> BoardConfig {
@@ -15,13 +15,13 @@ fn board(protocol: Protocol, lockstep: bool) -> BoardConfig {
         seed: 0,
         force_step: 0.0,
         watchdog: Duration::from_millis(50),
-        reported: [0.05, 1.0],
-        range: Key::default().range,
+        reported_constants: [0.05, 1.0],
+        range: KeyConstants::default().range,
     }
 }
 
-fn firmware(board: BoardConfig, n: usize, hand: Hand) -> Firmware {
-    let keys = Keys::new(n, Key::default(), 1000.0, vec![hand; n]).unwrap();
+fn firmware(board: BoardConfig, n: usize, hand: EmulatedHand) -> Firmware {
+    let keys = EmulatedKeys::new(n, KeyConstants::default(), 1000.0, vec![hand; n]).unwrap();
     Firmware::new(board, keys)
 }
 
@@ -29,7 +29,7 @@ fn ms(ms: u64) -> Duration {
     Duration::from_millis(ms)
 }
 
-fn firefader_reply(firmware: &mut Firmware, force: [f64; 2], now: Duration) -> firefader::Reply {
+fn firefader_reply(firmware: &mut Firmware, force: [f64; 2], now: Duration) -> firefader::FaderReply {
     let mut replies = Vec::new();
     firmware.receive(&firefader::request(force), now, &mut |bytes| {
         replies.push(firefader::parse_reply(bytes));
@@ -42,12 +42,12 @@ fn firefader_reply(firmware: &mut Firmware, force: [f64; 2], now: Duration) -> f
 
 #[test]
 fn untouched_key_gets_no_force() {
-    let mut free_firmware = firmware(board(Protocol::FireFader, true), 2, Hand::Free);
+    let mut free_firmware = firmware(board(Protocol::FireFader, true), 2, EmulatedHand::Free);
     for _ in 0..100 {
         let reply = firefader_reply(&mut free_firmware, [1.0, -1.0], ms(0));
-        assert_eq!((reply.position, reply.cap), ([128; 2], [0; 2]));
+        assert_eq!((reply.position, reply.capacitance), ([128; 2], [0; 2]));
     }
-    let mut touched = firmware(board(Protocol::FireFader, true), 2, Hand::Resting);
+    let mut touched = firmware(board(Protocol::FireFader, true), 2, EmulatedHand::Resting);
     // The gate is a filter over packets with threshold 20: 5, 9.8, 14.5, 19.1, 23.5.
     for n in 1..=20 {
         firefader_reply(&mut touched, [1.0, -1.0], ms(0));
@@ -56,14 +56,14 @@ fn untouched_key_gets_no_force() {
     }
     let reply = firefader_reply(&mut touched, [1.0, -1.0], ms(0));
     assert!(reply.position[0] > 128 && reply.position[1] < 128, "{reply:?}");
-    assert!(reply.cap[0] > firefader::CAP_TOUCHED);
+    assert!(reply.capacitance[0] > firefader::CAP_TOUCHED);
 }
 
 #[test]
 fn silent_host_releases_the_key() {
     let mut board = board(Protocol::FireFader, false);
     board.touch_gate = false;
-    let mut firmware = firmware(board, 2, Hand::Resting);
+    let mut firmware = firmware(board, 2, EmulatedHand::Resting);
     firefader_reply(&mut firmware, [1.0, 0.0], ms(10));
     assert!(!firmware.run_to(ms(59)));
     assert!(firmware.forces()[0] > 0.9);
@@ -79,7 +79,7 @@ fn silent_host_releases_the_key() {
 fn firmware_without_lockstep_uses_the_newest_packet() {
     let mut board = board(Protocol::FireFader, false);
     board.touch_gate = false;
-    let mut firmware = firmware(board, 2, Hand::Resting);
+    let mut firmware = firmware(board, 2, EmulatedHand::Resting);
     let mut two_packets = firefader::request([-1.0, 0.0]).to_vec();
     two_packets.extend(firefader::request([0.5, 0.0]));
     let mut replies = 0;
@@ -88,20 +88,20 @@ fn firmware_without_lockstep_uses_the_newest_packet() {
     assert!(firmware.forces()[0] > 0.4);
 }
 
-fn frame_reply(firmware: &mut Firmware, request: frame::Request) -> Parsed<frame::Reply> {
-    let mut frame_bytes = [0; frame::LONGEST];
+fn frame_reply(firmware: &mut Firmware, request: frame::FrameRequest) -> Parsed<frame::FrameReply> {
+    let mut frame_bytes = [0; frame::FRAME_BYTES_MAX];
     let request_length = request.write(10.0, &mut frame_bytes);
     let mut parsed_reply = Parsed::Incomplete;
     firmware.receive(&frame_bytes[..request_length], ms(7), &mut |frame_bytes| {
-        parsed_reply = frame::Reply::parse(frame_bytes)
+        parsed_reply = frame::FrameReply::parse(frame_bytes)
     });
     parsed_reply
 }
 
 #[test]
 fn frame_with_ask_takes_no_step() {
-    let mut firmware = firmware(board(Protocol::Frame, true), 3, Hand::Resting);
-    let mut request = frame::Request {
+    let mut firmware = firmware(board(Protocol::Frame, true), 3, EmulatedHand::Resting);
+    let mut request = frame::FrameRequest {
         seq: 9,
         axis_count: 3,
         wide: true,
@@ -133,12 +133,12 @@ fn frame_with_ask_takes_no_step() {
 
 #[test]
 fn device_info_of_a_frame_board() {
-    let mut firmware = firmware(board(Protocol::Frame, true), 12, Hand::Free);
-    let request = frame::Request {
+    let mut firmware = firmware(board(Protocol::Frame, true), 12, EmulatedHand::Free);
+    let request = frame::FrameRequest {
         seq: 3,
-        ..frame::Request::default()
+        ..frame::FrameRequest::default()
     };
-    let mut frame_bytes = [0; frame::LONGEST];
+    let mut frame_bytes = [0; frame::FRAME_BYTES_MAX];
     let request_length = request.write(10.0, &mut frame_bytes);
     let mut board_info = Parsed::Incomplete;
     firmware.receive(&frame_bytes[..request_length], ms(0), &mut |frame_bytes| {
@@ -163,7 +163,7 @@ proptest! {
         lockstep in any::<bool>(),
     ) {
         for &protocol in Protocol::ALL {
-            let mut firmware = firmware(board(protocol, lockstep), 3, Hand::Resting);
+            let mut firmware = firmware(board(protocol, lockstep), 3, EmulatedHand::Resting);
             for (i, piece) in pieces.iter().enumerate() {
                 firmware.receive(piece, ms(i as u64), &mut |_| ());
                 firmware.run_to(ms(i as u64));

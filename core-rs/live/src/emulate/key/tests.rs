@@ -2,13 +2,13 @@ use std::sync::Arc;
 
 use ergon_engine::maths;
 use ergon_engine::network::{Network, Tie};
-use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::simulation::{OnFault, Simulation, SimulationOptions};
 use ergon_engine::timeline::Timeline;
 
 use super::*;
 
-fn keys(key: Key, rate: f64, hands: Vec<Hand>) -> Keys {
-    Keys::new(1, key, rate, hands).unwrap()
+fn keys(key: KeyConstants, rate: f64, hands: Vec<EmulatedHand>) -> EmulatedKeys {
+    EmulatedKeys::new(1, key, rate, hands).unwrap()
 }
 
 fn push(force: f64) -> [f64; MAX_AXES] {
@@ -22,7 +22,7 @@ fn push(force: f64) -> [f64; MAX_AXES] {
 #[test]
 fn emulated_key_equals_a_cel_bitwise() {
     let key_rate = 44_100.0 / 44.0;
-    let key = Key {
+    let key = KeyConstants {
         mass: 0.08,
         stiffness: 200.0,
         damping: 0.9,
@@ -39,7 +39,7 @@ fn emulated_key_equals_a_cel_bitwise() {
     network
         .spring("tie", cel_mat, other_mat, link_stiffness, 0.0, 0.0)
         .unwrap();
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         record: false,
         on_fault: OnFault::Stop,
@@ -72,12 +72,12 @@ fn emulated_key_equals_a_cel_bitwise() {
 fn hand_on_path_pulls_as_a_damped_spring() {
     let key_rate = 10_000.0;
     let (mass, stiffness, damping, hand_target) = (0.05, 300.0, 2.0, 0.01);
-    let path_hand = Hand::OnPath {
+    let path_hand = EmulatedHand::OnPath {
         path: vec![hand_target; 2_000],
         stiffness,
         damping,
     };
-    let key = Key {
+    let key = KeyConstants {
         mass,
         stiffness: 0.0,
         damping: 0.0,
@@ -103,8 +103,8 @@ fn hand_on_path_pulls_as_a_damped_spring() {
 
 #[test]
 fn touched_of_free_and_resting_hands() {
-    for (hand, touched) in [(Hand::Free, false), (Hand::Resting, true)] {
-        let mut single_key = keys(Key::default(), 1000.0, vec![hand]);
+    for (hand, touched) in [(EmulatedHand::Free, false), (EmulatedHand::Resting, true)] {
+        let mut single_key = keys(KeyConstants::default(), 1000.0, vec![hand]);
         assert_eq!(single_key.touched(0), touched);
         single_key.step(&push(0.0));
         assert_eq!(single_key.positions()[0], 0.0);
@@ -113,7 +113,7 @@ fn touched_of_free_and_resting_hands() {
 
 #[test]
 fn key_stops_at_its_travel() {
-    let mut single_key = keys(Key::default(), 1000.0, vec![]);
+    let mut single_key = keys(KeyConstants::default(), 1000.0, vec![]);
     for _ in 0..500 {
         single_key.step(&push(5.0));
     }
@@ -130,7 +130,9 @@ fn key_with_a_model_follows_the_model() {
     let model = KeyModel::from_row(&model_row).unwrap();
     let push_forces: Vec<f64> = (0..500u32).map(|n| f64::from(n % 37) * 0.02).collect();
     let model_path = model.path(&push_forces, 1000.0, None).unwrap();
-    let mut single_key = keys(Key::default(), 1000.0, vec![]).with_model(&model).unwrap();
+    let mut single_key = keys(KeyConstants::default(), 1000.0, vec![])
+        .with_model(&model)
+        .unwrap();
     for (force, x) in push_forces.iter().zip(model_path) {
         assert_eq!(single_key.positions()[0], x);
         single_key.step(&push(*force));
@@ -143,7 +145,7 @@ fn key_with_a_model_follows_the_model() {
 #[test]
 fn hash_differs_with_the_path() {
     let hash_after = |force: f64| {
-        let mut single_key = keys(Key::default(), 1000.0, vec![]);
+        let mut single_key = keys(KeyConstants::default(), 1000.0, vec![]);
         for _ in 0..100 {
             single_key.step(&push(force));
         }
@@ -155,27 +157,27 @@ fn hash_differs_with_the_path() {
 
 #[test]
 fn wrong_key_models_are_refused() {
-    let refused = |key, rate| Keys::new(1, key, rate, vec![]).is_err();
-    let default_key = Key::default();
+    let refused = |key, rate| EmulatedKeys::new(1, key, rate, vec![]).is_err();
+    let default_key = KeyConstants::default();
     assert!(refused(
-        Key {
+        KeyConstants {
             mass: 0.0,
             ..default_key
         },
         1000.0
     ));
     assert!(refused(
-        Key {
+        KeyConstants {
             damping: f64::NAN,
             ..default_key
         },
         1000.0
     ));
     assert!(refused(default_key, 0.0));
-    let fast_key = Key {
+    let fast_key = KeyConstants {
         stiffness: 1e9,
         ..default_key
     };
     assert!(refused(fast_key, 1000.0));
-    assert!(Keys::new(17, default_key, 1000.0, vec![]).is_err());
+    assert!(EmulatedKeys::new(17, default_key, 1000.0, vec![]).is_err());
 }

@@ -43,7 +43,7 @@ fn stem(stem_name: &str, n_frames: u64, written: u64, outputs: &[usize]) -> (Tem
     (TempFile(stem_path), stem)
 }
 
-fn until_ready(frozen: &Frozen, start: u64, n: usize) {
+fn until_ready(frozen: &FrozenOutputs, start: u64, n: usize) {
     let wait_start = Instant::now();
     while !frozen.is_ready(start, n) && wait_start.elapsed() < Duration::from_secs(60) {
         std::thread::sleep(Duration::from_millis(1));

@@ -6,7 +6,7 @@ use crate::perform::tests::unplugged::Unplugged;
 /// A motor keeps its heat while its cable is unplugged and plugged in again.
 #[test]
 fn reconnected_device_keeps_its_heat() {
-    let url = Url::parse("emul:?mass=0.05&damping=1&stiffness=1000").unwrap();
+    let url = DeviceUrl::parse("emul:?mass=0.05&damping=1&stiffness=1000").unwrap();
     let key = device::open(&url).unwrap();
     let device_config = DeviceConfig {
         url,
@@ -30,7 +30,7 @@ fn reconnected_device_keeps_its_heat() {
     let returned_device = loop {
         assert!(Instant::now() < patience, "it is found again");
         match received_commands.pop() {
-            Ok(Command::Keys(_, guarded)) => break guarded,
+            Ok(Command::ReopenedKeyboard(_, guarded_device)) => break guarded_device,
             _ => std::thread::sleep(Duration::from_millis(5)),
         }
     };

@@ -9,7 +9,7 @@ use ergon_engine::simulation::{Simulation, Takeover};
 use super::Player;
 use crate::perform::Garbage;
 use crate::perform::guidance::GuidanceStep;
-use crate::perform::scale::Bound;
+use crate::perform::scale::ScaleBound;
 use crate::perform::status::EventKind;
 
 /// Greatest number of changes that may wait.
@@ -29,15 +29,15 @@ pub struct Change {
     /// Frames at which bars begin, rising.
     pub bars: Option<Vec<u64>>,
     /// Stand-in positions of each hand, at each tick from the change on [m]; an empty list keeps the old ones.
-    pub standins: Option<Vec<Vec<f64>>>,
-    /// With `standins`: for each hand the forces that drive its key along them [N].
+    pub standin_positions: Option<Vec<Vec<f64>>>,
+    /// With `standin_positions`: for each hand the forces that drive its key along them [N].
     pub forces: Vec<Vec<f64>>,
     /// Steps of each hand's loose guidance; a hand without steps keeps its factors.
     pub guidance_steps: Option<Vec<Vec<GuidanceStep>>>,
     /// Bounds of the force on each hand; a hand without bounds keeps its scale.
-    pub bounds: Option<Vec<Vec<Bound>>>,
-    /// See [`Simulation::damp`].
-    pub damp: Option<Option<f64>>,
+    pub scale_bounds: Option<Vec<Vec<ScaleBound>>>,
+    /// See [`Simulation::decay_time`].
+    pub decay_time: Option<Option<f64>>,
 }
 
 /// A change that waits for its frame.
@@ -53,8 +53,8 @@ impl Player {
     /// Queue a change until its frame, after earlier changes of the same frame.
     pub(super) fn schedule(&mut self, due: Box<ScheduledChange>) {
         if self.scheduled_changes.len() == SCHEDULED_MAX {
-            self.send_event(EventKind::Late(due.ticket));
-            self.give_back(due);
+            self.send_event(EventKind::ChangeMissed(due.ticket));
+            self.report_and_discard(due);
             return;
         }
         let queue_index = self.scheduled_changes.partition_point(|other| other.frame <= due.frame);
@@ -73,7 +73,7 @@ impl Player {
             };
             let due_change = self.scheduled_changes.remove(revoked_index);
             self.report(due_change.ticket, false);
-            self.give_back(due_change);
+            self.report_and_discard(due_change);
         }
     }
 
@@ -87,61 +87,61 @@ impl Player {
             let mut due_change = self.scheduled_changes.remove(0);
             let change_made = due_change.frame == self.frame && self.change(&mut due_change);
             self.report(due_change.ticket, change_made);
-            self.give_back(due_change);
+            self.report_and_discard(due_change);
         }
     }
 
     /// Report whether a change was made.
     fn report(&mut self, ticket: u64, done: bool) {
         self.send_event(if done {
-            EventKind::Changed(ticket)
+            EventKind::ChangeDone(ticket)
         } else {
-            EventKind::Late(ticket)
+            EventKind::ChangeMissed(ticket)
         });
-        self.note(format_args!("{{\"change\":{ticket},\"done\":{done}}}"));
+        self.record_note(format_args!("{{\"change\":{ticket},\"done\":{done}}}"));
     }
 
     /// Make a change. Return false, with nothing changed, if its simulation cannot take over from the playing one, or
     /// if the numbers of outputs of simulation and mixer differ.
     fn change(&mut self, due: &mut ScheduledChange) -> bool {
         let ScheduledChange { change, outputs, .. } = due;
-        let stage = &mut self.stage;
+        let piece = &mut self.piece;
         let simulation = change
             .simulation
             .as_ref()
-            .map_or(&stage.simulation, |(simulation, _)| simulation);
-        let mixer = change.mixer.as_ref().unwrap_or(&stage.mixer);
+            .map_or(&piece.simulation, |(simulation, _)| simulation);
+        let mixer = change.mixer.as_ref().unwrap_or(&piece.mixer);
         if simulation.n_out() != mixer.n_out() {
             return false;
         }
         if let Some((simulation, takeover)) = &mut change.simulation {
-            if !simulation.take_over(&mut stage.simulation, takeover) {
+            if !simulation.take_over(&mut piece.simulation, takeover) {
                 return false;
             }
-            std::mem::swap(simulation, &mut stage.simulation);
+            std::mem::swap(simulation, &mut piece.simulation);
             std::mem::swap(outputs, &mut self.outputs);
         }
         if let Some(mixer) = &mut change.mixer {
             let outputs = change.simulation.as_ref().map(|(_, takeover)| takeover.outputs());
-            mixer.take_over(&mut stage.mixer, outputs);
-            std::mem::swap(mixer, &mut stage.mixer);
+            mixer.take_over(&mut piece.mixer, outputs);
+            std::mem::swap(mixer, &mut piece.mixer);
         }
         for &(group, gain) in &change.gains {
-            stage.mixer.set_gain(group, gain);
+            piece.mixer.set_gain(group, gain);
         }
         if let Some(gain) = change.gain {
             self.gain.set(gain);
         }
-        if let Some(decay_time) = change.damp {
-            stage.simulation.damp(decay_time);
+        if let Some(decay_time) = change.decay_time {
+            piece.simulation.damp(decay_time);
         }
         if let Some(bars) = &mut change.bars {
-            std::mem::swap(bars, &mut stage.bars);
+            std::mem::swap(bars, &mut piece.bars);
         }
-        if let Some(standins) = &mut change.standins {
-            let sources = self.sources.iter_mut().zip(&mut self.guidance);
+        if let Some(standins) = &mut change.standin_positions {
+            let sources = self.hand_sources.iter_mut().zip(&mut self.guidance_states);
             for (index, ((hand, standin), (source, guidance))) in
-                stage.hands.iter_mut().zip(standins).zip(sources).enumerate()
+                piece.hands.iter_mut().zip(standins).zip(sources).enumerate()
             {
                 if standin.is_empty() {
                     continue;
@@ -160,15 +160,15 @@ impl Player {
             }
         }
         if let Some(step_lists) = &mut change.guidance_steps {
-            for (guidance, steps) in self.guidance.iter_mut().zip(step_lists) {
+            for (guidance, steps) in self.guidance_states.iter_mut().zip(step_lists) {
                 if guidance.is_loose() {
                     std::mem::swap(&mut guidance.steps, steps);
                     guidance.begin_steps(self.tick);
                 }
             }
         }
-        if let Some(bounds) = &mut change.bounds {
-            for (scale, bounds) in self.scales.iter_mut().zip(bounds) {
+        if let Some(bounds) = &mut change.scale_bounds {
+            for (scale, bounds) in self.force_scales.iter_mut().zip(bounds) {
                 if !bounds.is_empty() {
                     std::mem::swap(&mut scale.bounds, bounds);
                     scale.begin(self.tick);
@@ -180,14 +180,14 @@ impl Player {
 
     /// Advance the force scale of each hand, with the bounds of changes that wait.
     pub(super) fn update_scales(&mut self) {
-        let tick_frames = self.stage.tick_frames as u64;
-        for (hand, scale) in self.scales.iter_mut().enumerate() {
-            let Some((slot_index, axis_index)) = self.axis_of[hand] else {
+        let tick_frames = self.piece.tick_frames as u64;
+        for (hand, scale) in self.force_scales.iter_mut().enumerate() {
+            let Some((slot_index, axis_index)) = self.hand_axes[hand] else {
                 continue;
             };
             let waiting = self.scheduled_changes.iter().flat_map(|due| {
-                let hand_bounds = due.change.bounds.iter().filter_map(|all| all.get(hand));
-                hand_bounds.flatten().map(|bound| Bound {
+                let hand_bounds = due.change.scale_bounds.iter().filter_map(|all| all.get(hand));
+                hand_bounds.flatten().map(|bound| ScaleBound {
                     tick: bound.tick.saturating_add(due.frame / tick_frames),
                     ..*bound
                 })
@@ -197,12 +197,12 @@ impl Player {
         }
     }
 
-    fn give_back(&mut self, due: Box<ScheduledChange>) {
-        self.throw_away(Garbage::Change(due));
+    fn report_and_discard(&mut self, due: Box<ScheduledChange>) {
+        self.discard(Garbage::Change(due));
     }
 
     /// Send a box back to be freed; if there is no room it is leaked, not freed here.
-    pub(super) fn throw_away(&mut self, garbage: Garbage) {
+    pub(super) fn discard(&mut self, garbage: Garbage) {
         if let Err(rtrb::PushError::Full(garbage)) = self.connections.garbage.push(garbage) {
             std::mem::forget(garbage);
         }

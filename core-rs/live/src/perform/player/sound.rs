@@ -4,106 +4,106 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use super::{Player, RING_TIMEOUT};
-use crate::perform::Stage;
-use crate::perform::frozen::Frozen;
+use crate::perform::PreparedPiece;
+use crate::perform::frozen::FrozenOutputs;
 
 /// Time constant of the decay of peaks [s].
-const PEAK_DECAY: f64 = 0.3;
+const PEAK_DECAY_SECONDS: f64 = 0.3;
 
 impl Player {
     /// Compute the frames of the tick, mixed and limited.
-    pub(super) fn step(&mut self, frame_count: usize) {
-        let stage = &mut self.stage;
-        let channels = stage.mixer.n_channels();
-        let n_outputs = stage.simulation.n_out();
+    pub(super) fn compute_sound(&mut self, frame_count: usize) {
+        let piece = &mut self.piece;
+        let channels = piece.mixer.n_channels();
+        let n_outputs = piece.simulation.n_out();
         if frame_count > 0 {
             let outputs = &mut self.outputs[..frame_count * n_outputs];
             let mixed_sound = &mut self.mixed[..frame_count * channels];
             if let Some(sound_input) = &mut self.connections.sound_input {
-                let is_playing = self.connections.shared.played() > 0;
-                sound_input.tick(&mut stage.simulation, self.frame, frame_count, is_playing);
+                let is_playing = self.connections.stream_state.played() > 0;
+                sound_input.tick(&mut piece.simulation, self.frame, frame_count, is_playing);
             }
             // A part that diverges is muted by itself: the result is not needed.
             let _ = if n_outputs == 0 {
-                stage.simulation.skip(frame_count as u64)
+                piece.simulation.skip(frame_count as u64)
             } else {
-                stage.simulation.process(outputs)
+                piece.simulation.process(outputs)
             };
             if let Some(frozen_stems) = &mut self.connections.frozen {
                 // If no clock sets the pace, wait for the disk.
                 let wait_start = Instant::now();
-                let is_there = |frozen_stems: &Frozen| frozen_stems.is_ready(self.frame, frame_count);
+                let is_there = |frozen_stems: &FrozenOutputs| frozen_stems.is_ready(self.frame, frame_count);
                 let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
-                while !self.has_pace
+                while !self.is_paced
                     && !is_there(frozen_stems)
                     && wait_start.elapsed() < RING_TIMEOUT
                     && !stop_requested()
                 {
                     self.clock.wait_while_full();
                 }
-                self.status.missed += frozen_stems.join(outputs, n_outputs, self.frame);
+                self.status.missed_frozen_frames += frozen_stems.join(outputs, n_outputs, self.frame);
             }
-            stage.mixer.process(outputs, mixed_sound);
-            if let Some(fades) = &mut stage.fades
+            piece.mixer.process(outputs, mixed_sound);
+            if let Some(fades) = &mut piece.silence_detector
                 && fades.process(mixed_sound).is_some()
             {
-                stage.n_frames = Some(self.frame + frame_count as u64);
-                stage.fades = None;
+                piece.n_frames = Some(self.frame + frame_count as u64);
+                piece.silence_detector = None;
             }
             self.gain.apply(self.frame, mixed_sound, channels);
             if let Some(window) = &mut self.window {
-                window.add_levels(mixed_sound, !self.panicked);
+                window.add_levels(mixed_sound, !self.is_panicking);
             }
-            limit(stage, mixed_sound, &mut self.folded);
+            limit(piece, mixed_sound, &mut self.folded);
         } else {
-            let frame_count = stage.tick_frames.min(self.tail_frames);
+            let frame_count = piece.tick_frames.min(self.tail_frames);
             let mixed_sound = &mut self.mixed[..frame_count * channels];
             mixed_sound.fill(0.0);
-            limit(stage, mixed_sound, &mut self.folded);
+            limit(piece, mixed_sound, &mut self.folded);
         }
-        for (hand, hand_input) in stage.hands.iter().enumerate() {
-            self.piece_forces[hand] = stage.simulation.hand_force(hand) * hand_input.travel_ratio;
+        for (hand, hand_input) in piece.hands.iter().enumerate() {
+            self.piece_forces[hand] = piece.simulation.hand_force(hand) * hand_input.travel_ratio;
         }
         self.tick += 1;
         self.frame += frame_count as u64;
     }
 
     /// Send frames to the card, without those of the limiter's initial delay.
-    pub(super) fn feed(&mut self, n: usize, is_tail: bool) {
-        let channels = self.stage.n_heard();
-        let folded = match self.stage.fold {
+    pub(super) fn push_output(&mut self, n_frames: usize, is_tail: bool) {
+        let channels = self.piece.n_heard_channels();
+        let folded = match self.piece.fold {
             Some(_) => &self.folded,
             None => &self.mixed,
         };
-        let skipped_frames = self.frames_to_skip.min(n);
-        let delay_frames = (self.stage.limiter.latency() - self.frames_to_skip) as u64;
+        let skipped_frames = self.frames_to_skip.min(n_frames);
+        let delay_frames = (self.piece.limiter.latency() - self.frames_to_skip) as u64;
         self.frames_to_skip -= skipped_frames;
         if is_tail {
-            self.tail_frames -= n;
+            self.tail_frames -= n_frames;
         }
-        for (single, x) in self.output_f32.iter_mut().zip(&folded[..n * channels]) {
+        for (single, x) in self.output_samples.iter_mut().zip(&folded[..n_frames * channels]) {
             *single = *x as f32;
         }
-        let peak_decay = (1.0 - self.clock.period() / PEAK_DECAY).max(0.0) as f32;
+        let peak_decay = (1.0 - self.clock.period() / PEAK_DECAY_SECONDS).max(0.0) as f32;
         self.status.peaks.iter_mut().for_each(|peak| *peak *= peak_decay);
-        if self.panicked {
+        if self.is_panicking {
             // After a panic nothing is heard.
             self.status.peaks.fill(0.0);
         }
-        let folded = if self.panicked { 0 } else { n };
-        for frame in self.output_f32[..folded * channels].chunks_exact(channels) {
+        let folded = if self.is_panicking { 0 } else { n_frames };
+        for frame in self.output_samples[..folded * channels].chunks_exact(channels) {
             for (peak, x) in self.status.peaks.iter_mut().zip(frame) {
                 *peak = peak.max(x.abs());
             }
         }
-        let mut samples_left = &self.output_f32[skipped_frames * channels..n * channels];
+        let mut samples_left = &self.output_samples[skipped_frames * channels..n_frames * channels];
         if let Some(sound_tap) = &mut self.tap {
-            let tap_frame = self.frame.saturating_sub(n as u64 + delay_frames);
-            sound_tap.push(tap_frame, samples_left, self.panicked);
+            let tap_frame = self.frame.saturating_sub(n_frames as u64 + delay_frames);
+            sound_tap.push(tap_frame, samples_left, self.is_panicking);
         }
         let wait_start = Instant::now();
         loop {
-            let taken_frames = self.connections.feed.push(samples_left);
+            let taken_frames = self.connections.ring_writer.push(samples_left);
             samples_left = &samples_left[taken_frames * channels..];
             let stop_requested = self.connections.flags.stop.load(Ordering::Acquire);
             if samples_left.is_empty() || stop_requested {
@@ -111,7 +111,7 @@ impl Player {
             }
             // Keys are not kept waiting by a card: the frames are dropped.
             if self.clock.is_paced_by_keys() || wait_start.elapsed() > RING_TIMEOUT {
-                self.status.dropped += (samples_left.len() / channels) as u64;
+                self.status.dropped_frames += (samples_left.len() / channels) as u64;
                 break;
             }
             self.clock.wait_while_full();
@@ -120,12 +120,12 @@ impl Player {
 }
 
 /// Fold the mixed channels into `folded` if there is a fold, and limit those that are heard.
-fn limit(stage: &mut Stage, mixed: &mut [f64], folded: &mut [f64]) {
-    let Some(channel_fold) = &mut stage.fold else {
-        stage.limiter.process(mixed);
+fn limit(piece: &mut PreparedPiece, mixed: &mut [f64], folded: &mut [f64]) {
+    let Some(channel_fold) = &mut piece.fold else {
+        piece.limiter.process(mixed);
         return;
     };
     let folded = &mut folded[..mixed.len() / channel_fold.n_in() * channel_fold.n_out()];
     channel_fold.process(mixed, folded);
-    stage.limiter.process(folded);
+    piece.limiter.process(folded);
 }

@@ -20,10 +20,10 @@ fn changes_act_at_their_frames() {
     let config = config(&format!("file:{}", sound_path.display()));
     let (tick_frames, tick_count) = (EVERY as u64, 600_u64);
     let mut offline = simulation(&[], 0);
-    let stage = Stage {
+    let piece = PreparedPiece {
         simulation: offline.fork(),
         n_frames: Some(tick_count * tick_frames),
-        ..stage()
+        ..piece()
     };
     let mixer = |gain: f64| {
         let mut mixer = Mixer::new(RATE, 1, 2);
@@ -33,14 +33,14 @@ fn changes_act_at_their_frames() {
     };
     let change_frames = [100, 250, 90, 300].map(|tick| tick * tick_frames);
     let strike_times = [&[0.15][..], &[0.15, 0.3, 0.35], &[0.2], &[0.4]];
-    let (mut performance, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+    let (mut performance, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
     let versions = change_frames.map(|from| {
         simulation(
             strike_times[change_frames.iter().position(|position| *position == from).unwrap()],
             from,
         )
     });
-    player.begin();
+    player.receive_first_positions();
     reset_violation_count();
     let mut tick_by_hand = |ticks: u64| {
         assert_no_alloc(|| (0..ticks).for_each(|_| assert!(player.tick())));
@@ -79,13 +79,13 @@ fn changes_act_at_their_frames() {
     assert_eq!(
         events_of(&mut performance),
         [
-            (change_frames[0], EventKind::Changed(first_ticket)),
-            (120 * tick_frames, EventKind::Late(late_ticket)),
-            (change_frames[1], EventKind::Changed(second_ticket)),
-            (change_frames[3], EventKind::Late(from_another)),
+            (change_frames[0], EventKind::ChangeDone(first_ticket)),
+            (120 * tick_frames, EventKind::ChangeMissed(late_ticket)),
+            (change_frames[1], EventKind::ChangeDone(second_ticket)),
+            (change_frames[3], EventKind::ChangeMissed(from_another)),
         ]
     );
-    player.connections.feed.close();
+    player.connections.ring_writer.close();
     drop(player);
     performance.close(PATIENCE).unwrap();
 
@@ -131,10 +131,10 @@ fn changes_are_revoked_before_their_frames() {
     let tick_frames = EVERY as u64;
     let change_frames = [10, 30, 20, 40].map(|tick| tick * tick_frames);
     let versions = change_frames.map(|from| simulation(&[0.1], from));
-    let stage = stage();
-    let first_simulation = stage.simulation.fork();
-    let (mut performance, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
-    player.begin();
+    let piece = piece();
+    let first_simulation = piece.simulation.fork();
+    let (mut performance, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
+    player.receive_first_positions();
     reset_violation_count();
     let version_change = |version: usize, old: &Simulation| Change {
         simulation: Some((versions[version].fork(), Takeover::new(old, &versions[version]))),
@@ -174,15 +174,15 @@ fn changes_are_revoked_before_their_frames() {
     assert_eq!(
         events_of(&mut performance),
         [
-            (0, EventKind::Late(later_ticket)),
-            (0, EventKind::Late(sooner_ticket)),
-            (5 * tick_frames, EventKind::Late(renewed_ticket)),
-            (change_frames[0], EventKind::Changed(saved_ticket)),
-            (11 * tick_frames, EventKind::Late(repeated_ticket)),
-            (change_frames[1], EventKind::Changed(from_gain)),
+            (0, EventKind::ChangeMissed(later_ticket)),
+            (0, EventKind::ChangeMissed(sooner_ticket)),
+            (5 * tick_frames, EventKind::ChangeMissed(renewed_ticket)),
+            (change_frames[0], EventKind::ChangeDone(saved_ticket)),
+            (11 * tick_frames, EventKind::ChangeMissed(repeated_ticket)),
+            (change_frames[1], EventKind::ChangeDone(from_gain)),
         ]
     );
-    player.connections.feed.close();
+    player.connections.ring_writer.close();
     drop(player);
     performance.close(PATIENCE).unwrap();
 }
@@ -207,22 +207,25 @@ fn finer_frames_are_reported_once() {
             .unwrap();
     }
     let plan = Plan::plain(Arc::new(network), &timeline, false).unwrap();
-    let stage = Stage {
+    let piece = PreparedPiece {
         simulation: Simulation::from_plan(Arc::new(plan), OPTIONS).unwrap(),
         hands: Vec::new(),
-        ..stage()
+        ..piece()
     };
     let config = config("null:fast");
-    let (mut performance, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
-    player.begin();
+    let (mut performance, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
+    player.receive_first_positions();
     reset_violation_count();
     assert_no_alloc(|| (0..1_000).for_each(|_| assert!(player.tick())));
     assert_eq!(violation_count(), 0);
     let event_kinds: Vec<_> = std::iter::from_fn(|| performance.event())
         .map(|event| event.kind)
         .collect();
-    assert_eq!(event_kinds, [EventKind::Finer]);
-    assert_eq!((performance.status().finer, performance.status().muted), (1, 0));
+    assert_eq!(event_kinds, [EventKind::PartRefined]);
+    assert_eq!(
+        (performance.status().n_finer_parts, performance.status().n_muted_parts),
+        (1, 0)
+    );
     drop(player);
     performance.close(PATIENCE).unwrap();
 }

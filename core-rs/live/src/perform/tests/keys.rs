@@ -3,23 +3,25 @@
 use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
 
 use super::*;
-use crate::recording::{Axis, flag, read};
+use crate::recording::{RecordedAxis, flag, read};
 
 /// Guidance counts even before it acts: a key that could not bear it gets less force.
 #[test]
 fn limit_with_loose_guidance_scales_the_key() {
     let key_scale = |guidance: Option<(f64, bool)>| {
-        let guided_hand = Hand {
+        let guided_hand = LiveHand {
             guidance: guidance.map(|(k, loose)| Guidance {
                 k,
                 z: 0.0,
                 follows_steps: loose,
             }),
-            response: vec![0.0; 400],
-            ..Hand::default()
+            piece_response: vec![0.0; 400],
+            ..LiveHand::default()
         };
-        let response = guided_hand.response.clone();
-        HandKey::all(&keyboard(0, 0), &[guided_hand])[0].limit(&response).scale
+        let response = guided_hand.piece_response.clone();
+        HandKey::all(&keyboard(0, 0), &[guided_hand])[0]
+            .limit(&response)
+            .force_scale
     };
     assert_eq!(key_scale(None), 1.0);
     assert_eq!(key_scale(Some((100.0, true))), 1.0);
@@ -33,12 +35,12 @@ fn limit_with_loose_guidance_scales_the_key() {
 #[test]
 fn limit_with_measured_key_takes_the_worse_value() {
     let hand_limit = |measured: Option<MeasuredKey>| {
-        let measured_hand = Hand {
-            response: vec![4e3; 1],
-            measured,
-            ..Hand::default()
+        let measured_hand = LiveHand {
+            piece_response: vec![4e3; 1],
+            measured_key: measured,
+            ..LiveHand::default()
         };
-        HandKey::all(&keyboard(0, 0), std::slice::from_ref(&measured_hand))[0].limit(&measured_hand.response)
+        HandKey::all(&keyboard(0, 0), std::slice::from_ref(&measured_hand))[0].limit(&measured_hand.piece_response)
     };
     let measured = |mass, damping, delay| hand_limit(Some(MeasuredKey { mass, damping, delay })).stable_stiffness;
     let reported_limit = hand_limit(None).stable_stiffness;
@@ -57,8 +59,8 @@ fn limit_with_measured_key_takes_the_worse_value() {
 #[test]
 fn loose_guidance_leads_a_key_and_releases_it() {
     let config = config("null:fast");
-    let mut stage = stage();
-    for hand in &mut stage.hands {
+    let mut piece = piece();
+    for hand in &mut piece.hands {
         hand.standin_positions = vec![0.0];
         hand.travel_ratio = 0.0; // the scene has no effect
         hand.guidance = Some(Guidance {
@@ -67,12 +69,12 @@ fn loose_guidance_leads_a_key_and_releases_it() {
             follows_steps: true,
         });
     }
-    let (mut performance, mut player) = Performance::prepare(stage, vec![keyboard(0, u32::MAX)], config).unwrap();
-    player.begin();
-    let guidance_step = |position, share| GuidanceStep { frame: position, share };
+    let (mut performance, mut player) = Performance::prepare(piece, vec![keyboard(0, u32::MAX)], config).unwrap();
+    player.receive_first_positions();
+    let guidance_step = |position, share| GuidanceStep { tick: position, share };
     let full_share = GuidanceShare { k: 1.0, z: 1.0 };
     let path_change = |x: f64, steps: Vec<GuidanceStep>| Change {
-        standins: Some(vec![vec![x], vec![0.0]]),
+        standin_positions: Some(vec![vec![x], vec![0.0]]),
         guidance_steps: Some(vec![steps, Vec::new()]),
         ..Change::default()
     };
@@ -98,7 +100,7 @@ fn loose_guidance_leads_a_key_and_releases_it() {
     reset_violation_count();
     for _ in 0..TICKS {
         assert!(assert_no_alloc(|| player.tick()));
-        x.push(player.sources[0].x);
+        x.push(player.hand_sources[0].x);
     }
     assert_eq!(violation_count(), 0);
     let last_status = performance.status();
@@ -110,15 +112,15 @@ fn loose_guidance_leads_a_key_and_releases_it() {
     assert!((x[3_990] + 3e-3).abs() < 1e-5, "{}", x[3_990]);
     // Only guidance moves the key: without it the key stays and gets no force.
     assert!((x[5_990] - x[4_300]).abs() < 1e-5, "{}", x[5_990]);
-    assert_eq!(last_status.hands[0].sent, 0.0);
-    assert!(last_status.hands[0].real);
+    assert_eq!(last_status.hands[0].sent_force, 0.0);
+    assert!(last_status.hands[0].is_real);
 }
 
 /// A key is unplugged and comes back, a panic begins and ends, the gain changes, and everything is recorded.
 #[test]
 fn tick_does_not_allocate() {
     let take_path = std::env::temp_dir().join(format!("ergon-ticks-{}.take", std::process::id()));
-    let axis = |player: &str| Axis {
+    let axis = |player: &str| RecordedAxis {
         player: player.into(),
         key: "k".into(),
     };
@@ -129,16 +131,16 @@ fn tick_does_not_allocate() {
         about: "{}".into(),
     };
     let config = PlaybackConfig {
-        record: Some((take_path.clone(), take_header)),
+        recording: Some((take_path.clone(), take_header)),
         ..config("null:fast")
     };
     let keyboards = vec![keyboard(0, u32::MAX), keyboard(1, 1_000)];
-    let (mut performance, mut player) = Performance::prepare(stage(), keyboards, config).unwrap();
-    player.begin();
+    let (mut performance, mut player) = Performance::prepare(piece(), keyboards, config).unwrap();
+    player.receive_first_positions();
     // From here on the second key gets no force, and nor does the device that comes back in its place.
-    let zero_bounds = vec![Bound { tick: 0, scale: 0.0 }];
+    let zero_bounds = vec![ScaleBound { tick: 0, scale: 0.0 }];
     let bounds_change = Change {
-        bounds: Some(vec![Vec::new(), zero_bounds]),
+        scale_bounds: Some(vec![Vec::new(), zero_bounds]),
         ..Change::default()
     };
     performance.change(500 * EVERY as u64, bounds_change).unwrap();
@@ -165,10 +167,15 @@ fn tick_does_not_allocate() {
     let event_kinds: Vec<_> = std::iter::from_fn(|| performance.event())
         .map(|event| event.kind)
         .collect();
-    let changed = EventKind::Changed(1);
+    let changed = EventKind::ChangeDone(1);
     assert_eq!(
         event_kinds,
-        [changed, EventKind::Gone(1), EventKind::Back(1), EventKind::TookOver(1)]
+        [
+            changed,
+            EventKind::KeyboardLost(1),
+            EventKind::KeyboardReturned(1),
+            EventKind::HandTakenOver(1)
+        ]
     );
     drop(player);
     performance.close(PATIENCE).unwrap();
@@ -187,8 +194,8 @@ fn tick_does_not_allocate() {
     assert_eq!(standin_begin, 1_001);
     assert!((standin_end + 1) * EVERY % 4_410 < EVERY, "{standin_end}");
     assert!(stood_in[standin_begin..=standin_end].iter().all(|stood| *stood != 0));
-    assert!(recording.samples.iter().any(|axis| axis.sent.abs() > 1e-3));
+    assert!(recording.samples.iter().any(|axis| axis.sent_force.abs() > 1e-3));
     let second_samples = recording.samples.iter().skip(1).step_by(2);
-    assert!(second_samples.clone().take(480).any(|axis| axis.sent != 0.0));
-    assert!(second_samples.skip(501).all(|axis| axis.sent == 0.0));
+    assert!(second_samples.clone().take(480).any(|axis| axis.sent_force != 0.0));
+    assert!(second_samples.skip(501).all(|axis| axis.sent_force == 0.0));
 }

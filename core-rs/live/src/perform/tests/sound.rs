@@ -14,20 +14,20 @@ fn fold_sounds_to_its_end() {
     let filters: Vec<f64> = (0..2 * 3 * 150).map(|n| 0.3 * libm::sin(f64::from(n))).collect();
     let mut channel_fold = Fold::new(2, 3, &filters).unwrap();
     let mut offline = simulation(&[0.01, 0.1], 0);
-    let stage = Stage {
+    let piece = PreparedPiece {
         simulation: offline.fork(),
         n_frames: Some(n_frames as u64),
         fold: Some(channel_fold.clone()),
         limiter: Limiter::new(RATE, 3, 1.0).unwrap(),
-        ..stage()
+        ..piece()
     };
-    let mut offline_mixer = stage.mixer.clone();
-    let (performance, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
-    player.begin();
+    let mut offline_mixer = piece.mixer.clone();
+    let (performance, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
+    player.receive_first_positions();
     reset_violation_count();
     assert_no_alloc(|| while player.tick() {});
     assert_eq!(violation_count(), 0);
-    player.connections.feed.close();
+    player.connections.ring_writer.close();
     drop(player);
     performance.close(PATIENCE).unwrap();
 
@@ -75,21 +75,21 @@ fn input_with_gaps_equals_its_recording() {
     let wav_path = |what: &str| std::env::temp_dir().join(format!("ergon-input-{what}-{}.wav", std::process::id()));
     let config = config(&format!("file:{}", wav_path("out").display()));
     let tick_count = 500;
-    let stage = Stage {
+    let piece = PreparedPiece {
         simulation: pushed_by_sound(),
         n_frames: Some((tick_count * EVERY) as u64),
         hands: Vec::new(),
-        ..stage()
+        ..piece()
     };
-    let (performance, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
-    assert!(performance.input().sentence.starts_with("no input"));
+    let (performance, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
+    assert!(performance.input().description.starts_with("no input"));
     let (mut ring_feed, ring_drain) = audio::ring(1, 8 * EVERY);
     ring_feed.set_prefill(2 * EVERY);
-    let shared_counts = ring_feed.shared().clone();
+    let shared_counts = ring_feed.stream_state().clone();
     let (sound_tap, tap_handle) = audio::tap(&wav_path("in"), RATE as u32, 1).unwrap();
     let input_reader = audio::InputReader::new(ring_drain, 2 * EVERY, RATE as u32);
     player.connections.sound_input = Some(sound_input::SoundInput::fed_by_test(input_reader, EVERY, sound_tap));
-    player.begin();
+    player.receive_first_positions();
     reset_violation_count();
     let mut noise_state = 1_u32;
     for tick in 0..tick_count {
@@ -108,7 +108,7 @@ fn input_with_gaps_equals_its_recording() {
     while player.tick() {}
     assert_eq!(violation_count(), 0);
     assert!(shared_counts.underruns() > 0);
-    player.connections.feed.close();
+    player.connections.ring_writer.close();
     drop(player);
     drop(tap_handle);
     performance.close(PATIENCE).unwrap();
@@ -147,16 +147,16 @@ fn strikes_and_a_file_of_sound_do_not_allocate() {
     timeline.open();
     timeline.strike_point(&network, 2, 7, Some(0.0)).unwrap();
     let plan = Plan::plain(network, &timeline, false).unwrap();
-    let stage = Stage {
+    let piece = PreparedPiece {
         simulation: Simulation::from_plan(Arc::new(plan), OPTIONS).unwrap(),
         hands: Vec::new(),
-        ..stage()
+        ..piece()
     };
-    let latency = stage.limiter.latency() as u64;
+    let latency = piece.limiter.latency() as u64;
     let config = config("null:fast");
     let sound_path = std::env::temp_dir().join(format!("ergon-heard-{}.wav", std::process::id()));
-    let (mut performance, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
-    player.begin();
+    let (mut performance, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
+    player.receive_first_positions();
     reset_violation_count();
     let mut advance_ticks = |n: u64| assert_no_alloc(|| (0..n).for_each(|_| assert!(player.tick())));
     advance_ticks(100);
@@ -175,16 +175,16 @@ fn strikes_and_a_file_of_sound_do_not_allocate() {
     assert_eq!(
         frame_events,
         [
-            (100 * tick_frames, EventKind::Acted(strike_ticket)),
-            (100 * tick_frames, EventKind::Missed(missed_ticket)),
+            (100 * tick_frames, EventKind::ActionDone(strike_ticket)),
+            (100 * tick_frames, EventKind::ActionMissed(missed_ticket)),
         ]
     );
-    while !performance.audio_recorded().unwrap().ended {
+    while !performance.audio_recorded().unwrap().has_ended {
         std::thread::sleep(Duration::from_millis(1));
     }
     let file_status = performance.audio_recorded().unwrap();
-    assert_eq!(file_status.first, Some(100 * tick_frames - latency));
-    assert_eq!((file_status.frames, file_status.missing), (50 * tick_frames, 0));
+    assert_eq!(file_status.first_frame, Some(100 * tick_frames - latency));
+    assert_eq!((file_status.frames, file_status.missing_frames), (50 * tick_frames, 0));
     drop(player);
     performance.close(PATIENCE).unwrap();
     std::fs::remove_file(&sound_path).unwrap();

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::device::{Device, Gone, Sample, Spec};
+use crate::device::{Device, DeviceLoss, DeviceSample, DeviceSpec};
 use crate::safety::SafeForce;
 
 /// A key that is unplugged after `left` forces have been sent.
@@ -12,14 +12,14 @@ pub(in crate::perform) struct Unplugged {
 }
 
 impl Device for Unplugged {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &DeviceSpec {
         self.key.spec()
     }
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        self.left = self.left.checked_sub(1).ok_or(Gone::Closed)?;
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
+        self.left = self.left.checked_sub(1).ok_or(DeviceLoss::Closed)?;
         self.key.send(force)
     }
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, into: &mut DeviceSample, deadline: Instant) -> Result<bool, DeviceLoss> {
         self.key.receive(into, deadline)
     }
     fn in_lockstep(&self) -> bool {

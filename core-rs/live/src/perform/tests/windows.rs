@@ -15,13 +15,13 @@ use ergon_engine::simulation::Takeover;
 use ergon_view::motion::{self, MAGIC};
 use ergon_view::payload::kind;
 use ergon_view::read::MotionFile;
-use ergon_view::record::{Setup, runs};
-use ergon_view::serve::{Cursor, Limits, Next, Server};
+use ergon_view::record::{RecordingSetup, point_runs};
+use ergon_view::serve::{ConnectionLimits, NextMessage, Server, ViewerCursor};
 use tungstenite::protocol::Role;
 use tungstenite::{Message, WebSocket};
 
 use super::super::player::Player;
-use super::super::window::{HeardTimes, Relay, Window, WindowReader, window_pair};
+use super::super::window::{DisplayWindow, PlaybackTimes, WindowReader, WindowRelay, window_pair};
 use super::*;
 
 mod rig;
@@ -36,7 +36,7 @@ fn pages_receive_positions_of_the_engine() {
     let simulation = planned(&scene, 0);
     let mut reference = simulation.fork();
     let mut shown = Shown::fast(&simulation, &scene.1);
-    let mut hub_cursor = shown.server.hub().join();
+    let mut hub_cursor = shown.server.hub().new_cursor();
     let (mut message_bytes, mut picture_frames) = (Vec::new(), Vec::new());
     let mut squares = Vec::new();
     for _ in 0..2_000 {
@@ -103,15 +103,15 @@ fn pages_receive_positions_of_the_engine() {
     let displacements = motion_file.displacements(&seconds).expect("frames");
     let mut second_fork = simulation.fork();
     let (mut glance, n) = (
-        ergon_engine::simulation::Glance::new(&second_fork, &look),
+        ergon_engine::simulation::MotionSnapshot::new(&second_fork, &look),
         look.points.len(),
     );
     let mut error_by_kind: BTreeMap<&str, (f64, f64)> = BTreeMap::new();
     for (row, &frame) in displacements.chunks(n).zip(&picture_frames) {
         let frames_left = (frame - second_fork.frame()) as usize;
         second_fork.process(&mut vec![0.0; frames_left]).unwrap();
-        second_fork.fill_glance(&look, &mut glance);
-        for run in runs(&look) {
+        second_fork.fill_snapshot(&look, &mut glance);
+        for run in point_runs(&look) {
             let (worst_error, peak_swing) = error_by_kind.entry(run.kind).or_default();
             for index in run.points.clone() {
                 let expected = match run.body.map(|body| &look.bodies[body]) {
@@ -152,16 +152,21 @@ fn window_changes_no_sample() {
     let file_config = |wav_path: &PathBuf| config(&format!("file:{}", wav_path.display()));
     let wav_paths = ["none", "shown", "stalled"].map(wav_path);
 
-    let stage = a_stage(&simulation, false);
-    let (performance, mut player) = Performance::prepare(stage, Vec::new(), file_config(&wav_paths[0])).unwrap();
-    player.begin();
+    let piece = a_stage(&simulation, false);
+    let (performance, mut player) = Performance::prepare(piece, Vec::new(), file_config(&wav_paths[0])).unwrap();
+    player.receive_first_positions();
     (0..1_000).for_each(|_| assert!(player.tick()));
-    player.connections.feed.close();
+    player.connections.ring_writer.close();
     drop(player);
     performance.close(PATIENCE).unwrap();
     let mut skipped = Vec::new();
     for (wav_path, is_looked_at) in [(&wav_paths[1], true), (&wav_paths[2], false)] {
-        let mut shown = Shown::new(&simulation, &scene.1, file_config(wav_path), Limits::default());
+        let mut shown = Shown::new(
+            &simulation,
+            &scene.1,
+            file_config(wav_path),
+            ConnectionLimits::default(),
+        );
         for _ in 0..1_000 {
             shown.tick(1);
             if is_looked_at {
@@ -170,7 +175,7 @@ fn window_changes_no_sample() {
         }
         shown.relay.poll();
         skipped.push(shown.relay.skipped());
-        shown.player.connections.feed.close();
+        shown.player.connections.ring_writer.close();
         drop(shown.player);
         shown.this.close(PATIENCE).unwrap();
     }
@@ -193,7 +198,7 @@ fn skipped_pictures_are_gathered_in_the_next() {
     let scene = scene(&[]);
     let simulation = planned(&scene, 0);
     let mut shown = Shown::fast(&simulation, &scene.1);
-    let mut hub_cursor = shown.server.hub().join();
+    let mut hub_cursor = shown.server.hub().new_cursor();
     shown.tick(1);
     shown.relay.poll();
     let bytes_before = messages(&shown.server, &mut hub_cursor).concat();
@@ -227,7 +232,7 @@ fn version_is_shown_from_its_takeover_on() {
     let first_scene = scene(&strikes());
     let (first_simulation, second_scene) = (planned(&first_scene, 0), scene(&[0.6, 0.7]));
     let mut shown = Shown::fast(&first_simulation, &first_scene.1);
-    let mut hub_cursor = shown.server.hub().join();
+    let mut hub_cursor = shown.server.hub().new_cursor();
     let tick_frames = EVERY as u64;
     let second_at = |tick: u64| planned(&second_scene, tick * tick_frames);
     let change = |shown: &mut Shown, tick: u64, new_simulation: &Simulation| {
@@ -271,7 +276,7 @@ fn version_is_shown_from_its_takeover_on() {
     // A window may be opened at any time, also after its version has begun.
     assert!((800..820).contains(&window_titles[2].0) && window_titles[2].1 == "again");
     // A page that joins now gets nothing of the first version.
-    let late = messages(&shown.server, &mut shown.server.hub().join());
+    let late = messages(&shown.server, &mut shown.server.hub().new_cursor());
     let chunk_kinds: Vec<u16> = late.iter().flat_map(|own| chunks(own)).map(|own| own.0).collect();
     assert_eq!(chunk_kinds[0], kind::MANIFEST);
     assert_eq!(chunk_kinds.iter().filter(|own| **own == kind::MANIFEST).count(), 1);
@@ -326,9 +331,9 @@ fn read_until(page: &mut WebSocket<TcpStream>, seconds: f64) -> Vec<u8> {
 fn stalled_page_delays_no_performance() {
     let scene = scene(&strikes());
     let simulation = planned(&scene, 0);
-    let stall_limits = Limits {
-        stall: Duration::from_millis(100),
-        ..Limits::default()
+    let stall_limits = ConnectionLimits {
+        stall_timeout: Duration::from_millis(100),
+        ..ConnectionLimits::default()
     };
     let mut shown = Shown::new(&simulation, &scene.1, config("null:fast"), stall_limits);
     let stalled = page(&shown.server);
@@ -350,7 +355,7 @@ fn stalled_page_delays_no_performance() {
         }
     }
     assert_eq!(shown.relay.skipped(), 0);
-    assert!(shown.server.hub().bytes() <= 16 << 20);
+    assert!(shown.server.hub().stored_bytes() <= 16 << 20);
     let (late_bytes, prompt_bytes) = page_bytes.split_last().unwrap();
     assert!(prompt_bytes[0].starts_with(&MAGIC) && late_bytes.starts_with(&MAGIC));
     // Three pages get the same, and the late page gets the same from a key state on.
@@ -367,9 +372,12 @@ fn stalled_page_delays_no_performance() {
     assert!(late_errors.fold(0.0, f64::max) <= 1e-3 * peak_motion && peak_motion > 0.0);
     // Messages fill the socket of the stalled page, which is then dropped.
     let filler_bytes = vec![0; 1 << 20];
-    let server_tally = shown.server.tally();
+    let server_tally = shown.server.counts();
     while server_tally.dropped.load(Ordering::Relaxed) == 0 {
-        shown.server.hub().publish(&filler_bytes, ergon_view::serve::Keep::All);
+        shown
+            .server
+            .hub()
+            .publish(&filler_bytes, ergon_view::serve::Retention::All);
         for page in &mut live_pages {
             while page.read().expect("a message").len() != filler_bytes.len() {}
         }

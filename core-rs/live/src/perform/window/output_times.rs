@@ -2,75 +2,83 @@
 
 use std::collections::VecDeque;
 
-use crate::audio::{SoundClock, Sounding};
+use crate::audio::{PlaybackTiming, SoundClock};
 
 /// Reports of a card's blocks come late, never early: the earliest start within this time is taken as the true one [s].
-const MEMORY: f64 = 1.0;
+const REPORT_MEMORY_SECONDS: f64 = 1.0;
 /// Difference beyond which a report begins a new line: a sound server was restarted, or the machine was suspended [s].
-const JUMP: f64 = 0.02;
+const JUMP_SECONDS: f64 = 0.02;
 
 /// The instants at which frames of a performance are heard.
-pub struct HeardTimes {
+pub struct PlaybackTimes {
     sound_clock: SoundClock,
-    line: FrameTimeLine,
+    time_line: FrameTimeLine,
 }
 
-impl HeardTimes {
-    /// The times of an output whose first frame is `start`, at `rate` frames per second.
+impl PlaybackTimes {
+    /// The times of an output whose first frame is `start_frame`, at `rate` frames per second.
     pub(in crate::perform) fn new(sound_clock: SoundClock, rate: f64, start: u64) -> Self {
         let line = FrameTimeLine::new(rate, start);
-        Self { sound_clock, line }
+        Self {
+            sound_clock,
+            time_line: line,
+        }
     }
 
     /// The instant at which a frame is heard, by the clock that says `now` [s]; `dropped` frames before it are never
     /// heard. `None` if the output has no clock.
-    pub(super) fn sounding_at(&mut self, frame: u64, dropped: u64, now: f64) -> Option<f64> {
-        self.line.add_report(self.sound_clock.sounding(), dropped, now);
-        self.line.sounding_at(frame, dropped)
+    pub(super) fn playback_time(&mut self, frame: u64, dropped: u64, now: f64) -> Option<f64> {
+        self.time_line
+            .add_report(self.sound_clock.playback_timing(), dropped, now);
+        self.time_line.sounding_at(frame, dropped)
     }
 }
 
 /// A linear relation between instants and frames.
 struct FrameTimeLine {
     rate: f64,
-    start: u64,
-    /// Pairs: the instant of a report, and the instant at which frame `start` was heard according to it [s].
-    seen: VecDeque<(f64, f64)>,
+    start_frame: u64,
+    /// Pairs: the instant of a report, and the instant at which frame `start_frame` was heard according to it [s].
+    start_reports: VecDeque<(f64, f64)>,
     /// A change of these values begins a new line: gaps, dropped frames, whether a card plays.
-    state: Option<(u64, u64, bool)>,
+    playback_state: Option<(u64, u64, bool)>,
 }
 
 impl FrameTimeLine {
     fn new(rate: f64, start: u64) -> Self {
         Self {
             rate,
-            start,
-            seen: VecDeque::new(),
-            state: None,
+            start_frame: start,
+            start_reports: VecDeque::new(),
+            playback_state: None,
         }
     }
 
-    fn add_report(&mut self, sounding: Option<Sounding>, dropped: u64, now: f64) {
+    fn add_report(&mut self, sounding: Option<PlaybackTiming>, dropped: u64, now: f64) {
         let Some(sounding) = sounding else {
             return;
         };
-        let zero_time = now - sounding.since + sounding.latency;
-        let sound_state = Some((sounding.gaps, dropped, sounding.is_alive));
-        let has_jumped = |last: &(f64, f64)| (zero_time - last.1).abs() > JUMP;
-        if sound_state != self.state || self.seen.back().is_some_and(has_jumped) {
-            self.seen.clear();
+        let zero_time = now - sounding.first_frame_age + sounding.latency;
+        let sound_state = Some((sounding.underruns, dropped, sounding.is_alive));
+        let has_jumped = |last: &(f64, f64)| (zero_time - last.1).abs() > JUMP_SECONDS;
+        if sound_state != self.playback_state || self.start_reports.back().is_some_and(has_jumped) {
+            self.start_reports.clear();
         }
-        self.state = sound_state;
-        self.seen.push_back((now, zero_time));
-        while self.seen.front().is_some_and(|first| first.0 < now - MEMORY) {
-            self.seen.pop_front();
+        self.playback_state = sound_state;
+        self.start_reports.push_back((now, zero_time));
+        while self
+            .start_reports
+            .front()
+            .is_some_and(|first| first.0 < now - REPORT_MEMORY_SECONDS)
+        {
+            self.start_reports.pop_front();
         }
     }
 
     fn sounding_at(&self, frame: u64, dropped: u64) -> Option<f64> {
-        let zero_times = self.seen.iter().map(|seen| seen.1);
+        let zero_times = self.start_reports.iter().map(|earlier_reports| earlier_reports.1);
         let zero_time = zero_times.min_by(f64::total_cmp)?;
-        Some(zero_time + (frame as f64 - self.start as f64 - dropped as f64) / self.rate)
+        Some(zero_time + (frame as f64 - self.start_frame as f64 - dropped as f64) / self.rate)
     }
 }
 
@@ -82,11 +90,11 @@ mod tests {
     const BLOCK: u64 = 256;
 
     /// The report of a card that began to play frame 0 at 3 s with 10 ms of latency; the report itself is `late` [s].
-    fn sounding(now: f64, late: f64, gaps: u64) -> Sounding {
-        Sounding {
-            since: now - 3.0 - late,
+    fn sounding(now: f64, late: f64, gaps: u64) -> PlaybackTiming {
+        PlaybackTiming {
+            first_frame_age: now - 3.0 - late,
             latency: 0.01,
-            gaps,
+            underruns: gaps,
             is_alive: true,
         }
     }

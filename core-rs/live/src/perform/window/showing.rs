@@ -7,51 +7,51 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use ergon_view::payload::{Bytes, kind, put};
-use ergon_view::serve::{Keep, Server};
+use ergon_view::payload::{ByteWriter, kind, write_chunk};
+use ergon_view::serve::{Retention, Server};
 
-use super::{HeardTimes, WindowReader};
+use super::{PlaybackTimes, WindowReader};
 use crate::safety;
 
 /// Time between two checks for a picture, a quarter of a video frame. The thread polls, because waking it would cost
 /// the physics thread a system call.
-const POLL: Duration = Duration::from_millis(4);
+const POLL_INTERVAL: Duration = Duration::from_millis(4);
 
 /// Shows performances to pages, one version after the other, until it is dropped.
-pub struct Showing {
-    readers: Mutex<Sender<(WindowReader, HeardTimes)>>,
-    skipped: Arc<AtomicU64>,
-    over: Arc<AtomicBool>,
+pub struct WindowServer {
+    readers: Mutex<Sender<(WindowReader, PlaybackTimes)>>,
+    n_skipped: Arc<AtomicU64>,
+    is_over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Showing {
+impl WindowServer {
     /// Start the thread.
     ///
     /// # Errors
     /// The system could not start a thread.
     pub fn start(server: Arc<Server>) -> io::Result<Self> {
         let (reader_sender, new_readers) = channel();
-        let mut relay = Relay::new(server, new_readers);
-        let over = Arc::new(AtomicBool::new(false));
-        let (skipped, end_requested) = (relay.skipped.clone(), over.clone());
+        let mut relay = WindowRelay::new(server, new_readers);
+        let is_over = Arc::new(AtomicBool::new(false));
+        let (skipped, end_requested) = (relay.n_skipped.clone(), is_over.clone());
         let relay_thread = thread::Builder::new().name("ergon window".into()).spawn(move || {
             safety::block_signals();
             while !end_requested.load(Ordering::Acquire) {
                 relay.poll();
-                thread::sleep(POLL);
+                thread::sleep(POLL_INTERVAL);
             }
         })?;
         Ok(Self {
             readers: Mutex::new(reader_sender),
-            skipped,
-            over,
+            n_skipped: skipped,
+            is_over,
             thread: Some(relay_thread),
         })
     }
 
     /// Show a version from its first picture on; until then the previous version is shown.
-    pub fn show(&self, reader: WindowReader, times_heard: HeardTimes) {
+    pub fn show(&self, reader: WindowReader, times_heard: PlaybackTimes) {
         let sender = self.readers.lock().unwrap_or_else(PoisonError::into_inner);
         // If the thread has ended, there is nobody to show it to.
         let _ = sender.send((reader, times_heard));
@@ -59,13 +59,13 @@ impl Showing {
 
     /// Number of pictures that were skipped because the one before had not been fetched.
     pub fn skipped(&self) -> u64 {
-        self.skipped.load(Ordering::Relaxed)
+        self.n_skipped.load(Ordering::Relaxed)
     }
 }
 
-impl Drop for Showing {
+impl Drop for WindowServer {
     fn drop(&mut self) {
-        self.over.store(true, Ordering::Release);
+        self.is_over.store(true, Ordering::Release);
         if let Some(relay_thread) = self.thread.take() {
             let _ = relay_thread.join();
         }
@@ -73,36 +73,36 @@ impl Drop for Showing {
 }
 
 /// The work of the thread.
-pub(in super::super) struct Relay {
+pub(in super::super) struct WindowRelay {
     server: Arc<Server>,
-    new_readers: Receiver<(WindowReader, HeardTimes)>,
+    new_readers: Receiver<(WindowReader, PlaybackTimes)>,
     /// The reader that is shown, then those that wait for their first picture.
-    readers: Vec<(WindowReader, HeardTimes)>,
+    readers: Vec<(WindowReader, PlaybackTimes)>,
     is_greeted: bool,
-    skipped: Arc<AtomicU64>,
+    n_skipped: Arc<AtomicU64>,
     /// Skipped pictures of readers that were dropped.
-    skipped_before: u64,
+    n_skipped_before: u64,
 }
 
-impl Relay {
-    pub(in super::super) fn new(server: Arc<Server>, new_readers: Receiver<(WindowReader, HeardTimes)>) -> Self {
+impl WindowRelay {
+    pub(in super::super) fn new(server: Arc<Server>, new_readers: Receiver<(WindowReader, PlaybackTimes)>) -> Self {
         Self {
             server,
             new_readers,
             readers: Vec::new(),
             is_greeted: false,
-            skipped: Arc::default(),
-            skipped_before: 0,
+            n_skipped: Arc::default(),
+            n_skipped_before: 0,
         }
     }
 
     /// Send new pictures.
     pub(in super::super) fn poll(&mut self) {
         self.readers.extend(self.new_readers.try_iter());
-        let has_picture = |window: &(WindowReader, HeardTimes)| window.0.pictures.updated();
+        let has_picture = |window: &(WindowReader, PlaybackTimes)| window.0.display_frames.updated();
         if let Some(index) = self.readers.iter().rposition(has_picture) {
             self.is_greeted &= index == 0;
-            self.skipped_before += (self.readers.drain(..index))
+            self.n_skipped_before += (self.readers.drain(..index))
                 .map(|(reader, _)| reader.skipped())
                 .sum::<u64>();
             self.send_picture();
@@ -114,21 +114,21 @@ impl Relay {
             index == 1 || !reader.is_over()
         });
         let skipped_now = self.readers.first().map_or(0, |(reader, _)| reader.skipped());
-        (self.skipped).store(self.skipped_before + skipped_now, Ordering::Relaxed);
+        (self.n_skipped).store(self.n_skipped_before + skipped_now, Ordering::Relaxed);
     }
 
     #[cfg(test)]
     pub(in super::super) fn skipped(&self) -> u64 {
-        self.skipped.load(Ordering::Relaxed)
+        self.n_skipped.load(Ordering::Relaxed)
     }
 
     /// Send the picture of the first scene.
     fn send_picture(&mut self) {
         let (reader, times_heard) = &mut self.readers[0];
         let (recorder, hub) = (&mut reader.recorder, self.server.hub());
-        let picture = reader.pictures.read();
+        let picture = reader.display_frames.read();
         let seconds = recorder.seconds(picture.glance.frame);
-        let instant = times_heard.sounding_at(picture.glance.frame, picture.dropped, self.server.now());
+        let instant = times_heard.playback_time(picture.glance.frame, picture.dropped_frames, self.server.now());
         recorder.add_squared_levels(&picture.squares, picture.n_heard);
         for strike in &picture.strikes[..picture.n_strikes] {
             let strike_seconds = recorder.seconds(strike.frame);
@@ -136,20 +136,24 @@ impl Relay {
         }
         recorder.record(&picture.glance);
         if !self.is_greeted {
-            hub.greet(&recorder.take());
+            hub.set_greeting(&recorder.take_bytes());
             self.is_greeted = true;
         }
         let mut live_chunks = recorder.take_live();
         if let Some(instant) = instant {
-            let mut clock_bytes = Bytes::default();
+            let mut clock_bytes = ByteWriter::default();
             clock_bytes.f64(instant);
             clock_bytes.f64(1.0);
-            put(&mut live_chunks.latest, kind::CLOCK, seconds, &clock_bytes.0);
+            write_chunk(&mut live_chunks.latest, kind::CLOCK, seconds, &clock_bytes.0);
         }
         if !live_chunks.events.is_empty() {
-            let keep_rule = if live_chunks.is_key { Keep::Key } else { Keep::All };
+            let keep_rule = if live_chunks.is_key {
+                Retention::KeyState
+            } else {
+                Retention::All
+            };
             hub.publish(&live_chunks.events, keep_rule);
         }
-        hub.publish(&live_chunks.latest, Keep::Latest);
+        hub.publish(&live_chunks.latest, Retention::Latest);
     }
 }

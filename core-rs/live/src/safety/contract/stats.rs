@@ -4,14 +4,14 @@ use std::time::{Duration, Instant};
 
 /// A histogram of durations, by powers of two of a microsecond.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Histogram {
+pub struct DurationHistogram {
     /// Number of durations of at least 2^i µs and less than 2^(i+1) µs; the first also counts those below 1 µs.
     pub counts: [u64; 24],
     /// The longest duration.
     pub longest: Duration,
 }
 
-impl Histogram {
+impl DurationHistogram {
     fn add(&mut self, duration: Duration) {
         let microseconds = u64::try_from(duration.as_micros()).unwrap_or(u64::MAX).max(1);
         let bin_index = (microseconds.ilog2() as usize).min(self.counts.len() - 1);
@@ -24,9 +24,9 @@ impl Histogram {
         self.counts.iter().sum()
     }
 
-    /// A duration that the share `share` (0 to 1) of them does not exceed, accurate to a factor of two.
-    pub fn quantile(&self, share: f64) -> Duration {
-        let wanted_count = (self.total() as f64 * share).ceil() as u64;
+    /// A duration that the share `probability` (0 to 1) of them does not exceed, accurate to a factor of two.
+    pub fn quantile(&self, probability: f64) -> Duration {
+        let wanted_count = (self.total() as f64 * probability).ceil() as u64;
         let mut cumulative = 0;
         for (bin, count) in self.counts.iter().enumerate() {
             cumulative += count;
@@ -40,7 +40,7 @@ impl Histogram {
 
 /// Statistics of a device's wire so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stats {
+pub struct WireStats {
     /// Packets sent.
     pub packets_sent: u64,
     /// Complete replies.
@@ -50,12 +50,12 @@ pub struct Stats {
     /// Bytes that do not belong to a packet.
     pub garbage_bytes: u64,
     /// Time from a force sent to its reply. For protocols that echo no number: from the latest force sent.
-    pub round_trip: Histogram,
+    pub round_trip: DurationHistogram,
     /// How much faster the device's clock runs than the host's [1e-6]; known after a second.
     pub drift_ppm: Option<f64>,
 }
 
-impl Stats {
+impl WireStats {
     /// Add the time that a reply took.
     pub(crate) fn add_round_trip(&mut self, duration: Duration) {
         self.round_trip.add(duration);
@@ -64,13 +64,13 @@ impl Stats {
 
 /// The drift of the device's clock against the host's.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Drift {
+pub(crate) struct ClockDrift {
     /// The instant of the first reading, and the reading before this one [µs].
     first_and_previous: Option<(Instant, u32)>,
     elapsed_us: u64,
 }
 
-impl Drift {
+impl ClockDrift {
     /// Add a reading of the device's clock; returns the drift so far.
     pub(crate) fn add(&mut self, now: Instant, t_us: u32) -> Option<f64> {
         let Some((first_instant, previous_us)) = self.first_and_previous else {
@@ -113,7 +113,7 @@ impl Default for SentRequests {
 
 impl SentRequests {
     /// Number a request that is sent now.
-    pub(crate) fn number_request(&mut self, now: Instant, stats: &mut Stats) -> u16 {
+    pub(crate) fn number_request(&mut self, now: Instant, stats: &mut WireStats) -> u16 {
         let request_number = self.next_number;
         let instant_slot = &mut self.instants[usize::from(request_number % 256)];
         stats.requests_lost += u64::from(instant_slot.is_some());
@@ -124,7 +124,7 @@ impl SentRequests {
     }
 
     /// Note a reply; returns whether it answers one of the latest requests, for the first time.
-    pub(crate) fn note_reply(&mut self, number: u16, now: Instant, stats: &mut Stats) -> bool {
+    pub(crate) fn note_reply(&mut self, number: u16, now: Instant, stats: &mut WireStats) -> bool {
         let request_age = self.next_number.wrapping_sub(number);
         if request_age > 256 && request_age <= LATE_REQUESTS_MAX && u64::from(request_age) <= stats.packets_sent {
             // A board that was held up answers old requests, for which nobody waits any more.
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn stats_count_replies_and_losses() {
-        let (mut sent_requests, mut stats) = (SentRequests::default(), Stats::default());
+        let (mut sent_requests, mut stats) = (SentRequests::default(), WireStats::default());
         let first_instant = Instant::now();
         for i in 0..1000_u64 {
             let send_instant = first_instant + Duration::from_millis(i);
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn stats_detect_replies_to_another_host() {
-        let (mut sent_requests, mut stats) = (SentRequests::default(), Stats::default());
+        let (mut sent_requests, mut stats) = (SentRequests::default(), WireStats::default());
         let test_instant = Instant::now();
         // Leftover replies of another session come first.
         for request_number in 30_000..30_100 {
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn stats_accept_replies_of_a_stalled_board() {
-        let (mut sent_requests, mut stats) = (SentRequests::default(), Stats::default());
+        let (mut sent_requests, mut stats) = (SentRequests::default(), WireStats::default());
         let test_instant = Instant::now();
         assert_eq!(sent_requests.number_request(test_instant, &mut stats), 0);
         assert!(sent_requests.note_reply(0, test_instant, &mut stats));
@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn drift_across_the_wrap_of_the_clock() {
-        let (mut clock_drift, first_instant) = (Drift::default(), Instant::now());
+        let (mut clock_drift, first_instant) = (ClockDrift::default(), Instant::now());
         let mut last_drift = None;
         for ms in 0..5000_u64 {
             let host_instant = first_instant + Duration::from_millis(ms);

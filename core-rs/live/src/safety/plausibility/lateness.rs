@@ -7,13 +7,13 @@
 
 /// The lags [s], besides the delay that the device reports. Any swing with a period from 36 ms to 1.2 s shows at least
 /// four fifths of its work at one of them.
-const LAGS: [f64; 9] = [0.009, 0.014, 0.021, 0.032, 0.048, 0.075, 0.12, 0.19, 0.3];
+const LAG_SECONDS: [f64; 9] = [0.009, 0.014, 0.021, 0.032, 0.048, 0.075, 0.12, 0.19, 0.3];
 /// Number of forces that are kept: the longest lag, and a delay of some milliseconds, at 6,000 steps a second.
-const PAST: usize = 2_048;
+const FORCES_STORED: usize = 2_048;
 
 /// Parts of the work that may be done at once. From the first on a question is asked early; from the second on it waits
 /// until the motion of the key is known, because a swing hides answers or imitates them; at the last the force ends.
-const ASK_SHARE: f64 = 0.03;
+const QUESTION_SHARE: f64 = 0.03;
 const SWING_SHARE: f64 = 0.1;
 const END_SHARE: f64 = 0.5;
 /// The second time within this time is no chance [s]: with a late channel the force ends again after 2 to 4 s, and
@@ -21,71 +21,71 @@ const END_SHARE: f64 = 0.5;
 const REPEAT_SECONDS: f64 = 10.0;
 
 /// Time after which nothing that is late by up to 300 ms comes any more [s].
-pub(super) const PASSED: f64 = 0.31;
+pub(super) const LATE_EFFECTS_SECONDS: f64 = 0.31;
 
 /// The work of late forces on an axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lateness {
     /// Forces that were sent [N], in a ring, and the place of the newest.
-    sent: [f32; PAST],
-    newest: usize,
-    lags: [usize; LAGS.len()],
+    sent_forces: [f32; FORCES_STORED],
+    newest_index: usize,
+    lag_steps: [usize; LAG_SECONDS.len()],
     /// Work for each lag since the latest answer in time [J].
-    work: [f64; LAGS.len()],
+    work: [f64; LAG_SECONDS.len()],
     /// Work that may be done at once [J], and in each step for long [J].
-    energy: f64,
-    refill: f64,
+    work_max: f64,
+    work_refill: f64,
     /// Length of a step, and time since the force ended because of this work [s].
-    step: f64,
-    since_ended: f64,
+    step_seconds: f64,
+    seconds_since_end: f64,
 }
 
 impl Lateness {
-    /// For steps of `step` [s] of a device that reports a `delay` [s], and the `energy` [J] and `power` [W] that its
-    /// motor may give to a hand at once and for long.
+    /// For steps of `step_seconds` [s] of a device that reports a `delay` [s], and the `work_max` [J] and `power` [W]
+    /// that its motor may give to a hand at once and for long.
     pub(super) fn new(step: f64, delay: f64, energy: f64, power: f64) -> Self {
-        let lag_steps = |lag: f64| (((lag + delay) / step).round() as usize).min(PAST - 1);
+        let lag_steps = |lag: f64| (((lag + delay) / step).round() as usize).min(FORCES_STORED - 1);
         Self {
-            sent: [0.0; PAST],
-            newest: 0,
-            lags: LAGS.map(lag_steps),
-            work: [0.0; LAGS.len()],
-            energy,
-            refill: power * step,
-            step,
-            since_ended: f64::INFINITY,
+            sent_forces: [0.0; FORCES_STORED],
+            newest_index: 0,
+            lag_steps: LAG_SECONDS.map(lag_steps),
+            work: [0.0; LAG_SECONDS.len()],
+            work_max: energy,
+            work_refill: power * step,
+            step_seconds: step,
+            seconds_since_end: f64::INFINITY,
         }
     }
 
-    /// Take the force `sent` before a step [N], and the movement in it [m].
-    pub(super) fn take(&mut self, sent: f64, moved: f64) {
-        self.newest = (self.newest + 1) % PAST;
-        self.sent[self.newest] = sent as f32;
-        self.since_ended += self.step;
-        for (work, lag) in self.work.iter_mut().zip(self.lags) {
-            let lagged_force = f64::from(self.sent[(self.newest + PAST - lag) % PAST]);
-            *work = (*work + lagged_force * moved - self.refill).max(0.0);
+    /// Take the force `sent_forces` before a step [N], and the movement in it [m].
+    pub(super) fn add_step(&mut self, sent: f64, displacement: f64) {
+        self.newest_index = (self.newest_index + 1) % FORCES_STORED;
+        self.sent_forces[self.newest_index] = sent as f32;
+        self.seconds_since_end += self.step_seconds;
+        for (work, lag) in self.work.iter_mut().zip(self.lag_steps) {
+            let lagged_force = f64::from(self.sent_forces[(self.newest_index + FORCES_STORED - lag) % FORCES_STORED]);
+            *work = (*work + lagged_force * displacement - self.work_refill).max(0.0);
         }
     }
 
     /// An answer came in time.
-    pub(super) fn forget(&mut self) {
-        self.work = [0.0; LAGS.len()];
+    pub(super) fn reset_work(&mut self) {
+        self.work = [0.0; LAG_SECONDS.len()];
     }
 
     /// Forget the forces too: motion and forces were missed.
     pub(super) fn restart(&mut self) {
-        self.forget();
-        self.sent = [0.0; PAST];
+        self.reset_work();
+        self.sent_forces = [0.0; FORCES_STORED];
     }
 
     /// Whether a question is due.
-    pub(super) fn is_asked(&self) -> bool {
-        self.exceeds(ASK_SHARE)
+    pub(super) fn is_question_due(&self) -> bool {
+        self.exceeds(QUESTION_SHARE)
     }
 
     /// Whether the key swings so much that an answer may be chance.
-    pub(super) fn is_marked(&self) -> bool {
+    pub(super) fn is_swinging(&self) -> bool {
         self.exceeds(SWING_SHARE)
     }
 
@@ -96,13 +96,13 @@ impl Lateness {
 
     /// Note that the force ends because of this work. Returns whether it did so a short time before.
     pub(super) fn note_end(&mut self) -> bool {
-        let is_again = self.since_ended <= REPEAT_SECONDS;
-        self.since_ended = 0.0;
+        let is_again = self.seconds_since_end <= REPEAT_SECONDS;
+        self.seconds_since_end = 0.0;
         is_again
     }
 
     fn exceeds(&self, energy_share: f64) -> bool {
-        self.work.iter().any(|work| *work > energy_share * self.energy)
+        self.work.iter().any(|work| *work > energy_share * self.work_max)
     }
 }
 
@@ -121,7 +121,7 @@ mod tests {
             for i in 0..step_count {
                 let t = i as f64 * 1e-3;
                 // The force of a spring in time: no work by the positions.
-                lateness.take(-100.0 * position_at(t), position_at(t + 1e-3) - position_at(t));
+                lateness.add_step(-100.0 * position_at(t), position_at(t + 1e-3) - position_at(t));
             }
             let greatest_work = lateness.work.iter().copied().fold(0.0, f64::max);
             let full_work = std::f64::consts::PI * 0.01 * periods;
@@ -137,11 +137,11 @@ mod tests {
         let mut lateness = Lateness::new(1e-3, 0.0, 1.0, 0.5);
         for i in 0..3_000 {
             let position_at = |i: i32| 0.02 * libm::sin(0.03 * f64::from(i));
-            lateness.take(-500.0 * position_at(i), position_at(i + 1) - position_at(i));
+            lateness.add_step(-500.0 * position_at(i), position_at(i + 1) - position_at(i));
         }
-        assert!(lateness.is_asked() && lateness.is_marked() && lateness.is_too_great());
+        assert!(lateness.is_question_due() && lateness.is_swinging() && lateness.is_too_great());
         assert!(!lateness.note_end() && lateness.note_end());
-        lateness.forget();
-        assert!(!lateness.is_asked());
+        lateness.reset_work();
+        assert!(!lateness.is_question_due());
     }
 }

@@ -1,9 +1,9 @@
 //! Hands that play normally: none of them may trip.
 
-use super::Trip;
-use super::simulated_key::{Grip, Key, PieceForce, Play};
+use super::TripCause;
+use super::simulated_key::{Grip, PieceForce, PlayedKey, SimulatedKey};
 
-const FINE: f64 = 1e-5;
+const FINE_RESOLUTION: f64 = 1e-5;
 
 /// A smooth step from 0 to 1, as a hand moves.
 fn smooth(t: f64) -> f64 {
@@ -12,7 +12,7 @@ fn smooth(t: f64) -> f64 {
 }
 
 /// A pseudo-random number from 0 to 1 for an integer.
-fn chance(n: f64, salt: f64) -> f64 {
+fn pseudo_random(n: f64, salt: f64) -> f64 {
     let x = libm::sin(n * 12.9898 + salt * 78.233) * 43_758.547;
     x - libm::floor(x)
 }
@@ -27,12 +27,12 @@ fn strokes(t: f64, stroke_interval: f64, deepest: f64) -> f64 {
     let stroke_index = libm::floor(t / stroke_interval);
     let (time_in_stroke, stroke_time) = (
         t - stroke_index * stroke_interval,
-        0.06 + 0.14 * chance(stroke_index, 1.0),
+        0.06 + 0.14 * pseudo_random(stroke_index, 1.0),
     );
-    let stroke_depth = -5e-3 + (deepest + 5e-3) * chance(stroke_index, 2.0);
+    let stroke_depth = -5e-3 + (deepest + 5e-3) * pseudo_random(stroke_index, 2.0);
     // The hand is back before the next stroke begins.
     let spare_time = (stroke_interval - 2.0 * stroke_time).max(0.0);
-    let release_time = stroke_time + spare_time.min(0.5 * stroke_interval * chance(stroke_index, 3.0));
+    let release_time = stroke_time + spare_time.min(0.5 * stroke_interval * pseudo_random(stroke_index, 3.0));
     stroke_depth * (smooth(time_in_stroke / stroke_time) - smooth((time_in_stroke - release_time) / stroke_time))
         + tremor(t)
 }
@@ -75,7 +75,7 @@ fn play_cases() -> Vec<PlayCase> {
         name,
         grip,
         piece_force,
-        resolution: FINE,
+        resolution: FINE_RESOLUTION,
         force_max: 20.0,
         friction: 0.0,
         mass: 0.05,
@@ -181,15 +181,15 @@ fn play_cases() -> Vec<PlayCase> {
 
 /// Trips and number of probes of each case, played for `seconds`.
 #[allow(clippy::type_complexity)]
-fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
+fn play_all(seconds: f64) -> Vec<(&'static str, Vec<(f64, TripCause)>, u64)> {
     let cases_left = std::sync::Mutex::new(play_cases());
     let played_cases = std::sync::Mutex::new(Vec::new());
     let play_worker = || loop {
         let next_case = cases_left.lock().unwrap().pop();
         let Some(play_case) = next_case else { return };
-        let mut case_key = Key::new(play_case.resolution, play_case.force_max, None);
+        let mut case_key = SimulatedKey::new(play_case.resolution, play_case.force_max, None);
         (case_key.grip, case_key.friction, case_key.mass) = (play_case.grip, play_case.friction, play_case.mass);
-        let mut case_play = Play::new(case_key, play_case.piece_force);
+        let mut case_play = PlayedKey::new(case_key, play_case.piece_force);
         case_play.run_until(seconds);
         let case_result = (play_case.name, case_play.trips.clone(), case_play.probes());
         played_cases.lock().unwrap().push(case_result);
@@ -203,7 +203,7 @@ fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
 
 #[test]
 fn playing_hands_cause_no_trip() {
-    for (name, trips, probes) in played(30.0) {
+    for (name, trips, probes) in play_all(30.0) {
         assert!(trips.is_empty(), "{name}: {trips:?}");
         assert!(probes < 200, "{name}: {probes}");
     }
@@ -213,7 +213,7 @@ fn playing_hands_cause_no_trip() {
 #[ignore = "an hour of each, by a minute of the machine: --ignored --nocapture"]
 #[allow(clippy::print_stdout)] // prints a table on request
 fn playing_hands_for_an_hour_cause_no_trip() {
-    let played_cases = played(3_600.0);
+    let played_cases = play_all(3_600.0);
     for (name, trips, probes) in &played_cases {
         println!("{name:28} {probes:6} probes, trips {trips:?}");
     }

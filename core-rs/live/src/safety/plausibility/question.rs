@@ -17,7 +17,7 @@
 const LEAD_POSITIONS: usize = 16;
 /// The pulse: half a sine.
 #[allow(clippy::approx_constant)] // rounded like the others
-const PULSE: [f64; 6] = [0.2588, 0.7071, 0.9659, 0.9659, 0.7071, 0.2588];
+const PULSE_SHAPE: [f64; 6] = [0.2588, 0.7071, 0.9659, 0.9659, 0.7071, 0.2588];
 /// Steps from the beginning of the first pulse to that of the second, which has the opposite sign.
 const SECOND_PULSE_STEP: usize = 18;
 /// The weights, for the oldest position first.
@@ -32,11 +32,11 @@ const WEIGHTS: [f64; 56] = [
     0.026552, 0.086167, 0.130003, 0.150297, 0.138482, 0.084478, -0.023740, -0.200402,
 ];
 /// Number of weighted positions.
-const SPAN: usize = WEIGHTS.len();
+const WEIGHTED_POSITIONS: usize = WEIGHTS.len();
 /// Steps of a question, from the first pulse on.
-const STEPS: usize = SPAN - LEAD_POSITIONS;
+const QUESTION_STEPS: usize = WEIGHTED_POSITIONS - LEAD_POSITIONS;
 /// Longest delay that a device may report and that is waited for [steps].
-const DELAY_MAX: usize = 16;
+const DELAY_STEPS_MAX: usize = 16;
 
 /// The answer of a free mass of 1 kg to a newton [m].
 const FREE_RESPONSE: f64 = 9.3e-6;
@@ -46,11 +46,11 @@ const ANSWER_RATIO_MAX: f64 = 2.5;
 const FIRM_RESPONSE: f64 = 25e-6;
 const FIRMEST_RESPONSE: f64 = 8e-6;
 /// How far a pulse of a newton moves a key in the firmest grip [m].
-const FIRMEST_PATH: f64 = 2e-5;
+const FIRMEST_DISPLACEMENT: f64 = 2e-5;
 
 /// Least sum that is an answer: [m], steps of the sensor, and times the greatest sum without pulses of late.
-const FAINTEST: f64 = 2e-6;
-const SENSOR_STEPS: f64 = 1.5;
+const ANSWER_MIN: f64 = 2e-6;
+const ANSWER_SENSOR_STEPS: f64 = 1.5;
 const NOISE_FACTOR: f64 = 3.0;
 /// Steps without a question in which that sum is taken, where the key swings: a part of a swing.
 const CALM_STEPS: usize = 12;
@@ -60,18 +60,18 @@ const CALM_STEPS: usize = 12;
 const LATE_STEPS: [usize; 2] = [22, 34];
 const LATE_FACTOR: f64 = 2.0;
 /// Time in which the greatest sum without pulses is forgotten [s].
-const NOISE_MEMORY: f64 = 0.25;
+const NOISE_MEMORY_SECONDS: f64 = 0.25;
 /// The force of a pulse is chosen for an answer this many times the least.
-const PULSE_FACTOR: f64 = 2.0;
+const PULSE_ANSWER_FACTOR: f64 = 2.0;
 /// Least and greatest force of a pulse [N].
-const PULSE_FORCES: [f64; 2] = [0.05, 3.0];
+const PULSE_FORCE_RANGE: [f64; 2] = [0.05, 3.0];
 
 /// The first state of the draw of signs: any number but zero.
-const DRAW: u32 = 0x9e37_79b9;
+const SIGN_SEED: u32 = 0x9e37_79b9;
 
 /// The answer to a question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Answer {
+pub(super) enum QuestionAnswer {
     /// The key went the way it was pushed.
     Right,
     /// The key went the other way.
@@ -84,25 +84,25 @@ pub(super) enum Answer {
 
 /// A question under way.
 #[derive(Clone, Copy, Debug)]
-struct Asked {
+struct ActiveQuestion {
     /// Sign of the first pulse.
     sign: f64,
     /// Force of its pulses at the key [N], and the part of a force that reaches the key.
     force: f64,
-    passes: f64,
+    pass_share: f64,
     /// Steps since its beginning.
     steps: usize,
     /// Least and greatest force that was sent since then [N].
-    sent: [f64; 2],
+    sent_range: [f64; 2],
 }
 
 /// A right answer that has to be greater than what comes later.
 #[derive(Clone, Copy, Debug)]
-struct Waiting {
+struct PendingAnswer {
     /// Its sum, the sign of the question, and the greatest sum since then, as if the pulses had been later [m].
-    sum: f64,
+    weighted_sum: f64,
     sign: f64,
-    later: f64,
+    later_sum_max: f64,
     /// Steps since the answer.
     steps: usize,
 }
@@ -111,137 +111,142 @@ struct Waiting {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Questions {
     /// Length of a step [s].
-    step: f64,
+    step_seconds: f64,
     /// Greatest answer to a newton [m], and step of the sensor [m].
     greatest_response: f64,
     resolution: f64,
     /// Delay that the device reports [steps].
     delay: usize,
     /// The newest positions, the oldest first, and how many of them came since the last question.
-    past: [f64; SPAN],
-    quiet: usize,
+    positions: [f64; WEIGHTED_POSITIONS],
+    quiet_steps: usize,
     /// Greatest sum without pulses of late [m].
-    noise: f64,
+    noise_sum: f64,
     /// Answer to a newton that is expected [m].
-    response: f64,
-    asked: Option<Asked>,
-    waiting: Option<Waiting>,
+    expected_response: f64,
+    active_question: Option<ActiveQuestion>,
+    pending_answer: Option<PendingAnswer>,
     /// State of the draw of signs.
-    draw: u32,
+    sign_state: u32,
 }
 
 impl Questions {
-    /// For steps of `step` [s] and an axis of `mass` [kg] whose sensor has steps of `resolution` [m] and whose device
-    /// reports a `delay` [s].
+    /// For steps of `step_seconds` [s] and an axis of `mass` [kg] whose sensor has steps of `resolution` [m] and whose
+    /// device reports a `delay` [s].
     pub(super) fn new(step: f64, mass: f64, resolution: f64, delay: f64) -> Self {
         Self {
-            step,
+            step_seconds: step,
             greatest_response: ANSWER_RATIO_MAX * FREE_RESPONSE / mass,
             resolution,
-            delay: ((delay / step).round() as usize).min(DELAY_MAX),
-            past: [0.0; SPAN],
-            quiet: 0,
-            noise: 0.0,
-            response: FIRM_RESPONSE,
-            asked: None,
-            waiting: None,
-            draw: DRAW,
+            delay: ((delay / step).round() as usize).min(DELAY_STEPS_MAX),
+            positions: [0.0; WEIGHTED_POSITIONS],
+            quiet_steps: 0,
+            noise_sum: 0.0,
+            expected_response: FIRM_RESPONSE,
+            active_question: None,
+            pending_answer: None,
+            sign_state: SIGN_SEED,
         }
     }
 
     /// Forget earlier positions.
     pub(super) fn restart(&mut self) {
-        (self.asked, self.waiting) = (None, None);
-        (self.quiet, self.noise) = (0, 0.0);
+        (self.active_question, self.pending_answer) = (None, None);
+        (self.quiet_steps, self.noise_sum) = (0, 0.0);
     }
 
     fn is_idle(&self) -> bool {
-        self.asked.is_none() && self.waiting.is_none()
+        self.active_question.is_none() && self.pending_answer.is_none()
     }
 
     /// Whether a question may begin.
     pub(super) fn may_begin(&self) -> bool {
-        self.is_idle() && self.quiet >= LEAD_POSITIONS
+        self.is_idle() && self.quiet_steps >= LEAD_POSITIONS
     }
 
     /// Whether one may begin, and the noise since the last one is known.
     pub(super) fn is_calm(&self) -> bool {
-        self.is_idle() && self.quiet > SPAN
+        self.is_idle() && self.quiet_steps > WEIGHTED_POSITIONS
     }
 
     /// Whether one may begin, and the noise of a swing since the last one is known.
     pub(super) fn is_very_calm(&self) -> bool {
-        self.is_idle() && self.quiet > SPAN + CALM_STEPS
+        self.is_idle() && self.quiet_steps > WEIGHTED_POSITIONS + CALM_STEPS
     }
 
-    /// Begin a question with at most `force` [N], if the part `passes` of a force reaches the key. Where `is_doubtful`,
-    /// its sign is drawn.
-    pub(super) fn begin(&mut self, force: f64, passes: f64, is_doubtful: bool) {
-        let [least_pulse, greatest_pulse] = PULSE_FORCES;
-        let clear_force = (PULSE_FACTOR * self.least_answer() / self.response).clamp(least_pulse, greatest_pulse);
-        let sign = if is_doubtful { self.drawn_sign() } else { 1.0 };
-        self.asked = Some(Asked {
+    /// Begin a question with at most `force` [N], if the part `pass_share` of a force reaches the key. Where
+    /// `is_doubtful`, its sign is drawn.
+    pub(super) fn begin(&mut self, force: f64, pass_share: f64, is_doubtful: bool) {
+        let [least_pulse, greatest_pulse] = PULSE_FORCE_RANGE;
+        let clear_force =
+            (PULSE_ANSWER_FACTOR * self.answer_min() / self.expected_response).clamp(least_pulse, greatest_pulse);
+        let sign = if is_doubtful { self.random_sign() } else { 1.0 };
+        self.active_question = Some(ActiveQuestion {
             sign,
             force: clear_force.min(force),
-            passes,
+            pass_share,
             steps: 0,
-            sent: [f64::INFINITY, f64::NEG_INFINITY],
+            sent_range: [f64::INFINITY, f64::NEG_INFINITY],
         });
     }
 
     /// A sign by xorshift32 (Marsaglia, 2003).
-    fn drawn_sign(&mut self) -> f64 {
-        self.draw ^= self.draw << 13;
-        self.draw ^= self.draw >> 17;
-        self.draw ^= self.draw << 5;
-        if self.draw >> 31 == 0 { 1.0 } else { -1.0 }
+    fn random_sign(&mut self) -> f64 {
+        self.sign_state ^= self.sign_state << 13;
+        self.sign_state ^= self.sign_state >> 17;
+        self.sign_state ^= self.sign_state << 5;
+        if self.sign_state >> 31 == 0 { 1.0 } else { -1.0 }
     }
 
     /// The force of the pulses now [N].
-    pub(super) fn offset(&self) -> f64 {
-        let Some(open_question) = self.asked else {
+    pub(super) fn pulse_force(&self) -> f64 {
+        let Some(open_question) = self.active_question else {
             return 0.0;
         };
-        let pulse_at = |step: usize| PULSE.get(step).copied().unwrap_or(0.0);
+        let pulse_at = |step: usize| PULSE_SHAPE.get(step).copied().unwrap_or(0.0);
         let second_pulse = open_question.steps.checked_sub(SECOND_PULSE_STEP).map_or(0.0, pulse_at);
-        open_question.sign * open_question.force / open_question.passes * (pulse_at(open_question.steps) - second_pulse)
+        open_question.sign * open_question.force / open_question.pass_share
+            * (pulse_at(open_question.steps) - second_pulse)
     }
 
-    fn least_answer(&self) -> f64 {
-        FAINTEST
-            .max(SENSOR_STEPS * self.resolution)
-            .max(NOISE_FACTOR * self.noise)
+    fn answer_min(&self) -> f64 {
+        ANSWER_MIN
+            .max(ANSWER_SENSOR_STEPS * self.resolution)
+            .max(NOISE_FACTOR * self.noise_sum)
     }
 
-    /// Take the position of a step [m], and the force `sent` before it [N]; returns the answer when a question is over.
-    /// Where `is_doubtful`, a right answer has to be greater than what comes later.
-    pub(super) fn take(&mut self, x: f64, sent: f64, is_doubtful: bool) -> Option<Answer> {
-        if self.quiet == 0 && self.asked.is_none() {
-            self.past = [x; SPAN];
+    /// Take the position of a step [m], and the force `sent_range` before it [N]; returns the answer when a question is
+    /// over. Where `is_doubtful`, a right answer has to be greater than what comes later.
+    pub(super) fn add_step(&mut self, x: f64, sent_force: f64, is_doubtful: bool) -> Option<QuestionAnswer> {
+        if self.quiet_steps == 0 && self.active_question.is_none() {
+            self.positions = [x; WEIGHTED_POSITIONS];
         }
-        self.past.copy_within(1.., 0);
-        self.past[SPAN - 1] = x;
-        self.quiet = self.quiet.saturating_add(1);
-        self.noise *= 1.0 - self.step / NOISE_MEMORY;
-        let Some(open_question) = &mut self.asked else {
-            if self.quiet > SPAN {
-                self.noise = self.noise.max(self.sum().abs());
+        self.positions.copy_within(1.., 0);
+        self.positions[WEIGHTED_POSITIONS - 1] = x;
+        self.quiet_steps = self.quiet_steps.saturating_add(1);
+        self.noise_sum *= 1.0 - self.step_seconds / NOISE_MEMORY_SECONDS;
+        let Some(open_question) = &mut self.active_question else {
+            if self.quiet_steps > WEIGHTED_POSITIONS {
+                self.noise_sum = self.noise_sum.max(self.weighted_sum().abs());
             }
-            return self.wait();
+            return self.advance_pending();
         };
         open_question.steps += 1;
-        open_question.sent = [open_question.sent[0].min(sent), open_question.sent[1].max(sent)];
-        if open_question.steps < STEPS + self.delay {
+        open_question.sent_range = [
+            open_question.sent_range[0].min(sent_force),
+            open_question.sent_range[1].max(sent_force),
+        ];
+        if open_question.steps < QUESTION_STEPS + self.delay {
             return None;
         }
         let open_question = *open_question;
-        (self.asked, self.quiet) = (None, 0);
+        (self.active_question, self.quiet_steps) = (None, 0);
         let judged_answer = self.judge(open_question);
-        if judged_answer == Answer::Right && is_doubtful {
-            self.waiting = Some(Waiting {
-                sum: self.sum().abs(),
+        if judged_answer == QuestionAnswer::Right && is_doubtful {
+            self.pending_answer = Some(PendingAnswer {
+                weighted_sum: self.weighted_sum().abs(),
                 sign: open_question.sign,
-                later: 0.0,
+                later_sum_max: 0.0,
                 steps: 0,
             });
             return None;
@@ -250,43 +255,59 @@ impl Questions {
     }
 
     /// Wait until a right answer is known to be in time.
-    fn wait(&mut self) -> Option<Answer> {
-        let mut waiting = self.waiting?;
+    fn advance_pending(&mut self) -> Option<QuestionAnswer> {
+        let mut pending = self.pending_answer?;
         let [first_step, last_step] = LATE_STEPS;
-        waiting.steps += 1;
-        if waiting.steps >= first_step {
-            waiting.later = waiting.later.max(waiting.sign * self.sum());
+        pending.steps += 1;
+        if pending.steps >= first_step {
+            pending.later_sum_max = pending.later_sum_max.max(pending.sign * self.weighted_sum());
         }
-        self.waiting = (waiting.steps < last_step).then_some(waiting);
-        if self.waiting.is_some() {
+        self.pending_answer = (pending.steps < last_step).then_some(pending);
+        if self.pending_answer.is_some() {
             return None;
         }
-        let is_late = waiting.later > LATE_FACTOR * waiting.sum;
-        Some(if is_late { Answer::Hidden } else { Answer::Right })
+        let is_late = pending.later_sum_max > LATE_FACTOR * pending.weighted_sum;
+        Some(if is_late {
+            QuestionAnswer::Hidden
+        } else {
+            QuestionAnswer::Right
+        })
     }
 
-    fn judge(&mut self, Asked { sign, force, sent, .. }: Asked) -> Answer {
-        let is_unmoved = |x: &f64| x.to_bits() == self.past[SPAN - 1].to_bits();
-        let force_change = 0.5 * (sent[1] - sent[0]);
-        if force_change.min(force) * FIRMEST_PATH >= 2.0 * self.resolution
-            && self.past[LEAD_POSITIONS..].iter().all(is_unmoved)
+    fn judge(
+        &mut self,
+        ActiveQuestion {
+            sign,
+            force,
+            sent_range,
+            ..
+        }: ActiveQuestion,
+    ) -> QuestionAnswer {
+        let is_unmoved = |x: &f64| x.to_bits() == self.positions[WEIGHTED_POSITIONS - 1].to_bits();
+        let force_change = 0.5 * (sent_range[1] - sent_range[0]);
+        if force_change.min(force) * FIRMEST_DISPLACEMENT >= 2.0 * self.resolution
+            && self.positions[LEAD_POSITIONS..].iter().all(is_unmoved)
         {
-            self.response = FIRMEST_RESPONSE;
-            return Answer::Unmoved;
+            self.expected_response = FIRMEST_RESPONSE;
+            return QuestionAnswer::Unmoved;
         }
-        let signed_sum = sign * self.sum();
-        if signed_sum.abs() < self.least_answer() || signed_sum.abs() > self.greatest_response * force {
-            self.response = (0.5 * self.response).max(FIRMEST_RESPONSE);
-            return Answer::Hidden;
+        let signed_sum = sign * self.weighted_sum();
+        if signed_sum.abs() < self.answer_min() || signed_sum.abs() > self.greatest_response * force {
+            self.expected_response = (0.5 * self.expected_response).max(FIRMEST_RESPONSE);
+            return QuestionAnswer::Hidden;
         }
-        self.response = (signed_sum.abs() / force).max(FIRMEST_RESPONSE);
-        if signed_sum > 0.0 { Answer::Right } else { Answer::Wrong }
+        self.expected_response = (signed_sum.abs() / force).max(FIRMEST_RESPONSE);
+        if signed_sum > 0.0 {
+            QuestionAnswer::Right
+        } else {
+            QuestionAnswer::Wrong
+        }
     }
 
     /// The weighted sum of the newest positions [m].
-    fn sum(&self) -> f64 {
-        let first_position = self.past[0];
-        let weighted = self.past.iter().zip(WEIGHTS);
+    fn weighted_sum(&self) -> f64 {
+        let first_position = self.positions[0];
+        let weighted = self.positions.iter().zip(WEIGHTS);
         weighted.map(|(x, weight)| (x - first_position) * weight).sum()
     }
 }

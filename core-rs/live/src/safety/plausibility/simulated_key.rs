@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use crate::safety::contract::{Device, Gone, Sample, Spec, Unit};
-use crate::safety::{Guarded, Limits, SafeForce, Trip};
+use crate::safety::contract::{Device, DeviceLoss, DeviceSample, DeviceSpec, Unit};
+use crate::safety::{GuardedDevice, SafeForce, SafetyLimits, TripCause};
 use crate::wire::MAX_AXES;
 
 pub(super) const PERIOD: f64 = 1e-3;
@@ -21,15 +21,15 @@ pub(super) struct Grip {
 }
 
 /// The hand of `tests/support/simulated_board.py`.
-pub(super) const HAND: Grip = Grip {
+pub(super) const TEST_HAND: Grip = Grip {
     k: 400.0,
     z: 4.0,
     position: |_| 0.0,
 };
 
 /// A board of one key: 50 g, 1 N·s/m, 20 N, 50 mm to either side.
-pub(super) struct Key {
-    spec: Spec,
+pub(super) struct SimulatedKey {
+    spec: DeviceSpec,
     pub(super) x: f64,
     pub(super) v: f64,
     pub(super) time: f64,
@@ -44,10 +44,10 @@ pub(super) struct Key {
     pub(super) mass: f64,
 }
 
-impl Key {
+impl SimulatedKey {
     pub(super) fn new(resolution: f64, force_max: f64, inertia: Option<f64>) -> Self {
         Self {
-            spec: Spec {
+            spec: DeviceSpec {
                 dof: 1,
                 unit: Unit::Metre,
                 pos_lsb: resolution,
@@ -61,13 +61,13 @@ impl Key {
                 damping: Some(1.0),
                 touch_gated: false,
                 can_lockstep: true,
-                can_wide: true,
+                can_send_wide: true,
             },
             x: 0.0,
             v: 0.0,
             time: 0.0,
             sensor_reading: 0.0,
-            grip: Some(HAND),
+            grip: Some(TEST_HAND),
             motor_sign: 1.0,
             frozen: false,
             friction: 0.0,
@@ -104,16 +104,16 @@ impl Key {
     }
 }
 
-impl Device for Key {
-    fn spec(&self) -> &Spec {
+impl Device for SimulatedKey {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         self.advance(force.newtons()[0]);
         Ok(())
     }
-    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
-        into.position = [self.sensor_reading; MAX_AXES];
+    fn receive(&mut self, sample: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
+        sample.position = [self.sensor_reading; MAX_AXES];
         Ok(true)
     }
     fn in_lockstep(&self) -> bool {
@@ -126,51 +126,51 @@ impl Device for Key {
 pub(super) type PieceForce = fn(f64, f64, f64) -> f64;
 
 /// A key that is played by a hand and a piece.
-pub(super) struct Play {
-    pub(super) guarded: Guarded<Key>,
+pub(super) struct PlayedKey {
+    pub(super) guarded_device: GuardedDevice<SimulatedKey>,
     pub(super) piece_force: PieceForce,
     position_before: f64,
-    sample: Sample,
+    sample: DeviceSample,
     /// Trips so far, each with its time.
-    pub(super) trips: Vec<(f64, Trip)>,
+    pub(super) trips: Vec<(f64, TripCause)>,
     /// What was sent last [N].
-    pub(super) sent: f64,
+    pub(super) sent_force: f64,
 }
 
-impl Play {
-    pub(super) fn new(key: Key, piece_force: PieceForce) -> Self {
-        let key_limits = Limits::from_spec(key.spec());
+impl PlayedKey {
+    pub(super) fn new(key: SimulatedKey, piece_force: PieceForce) -> Self {
+        let key_limits = SafetyLimits::from_spec(key.spec());
         Self {
-            guarded: Guarded::new(key, key_limits, PERIOD).watched(),
+            guarded_device: GuardedDevice::new(key, key_limits, PERIOD).watched(),
             piece_force,
             position_before: 0.0,
-            sample: Sample::default(),
+            sample: DeviceSample::default(),
             trips: Vec::new(),
-            sent: 0.0,
+            sent_force: 0.0,
         }
     }
 
-    pub(super) fn key(&mut self) -> &mut Key {
-        &mut self.guarded.device
+    pub(super) fn key(&mut self) -> &mut SimulatedKey {
+        &mut self.guarded_device.device
     }
 
     pub(super) fn time(&self) -> f64 {
-        self.guarded.device.time
+        self.guarded_device.device.time
     }
 
     pub(super) fn probes(&self) -> u64 {
-        self.guarded.watched.as_ref().unwrap().axes[0].probes()
+        self.guarded_device.plausibility.as_ref().unwrap().axes[0].probes()
     }
 
     pub(super) fn tick(&mut self) {
-        self.guarded.receive(&mut self.sample, Instant::now()).unwrap();
+        self.guarded_device.receive(&mut self.sample, Instant::now()).unwrap();
         let key_position = self.sample.position[0];
         let key_velocity = (key_position - self.position_before) / PERIOD;
         self.position_before = key_position;
         let asked_force = (self.piece_force)(self.time(), key_position, key_velocity);
-        let trip_before = self.guarded.tripped(0);
-        self.sent = self.guarded.send(&[asked_force]).unwrap().newtons()[0];
-        if let Some(trip_cause) = self.guarded.tripped(0).filter(|_| trip_before.is_none()) {
+        let trip_before = self.guarded_device.tripped(0);
+        self.sent_force = self.guarded_device.send(&[asked_force]).unwrap().newtons()[0];
+        if let Some(trip_cause) = self.guarded_device.tripped(0).filter(|_| trip_before.is_none()) {
             self.trips.push((self.time(), trip_cause));
         }
     }

@@ -1,7 +1,7 @@
 //! Faults of a board: each is found within a time and a travel of the key.
 
-use super::simulated_key::{Grip, HAND, Key, PieceForce, Play};
-use super::{AxisSpec, Plausibility, Trip};
+use super::simulated_key::{Grip, PieceForce, PlayedKey, SimulatedKey, TEST_HAND};
+use super::{AxisSpec, Plausibility, TripCause};
 
 const FINE: f64 = 1e-5;
 
@@ -12,14 +12,14 @@ struct FaultOutcome {
     lasted: f64,
     /// How far the key moved beyond its positions without the fault and without any force [mm].
     travel: f64,
-    why: Option<Trip>,
+    why: Option<TripCause>,
 }
 
 /// The effect of a fault at an instant, by comparison with the same play without the fault, and without any force from
 /// that instant on.
-fn harm(fault: fn(&mut Key), start: f64, grip: Option<Grip>, piece_force: PieceForce) -> FaultOutcome {
+fn harm(fault: fn(&mut SimulatedKey), start: f64, grip: Option<Grip>, piece_force: PieceForce) -> FaultOutcome {
     let play = || {
-        let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), piece_force);
+        let mut play = PlayedKey::new(SimulatedKey::new(FINE, 20.0, Some(0.05)), piece_force);
         play.key().grip = grip;
         play.run_until(start);
         assert!(play.trips.is_empty(), "{:?}", play.trips);
@@ -33,7 +33,7 @@ fn harm(fault: fn(&mut Key), start: f64, grip: Option<Grip>, piece_force: PieceF
         for play in [&mut complete, &mut free_play, &mut faulty_play] {
             play.tick();
         }
-        if faulty_play.sent != 0.0 {
+        if faulty_play.sent_force != 0.0 {
             force_time = faulty_play.time() - start;
         }
         let (intact_position, free_position, faulty_position) =
@@ -52,11 +52,11 @@ fn harm(fault: fn(&mut Key), start: f64, grip: Option<Grip>, piece_force: PieceF
 
 const SINE: Grip = Grip {
     position: |t| 5e-3 * libm::sin(std::f64::consts::TAU * t),
-    ..HAND
+    ..TEST_HAND
 };
 
-const REVERSED: fn(&mut Key) = |key| key.motor_sign = -1.0;
-const FROZEN: fn(&mut Key) = |key| key.frozen = true;
+const REVERSED: fn(&mut SimulatedKey) = |key| key.motor_sign = -1.0;
+const FROZEN: fn(&mut SimulatedKey) = |key| key.frozen = true;
 const SPRINGS: [(&str, PieceForce); 5] = [
     ("200 N/m to 3 mm", |_, x, _| 200.0 * (3e-3 - x)),
     ("500 N/m to 3 mm", |_, x, _| 500.0 * (3e-3 - x)),
@@ -69,7 +69,7 @@ const SPRINGS: [(&str, PieceForce); 5] = [
 const INSTANTS: [f64; 3] = [3.0, 3.1, 3.25];
 
 /// The effect of a fault in every scene at every instant.
-fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, FaultOutcome)> {
+fn harms(fault: fn(&mut SimulatedKey), grip: Option<Grip>) -> Vec<(&'static str, f64, FaultOutcome)> {
     let fault_cases = SPRINGS.iter().flat_map(|of| INSTANTS.map(|at| (of, at)));
     fault_cases
         .map(|(&(name, piece_force), at)| (name, at, harm(fault, at, grip, piece_force)))
@@ -78,8 +78,8 @@ fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, Fau
 
 #[test]
 fn reversed_motor_under_a_hand_trips_early() {
-    for (name, position, harm) in harms(REVERSED, Some(HAND)) {
-        assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {position} {harm:?}");
+    for (name, position, harm) in harms(REVERSED, Some(TEST_HAND)) {
+        assert_eq!(harm.why, Some(TripCause::WrongWay), "{name} {position} {harm:?}");
         assert!(harm.lasted < 450.0 && harm.travel < 8.0, "{name} {position} {harm:?}");
     }
 }
@@ -91,7 +91,7 @@ fn reversed_motor_trips_under_moving_and_absent_hands() {
         if name.starts_with("200") {
             continue;
         }
-        assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {position} {harm:?}");
+        assert_eq!(harm.why, Some(TripCause::WrongWay), "{name} {position} {harm:?}");
         assert!(harm.lasted < 450.0, "{name} {position} {harm:?}");
         // In this case the motor is reversed while a probe is under way, which first gets a right answer.
         assert!(
@@ -103,7 +103,7 @@ fn reversed_motor_trips_under_moving_and_absent_hands() {
         // If the scene is at rest there is no force that could have the wrong sign.
         let scene_moves = name.ends_with("8 mm");
         assert!(
-            !scene_moves || harm.why == Some(Trip::WrongWay),
+            !scene_moves || harm.why == Some(TripCause::WrongWay),
             "{name} {position} {harm:?}"
         );
         assert!(harm.lasted < 300.0 && harm.travel < 13.0, "{name} {position} {harm:?}");
@@ -112,14 +112,14 @@ fn reversed_motor_trips_under_moving_and_absent_hands() {
 
 #[test]
 fn frozen_sensor_trips_or_moves_little() {
-    for grip in [Some(HAND), Some(SINE)] {
+    for grip in [Some(TEST_HAND), Some(SINE)] {
         for (name, position, harm) in harms(FROZEN, grip) {
             if harm.why.is_none() {
                 // The sensor froze when nothing could show it: with hardly any force, or just after a right answer.
                 assert!(harm.travel < 1.0, "{name} {position} {harm:?}");
                 continue;
             }
-            assert_eq!(harm.why, Some(Trip::Frozen), "{name} {position} {harm:?}");
+            assert_eq!(harm.why, Some(TripCause::Frozen), "{name} {position} {harm:?}");
             assert!(harm.lasted < 400.0 && harm.travel < 7.0, "{name} {position} {harm:?}");
         }
     }
@@ -133,16 +133,16 @@ fn wrong_wiring_stops_at_first_movement() {
     for (grip, piece_force) in [
         (SINE, SPRINGS[0].1),
         (SINE, SPRINGS[2].1),
-        (HAND, SPRINGS[1].1),
-        (HAND, SPRINGS[4].1),
+        (TEST_HAND, SPRINGS[1].1),
+        (TEST_HAND, SPRINGS[4].1),
     ] {
-        let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), piece_force);
+        let mut play = PlayedKey::new(SimulatedKey::new(FINE, 20.0, Some(0.05)), piece_force);
         (play.key().grip, play.key().motor_sign) = (Some(grip), -1.0);
         play.run_until(4.0);
         let trip_kinds: Vec<_> = play.trips.iter().map(|trip| trip.1).collect();
-        assert_eq!(trip_kinds, [Trip::WrongWay], "{:?}", play.trips);
-        assert_eq!(play.sent, 0.0, "it stays off");
-        play.guarded.release();
+        assert_eq!(trip_kinds, [TripCause::WrongWay], "{:?}", play.trips);
+        assert_eq!(play.sent_force, 0.0, "it stays off");
+        play.guarded_device.release();
         play.run_until(8.0);
         assert_eq!(play.trips.len(), 2, "and is found again: {:?}", play.trips);
     }
@@ -152,19 +152,19 @@ fn wrong_wiring_stops_at_first_movement() {
 fn key_pushed_into_its_stop_trips_and_recovers() {
     // For a while the scene pulls the key to a position beyond its range.
     let pulling_scene: PieceForce = |t, x, _| 100.0 * (if t < 4.0 { 0.09 } else { 0.0 } - x);
-    let mut play = Play::new(Key::new(FINE, 20.0, None), pulling_scene);
+    let mut play = PlayedKey::new(SimulatedKey::new(FINE, 20.0, None), pulling_scene);
     play.key().grip = None;
     let mut arrived = f64::INFINITY;
     while play.trips.is_empty() && play.time() < 4.0 {
         play.tick();
-        if play.key().x == 0.05 && play.sent > 2.0 {
+        if play.key().x == 0.05 && play.sent_force > 2.0 {
             arrived = arrived.min(play.time());
         }
     }
-    assert_eq!(play.trips[0].1, Trip::AtStop);
+    assert_eq!(play.trips[0].1, TripCause::AtStop);
     assert!(play.trips[0].0 - arrived < 0.3, "{arrived} {:?}", play.trips);
     play.run_until(6.9);
-    assert_eq!(play.sent, 0.0);
+    assert_eq!(play.sent_force, 0.0);
     play.run_until(9.0);
     assert_eq!(play.trips.len(), 1);
     assert!(play.key().x.abs() < 1e-3, "the spring has it back: {}", play.key().x);
@@ -172,7 +172,7 @@ fn key_pushed_into_its_stop_trips_and_recovers() {
 
 #[test]
 fn third_trip_lasts_until_the_player_releases_it() {
-    let mut play = Play::new(Key::new(FINE, 20.0, None), |t, x, _| {
+    let mut play = PlayedKey::new(SimulatedKey::new(FINE, 20.0, None), |t, x, _| {
         if x > 0.049 && t % 8.0 < 4.0 { 5.0 } else { 0.0 }
     });
     play.key().grip = Some(Grip {
@@ -180,10 +180,10 @@ fn third_trip_lasts_until_the_player_releases_it() {
         z: 30.0,
         position: |t| 0.055 * (t % 8.0 / 0.1).min((4.0 - t % 8.0) / 0.1).clamp(0.0, 1.0),
     });
-    let stop_trips = |play: &Play| play.trips.iter().filter(|trip| trip.1 == Trip::AtStop).count();
+    let stop_trips = |play: &PlayedKey| play.trips.iter().filter(|trip| trip.1 == TripCause::AtStop).count();
     play.run_until(47.9);
     assert_eq!(stop_trips(&play), 3, "{:?}", play.trips);
-    play.guarded.release();
+    play.guarded_device.release();
     play.run_until(55.0);
     assert_eq!(stop_trips(&play), 4, "{:?}", play.trips);
 }
@@ -193,7 +193,7 @@ fn third_trip_lasts_until_the_player_releases_it() {
 #[allow(clippy::print_stdout)] // prints a table on request
 fn figures() {
     for (fault, name) in [(REVERSED, "reversed"), (FROZEN, "frozen")] {
-        for (grip, hand) in [(Some(HAND), "still"), (Some(SINE), "goes"), (None, "nobody")] {
+        for (grip, hand) in [(Some(TEST_HAND), "still"), (Some(SINE), "goes"), (None, "nobody")] {
             for (piece_force, position, FaultOutcome { lasted, travel, why }) in harms(fault, grip) {
                 println!("{name:9} {hand:7} {piece_force:33} {position}: {lasted:7.1} ms {travel:6.2} mm {why:?}");
             }

@@ -6,14 +6,14 @@
 
 use std::time::Duration;
 
-use super::super::counts::Counts;
+use super::super::counts::StageCounts;
 use super::fade::Fade;
 
 /// The ages of positions and of the host's calls.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::safety) struct Ages {
+pub(in crate::safety) struct DataAges {
     /// Age above which they are stale.
-    limit: Duration,
+    age_max: Duration,
     /// When the newest position came, and when the host made its last call.
     last_position: Option<Duration>,
     last_call: Option<Duration>,
@@ -23,10 +23,10 @@ pub(in crate::safety) struct Ages {
     must_send_zero: bool,
 }
 
-impl Ages {
+impl DataAges {
     pub(in crate::safety) fn new(limit: f64) -> Self {
         Self {
-            limit: Duration::try_from_secs_f64(limit).unwrap_or(Duration::MAX),
+            age_max: Duration::try_from_secs_f64(limit).unwrap_or(Duration::MAX),
             last_position: None,
             last_call: None,
             fade: Fade::FULL,
@@ -40,7 +40,7 @@ impl Ages {
     }
 
     fn is_stale(&self, since: Option<Duration>, now: Duration) -> bool {
-        since.is_some_and(|since| now.saturating_sub(since) > self.limit)
+        since.is_some_and(|since| now.saturating_sub(since) > self.age_max)
     }
 
     /// Whether forces fade in after a stale one.
@@ -54,7 +54,7 @@ impl Ages {
     }
 
     /// Note a call of the host, with or without a new position.
-    fn note_call(&mut self, now: Duration, counts: &mut Counts) {
+    fn note_call(&mut self, now: Duration, counts: &mut StageCounts) {
         if self.was_stopped(now) {
             counts.stalls += 1;
             self.restart();
@@ -69,7 +69,7 @@ impl Ages {
         &mut self,
         now: Duration,
         [period, fade]: [f64; 2],
-        counts: &mut Counts,
+        counts: &mut StageCounts,
     ) -> bool {
         self.note_call(now, counts);
         let must_send_zero = std::mem::take(&mut self.must_send_zero);
@@ -83,7 +83,12 @@ impl Ages {
     }
 
     /// Note a position, from a board that may have `let_go` before; returns the time since the previous position [s].
-    pub(in crate::safety) fn note_position(&mut self, now: Duration, let_go: bool, counts: &mut Counts) -> Option<f64> {
+    pub(in crate::safety) fn note_position(
+        &mut self,
+        now: Duration,
+        let_go: bool,
+        counts: &mut StageCounts,
+    ) -> Option<f64> {
         self.note_call(now, counts);
         if let_go {
             counts.let_go += 1;

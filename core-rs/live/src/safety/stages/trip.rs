@@ -1,34 +1,34 @@
 //! A trip: an axis is held at zero for a while.
 
 use super::fade::Fade;
-use crate::safety::Trip as Reason;
+use crate::safety::TripCause as Reason;
 
 /// The state of a trip of one axis.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::safety) struct Trip {
+pub(in crate::safety) struct TripState {
     /// Time for which it is still held [s].
-    left: f64,
-    why: Option<Reason>,
+    seconds_left: f64,
+    cause: Option<Reason>,
     /// Whether it is held until `release`.
     is_latched: bool,
     fade: Fade,
 }
 
-impl Trip {
+impl TripState {
     pub(in crate::safety) const NONE: Self = Self {
-        left: 0.0,
-        why: None,
+        seconds_left: 0.0,
+        cause: None,
         is_latched: false,
         fade: Fade::FULL,
     };
 
     /// Hold the axis at zero for `hold` [s] from now on; count it if the axis was not held before.
-    pub(in crate::safety) fn start(&mut self, why: Reason, hold: f64, count: &mut u64) {
+    pub(in crate::safety) fn start(&mut self, cause: Reason, hold: f64, count: &mut u64) {
         if !self.is_held() {
             *count += 1;
-            self.why = Some(why);
+            self.cause = Some(cause);
         }
-        self.left = hold;
+        self.seconds_left = hold;
     }
 
     /// Hold the axis at zero until `release`.
@@ -39,17 +39,17 @@ impl Trip {
     /// End every hold; the force fades in.
     pub(in crate::safety) fn release(&mut self) {
         if self.is_held() {
-            (self.left, self.is_latched, self.fade) = (0.0, false, Fade::ZERO);
+            (self.seconds_left, self.is_latched, self.fade) = (0.0, false, Fade::ZERO);
         }
     }
 
     pub(in crate::safety) fn is_held(&self) -> bool {
-        self.is_latched || self.left > 0.0
+        self.is_latched || self.seconds_left > 0.0
     }
 
     /// Why the axis is held by this stage, if it is.
     pub(in crate::safety) fn why(&self) -> Option<Reason> {
-        self.why.filter(|_| self.is_held())
+        self.cause.filter(|_| self.is_held())
     }
 
     /// Advance by a tick of `period`: the axis is held, or fades in afterwards over `fade` [s]. Returns whether it is
@@ -57,7 +57,7 @@ impl Trip {
     pub(in crate::safety) fn tick(&mut self, period: f64, fade: f64) -> bool {
         let is_held = self.is_held();
         if is_held {
-            self.left -= period;
+            self.seconds_left -= period;
             self.fade = Fade::ZERO;
         } else {
             self.fade.advance(period, fade);
@@ -65,7 +65,7 @@ impl Trip {
         is_held
     }
 
-    pub(in crate::safety) fn pass(&self, force: f64, count: &mut u64) -> f64 {
+    pub(in crate::safety) fn apply(&self, force: f64, count: &mut u64) -> f64 {
         self.fade.apply(force, count)
     }
 }

@@ -5,13 +5,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use super::{Bench, PERIOD, open};
-use crate::safety::clock::Clock;
-use crate::safety::contract::{Device, Gone, Sample, Spec};
-use crate::safety::{Guarded, Limits, SafeForce};
+use crate::safety::clock::SafetyClock;
+use crate::safety::contract::{Device, DeviceLoss, DeviceSample, DeviceSpec};
+use crate::safety::{GuardedDevice, SafeForce, SafetyLimits};
 
 /// A board of 20 N with a clock of its own: it lets go after 50 ms of silence.
 struct Board {
-    spec: Spec,
+    spec: DeviceSpec,
     /// Time [ns].
     time: Arc<AtomicU64>,
     last_force: u64,
@@ -19,7 +19,7 @@ struct Board {
     reports_let_go: bool,
     /// Time for which the host is stopped right before its next write [ns].
     stop: u64,
-    sample: Sample,
+    sample: DeviceSample,
     answers: bool,
     /// The force of the motor after each packet [N].
     forces: Vec<f64>,
@@ -30,7 +30,7 @@ const WATCHDOG: u64 = 50_000_000;
 impl Board {
     fn new() -> Self {
         Self {
-            spec: Spec {
+            spec: DeviceSpec {
                 force_max_continuous: 4.0,
                 force_max_peak: 20.0,
                 can_lockstep: false,
@@ -40,7 +40,7 @@ impl Board {
             last_force: 0,
             reports_let_go: true,
             stop: 0,
-            sample: Sample::default(),
+            sample: DeviceSample::default(),
             answers: true,
             forces: Vec::new(),
         }
@@ -55,15 +55,15 @@ impl Board {
 }
 
 impl Device for Board {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         self.time.fetch_add(std::mem::take(&mut self.stop), Ordering::Relaxed);
         self.take_force(force.newtons()[0]);
         Ok(())
     }
-    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, into: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
         *into = self.sample;
         Ok(self.answers)
     }
@@ -75,29 +75,29 @@ impl Device for Board {
     }
 }
 
-fn limits(board: &Board) -> Limits {
-    Limits {
+fn limits(board: &Board) -> SafetyLimits {
+    SafetyLimits {
         ramp_time: 0.0,
-        ..Limits::from_spec(&board.spec)
+        ..SafetyLimits::from_spec(&board.spec)
     }
 }
 
 /// A host and its board, after a constant force for a second.
 struct Host {
-    guarded: Guarded<Board>,
+    guarded_device: GuardedDevice<Board>,
     time: Arc<AtomicU64>,
-    sample: Sample,
+    sample: DeviceSample,
 }
 
 impl Host {
     fn new(board: Board, force: f64) -> Self {
         let time = Arc::clone(&board.time);
         let limits = limits(&board);
-        let guarded = Guarded::new(board, limits, PERIOD).by_clock(Arc::clone(&time));
+        let guarded_device = GuardedDevice::new(board, limits, PERIOD).by_clock(Arc::clone(&time));
         let mut new_host = Self {
-            guarded,
+            guarded_device,
             time,
-            sample: Sample::default(),
+            sample: DeviceSample::default(),
         };
         new_host.look();
         (0..1000).for_each(|_| new_host.tick(force));
@@ -111,11 +111,11 @@ impl Host {
     }
 
     fn put(&mut self, force: f64) {
-        self.guarded.send(&[force]).unwrap();
+        self.guarded_device.send(&[force]).unwrap();
     }
 
     fn look(&mut self) {
-        self.guarded.receive(&mut self.sample, Instant::now()).unwrap();
+        self.guarded_device.receive(&mut self.sample, Instant::now()).unwrap();
     }
 
     fn tick(&mut self, force: f64) {
@@ -125,7 +125,7 @@ impl Host {
     }
 
     fn forces(&self) -> &[f64] {
-        &self.guarded.device().forces
+        &self.guarded_device.device().forces
     }
 
     fn last(&self) -> f64 {
@@ -157,7 +157,7 @@ fn stall_between_ticks_fades_in() {
             let packet_start = host.forces().len();
             host.fades_in(packet_start, force);
             assert_eq!(host.forces()[packet_start], 0.0);
-            assert_eq!(host.guarded.counts().stalls, 1);
+            assert_eq!(host.guarded_device.counts().stalls, 1);
         }
     }
 }
@@ -175,7 +175,7 @@ fn stall_before_the_reply_fades_in() {
             let packet_start = host.forces().len();
             host.fades_in(packet_start, force);
             assert_eq!(host.forces()[packet_start], 0.0);
-            assert_eq!(host.guarded.counts().stalls, 1);
+            assert_eq!(host.guarded_device.counts().stalls, 1);
         }
     }
 }
@@ -185,7 +185,7 @@ fn stall_before_the_reply_fades_in() {
 fn stall_at_the_write_sends_zero_at_once() {
     for stop in STOPS {
         let mut host = Host::new(Board::new(), 4.0);
-        host.guarded.device.stop = Duration::from_secs_f64(stop).as_nanos() as u64;
+        host.guarded_device.device.stop = Duration::from_secs_f64(stop).as_nanos() as u64;
         host.wait(PERIOD);
         let packet_start = host.forces().len() + 1;
         host.put(4.0);
@@ -206,7 +206,7 @@ fn slightly_late_host_keeps_its_force() {
 #[test]
 fn old_positions_by_the_clock_end_the_force() {
     let mut host = Host::new(Board::new(), 4.0);
-    host.guarded.device.answers = false;
+    host.guarded_device.device.answers = false;
     // With ticks of 10 ms, an age of two ticks is allowed, one of three is not.
     let forces_sent: Vec<f64> = (0..4)
         .map(|_| {
@@ -216,7 +216,7 @@ fn old_positions_by_the_clock_end_the_force() {
         })
         .collect();
     assert_eq!(forces_sent, [4.0, 4.0, 0.0, 0.0]);
-    host.guarded.device.answers = true;
+    host.guarded_device.device.answers = true;
     host.tick(4.0);
     let packet_start = host.forces().len() - 1;
     host.fades_in(packet_start, 4.0);
@@ -229,12 +229,12 @@ fn board_with_released_force_fades_in() {
         let mut host = Host::new(Board::new(), force);
         host.wait(PERIOD);
         host.put(force);
-        host.guarded.device.sample.let_go = true;
+        host.guarded_device.device.sample.let_go = true;
         host.look();
         let packet_start = host.forces().len();
         host.fades_in(packet_start, force);
         assert_eq!(host.forces()[packet_start], 0.0);
-        let guarded_counts = host.guarded.counts();
+        let guarded_counts = host.guarded_device.counts();
         assert_eq!((guarded_counts.let_go, guarded_counts.stalls), (1, 0));
     }
 }
@@ -243,12 +243,12 @@ fn board_with_released_force_fades_in() {
 fn hot_board_receives_its_continuous_force() {
     let board = Board::new();
     let mut host = Host::new(board, 10.0);
-    host.guarded.device.sample.hot = true;
+    host.guarded_device.device.sample.is_hot = true;
     (0..3).for_each(|_| host.tick(10.0));
     assert_eq!(host.last(), 4.0);
     (0..100).for_each(|_| host.tick(-10.0));
     assert_eq!(host.last(), -4.0, "as long as it says so");
-    host.guarded.device.sample.hot = false;
+    host.guarded_device.device.sample.is_hot = false;
     (0..5).for_each(|_| host.tick(-10.0));
     assert_eq!(host.last(), -10.0);
 }
@@ -257,40 +257,40 @@ fn hot_board_receives_its_continuous_force() {
 #[test]
 fn lockstep_ignores_the_wall_clock() {
     let mut bench = Bench::new();
-    let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
-    assert!(matches!(guarded.clock, Clock::Ticks { .. }));
-    let mut device_sample = Sample::default();
+    let mut guarded_device = GuardedDevice::new(&mut bench, open(), PERIOD);
+    assert!(matches!(guarded_device.clock, SafetyClock::Ticks { .. }));
+    let mut device_sample = DeviceSample::default();
     for tick in 0..40 {
-        guarded.receive(&mut device_sample, Instant::now()).unwrap();
+        guarded_device.receive(&mut device_sample, Instant::now()).unwrap();
         if tick == 20 {
             std::thread::sleep(Duration::from_millis(30));
         }
-        guarded.send(&[1.0]).unwrap();
+        guarded_device.send(&[1.0]).unwrap();
     }
-    drop(guarded);
+    drop(guarded_device);
     assert_eq!(bench.sent, [1.0; 40]);
 }
 
 #[test]
 fn heat_is_recalled_and_cools() {
     let mut bench = Bench::new();
-    let limits = Limits {
+    let limits = SafetyLimits {
         heat_time: 1.0,
-        power: 0.1,
+        power_max: 0.1,
         ..open()
     };
-    let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
-    let mut device_sample = Sample::default();
-    let mut tick = |guarded: &mut Guarded<&mut Bench>| {
-        guarded.receive(&mut device_sample, Instant::now()).unwrap();
-        guarded.send(&[2.0]).unwrap().newtons()[0]
+    let mut guarded_device = GuardedDevice::new(&mut bench, limits, PERIOD);
+    let mut device_sample = DeviceSample::default();
+    let mut tick = |guarded_device: &mut GuardedDevice<&mut Bench>| {
+        guarded_device.receive(&mut device_sample, Instant::now()).unwrap();
+        guarded_device.send(&[2.0]).unwrap().newtons()[0]
     };
-    let sent_forces: Vec<f64> = (0..400).map(|_| tick(&mut guarded)).collect();
+    let sent_forces: Vec<f64> = (0..400).map(|_| tick(&mut guarded_device)).collect();
     assert_eq!((sent_forces[0], sent_forces[399]), (2.0, 1.0), "hot");
-    let heat_memory = guarded.memory();
-    drop(guarded);
+    let heat_memory = guarded_device.memory();
+    drop(guarded_device);
     for (elapsed, force) in [(0.0, 1.0), (0.2, 2.0)] {
-        let mut reopened = Guarded::new(&mut bench, limits, PERIOD);
+        let mut reopened = GuardedDevice::new(&mut bench, limits, PERIOD);
         reopened.pipeline.restore(&heat_memory, elapsed);
         reopened.receive(&mut device_sample, Instant::now()).unwrap();
         assert_eq!(reopened.send(&[2.0]).unwrap().newtons(), [force], "{elapsed} s");
@@ -301,18 +301,18 @@ fn heat_is_recalled_and_cools() {
 #[test]
 fn non_finite_position_trips_and_recovers() {
     let mut host = Host::new(Board::new(), 4.0);
-    host.guarded.device.sample.position[0] = f64::NAN;
+    host.guarded_device.device.sample.position[0] = f64::NAN;
     host.tick(4.0);
-    host.guarded.device.sample.position[0] = 0.0;
+    host.guarded_device.device.sample.position[0] = 0.0;
     host.tick(4.0);
     assert_eq!(host.last(), 0.0);
     (0..500).for_each(|_| host.tick(4.0));
     let packet_start = host.forces().len() - 1;
     host.fades_in(packet_start, 4.0);
-    assert_eq!(host.guarded.counts().trips_not_finite, 1);
+    assert_eq!(host.guarded_device.counts().trips_not_finite, 1);
     // The velocity is finite again: a key that jumps trips.
-    host.guarded.device.sample.position[0] = 0.05;
+    host.guarded_device.device.sample.position[0] = 0.05;
     (0..2).for_each(|_| host.tick(4.0));
     assert_eq!(host.last(), 0.0);
-    assert_eq!(host.guarded.counts().trips_position, 1);
+    assert_eq!(host.guarded_device.counts().trips_position, 1);
 }

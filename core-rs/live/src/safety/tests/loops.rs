@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use super::sampled::{MASS, Sampled, Setup};
-use crate::safety::clock::Clock;
-use crate::safety::contract::{Device, Sample};
-use crate::safety::{Counts, Guarded, Limits};
+use crate::safety::clock::SafetyClock;
+use crate::safety::contract::{Device, DeviceSample};
+use crate::safety::{GuardedDevice, SafetyLimits, StageCounts};
 
 /// The force that the host computes from the positions now and one tick ago, and the tick.
 pub(super) type Scene = fn(x: f64, before: f64, tick: u32) -> f64;
@@ -38,36 +38,38 @@ pub(super) struct Outcome {
     /// Total work [J], and greatest deflection [m].
     pub(super) work: f64,
     pub(super) widest: f64,
-    pub(super) counts: Counts,
+    pub(super) counts: StageCounts,
 }
 
 /// Run a loop for a number of ticks.
 pub(super) fn play(setup: Setup, scene: Scene, ticks: u32) -> Outcome {
     let mut key = Sampled::new(setup);
-    let loop_limits = Limits {
+    let loop_limits = SafetyLimits {
         ramp_time: 0.0,
         velocity_max: f64::INFINITY,
-        ..Limits::from_spec(key.spec())
+        ..SafetyLimits::from_spec(key.spec())
     };
     let loop_time = Arc::new(AtomicU64::new(0));
-    let mut guarded = Guarded::new(&mut key, loop_limits, setup.period);
-    guarded.clock = Clock::Set(Arc::clone(&loop_time));
-    let mut device_sample = Sample::default();
+    let mut guarded_device = GuardedDevice::new(&mut key, loop_limits, setup.period);
+    guarded_device.clock = SafetyClock::External(Arc::clone(&loop_time));
+    let mut device_sample = DeviceSample::default();
     let (mut position_before, mut beyond, mut widest) = (0.0, 0.0_f64, 0.0_f64);
     let period_nanos = Duration::from_secs_f64(setup.period).as_nanos() as u64;
     for tick in 0..ticks {
         loop_time.fetch_add(period_nanos, Ordering::Relaxed);
         let key_position = device_sample.position[0];
-        guarded.send(&[scene(key_position, position_before, tick)]).unwrap();
+        guarded_device
+            .send(&[scene(key_position, position_before, tick)])
+            .unwrap();
         position_before = key_position;
-        guarded.receive(&mut device_sample, Instant::now()).unwrap();
-        let key = guarded.device();
-        let allowed = loop_limits.energy + loop_limits.power * f64::from(tick + 1) * setup.period;
+        guarded_device.receive(&mut device_sample, Instant::now()).unwrap();
+        let key = guarded_device.device();
+        let allowed = loop_limits.work_max + loop_limits.power_max * f64::from(tick + 1) * setup.period;
         beyond = beyond.max(key.work - allowed);
         widest = widest.max(key.x.abs());
     }
-    let counts = *guarded.counts();
-    drop(guarded);
+    let counts = *guarded_device.counts();
+    drop(guarded_device);
     Outcome {
         beyond,
         work: key.work,

@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::time::Instant;
 
-use crate::safety::contract::{Device, Gone, Sample, Spec, Unit};
-use crate::safety::{Guarded, Limits, SafeForce, Trip};
+use crate::safety::contract::{Device, DeviceLoss, DeviceSample, DeviceSpec, Unit};
+use crate::safety::{GuardedDevice, SafeForce, SafetyLimits, TripCause};
 use crate::wire::MAX_AXES;
 
 mod promises;
@@ -207,7 +207,7 @@ impl Case {
 
 struct Key {
     case: Case,
-    spec: Spec,
+    spec: DeviceSpec,
     x: f64,
     v: f64,
     t: f64,
@@ -229,7 +229,7 @@ struct Key {
 impl Key {
     fn new(case: Case) -> Self {
         Self {
-            spec: Spec {
+            spec: DeviceSpec {
                 dof: 1,
                 unit: Unit::Metre,
                 pos_lsb: case.resolution,
@@ -243,7 +243,7 @@ impl Key {
                 damping: Some(FRICTION),
                 touch_gated: false,
                 can_lockstep: true,
-                can_wide: true,
+                can_send_wide: true,
             },
             x: 0.0,
             v: 0.0,
@@ -268,11 +268,11 @@ impl Key {
 }
 
 impl Device for Key {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         self.commands.push_back(force.newtons()[0]);
         let command = self.commands.pop_front().unwrap_or(0.0);
         let fault_age = self.since();
@@ -315,14 +315,14 @@ impl Device for Key {
         Ok(())
     }
 
-    fn switch_off(&mut self) -> Result<(), Gone> {
+    fn switch_off(&mut self) -> Result<(), DeviceLoss> {
         self.is_off = true;
         let send_result = self.send(&SafeForce::zero(1));
         self.is_off = false;
         send_result
     }
 
-    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, into: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
         into.position = [self.reported; MAX_AXES];
         Ok(true)
     }
@@ -341,31 +341,31 @@ struct Outcome {
     work: f64,
     greatest: f64,
     /// Trips, each with its time from the fault [s].
-    trips: Vec<(f64, Trip)>,
+    trips: Vec<(f64, TripCause)>,
 }
 
 fn play(case: Case, until: f64) -> Outcome {
     let key = Key::new(case);
-    let key_limits = Limits::from_spec(key.spec());
-    let mut guarded = Guarded::new(key, key_limits, TICK).watched();
+    let key_limits = SafetyLimits::from_spec(key.spec());
+    let mut guarded_device = GuardedDevice::new(key, key_limits, TICK).watched();
     // A performance scales a piece that is too stiff for the device.
     let stable_stiffness = 2.0 * FRICTION / (TICK * (1.0 + 2.0 * case.delay as f64));
-    guarded.scale(0, 0.8 * stable_stiffness / case.piece[0]);
-    let (mut device_sample, mut position_before, mut trips) = (Sample::default(), 0.0, Vec::new());
-    while guarded.device().t < until {
-        guarded.receive(&mut device_sample, Instant::now()).unwrap();
-        let (time_now, key_position) = (guarded.device().t, device_sample.position[0]);
+    guarded_device.scale(0, 0.8 * stable_stiffness / case.piece[0]);
+    let (mut device_sample, mut position_before, mut trips) = (DeviceSample::default(), 0.0, Vec::new());
+    while guarded_device.device().t < until {
+        guarded_device.receive(&mut device_sample, Instant::now()).unwrap();
+        let (time_now, key_position) = (guarded_device.device().t, device_sample.position[0]);
         let [k, z] = case.piece;
         let asked_force =
             k * (case.piece_path.place(time_now) - key_position) - z * (key_position - position_before) / TICK;
         position_before = key_position;
-        let trip_before = guarded.tripped(0);
-        guarded.send(&[asked_force]).unwrap();
-        if let Some(trip_cause) = guarded.tripped(0).filter(|_| trip_before.is_none()) {
+        let trip_before = guarded_device.tripped(0);
+        guarded_device.send(&[asked_force]).unwrap();
+        if let Some(trip_cause) = guarded_device.tripped(0).filter(|_| trip_before.is_none()) {
             trips.push((time_now - case.onset, trip_cause));
         }
     }
-    let key = guarded.device();
+    let key = guarded_device.device();
     Outcome {
         force_time: key.force_time,
         work: key.work_max,

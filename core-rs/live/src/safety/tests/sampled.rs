@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Instant;
 
 use crate::safety::SafeForce;
-use crate::safety::contract::{Device, Gone, Sample, Spec, Unit};
+use crate::safety::contract::{Device, DeviceLoss, DeviceSample, DeviceSpec, Unit};
 
 /// Moving mass that the device reports [kg].
 pub(super) const MASS: f64 = 0.05;
@@ -36,7 +36,7 @@ pub(super) struct Setup {
 
 pub(super) struct Sampled {
     setup: Setup,
-    spec: Spec,
+    spec: DeviceSpec,
     /// exp(A·period) for position, velocity and a constant force.
     flow: [[f64; 3]; 3],
     pub(super) x: f64,
@@ -54,7 +54,7 @@ impl Sampled {
         let [k, b] = setup.hand.unwrap_or_default();
         let b = b + setup.friction;
         Self {
-            spec: Spec {
+            spec: DeviceSpec {
                 dof: 1,
                 unit: Unit::Metre,
                 pos_lsb: setup.step,
@@ -68,7 +68,7 @@ impl Sampled {
                 damping: Some(setup.friction),
                 touch_gated: false,
                 can_lockstep: true,
-                can_wide: true,
+                can_send_wide: true,
             },
             flow: exp([
                 [0.0, setup.period, 0.0],
@@ -100,11 +100,11 @@ impl Sampled {
 }
 
 impl Device for Sampled {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
 
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, force: &SafeForce) -> Result<(), DeviceLoss> {
         if !self.setup.lockstep {
             self.show();
         }
@@ -128,7 +128,7 @@ impl Device for Sampled {
         Ok(())
     }
 
-    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, into: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
         into.position[0] = self.shown;
         Ok(true)
     }

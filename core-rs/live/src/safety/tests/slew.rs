@@ -3,8 +3,8 @@
 use std::time::Instant;
 
 use super::{Bench, PERIOD};
-use crate::safety::contract::{Device, Gone, Sample, Spec};
-use crate::safety::{Guarded, Limits, SafeForce};
+use crate::safety::contract::{Device, DeviceLoss, DeviceSample, DeviceSpec};
+use crate::safety::{GuardedDevice, SafeForce, SafetyLimits};
 
 /// Numbers drawn by xorshift64 (Marsaglia, 2003).
 struct Draw(u64);
@@ -30,19 +30,19 @@ impl Draw {
 
 /// A board with all kinds of faults at random.
 struct FaultyBoard {
-    spec: Spec,
-    sample: Sample,
+    spec: DeviceSpec,
+    sample: DeviceSample,
     answers: bool,
 }
 
 impl Device for FaultyBoard {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &DeviceSpec {
         &self.spec
     }
-    fn send(&mut self, _: &SafeForce) -> Result<(), Gone> {
+    fn send(&mut self, _: &SafeForce) -> Result<(), DeviceLoss> {
         Ok(())
     }
-    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+    fn receive(&mut self, into: &mut DeviceSample, _: Instant) -> Result<bool, DeviceLoss> {
         *into = self.sample;
         Ok(self.answers)
     }
@@ -56,24 +56,24 @@ impl Device for FaultyBoard {
 fn too_fast(ticks: u64, seed: u64) -> u64 {
     let mut random_draw = Draw(seed);
     let mut board = FaultyBoard {
-        spec: Spec {
+        spec: DeviceSpec {
             force_max_peak: 20.0,
             force_max_continuous: 10.0,
             ..Bench::new().spec
         },
-        sample: Sample::default(),
+        sample: DeviceSample::default(),
         answers: true,
     };
-    let board_limits = Limits {
+    let board_limits = SafetyLimits {
         trip_time: 0.02,
         fade_time: 0.02,
         ramp_time: 0.02,
         heat_time: 0.5,
-        ..Limits::from_spec(&board.spec)
+        ..SafetyLimits::from_spec(&board.spec)
     };
-    let force_step = board_limits.slew * 1e3 * PERIOD * (1.0 + 1e-12);
-    let mut guarded = Guarded::new(&mut board, board_limits, PERIOD);
-    let mut device_sample = Sample::default();
+    let force_step = board_limits.slew_rate_max * 1e3 * PERIOD * (1.0 + 1e-12);
+    let mut guarded_device = GuardedDevice::new(&mut board, board_limits, PERIOD);
+    let mut device_sample = DeviceSample::default();
     let (mut asked_force, mut travel_per_tick, mut last_force, mut stopped) = (0.0, 0.0, 0.0_f64, false);
     let mut fast_changes = 0;
     for _ in 0..ticks {
@@ -86,32 +86,32 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
             };
             travel_per_tick = if random_draw.once_in(20) { 20.0 } else { 2.0 } * PERIOD * random_draw.even();
         }
-        let board = &mut guarded.device;
+        let board = &mut guarded_device.device;
         let next_position = board.sample.position[0] + travel_per_tick;
         board.sample.position[0] = if next_position.abs() < 0.05 { next_position } else { 0.0 };
         board.answers = !random_draw.once_in(10) && (board.answers || random_draw.once_in(10));
         board.sample.let_go = random_draw.once_in(500);
-        board.sample.hot = random_draw.once_in(30);
+        board.sample.is_hot = random_draw.once_in(30);
         match random_draw.next() % 1_000 {
             0 => {
                 stopped = !stopped;
-                guarded.stop(stopped);
+                guarded_device.stop(stopped);
                 last_force = 0.0;
             }
             1 => {
-                guarded.zero();
+                guarded_device.zero();
                 last_force = 0.0;
             }
-            2 => guarded.scale(0, random_draw.even()),
+            2 => guarded_device.scale(0, random_draw.even()),
             _ => {}
         }
-        guarded.receive(&mut device_sample, Instant::now()).unwrap();
-        let sent_force = guarded.send(&[asked_force]).unwrap().newtons()[0];
+        guarded_device.receive(&mut device_sample, Instant::now()).unwrap();
+        let sent_force = guarded_device.send(&[asked_force]).unwrap().newtons()[0];
         let is_falling = sent_force * last_force >= 0.0 && sent_force.abs() <= last_force.abs();
         fast_changes += u64::from(!is_falling && (sent_force - last_force).abs() > force_step);
         last_force = sent_force;
     }
-    let guarded_counts = guarded.counts();
+    let guarded_counts = guarded_device.counts();
     for (name, count) in guarded_counts.named() {
         let by_the_wall = name == "stalls of the host";
         assert!(count > 0 || by_the_wall, "{name}: never in {ticks} ticks");

@@ -3,15 +3,15 @@
 use std::time::Duration;
 
 use crate::device::MAX_AXES;
-use crate::emulate::{BoardConfig, Firmware, Hand, Key, Keys, Protocol};
-use crate::wire::{Inbox, Parsed, firefader, frame, haply};
+use crate::emulate::{BoardConfig, EmulatedHand, EmulatedKeys, Firmware, KeyConstants, Protocol};
+use crate::wire::{PacketBuffer, Parsed, firefader, frame, haply};
 
 use super::dice::{Dice, damaged, text};
 
 /// Feed bytes in pieces. The calls of the parser are counted, as a measure of its work.
 fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut each: impl FnMut(T)) {
     let parse_calls = std::cell::Cell::new(0_usize);
-    let mut test_inbox = Inbox::<512>::new_bytes();
+    let mut test_inbox = PacketBuffer::<512>::new_bytes();
     let counted = |bytes: &[u8]| {
         parse_calls.set(parse_calls.get() + 1);
         let parse_result = parse(bytes);
@@ -24,7 +24,7 @@ fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut ea
         parse_result
     };
     for piece in bytes.chunks(piece) {
-        test_inbox.feed(piece, counted, &mut each);
+        test_inbox.add_bytes(piece, counted, &mut each);
     }
     // At most one call for each byte that is skipped, and one more for each piece.
     let call_limit = bytes.len() + bytes.len().div_ceil(piece) + 512;
@@ -61,13 +61,13 @@ pub(super) fn firefader_bytes(dice: &mut Dice) {
 }
 
 fn frame_packet(dice: &mut Dice) -> Vec<u8> {
-    let mut frame_buffer = [0; frame::LONGEST];
+    let mut frame_buffer = [0; frame::FRAME_BYTES_MAX];
     let (n, wide, seq) = (dice.below(MAX_AXES + 1), dice.below(2) == 0, 77);
     let frame_length = match dice.below(3) {
         0 => {
             let force = std::array::from_fn(|axis| axis as f64 - 1.0);
             let flags = dice.byte();
-            frame::Request {
+            frame::FrameRequest {
                 seq,
                 axis_count: n,
                 wide,
@@ -79,7 +79,7 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
         1 => {
             let position = std::array::from_fn(|axis| axis as f64 * 1e-3);
             let (t_us, status) = (dice.next() as u32, dice.byte());
-            frame::Reply {
+            frame::FrameReply {
                 seq,
                 t_us,
                 axis_count: n,
@@ -113,11 +113,11 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
 
 pub(super) fn frame_bytes(dice: &mut Dice) {
     let (stream_bytes, piece_size) = stream(dice, frame_packet);
-    fed(&stream_bytes, piece_size, frame::Reply::parse, |reply| {
+    fed(&stream_bytes, piece_size, frame::FrameReply::parse, |reply| {
         assert!(reply.position.iter().all(|x| x.is_finite()));
         assert!(reply.axis_count <= MAX_AXES);
     });
-    let request = |stream_bytes: &[u8]| frame::Request::parse(stream_bytes, 2.0);
+    let request = |stream_bytes: &[u8]| frame::FrameRequest::parse(stream_bytes, 2.0);
     fed(&stream_bytes, piece_size, request, |request| {
         assert!(request.force.iter().all(|x| x.is_finite()));
     });
@@ -151,8 +151,8 @@ pub(super) fn haply_text(dice: &mut Dice) {
         "[[[[",
         "\\ud800",
     ];
-    let state = haply::state("A14", [0.1, -0.2, 0.0], [1.0, 2.0, 3.0], true);
-    let command = haply::command("A14", [1.0, 2.0, 3.0]);
+    let state = haply::state_message("A14", [0.1, -0.2, 0.0], [1.0, 2.0, 3.0], true);
+    let command = haply::force_message("A14", [1.0, 2.0, 3.0]);
     let mut message = text(dice, &[&state, &command], &WORDS);
     if dice.below(500) == 0 {
         message = "[".repeat(60_000);
@@ -179,15 +179,15 @@ pub(super) fn board_bytes(dice: &mut Dice) {
         seed: 0,
         force_step: 0.0,
         watchdog: Duration::from_millis(50),
-        reported: [0.05, 1.0],
-        range: Key::default().range,
+        reported_constants: [0.05, 1.0],
+        range: KeyConstants::default().range,
     };
-    let board_keys = Keys::new(3, Key::default(), 1000.0, vec![Hand::Resting; 3]).unwrap();
+    let board_keys = EmulatedKeys::new(3, KeyConstants::default(), 1000.0, vec![EmulatedHand::Resting; 3]).unwrap();
     let mut firmware = Firmware::new(test_board, board_keys);
     let host_bytes = match protocol {
         Protocol::FireFader => damaged(dice, &[0x7F, 9, 200, 0x7F, 1, 2]),
         Protocol::Frame => stream(dice, frame_packet).0,
-        Protocol::Haply => damaged(dice, haply::command("EMUL", [1.0, 2.0, 3.0]).as_bytes()),
+        Protocol::Haply => damaged(dice, haply::force_message("EMUL", [1.0, 2.0, 3.0]).as_bytes()),
     };
     let piece = if protocol == Protocol::Haply {
         host_bytes.len().max(1)

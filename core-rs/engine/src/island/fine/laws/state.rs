@@ -2,11 +2,11 @@
 
 use super::tables::{Division, LawScript, MotionWeights};
 use super::{GAUSS_WEIGHTS, STAGES, StageMatrix, StageValues, inverse};
-use crate::island::fine::Script;
+use crate::island::fine::FineScript;
 use crate::island::fine::basis::dot;
 use crate::law::{PLACES, Places, TangentScratch};
 use crate::network::Bristle;
-use crate::scheme::Kind;
+use crate::scheme::LinkRunKind;
 
 /// Forces are extrapolated from two parts if that guess deviates from the one of a single part by shares of the largest
 /// force between these: after a strike it would be far off, in a steady slide it amplifies rounding errors.
@@ -65,7 +65,7 @@ crate::archive::state!(LawState {
 /// A law at one instant.
 #[derive(Clone, Copy)]
 pub(super) struct InstantLaw<'a> {
-    pub(super) kind: &'a Kind,
+    pub(super) kind: &'a LinkRunKind,
     /// How far its gate is open.
     pub(super) gate_opening: f64,
     /// K and Z of a law for which they are led: [N/m, N·frame/m].
@@ -79,24 +79,24 @@ impl InstantLaw<'_> {
     /// Factor from a rate of elongation [m/frame] to the rate that the law takes.
     pub(super) fn rate_factor(&self) -> f64 {
         match self.kind {
-            Kind::Lnl { rate, .. } | Kind::Bristle { rate, .. } => *rate,
+            LinkRunKind::Lnl { rate, .. } | LinkRunKind::Bristle { rate, .. } => *rate,
             _ => 1.0,
         }
     }
 
     /// Whether it is an LNL, whose force at the start of a frame is computed together with those at the Gauss points.
     pub(super) fn is_expression(&self) -> bool {
-        matches!(self.kind, Kind::Lnl { .. })
+        matches!(self.kind, LinkRunKind::Lnl { .. })
     }
 
     /// Its force at an elongation and a rate [N].
     pub(super) fn force(&self, e: f64, v: f64) -> f64 {
         let full_force = match self.kind {
-            Kind::Lnl { law, .. } => law.force(e, v),
-            Kind::Bristle { law: bristle_law, .. } => bristle_law
+            LinkRunKind::Lnl { law, .. } => law.force(e, v),
+            LinkRunKind::Bristle { law: bristle_law, .. } => bristle_law
                 .with_stiffness_and_level(self.k, self.z)
                 .force(self.bristle, v),
-            Kind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
+            LinkRunKind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
             _ => 0.0,
         };
         self.gate_opening * full_force
@@ -105,7 +105,7 @@ impl InstantLaw<'_> {
     /// Its bristles as they are at this instant; `None` for other laws.
     pub(super) fn bristle(&self) -> Option<Bristle> {
         match self.kind {
-            Kind::Bristle { law: bristle_law, .. } => Some(bristle_law.with_stiffness_and_level(self.k, self.z)),
+            LinkRunKind::Bristle { law: bristle_law, .. } => Some(bristle_law.with_stiffness_and_level(self.k, self.z)),
             _ => None,
         }
     }
@@ -123,13 +123,13 @@ impl InstantLaw<'_> {
 }
 
 impl LawScript {
-    pub(in crate::island::fine) fn build_states(&self, script: &Script) -> Vec<LawState> {
+    pub(in crate::island::fine) fn build_states(&self, script: &FineScript) -> Vec<LawState> {
         let state = |&link: &usize| {
             let mut state = LawState {
                 relative_path: vec![0.0; script.basis.n_polynomials()],
                 ..LawState::default()
             };
-            if let Kind::Lnl { law, .. } = &script.links[link].kind {
+            if let LinkRunKind::Lnl { law, .. } = &script.links[link].kind {
                 state.scratch = law.tangent_scratch();
             }
             state
@@ -242,7 +242,7 @@ impl LawState {
         v: &StageValues,
     ) -> (StageValues, StageValues, StageValues) {
         match stage_laws[0].kind {
-            Kind::Lnl { law, .. } => {
+            LinkRunKind::Lnl { law, .. } => {
                 // The law at the start of the frame takes the last place.
                 let with_start = |stage_values: &StageValues, start: f64| -> Places {
                     std::array::from_fn(|place| stage_values.get(place).copied().unwrap_or(start))
@@ -255,7 +255,7 @@ impl LawState {
                     .map(|values| [0, 1, 2].map(|stage: usize| gate_opening * values[stage]));
                 (force, k, z)
             }
-            Kind::Hardening(q) => {
+            LinkRunKind::Hardening(q) => {
                 let k = |stage: usize| {
                     let stage_law = &stage_laws[stage];
                     stage_law.gate_opening * (stage_law.k + 3.0 * q * e[stage] * e[stage])

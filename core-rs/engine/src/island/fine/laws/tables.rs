@@ -1,9 +1,9 @@
 //! Constant tables of laws between frames: the response of each law's elongation to the forces of the others.
 
 use super::{DEVIATION_MAX, GAUSS_POINTS, GAUSS_WEIGHTS, PARTS_UNSCALED_MAX, STAGES, StageMatrix, StageValues};
-use crate::island::fine::Script;
+use crate::island::fine::FineScript;
 use crate::island::fine::basis::{Instant, POLYNOMIALS_MAX, dot};
-use crate::scheme::Kind;
+use crate::scheme::LinkRunKind;
 
 /// Values at the three Gauss points of a part, slopes there, and value and slope at the start of the frame: one wide
 /// vector.
@@ -51,8 +51,9 @@ pub(in crate::island::fine) struct LawScript {
 }
 
 impl LawScript {
-    pub(in crate::island::fine) fn new(script: &Script) -> Self {
-        let is_law = |index: &usize| !matches!(script.links[*index].kind, Kind::But(_) | Kind::Dry { .. });
+    pub(in crate::island::fine) fn new(script: &FineScript) -> Self {
+        let is_law =
+            |index: &usize| !matches!(script.links[*index].kind, LinkRunKind::But(_) | LinkRunKind::Dry { .. });
         let links: Vec<usize> = (0..script.links.len()).filter(is_law).collect();
         let parts_max = if links.is_empty() {
             1
@@ -91,7 +92,7 @@ impl LawScript {
 }
 
 impl Division {
-    fn new(script: &Script, pairs: &[[(usize, usize); 2]], parts: usize) -> Self {
+    fn new(script: &FineScript, pairs: &[[(usize, usize); 2]], parts: usize) -> Self {
         let (n_instants, part_length) = (script.basis.n_polynomials(), 1.0 / parts as f64);
         let gauss_instants: Vec<f64> = (0..parts)
             .flat_map(|part| GAUSS_POINTS.map(|c| (part as f64 + c) * part_length))
@@ -173,7 +174,7 @@ fn lagrange<const N: usize>(s: f64, points: [f64; N]) -> [f64; N] {
     point_shares
 }
 
-impl Script {
+impl FineScript {
     /// Response of the elongation between `moved_ends`, and of its rate, to the force of a law between `pushed_ends`,
     /// at the Gauss points of a part of `h` frames.
     fn force_response(&self, [moved_ends, pushed_ends]: [(usize, usize); 2], h: f64) -> [StageMatrix; 2] {
@@ -198,17 +199,18 @@ impl Script {
         coefficients
     }
 
-    /// Response of the elongation between `to` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law between
-    /// `from`.
+    /// Response of the elongation between `moved_end` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law
+    /// between
+    /// `pushed_end`.
     pub(in crate::island::fine) fn elongation_response(
         &self,
         [moved_ends, pushed_ends]: [(usize, usize); 2],
         instants: [&Instant; 2],
     ) -> [f64; 2] {
         let mut response = [0.0; 2];
-        for (sign_to, to) in [(-1.0, moved_ends.0), (1.0, moved_ends.1)] {
-            for (sign_from, from) in [(1.0, pushed_ends.0), (-1.0, pushed_ends.1)] {
-                let [x, v] = self.joint_response([from, to], instants);
+        for (sign_to, moved_end) in [(-1.0, moved_ends.0), (1.0, moved_ends.1)] {
+            for (sign_from, pushed_end) in [(1.0, pushed_ends.0), (-1.0, pushed_ends.1)] {
+                let [x, v] = self.joint_response([pushed_end, moved_end], instants);
                 response[0] += sign_to * sign_from * x;
                 response[1] += sign_to * sign_from * v;
             }

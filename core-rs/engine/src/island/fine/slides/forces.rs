@@ -1,7 +1,7 @@
 //! Forces of dry friction in a step.
 
 use super::script::Integrals;
-use super::{FineLinks, Frame};
+use super::{FineLinks, SlideFrame};
 use crate::island::fine::basis::{Instant, dot};
 use crate::island::fine::laws::{GAUSS_POINTS, GAUSS_WEIGHTS, STAGES};
 
@@ -18,7 +18,7 @@ const NEWTON_WORK: u64 = 8;
 
 impl FineLinks {
     /// Take a step of `h` from `s`.
-    pub(super) fn step_frictions(&mut self, frame: Frame<'_>, (s, h): (f64, f64), steps_left: &mut usize) {
+    pub(super) fn step_frictions(&mut self, frame: SlideFrame<'_>, (s, h): (f64, f64), steps_left: &mut usize) {
         *steps_left = steps_left.saturating_sub(1);
         self.work.instants += STEP_WORK * frame.slide_script.links.len() as u64;
         self.solve_forces(frame, (s, h));
@@ -26,7 +26,7 @@ impl FineLinks {
     }
 
     /// Solve for the forces of all links in a step of `h` from `s`.
-    pub(super) fn solve_forces(&mut self, frame: Frame<'_>, (s, h): (f64, f64)) {
+    pub(super) fn solve_forces(&mut self, frame: SlideFrame<'_>, (s, h): (f64, f64)) {
         if self.set_known_forces(frame, s) {
             return;
         }
@@ -75,7 +75,7 @@ impl FineLinks {
 
     /// Set the forces of a step if every link slides at a level that does not depend on its velocity; returns whether
     /// that is so.
-    fn set_known_forces(&mut self, frame: Frame<'_>, s: f64) -> bool {
+    fn set_known_forces(&mut self, frame: SlideFrame<'_>, s: f64) -> bool {
         for slide_index in 0..frame.slide_script.links.len() {
             let friction = self.friction(frame, (slide_index, s));
             let slide = &mut self.frictions.friction_links[slide_index];
@@ -89,7 +89,7 @@ impl FineLinks {
 
     /// Set up Newton's equations for corrections of all forces, one equation for each link and Gauss point: a holding
     /// link has no velocity, a sliding link gives its level. Returns whether the equations are linear.
-    fn set_up_equations(&mut self, frame: Frame<'_>, s: f64) -> bool {
+    fn set_up_equations(&mut self, frame: SlideFrame<'_>, s: f64) -> bool {
         let n_dry = frame.slide_script.links.len();
         let row_width = STAGES * n_dry + 1;
         let mut equations = std::mem::take(&mut self.frictions.equations);
@@ -130,7 +130,7 @@ impl FineLinks {
 
     /// Correct all forces by the solution of the equations; returns the largest correction as a share of its level,
     /// `None` if there is no solution.
-    fn correct_forces(&mut self, frame: Frame<'_>, s: f64) -> Option<f64> {
+    fn correct_forces(&mut self, frame: SlideFrame<'_>, s: f64) -> Option<f64> {
         let n_forces = STAGES * frame.slide_script.links.len();
         self.work.instants += NEWTON_WORK * frame.slide_script.links.len() as u64;
         self.work.products += (n_forces * n_forces * n_forces / 3) as u64;
@@ -149,7 +149,7 @@ impl FineLinks {
 
     /// Take the rest of a frame in one step, whatever ends in it. Each link gives one force, at most its level, that
     /// stops it by the end of the frame if it can, so friction takes energy at any step (J. J. Moreau, 1988).
-    pub(super) fn finish_frame(&mut self, frame: Frame<'_>, s: f64) {
+    pub(super) fn finish_frame(&mut self, frame: SlideFrame<'_>, s: f64) {
         let (script, n_dry, frame_left) = (frame.script, frame.slide_script.links.len(), 1.0 - s);
         let n_instants = script.basis.n_polynomials();
         let times_to_end = GAUSS_POINTS.map(|c| Instant::new(n_instants, (1.0 - c) * frame_left));
@@ -190,7 +190,7 @@ impl FineLinks {
     }
 
     /// Push the ends of all links by their forces in a step of `h` from `s`.
-    fn push_ends(&mut self, frame: Frame<'_>, (s, h): (f64, f64)) {
+    fn push_ends(&mut self, frame: SlideFrame<'_>, (s, h): (f64, f64)) {
         for stage in 0..STAGES {
             let instant = Instant::new(frame.script.basis.n_polynomials(), s + GAUSS_POINTS[stage] * h);
             let stage_weight = GAUSS_WEIGHTS[stage] * h * frame.script.rate.step();

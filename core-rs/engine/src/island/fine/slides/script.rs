@@ -2,11 +2,11 @@
 //! velocities.
 
 use super::{SKIPPED_SHARE, STEPS_MAX};
-use crate::island::fine::Script;
+use crate::island::fine::FineScript;
 use crate::island::fine::basis::{Instant, dot};
 use crate::island::fine::laws::{GAUSS_POINTS, GAUSS_WEIGHTS, STAGES, StageMatrix, lagrange_weights};
 use crate::network::Dry;
-use crate::scheme::{Kind, Run};
+use crate::scheme::{LinkRun, LinkRunKind};
 
 #[derive(Clone, Debug)]
 pub(in crate::island::fine) struct SlideScript {
@@ -32,9 +32,9 @@ pub(super) struct EvenSteps {
 }
 
 impl SlideScript {
-    pub(super) fn new(script: &Script) -> Self {
-        let dry_friction = |(link, run): (usize, &Run)| match &run.kind {
-            Kind::Dry { law: friction, rate } => Some((link, (*friction, *rate))),
+    pub(super) fn new(script: &FineScript) -> Self {
+        let dry_friction = |(link, run): (usize, &LinkRun)| match &run.kind {
+            LinkRunKind::Dry { law: friction, rate } => Some((link, (*friction, *rate))),
             _ => None,
         };
         let dry_links = script.links.iter().enumerate().filter_map(dry_friction);
@@ -68,7 +68,7 @@ impl SlideScript {
 }
 
 impl EvenSteps {
-    fn new(script: &Script, steps_per_frame: usize, responses: &[Vec<f64>]) -> Self {
+    fn new(script: &FineScript, steps_per_frame: usize, responses: &[Vec<f64>]) -> Self {
         let integrals = Integrals::new(script, 1.0 / steps_per_frame as f64);
         let integral = |response: &Vec<f64>| integrals.velocity_response(response);
         Self {
@@ -93,7 +93,7 @@ impl EvenSteps {
 }
 
 /// Response of the velocity of a link to an impulse of another one, as [`SlideScript::responses`] holds it.
-fn velocity_response(script: &Script, ends: [(usize, usize); 2]) -> Vec<f64> {
+fn velocity_response(script: &FineScript, ends: [(usize, usize); 2]) -> Vec<f64> {
     let n_instants = script.basis.n_polynomials();
     let start_instant = Instant::new(n_instants, 0.0);
     let velocities: Vec<f64> = (script.basis.instants.iter())
@@ -117,7 +117,7 @@ pub(super) struct Integrals {
 
 impl Integrals {
     /// Of a step of `h` frames.
-    pub(super) fn new(script: &Script, h: f64) -> Self {
+    pub(super) fn new(script: &FineScript, h: f64) -> Self {
         let (n_instants, step_seconds) = (script.basis.n_polynomials(), h * script.rate.step());
         Self {
             times_since: GAUSS_POINTS.map(|outer_point| {

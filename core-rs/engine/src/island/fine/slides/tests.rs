@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use crate::island::{ContactOrder, Island, OnFault, Options, StepNumbers};
+use crate::island::{ContactOrder, Island, OnFault, SimulationOptions, StepNumbers};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::maths::cos;
 use crate::network::Dry;
@@ -30,7 +30,7 @@ fn plain(level: f64) -> Dry {
 /// Positions of the first MAT of a network, frame by frame [m].
 fn played(network: &Network, (rate, steps): (f64, usize), n_frames: usize) -> Vec<f64> {
     let timeline = Timeline::new(Rate::new(rate).unwrap());
-    let options = Options {
+    let options = SimulationOptions {
         ledger: false,
         record: false,
         on_fault: OnFault::Stop,

@@ -2,7 +2,7 @@
 
 use super::{FreeKey, FreeMotion};
 use crate::kernel::KernelScratch;
-use crate::state::Target;
+use crate::state::ImposedTarget;
 use crate::timeline::DriveSource;
 
 /// Least number of frames for which powers are used; fewer are computed one by one.
@@ -55,11 +55,11 @@ impl FramePowers {
         motion: &mut FreeMotion,
         mut frames: u64,
         laws: &mut KernelScratch,
-        targets: &mut Vec<Target>,
+        targets: &mut Vec<ImposedTarget>,
     ) {
         let (mat_count, last_index) = (self.n_mat, self.size() - 1);
-        self.state[..mat_count].copy_from_slice(&motion.body.x);
-        self.state[mat_count..last_index].copy_from_slice(&motion.body.d);
+        self.state[..mat_count].copy_from_slice(&motion.modules.x);
+        self.state[mat_count..last_index].copy_from_slice(&motion.modules.d);
         self.state[last_index] = 1.0;
         self.set_single_frame(free_key, motion, laws, targets);
         while frames > 0 {
@@ -71,8 +71,8 @@ impl FramePowers {
                 self.double_frames();
             }
         }
-        motion.body.x.copy_from_slice(&self.state[..mat_count]);
-        motion.body.d.copy_from_slice(&self.state[mat_count..last_index]);
+        motion.modules.x.copy_from_slice(&self.state[..mat_count]);
+        motion.modules.d.copy_from_slice(&self.state[mat_count..last_index]);
     }
 
     /// Set `change` to that of one frame: for each state variable the effect of 1 alone, less that of the zero state.
@@ -81,21 +81,21 @@ impl FramePowers {
         free_key: &FreeKey,
         motion: &mut FreeMotion,
         laws: &mut KernelScratch,
-        targets: &mut Vec<Target>,
+        targets: &mut Vec<ImposedTarget>,
     ) {
         let (mat_count, state_size) = (self.n_mat, self.size());
         self.frame_change.fill(0.0);
         for column in (0..state_size).rev() {
-            motion.body.x.fill(0.0);
-            motion.body.d.fill(0.0);
+            motion.modules.x.fill(0.0);
+            motion.modules.d.fill(0.0);
             if column < mat_count {
-                motion.body.x[column] = 1.0;
+                motion.modules.x[column] = 1.0;
             } else if column < 2 * mat_count {
-                motion.body.d[column - mat_count] = 1.0;
+                motion.modules.d[column - mat_count] = 1.0;
             }
             free_key.sum_forces(motion, 0, laws, targets);
             free_key.strike_and_move(motion, 0, 0.0, targets);
-            for (mat, &step) in motion.body.d.iter().enumerate() {
+            for (mat, &step) in motion.modules.d.iter().enumerate() {
                 let step_before = f64::from(u8::from(column == mat_count + mat));
                 // The change of a position is exactly its last step.
                 for (row, change) in [(mat, step), (mat_count + mat, step - step_before)] {
@@ -110,12 +110,12 @@ impl FramePowers {
     /// Apply the map to the state.
     fn apply_map(&mut self) {
         let state_size = self.size();
-        for (moved, row) in self
+        for (next_state, row) in self
             .state_change
             .iter_mut()
             .zip(self.frame_change.chunks_exact(state_size))
         {
-            *moved = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
+            *next_state = row.iter().zip(&self.state).map(|(a, b)| a * b).sum();
         }
         for (state, moved) in self.state.iter_mut().zip(&self.state_change) {
             *state += moved;
@@ -148,7 +148,7 @@ mod tests {
     use crate::island::written_hand::free::Buffers;
     use crate::network::{Network, Tie};
     use crate::scheme::Scheme;
-    use crate::state::Body;
+    use crate::state::ModuleState;
     use crate::timeline::{Drive, DriveKind};
     use crate::units::Rate;
 
@@ -186,7 +186,7 @@ mod tests {
     }
 
     fn moving_key(free: &FreeKey) -> FreeMotion {
-        free.start_motion(Body::new(&free.scheme, vec![2e-3, -1e-3], vec![1e-6, 3e-7]))
+        free.start_motion(ModuleState::new(&free.scheme, vec![2e-3, -1e-3], vec![1e-6, 3e-7]))
     }
 
     #[test]
@@ -204,8 +204,8 @@ mod tests {
             let Buffers { laws, targets, .. } = &mut buffers;
             frame_powers.advance(&free_key, &mut advanced, frames, laws, targets);
             for (stepped, advanced, error_max) in [
-                (&stepped.body.x, &advanced.body.x, 1e-11),
-                (&stepped.body.d, &advanced.body.d, 1e-14),
+                (&stepped.modules.x, &advanced.modules.x, 1e-11),
+                (&stepped.modules.d, &advanced.modules.d, 1e-14),
             ] {
                 for (a, b) in stepped.iter().zip(advanced) {
                     assert!((a - b).abs() <= error_max, "{a} and {b} after {frames}");
@@ -232,7 +232,7 @@ mod tests {
         free_key.strike_and_move(&mut key_motion, n, force, targets);
         let frame_powers = frame_powers.as_mut().unwrap();
         frame_powers.advance(&free_key, &mut key_motion, to - n - 1, laws, targets);
-        let end_position = key_motion.body.x[free_key.struck_mat];
+        let end_position = key_motion.modules.x[free_key.struck_mat];
         assert!((end_position - x).abs() < 1e-9, "{end_position} m, by {force} N");
     }
 

@@ -6,7 +6,7 @@ use crate::gesture::report::GestureReport;
 use crate::gesture::script::{ErgonKind, Touch};
 use crate::island::record::{ErgonRecord, ErgonStream};
 use crate::scheme::Scheme;
-use crate::state::{Body, Target};
+use crate::state::{ImposedTarget, ModuleState};
 use crate::{kernel, maths};
 
 /// An ergon, as it is added to report, stream and sparks.
@@ -55,7 +55,7 @@ impl Voice {
             if is_over_limit {
                 return 0.0;
             }
-            scene.targets.push(Target {
+            scene.targets.push(ImposedTarget {
                 mat: script.struck_mat,
                 x: *x,
                 previous: 0.0,
@@ -88,18 +88,18 @@ impl Voice {
         };
         if manner.ergon_kind == ErgonKind::Particle {
             let particles = &mut self.particles;
-            ergon_entry.particle = particles.launch(scene.scheme, scene.body, script.struck_mat, force);
+            ergon_entry.particle = particles.launch(scene.scheme, scene.modules, script.struck_mat, force);
         }
         let is_particle = ergon_entry.particle.is_some();
         ergon_entry.record(
             scene.scheme,
-            scene.body,
+            scene.modules,
             &mut scene.reports[gesture_index],
             scene.ergon_stream,
             &mut self.sparks,
         );
         if !is_particle {
-            scene.body.push(script.struck_mat, force);
+            scene.modules.push(script.struck_mat, force);
         }
         force
     }
@@ -120,21 +120,22 @@ impl Voice {
         } else {
             last_requested_position
         };
-        let path_distance = last_position - self.free_motion.body.x[mat_index];
+        let path_distance = last_position - self.free_motion.modules.x[mat_index];
         // a·T² = limit/M, in metres a step, squared.
         let closing_step = (force_limit * scheme.w[mat_index] * path_distance.abs())
             .sqrt()
             .min(path_distance.abs());
-        let aim_position = self.free_motion.body.x[mat_index]
+        let aim_position = self.free_motion.modules.x[mat_index]
             + (requested_position - last_position)
             + maths::copysign(closing_step, path_distance);
-        kernel::force_to_reach(scheme, &self.free_motion.body, mat_index, aim_position).clamp(-force_limit, force_limit)
+        kernel::force_to_reach(scheme, &self.free_motion.modules, mat_index, aim_position)
+            .clamp(-force_limit, force_limit)
     }
 
     /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.
     pub(crate) fn record_tracked_ergon(&mut self, script: &VoiceScript, scene: &mut VoiceScene<'_>, n: u64) {
         if let Some(tracked) = self.tracked_frame.take() {
-            let force = kernel::force_to_reach(scene.scheme, scene.body, script.struck_mat, tracked.x);
+            let force = kernel::force_to_reach(scene.scheme, scene.modules, script.struck_mat, tracked.x);
             let ergon_entry = ErgonEntry {
                 frame: n,
                 mat: script.struck_mat,
@@ -145,7 +146,7 @@ impl Voice {
             };
             let report = &mut scene.reports[tracked.gesture_index];
             let sparks = &mut self.sparks;
-            ergon_entry.record(scene.scheme, scene.body, report, scene.ergon_stream, sparks);
+            ergon_entry.record(scene.scheme, scene.modules, report, scene.ergon_stream, sparks);
         }
     }
 
@@ -160,14 +161,14 @@ impl Voice {
                 free_key.force_to_reach(&self.free_motion, x, &self.targets, &mut self.buffers)
             }
             (Request::Pass(x), Touch::Tracked) => {
-                kernel::force_to_reach(scene.scheme, scene.body, script.struck_mat, x)
+                kernel::force_to_reach(scene.scheme, scene.modules, script.struck_mat, x)
             }
             (Request::Aim { arrival_frame, x }, touch) => {
                 if touch == Touch::Tracked {
                     // Aim from the position of the scene's key, with its loads.
                     for (key_mat, &scene_mat) in free_key.scene_mats.iter().enumerate() {
-                        self.free_motion.body.x[key_mat] = scene.body.x[scene_mat];
-                        self.free_motion.body.d[key_mat] = scene.body.d[scene_mat];
+                        self.free_motion.modules.x[key_mat] = scene.modules.x[scene_mat];
+                        self.free_motion.modules.d[key_mat] = scene.modules.d[scene_mat];
                     }
                     free_key.sum_forces(&mut self.free_motion, n, &mut self.buffers.laws, &mut self.targets);
                 }
@@ -182,7 +183,7 @@ impl ErgonEntry {
     fn record(
         &self,
         scheme: &Scheme,
-        body: &Body,
+        modules: &ModuleState,
         report: &mut GestureReport,
         stream: &mut ErgonStream,
         sparks: &mut Sparks,
@@ -202,7 +203,7 @@ impl ErgonEntry {
         };
         if stream.is_recording() {
             // The velocity without the ergon: its force is not in the sum yet.
-            let velocity = kernel::centred_velocity(scheme, body, self.mat);
+            let velocity = kernel::centred_velocity(scheme, modules, self.mat);
             stream.add(self.frame, record(velocity));
         }
         if sparks.are_watched() {

@@ -20,10 +20,10 @@ crate::archive::option!(Joining, optional);
 crate::archive::state!(Joining { curve, end_time });
 
 impl Joining {
-    fn new(from: Knot, to: Knot) -> Self {
+    fn new(start_state: Knot, end_state: Knot) -> Self {
         Self {
-            curve: Quintic::between_knots(from, to),
-            end_time: to.t,
+            curve: Quintic::between_knots(start_state, end_state),
+            end_time: end_state.t,
         }
     }
 }

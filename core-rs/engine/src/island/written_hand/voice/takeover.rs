@@ -72,7 +72,7 @@ impl Voice {
         match &takeover.mat_pairs {
             None => std::mem::swap(&mut self.free_motion, &mut old.free_motion),
             Some(pairs) => {
-                let (body, old_body) = (&mut self.free_motion.body, &old.free_motion.body);
+                let (body, old_body) = (&mut self.free_motion.modules, &old.free_motion.modules);
                 for &(new_mat, old_mat) in pairs {
                     (body.x[new_mat], body.d[new_mat]) = (old_body.x[old_mat], old_body.d[old_mat]);
                 }

@@ -88,13 +88,13 @@ fn pilot_run_begins_late_for_modes_above_a_quarter_of_the_rate() {
         modes_at_rest.clone().any(|mode| mode.a < 0.0),
         "no mode above a quarter of the rate"
     );
-    let rest_frames = frames_at_rest(&island_plan, &Allowance::with_total(1e9)).unwrap();
+    let rest_frames = resting_frames(&island_plan, &Allowance::with_seconds(1e9)).unwrap();
     assert!((44_100 * 19..44_100 * 20).contains(&rest_frames), "{rest_frames}");
 }
 
 /// Sound, state and work of an island, and how many of its frames were skipped.
 fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64; 3], u64) {
-    let mut island = start_island(island_plan, island_plan.contact_substeps).unwrap();
+    let mut island = started_island(island_plan, island_plan.contact_substeps).unwrap();
     let mut sample_bits = Vec::new();
     let mut block_sound = vec![0.0; BLOCK_FRAMES * island.n_out()];
     for _ in 0..(0.6 * 44_100.0) as usize / BLOCK_FRAMES {
@@ -173,7 +173,7 @@ fn friction_in_a_ring_takes_few_rounds() {
     network.listen("o", vec![position_term(ring_mats[0])]).unwrap();
     let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     let island_plan = only_island(network, &timeline, &Budget::Method(Method::Ca));
-    let mut island = start_island(&island_plan, island_plan.contact_substeps).unwrap();
+    let mut island = started_island(&island_plan, island_plan.contact_substeps).unwrap();
     let n_frames = 13_230;
     let mut ring_sound = vec![0.0; n_frames];
     island
@@ -205,7 +205,7 @@ fn law_plan(struck_at: f64) -> IslandPlan {
 fn pilot_run_skips_rest_of_a_law_with_any_substeps() {
     let island_plan = law_plan(1.0);
     for contact_substeps in [1, 2, 4, 256] {
-        let mut island = start_island(&island_plan, contact_substeps).unwrap();
+        let mut island = started_island(&island_plan, contact_substeps).unwrap();
         let n_frames = 44_100;
         let mut sound = vec![0.0; n_frames];
         island.process(&mut sound, n_frames, &mut ThreadTeam::alone()).unwrap();
@@ -222,9 +222,9 @@ fn pilot_run_skips_rest_of_a_law_with_any_substeps() {
 fn pilot_run_counts_no_work_of_the_rest_before_it() {
     let runs = [0.5, 2.0].map(|struck_at| {
         let island_plan = law_plan(struck_at);
-        let allowance = Allowance::with_total(1e9);
+        let allowance = Allowance::with_seconds(1e9);
         let excerpt = Excerpt {
-            first_frame: frames_at_rest(&island_plan, &allowance).unwrap(),
+            first_frame: resting_frames(&island_plan, &allowance).unwrap(),
             n_frames: 8_192,
         };
         play(&island_plan, 4, excerpt, &allowance).unwrap()

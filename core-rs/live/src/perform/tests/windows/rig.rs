@@ -4,7 +4,7 @@ use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Gesture, Manner};
 use ergon_engine::gesture::written::{Approach, WrittenPoints};
 use ergon_engine::network::{SpaceLaw, SpacePoint, SpacePoints};
-use ergon_engine::simulation::Look;
+use ergon_engine::simulation::MotionLook;
 
 use super::*;
 
@@ -116,9 +116,9 @@ pub(super) fn strikes() -> Vec<f64> {
 }
 
 /// A window as a performance has it, with the manifest that a reader needs.
-pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &str) -> (Window, WindowReader) {
+pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &str) -> (DisplayWindow, WindowReader) {
     let look = simulation.make_look();
-    let part_list: Vec<_> = runs(&look)
+    let part_list: Vec<_> = point_runs(&look)
         .into_iter()
         .map(|run| {
             let mode_range = run.body.map(|body| {
@@ -133,34 +133,34 @@ pub(super) fn window_on(simulation: &Simulation, timeline: &Timeline, title: &st
         "parts": part_list, "fps": FPS});
     let mut ergons = simulation.written_ergons(timeline);
     ergons.sort_by(|a, b| a.time.total_cmp(&b.time));
-    let window_setup = Setup {
+    let window_setup = RecordingSetup {
         manifest: manifest.to_string(),
-        places: vec![[0.0; 3]; look.points.len()],
+        point_positions: vec![[0.0; 3]; look.points.len()],
         ergons,
         strike_points: timeline.strike_points().collect(),
-        keys: Vec::new(),
+        key_mats: Vec::new(),
         n_speakers: 2,
-        fps: FPS,
+        looks_per_second: FPS,
     };
     window_pair(simulation, look, window_setup).unwrap()
 }
 
-pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
-    Stage {
+pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> PreparedPiece {
+    PreparedPiece {
         simulation: simulation.fork(),
         hands: Vec::new(),
-        is_seen,
-        ..stage()
+        is_displayed: is_seen,
+        ..piece()
     }
 }
 
-pub(super) fn served(limits: Limits) -> Arc<Server> {
-    let options = ergon_view::serve::Options {
+pub(super) fn served(limits: ConnectionLimits) -> Arc<Server> {
+    let options = ergon_view::serve::ServerOptions {
         address: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
-        key: ergon_view::serve::Key::new(&"0".repeat(32)).expect("a key"),
-        file: None,
-        sound: None,
-        keys: Vec::new(),
+        access_key: ergon_view::serve::AccessKey::new(&"0".repeat(32)).expect("a key"),
+        motion_file: None,
+        sound_file: None,
+        page_keys: Vec::new(),
         limits,
     };
     Arc::new(Server::start(options).expect("a server"))
@@ -171,27 +171,32 @@ pub(super) struct Shown {
     pub(super) this: Performance,
     pub(super) player: Player,
     pub(super) server: Arc<Server>,
-    pub(super) relay: Relay,
-    pub(super) reader_sender: Sender<(WindowReader, HeardTimes)>,
+    pub(super) relay: WindowRelay,
+    pub(super) reader_sender: Sender<(WindowReader, PlaybackTimes)>,
 }
 
 impl Shown {
     /// A performance that runs as fast as it can, without an output file.
     pub(super) fn fast(simulation: &Simulation, timeline: &Timeline) -> Self {
         let config = config("null:fast");
-        Self::new(simulation, timeline, config, Limits::default())
+        Self::new(simulation, timeline, config, ConnectionLimits::default())
     }
 
-    pub(super) fn new(simulation: &Simulation, timeline: &Timeline, config: PlaybackConfig, limits: Limits) -> Self {
+    pub(super) fn new(
+        simulation: &Simulation,
+        timeline: &Timeline,
+        config: PlaybackConfig,
+        limits: ConnectionLimits,
+    ) -> Self {
         let (window, scene) = window_on(simulation, timeline, "first");
-        let stage = a_stage(simulation, true);
-        let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
-        player.begin();
+        let piece = a_stage(simulation, true);
+        let (mut this, mut player) = Performance::prepare(piece, Vec::new(), config).unwrap();
+        player.receive_first_positions();
         assert!(this.open(window));
         let server = served(limits);
         let (reader_sender, new_readers) = channel();
         reader_sender.send((scene, this.output_times())).unwrap();
-        let relay = Relay::new(server.clone(), new_readers);
+        let relay = WindowRelay::new(server.clone(), new_readers);
         Self {
             this,
             player,
@@ -219,12 +224,12 @@ impl Shown {
 }
 
 /// All messages for a viewer so far.
-pub(super) fn messages(server: &Server, cursor: &mut Cursor) -> Vec<Vec<u8>> {
+pub(super) fn messages(server: &Server, cursor: &mut ViewerCursor) -> Vec<Vec<u8>> {
     let mut all_messages = Vec::new();
     loop {
-        match server.hub().take(cursor, Duration::ZERO) {
-            Next::Message(bytes) => all_messages.push(bytes.to_vec()),
-            Next::Nothing => return all_messages,
+        match server.hub().next_message(cursor, Duration::ZERO) {
+            NextMessage::Message(bytes) => all_messages.push(bytes.to_vec()),
+            NextMessage::Nothing => return all_messages,
             other => panic!("{other:?}"),
         }
     }
@@ -235,7 +240,7 @@ pub(super) fn chunks(mut bytes: &[u8]) -> Vec<(u16, f64, Vec<u8>)> {
     let mut all_chunks = Vec::new();
     bytes = bytes.strip_prefix(&MAGIC[..]).unwrap_or(bytes);
     while !bytes.is_empty() {
-        let (chunk, chunk_length) = motion::read(bytes).expect("a whole chunk");
+        let (chunk, chunk_length) = motion::read_chunk(bytes).expect("a whole chunk");
         all_chunks.push((chunk.kind, chunk.seconds, chunk.payload.to_vec()));
         bytes = &bytes[chunk_length..];
     }
@@ -243,7 +248,7 @@ pub(super) fn chunks(mut bytes: &[u8]) -> Vec<(u16, f64, Vec<u8>)> {
 }
 
 /// The ergons in chunks, by rising instant: [s], MAT, impulse [N·s].
-pub(super) fn ergons(bytes: &[u8], look: &Look) -> Vec<(f64, usize, f64)> {
+pub(super) fn ergons(bytes: &[u8], look: &MotionLook) -> Vec<(f64, usize, f64)> {
     let word_bytes = |single: &[u8], at: usize| <[u8; 4]>::try_from(&single[at..at + 4]).unwrap();
     let mut read_ergons = Vec::new();
     for (_, t, payload) in (chunks(bytes).iter()).filter(|one| one.0 == kind::ERGONS) {

@@ -12,7 +12,7 @@ fn pages_receive_live_strikes() {
     let simulation = planned(&scene, 0);
     let look = simulation.make_look();
     let mut shown = Shown::fast(&simulation, &scene.1);
-    let mut hub_cursor = shown.server.hub().join();
+    let mut hub_cursor = shown.server.hub().new_cursor();
     let mut message_bytes = Vec::new();
     let mut expected_ergons = Vec::new();
     for (point, mat, impulse, ticks) in [(7, 3, 2e-5, 301), (9, 5, -3e-5, 77), (7, 3, -1e-5, 400)] {
@@ -66,7 +66,7 @@ fn strikes_before_the_first_picture_are_shown() {
         planned(&second_scene, takeover_tick * tick_frames),
     );
     let mut shown = Shown::fast(&first_simulation, &first_scene.1);
-    let mut hub_cursor = shown.server.hub().join();
+    let mut hub_cursor = shown.server.hub().new_cursor();
     let takeover_change = Change {
         simulation: Some((
             second_simulation.fork(),
@@ -118,14 +118,14 @@ fn pages_receive_strikes_of_gestures() {
     let look = simulation.make_look();
     let mut reference = {
         let plan = Plan::new(scene.0.clone(), &scene.1, &Budget::default(), None).unwrap();
-        let options = Options {
+        let options = SimulationOptions {
             record: true,
             ..OPTIONS
         };
         Simulation::from_plan(Arc::new(plan), options).unwrap()
     };
     let mut shown = Shown::fast(&simulation, &scene.1);
-    let mut hub_cursor = shown.server.hub().join();
+    let mut hub_cursor = shown.server.hub().new_cursor();
     let mut message_bytes = Vec::new();
     let tick_count = 900;
     for tick in 0..tick_count {
@@ -158,7 +158,7 @@ fn late_pages_receive_broken_links() {
     let scene = torn();
     let simulation = planned(&scene, 0);
     let mut shown = Shown::fast(&simulation, &scene.1);
-    let mut first_cursor = shown.server.hub().join();
+    let mut first_cursor = shown.server.hub().new_cursor();
     let second_ticks = (RATE as u64).div_ceil(EVERY as u64);
     let advance_ticks = |shown: &mut Shown, n: u64| {
         for _ in 0..n {
@@ -189,7 +189,7 @@ fn late_pages_receive_broken_links() {
     assert_eq!(early_breaks.len(), 1, "{early_breaks:?}");
     assert!((0.02..0.05).contains(&early_breaks[0].1), "{early_breaks:?}");
     advance_ticks(&mut shown, 2 * second_ticks);
-    let mut late_cursor = shown.server.hub().join();
+    let mut late_cursor = shown.server.hub().new_cursor();
     let page_breaks = broken_links(&messages(&shown.server, &mut late_cursor).concat());
     assert_eq!(page_breaks.len(), 1, "{page_breaks:?}");
     assert!(
@@ -202,7 +202,7 @@ fn late_pages_receive_broken_links() {
     assert!(shown.this.open(window));
     shown.reader_sender.send((scene, shown.this.output_times())).unwrap();
     advance_ticks(&mut shown, second_ticks / 2);
-    let mut last_cursor = shown.server.hub().join();
+    let mut last_cursor = shown.server.hub().new_cursor();
     let page_breaks = broken_links(&messages(&shown.server, &mut last_cursor).concat());
     assert_eq!(page_breaks.len(), 1, "{page_breaks:?}");
     assert_eq!(

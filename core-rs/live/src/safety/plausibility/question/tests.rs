@@ -38,32 +38,36 @@ impl Body {
 /// The weighted sum of the answer of a body to pulses of one newton [m].
 fn answer(mass: f64, damping: f64, stiffness: f64, delay: usize) -> f64 {
     let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
-    questions.asked = Some(Asked {
+    questions.active_question = Some(ActiveQuestion {
         sign: 1.0,
         force: 1.0,
-        passes: 1.0,
+        pass_share: 1.0,
         steps: 0,
-        sent: [0.0; 2],
+        sent_range: [0.0; 2],
     });
     let mut body = Body::new(mass, damping, stiffness);
     let mut delayed_forces = vec![0.0; delay];
-    for step in 0..STEPS {
-        delayed_forces.push(questions.offset());
-        questions.past.copy_within(1.., 0);
-        questions.past[SPAN - 1] = body.step(delayed_forces[step]);
-        questions.asked.as_mut().unwrap().steps += 1;
+    for step in 0..QUESTION_STEPS {
+        delayed_forces.push(questions.pulse_force());
+        questions.positions.copy_within(1.., 0);
+        questions.positions[WEIGHTED_POSITIONS - 1] = body.step(delayed_forces[step]);
+        questions.active_question.as_mut().unwrap().steps += 1;
     }
-    questions.sum()
+    questions.weighted_sum()
 }
 
 #[test]
 fn answer_sum_of_polynomial_paths() {
     for degree in 0..=6 {
         let mut questions = Questions::new(1e-3, 0.05, 0.0, 0.0);
-        for (i, x) in questions.past.iter_mut().enumerate() {
+        for (i, x) in questions.positions.iter_mut().enumerate() {
             *x = libm::pow(i as f64 / 55.0 - 0.4, f64::from(degree));
         }
-        assert!(questions.sum().abs() < 1e-5, "{degree}: {}", questions.sum());
+        assert!(
+            questions.weighted_sum().abs() < 1e-5,
+            "{degree}: {}",
+            questions.weighted_sum()
+        );
     }
 }
 
@@ -98,18 +102,18 @@ fn answer_of_all_hands_is_positive() {
 }
 
 /// The reply of a body whose answer is `delay` steps late, to a question that is doubtful.
-fn doubtful_answer([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> Answer {
+fn doubtful_answer([damping, stiffness]: [f64; 2], mass: f64, delay: usize) -> QuestionAnswer {
     let mut questions = Questions::new(1e-3, mass, 0.0, 0.0);
     while !questions.is_calm() {
-        questions.take(0.0, 0.0, true);
+        questions.add_step(0.0, 0.0, true);
     }
     questions.begin(3.0, 1.0, true);
     let mut body = Body::new(mass, damping, stiffness);
     let mut delayed_forces = std::collections::VecDeque::from(vec![0.0; delay]);
     loop {
-        delayed_forces.push_back(questions.offset());
+        delayed_forces.push_back(questions.pulse_force());
         let delayed_force = delayed_forces.pop_front().unwrap();
-        if let Some(reply) = questions.take(body.step(delayed_force), delayed_force, true) {
+        if let Some(reply) = questions.add_step(body.step(delayed_force), delayed_force, true) {
             return reply;
         }
     }
@@ -130,7 +134,7 @@ fn doubtful_reply_of_late_bodies() {
         for mass in [0.05, 0.1, 0.2] {
             for delay in 0..=2 {
                 let body_answer = doubtful_answer(hand, mass, delay);
-                assert_eq!(body_answer, Answer::Right, "{hand:?} {mass} kg, {delay} steps");
+                assert_eq!(body_answer, QuestionAnswer::Right, "{hand:?} {mass} kg, {delay} steps");
             }
         }
     }
@@ -138,7 +142,7 @@ fn doubtful_reply_of_late_bodies() {
     let late_replies = hand_loads.map(|hand| doubtful_answer(hand, 0.1, 26));
     let right_count = late_replies
         .iter()
-        .filter(|body_answer| **body_answer == Answer::Right)
+        .filter(|body_answer| **body_answer == QuestionAnswer::Right)
         .count();
     assert!(right_count <= 2, "{late_replies:?}");
 }

@@ -1,11 +1,11 @@
 //! The interface through which the guard steps a mesh: it computes frames in finer steps, with the forces of the mesh.
 
 use super::mesh::{Mesh, Scratch};
-use crate::guard::{Guard, MatMotion, Stage};
+use crate::guard::{Guard, MatMotion, SubsteppedSystem};
 use crate::kernel::thread_team::ThreadTeam;
 
 /// The arrays of a mesh that finer steps need.
-pub(super) struct MeshStage<'a, 'b> {
+pub(super) struct MeshSystem<'a, 'b> {
     pub(super) mesh: &'a Mesh,
     pub(super) scratch: &'a mut Scratch,
     pub(super) force: &'a mut [f64],
@@ -14,7 +14,7 @@ pub(super) struct MeshStage<'a, 'b> {
     pub(super) team: &'a mut ThreadTeam<'b>,
 }
 
-impl Stage for MeshStage<'_, '_> {
+impl SubsteppedSystem for MeshSystem<'_, '_> {
     fn compute_link_forces(&mut self) {
         let mat_motion = [&*self.x, &*self.d];
         self.mesh
@@ -31,7 +31,7 @@ impl Stage for MeshStage<'_, '_> {
     }
 }
 
-impl MeshStage<'_, '_> {
+impl MeshSystem<'_, '_> {
     /// Compute one frame in finer steps. `x` and `d` hold the state at the beginning of the frame, with its impulses
     /// already applied.
     pub(super) fn step_finer(mut self, guard: &mut Guard) {

@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 use crate::stop;
 
 /// No frame has gone to the card yet.
-const NEVER: i64 = i64::MIN;
+const NOT_STARTED: i64 = i64::MIN;
 /// Number of edges of silence that are kept.
-const EDGES: usize = 256;
+const EDGES_MAX: usize = 256;
 
 /// An edge of a panic's silence: its beginning or its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Edge {
+pub struct SilenceEdge {
     /// Frame of the score at which the sound begins to fall, or to rise again.
     pub frame: u64,
     /// Whether silence begins there.
@@ -20,48 +20,48 @@ pub struct Edge {
 }
 
 /// State of the sound of one performance. Every method may be called from any thread, also from the callback.
-pub struct Shared {
-    began: Instant,
-    /// When frame 0 went to the card, or would have gone, calculated from the last block [ns since `began`].
-    zero: AtomicI64,
+pub struct StreamState {
+    opened_at: Instant,
+    /// When frame 0 went to the card, or would have gone, calculated from the last block [ns since `opened_at`].
+    first_frame_nanos: AtomicI64,
     /// Frames of the score that were thrown away, before or behind a converter.
-    skipped: AtomicU64,
+    skipped_frames: AtomicU64,
     panic: AtomicBool,
     alive: AtomicBool,
     freewheel: AtomicBool,
     finished: AtomicBool,
     underruns: AtomicU64,
-    missing: AtomicU64,
-    played: AtomicU64,
-    discarded: AtomicU64,
+    missing_frames: AtomicU64,
+    played_frames: AtomicU64,
+    discarded_frames: AtomicU64,
     xruns: AtomicU64,
     priority: AtomicI32,
     latency: AtomicU32,
     block: AtomicU32,
     /// The latest edges, each frame · 2 + silent, and how many there were.
-    edges: [AtomicU64; EDGES],
+    edges: [AtomicU64; EDGES_MAX],
     n_edges: AtomicU64,
 }
 
-impl Default for Shared {
+impl Default for StreamState {
     fn default() -> Self {
         Self {
-            began: Instant::now(),
-            zero: AtomicI64::new(NEVER),
-            skipped: AtomicU64::new(0),
+            opened_at: Instant::now(),
+            first_frame_nanos: AtomicI64::new(NOT_STARTED),
+            skipped_frames: AtomicU64::new(0),
             panic: AtomicBool::default(),
             alive: AtomicBool::default(),
             freewheel: AtomicBool::default(),
             finished: AtomicBool::default(),
             underruns: AtomicU64::default(),
-            missing: AtomicU64::default(),
-            played: AtomicU64::default(),
-            discarded: AtomicU64::default(),
+            missing_frames: AtomicU64::default(),
+            played_frames: AtomicU64::default(),
+            discarded_frames: AtomicU64::default(),
             xruns: AtomicU64::default(),
             priority: AtomicI32::default(),
             latency: AtomicU32::default(),
             block: AtomicU32::default(),
-            edges: [const { AtomicU64::new(0) }; EDGES],
+            edges: [const { AtomicU64::new(0) }; EDGES_MAX],
             n_edges: AtomicU64::default(),
         }
     }
@@ -81,7 +81,7 @@ macro_rules! count {
     };
 }
 
-impl Shared {
+impl StreamState {
     /// Silence within 5 ms, in the callback itself, and no sound until `release`; meanwhile frames are dropped from the
     /// ring as fast as they would be heard.
     pub fn panic(&self) {
@@ -95,7 +95,7 @@ impl Shared {
 
     /// Whether silence is requested.
     #[must_use]
-    pub fn panicked(&self) -> bool {
+    pub fn is_panicking(&self) -> bool {
         self.panic.load(Ordering::Acquire) || stop::is_over()
     }
 
@@ -120,7 +120,7 @@ impl Shared {
         self.freewheel.store(is_on, Ordering::Release);
     }
 
-    /// Whether the feed was closed and its last frame went to the card.
+    /// Whether the ring writer was closed and its last frame went to the card.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.finished.load(Ordering::Acquire)
@@ -136,11 +136,11 @@ impl Shared {
     }
     count! {
         /// Frames of silence that underruns put in (frames of the card).
-        missing, add_missing
+        missing_frames, add_missing
     }
     count! {
         /// Frames thrown away: by a panic, and of an input those in excess.
-        discarded, add_discarded
+        discarded_frames, add_discarded
     }
     count! {
         /// Late cycles that the server, the card or the silent clock reported. PipeWire's JACK reports none.
@@ -150,60 +150,61 @@ impl Shared {
     /// Frames of the score that went to the card.
     #[must_use]
     pub fn played(&self) -> u64 {
-        self.played.load(Ordering::Acquire)
+        self.played_frames.load(Ordering::Acquire)
     }
 
     pub(super) fn set_played(&self, frames: u64) {
-        self.played.store(frames, Ordering::Release);
+        self.played_frames.store(frames, Ordering::Release);
     }
 
     /// How long ago frame 0 of the ring went to the card, calculated from the last block: frame n goes n frames later.
     /// Silence of an underrun shifts it. `None` before the first block.
     #[must_use]
-    pub fn sounding(&self) -> Option<Duration> {
-        let zero_nanos = self.zero.load(Ordering::Acquire);
-        let nanos_now = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);
-        (zero_nanos != NEVER).then(|| Duration::from_nanos(nanos_now.saturating_sub(zero_nanos).max(0).unsigned_abs()))
+    pub fn first_frame_age(&self) -> Option<Duration> {
+        let zero_nanos = self.first_frame_nanos.load(Ordering::Acquire);
+        let nanos_now = i64::try_from(self.opened_at.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        (zero_nanos != NOT_STARTED)
+            .then(|| Duration::from_nanos(nanos_now.saturating_sub(zero_nanos).max(0).unsigned_abs()))
     }
 
     /// Report that a block that begins with frame `n`, at `rate` [Hz], goes to the card now.
     pub(super) fn set_block_start(&self, n: u64, rate: f64) {
-        let n = n + self.skipped.load(Ordering::Relaxed);
+        let n = n + self.skipped_frames.load(Ordering::Relaxed);
         let nanos_before = (n as f64 / rate * 1e9) as i64;
-        let nanos_now = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);
-        self.zero
+        let nanos_now = i64::try_from(self.opened_at.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        self.first_frame_nanos
             .store(nanos_now.saturating_sub(nanos_before), Ordering::Release);
     }
 
     pub(super) fn add_skipped(&self, frames: u64) {
-        self.skipped.fetch_add(frames, Ordering::Relaxed);
+        self.skipped_frames.fetch_add(frames, Ordering::Relaxed);
     }
 
     pub(super) fn skipped(&self) -> u64 {
-        self.skipped.load(Ordering::Relaxed)
+        self.skipped_frames.load(Ordering::Relaxed)
     }
 
-    /// Edges of silence from number `from` on, at most the latest 256.
+    /// Edges of silence from number `first_number` on, at most the latest 256.
     #[must_use]
-    pub fn edges(&self, from: u64) -> Vec<Edge> {
+    pub fn edges(&self, first_number: u64) -> Vec<SilenceEdge> {
         let edge_count = self.n_edges.load(Ordering::Acquire);
         let decode_edge = |number: u64| {
-            let packed_edge = self.edges[number as usize % EDGES].load(Ordering::Relaxed);
-            Edge {
+            let packed_edge = self.edges[number as usize % EDGES_MAX].load(Ordering::Relaxed);
+            SilenceEdge {
                 frame: packed_edge >> 1,
                 silent: packed_edge & 1 == 1,
             }
         };
-        (from.max(edge_count.saturating_sub(EDGES as u64))..edge_count)
+        (first_number.max(edge_count.saturating_sub(EDGES_MAX as u64))..edge_count)
             .map(decode_edge)
             .collect()
     }
 
-    /// Add an edge. Only the drain that feeds the loudspeakers calls this, so there is one writer.
+    /// Add an edge. Only the ring reader that feeds the loudspeakers calls this, so there is one writer.
     pub(super) fn add_edge(&self, frame: u64, silent: bool) {
         let edge_count = self.n_edges.load(Ordering::Relaxed);
         let packed_edge = frame << 1 | u64::from(silent);
-        self.edges[edge_count as usize % EDGES].store(packed_edge, Ordering::Relaxed);
+        self.edges[edge_count as usize % EDGES_MAX].store(packed_edge, Ordering::Relaxed);
         self.n_edges.store(edge_count + 1, Ordering::Release);
     }
 
