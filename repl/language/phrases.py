@@ -20,7 +20,7 @@ from ergon.repl.language.transforming import split_at_do, transform_offers
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.melody import MAX_CHORD, PHRASE_ENTRY_RECORD
-from ergon.scores.reading.phrase_do import split_do
+from ergon.scores.reading.phrase_do import split_transforms
 from ergon.scores.reading.strike_tables import STRIKES_RECORD
 
 
@@ -115,7 +115,7 @@ def _read_played(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[
                 message, offset=len(text_before), length=max(1, len(slot_text) - len(text_before))
             )
         try:
-            split_do(slot_text[do:])
+            split_transforms(slot_text[do:])
         except TextError as error:
             error.offset += do
             raise

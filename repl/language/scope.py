@@ -188,7 +188,7 @@ def _act_names(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
         name: name for name in (*piece.instruments, *piece.families)
     } | families.unplayed_instruments(piece)
     for act_name, full in names_by_word.items():
-        instrument = piece.playable(full)
+        instrument = piece.playable_instrument(full)
         if instrument is not None and instrument.acts:
             yield act_name, tuple(act.name for act in instrument.acts)
 

@@ -97,7 +97,7 @@ def _strokes_within(
     tempo = piece.tempo_map
     first_beat, last_beat = starts[0] - SAME, starts[-1] - SAME
     if strikes.is_melody:
-        falling = strikes.falls(piece, first_beat, last_beat)
+        falling = strikes.played_hits(piece, first_beat, last_beat)
         yield from ((beat, hit.what) for beat, _, hit in falling if first_beat <= beat < last_beat)
     elif strikes.passing is not None:
         yield from (

@@ -31,7 +31,7 @@ def fader_ratios(running: RunningVersion) -> dict[int, float]:
     version = running.version
     numbered_parts = enumerate(running.stage.listening.parts())
     return {
-        group: version.faders.ratio(version.sounds_as.shown(part, version.piece.instruments))
+        group: version.faders.ratio(version.sounds_as.shown_name(part, version.piece.instruments))
         for group, part in numbered_parts
     }
 

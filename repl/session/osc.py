@@ -165,7 +165,7 @@ def _version_events(
     if clock.began_at is None:
         return
     version = running.version
-    shown = partial(version.sounds_as.shown, part_names=version.piece.keys)
+    shown = partial(version.sounds_as.shown_name, part_names=version.piece.keys)
     tempo = stage.piece.tempo_map
     bar, _ = tempo.bar_beat(running.beat(first_frame))
     for beat_event in beat_events(tempo, stage.rate, bar):

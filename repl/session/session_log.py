@@ -188,7 +188,7 @@ class SessionLog:
         """Report which frozen parts are computed live from a version on."""
         frozen = {part.name for part in running.frozen}
         thawed = [
-            running.version.sounds_as.shown(name, running.version.piece.instruments)
+            running.version.sounds_as.shown_name(name, running.version.piece.instruments)
             for name in sorted(self._frozen - frozen)
             if name in running.version.sounding.instruments
         ]

@@ -109,7 +109,7 @@ def _strokes_between(
         return _Begun(tempo.seconds(beat), tempo.seconds(max(beat, end)), place, what)
 
     if strikes.is_melody:
-        for stroke_beat, _, hit in strikes.falls(piece, first_beat, last_beat):
+        for stroke_beat, _, hit in strikes.played_hits(piece, first_beat, last_beat):
             if first_beat <= stroke_beat < last_beat:
                 stroke_end = (
                     stroke_beat if hit.lasting is None else tempo.after(stroke_beat, hit.lasting)

@@ -157,7 +157,7 @@ def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
 def _is_act(piece: Piece, path: str) -> bool:
     """Whether a path names an instrument that says how it is played, or one of its acts."""
     name, _, act_name = path.partition(".")
-    instrument = piece.playable(name)
+    instrument = piece.playable_instrument(name)
     acts = () if instrument is None else instrument.acts
     return bool(acts) and (not act_name or any(act.name == act_name for act in acts))
 

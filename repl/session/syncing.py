@@ -49,15 +49,15 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Se
     tempo = piece.tempo_map
     if strikes.rhythm is not None:
         begin = tempo.resolve(strikes.at)
-        number = strikes.rhythm.count(tempo, begin, after_beat - SAME)
-        beat = strikes.rhythm.begin(tempo, begin, number)
+        number = strikes.rhythm.cycle_count(tempo, begin, after_beat - SAME)
+        beat = strikes.rhythm.cycle_begin(tempo, begin, number)
         return [beat] if number < strikes.cycles(tempo) else []
     if strikes.pattern is not None:
         return _next_round_beat(strikes.steps(piece), after_beat)
     if strikes.length is not None or strikes.passing is not None:
         return strikes.rounds(tempo)
     if strikes.hits:
-        return sorted({beat for beat, *_ in strikes.falls(piece)})
+        return sorted({beat for beat, *_ in strikes.played_hits(piece)})
     return strikes.beats(tempo)
 
 

@@ -129,7 +129,7 @@ class _Window:
         path = ("strikes", strikes.name)
         begin_beat = self.map.resolve(strikes.at)
         if strikes.is_melody and strikes.length is None:
-            falls = [beat for beat, *_ in strikes.falls(self.piece, self.start, self.stop)]
+            falls = [beat for beat, *_ in strikes.played_hits(self.piece, self.start, self.stop)]
             excerpt = melody_between(
                 texts, self.piece, strikes, self.start, self.stop, self.position
             )

@@ -107,7 +107,7 @@ def with_ready_acts(score_texts: Texts, path: str) -> Texts:
     """
     act_owner, _, act_name = path.partition(".")
     piece = score_texts.load().piece
-    instrument = None if piece is None else piece.playable(act_owner)
+    instrument = None if piece is None else piece.playable_instrument(act_owner)
     acts = {} if instrument is None else {act.name: act for act in instrument.acts}
     drawn_act = acts.get(act_name) if act_name else next(iter(acts.values()), None)
     if instrument is None or drawn_act is None:

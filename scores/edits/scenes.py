@@ -150,9 +150,9 @@ def has_events_from(piece: Piece, from_beat: float) -> bool:
     for strikes in piece.strikes:
         begin_beat = tempo.resolve(strikes.at)
         if strikes.rhythm is None:
-            event_beats += [beat for beat, *_ in strikes.falls(piece)]
+            event_beats += [beat for beat, *_ in strikes.played_hits(piece)]
         elif strikes.until is None and strikes.span is None:
-            event_beats.append(strikes.rhythm.begin(tempo, begin_beat, strikes.cycles(tempo)))
+            event_beats.append(strikes.rhythm.cycle_begin(tempo, begin_beat, strikes.cycles(tempo)))
         event_beats.append(begin_beat if strikes.until is None else tempo.resolve(strikes.until))
         if strikes.span is not None:
             event_beats.append(tempo.after(begin_beat, strikes.span))
@@ -385,7 +385,7 @@ def _with_melody(
     until: str,
 ) -> Texts:
     """Write a melody of a scene as a phrase as long as the scene, under a free name."""
-    falling = strikes.falls(scene.piece, before=scene.beats)
+    falling = strikes.played_hits(scene.piece, before_beat=scene.beats)
     falls = [(beat, hit) for beat, _, hit in falling]
     melody_rows = [
         melody_entry(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME

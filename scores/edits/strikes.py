@@ -90,7 +90,7 @@ def end_strikes(score_texts: Texts, piece: Piece, strikes: Strikes, from_beat: f
         stop_beat = tempo.after(begin_beat, strikes.span)
         score_texts = score_texts.remove((*path, "for")) if stop_beat > from_beat else score_texts
     elif strikes.rhythm is not None and strikes.until is None:
-        stop_beat = strikes.rhythm.begin(tempo, begin_beat, strikes.cycles(tempo))
+        stop_beat = strikes.rhythm.cycle_begin(tempo, begin_beat, strikes.cycles(tempo))
     elif strikes.pattern is not None and strikes.until is None:
         places = strikes.steps(piece)
         stop_beat = places.beat(len(places))
@@ -119,7 +119,9 @@ def end_strikes_at_once(
     if not begun_rounds:
         return score_texts.remove(("strikes", strikes.name))
     falling = [
-        (beat, hit) for beat, _, hit in strikes.falls(piece) if beat >= begun_rounds[-1] - SAME
+        (beat, hit)
+        for beat, _, hit in strikes.played_hits(piece)
+        if beat >= begun_rounds[-1] - SAME
     ]
     last_round = falling[: len(strikes.hits)]
     played = [(beat, hit) for beat, hit in last_round if beat < cut_instant - SAME]
@@ -155,7 +157,7 @@ def melody_between(
     `moved` writes their beats if they change. Raises EditError.
     """
     path = ("strikes", strikes.name)
-    falling = [(beat, hit) for beat, _, hit in strikes.falls(piece, since, until_beat)]
+    falling = [(beat, hit) for beat, _, hit in strikes.played_hits(piece, since, until_beat)]
     inside = [(beat, hit) for beat, hit in falling if since - SAME <= beat < until_beat - SAME]
     if len(inside) == len(falling) and moved is None and strikes.rhythm is None:
         return score_texts

@@ -71,7 +71,7 @@ def routed_to_all(score_texts: Texts, piece: Piece, instrument_name: str) -> Tex
 def _new_instrument(texts: Texts, name: str) -> Instrument | None:
     """The instrument of a name, or its first note; None if the texts are refused for it."""
     piece = texts.load().piece
-    return None if piece is None else piece.playable(name)
+    return None if piece is None else piece.playable_instrument(name)
 
 
 def _channel_count(piece: Piece) -> int:

@@ -47,11 +47,11 @@ def transform(
         )
         begin_beat = tempo.resolve(strikes.at)
         n_passed_cycles = (
-            rhythm.count(tempo, begin_beat, from_beat) if from_beat > begin_beat else 0
+            rhythm.cycle_count(tempo, begin_beat, from_beat) if from_beat > begin_beat else 0
         )
         if strike_times is not None and n_passed_cycles >= strike_times:
             continue
-        turn_beat = rhythm.begin(tempo, begin_beat, n_passed_cycles)
+        turn_beat = rhythm.cycle_begin(tempo, begin_beat, n_passed_cycles)
         score_texts = edits.end_strikes(score_texts, piece, strikes, turn_beat)
         strike_fields = {
             **strike_fields,

@@ -10,7 +10,7 @@ from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.module_kinds import member_count
 from ergon.notation.clock.shifted import OffsetTempoMap
-from ergon.scores.reading.digest import is_same_matter
+from ergon.scores.reading.digest import is_same_network
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.late_keys import links_on_keys
 from ergon.scores.staging.listening import Listening, fades, listen
@@ -49,7 +49,7 @@ class BuiltNetwork:
         """
         if silent != self.listening.silent:
             return None
-        if not is_same_matter(self.piece, piece) or fades(self.piece) != fades(piece):
+        if not is_same_network(self.piece, piece) or fades(self.piece) != fades(piece):
             return None  # fades depend on the tempo
         return replace(self, piece=piece)
 

@@ -88,7 +88,7 @@ def _piece_at_instant(piece: Piece, instant: float) -> Piece:
 def _watched_parts(piece: Piece, plan: _core.Plan) -> Watched:
     """The parts that are computed to be seen, as in an earlier plan."""
     all_parts = (*piece.keys, *piece.instruments) if plan.seen() else ()
-    return Watched(seen=all_parts, seen_every=piece.motion_every)
+    return Watched(seen=all_parts, seen_every=piece.motion_step_frames)
 
 
 def _paths_from(stage: Stage, piece: Piece, instant: float, *, stops: bool) -> tuple[_Paths, float]:

@@ -435,12 +435,13 @@ class Hands:
         """
         if part_play.manner is not NO_OPTIONS:
             return self._options(
-                part_play, part_play.manner.over(gesture.manner).over(DEFAULT_OPTIONS)
+                part_play,
+                part_play.manner.with_defaults(gesture.manner).with_defaults(DEFAULT_OPTIONS),
             )
         options_key = part_play.player, gesture.name
         if options_key not in self._manners:
             self._manners[options_key] = self._options(
-                part_play, gesture.manner.over(DEFAULT_OPTIONS)
+                part_play, gesture.manner.with_defaults(DEFAULT_OPTIONS)
             )
         return self._manners[options_key]
 
@@ -451,7 +452,7 @@ class Hands:
         stop = begin + (take.duration - take_shape.front - take_shape.back) * take_shape.stretch
         if stop <= self.window.after:
             return
-        take_options = self._options(part_play, part_play.manner.over(DEFAULT_OPTIONS))
+        take_options = self._options(part_play, part_play.manner.with_defaults(DEFAULT_OPTIONS))
         key_index, struck_mat = self._keys[self._key_of(part_play)]
         try:
             if take_shape.front or take_shape.back:

@@ -303,7 +303,7 @@ def _wheel_automation(
         swing=None,
         place=glide.target.place,
         begin_place=glide.target.place,
-        struck=strikes_line.who,
+        struck=strikes_line.draw_key,
         moves=tuple((length, Amount(factor, is_factor=True)) for length, factor in glide.points),
     )
     yield from _file_glides(tempo, wheel, start_beat)
@@ -334,5 +334,5 @@ def _note_automation(tempo: TempoMap, automation_line: Strikes) -> Iterator[Auto
             None,
             automation_line.place,
             automation_line.place,
-            automation_line.who,
+            automation_line.draw_key,
         )

@@ -351,7 +351,7 @@ def stage(
                 correction=correction,
                 is_draft=is_draft,
                 recalls_sound=recalls_sound,
-                watched=Watched(seen=all_parts, seen_every=piece.motion_every),
+                watched=Watched(seen=all_parts, seen_every=piece.motion_step_frames),
             )
             plan = prepared.memory.plan = planning.plan
             _report_planning(piece, planning, prepared.collector, is_seen=is_seen)
@@ -440,7 +440,7 @@ def _report_planning(
     for code, sentence in planning.notes:
         collector.error(code, f"accuracy: {sentence}", piece.place)
     _report_unused_rates(piece, planning.plan, collector)
-    if is_seen and piece.motion_every > 1:
+    if is_seen and piece.motion_step_frames > 1:
         _report_motion(piece, planning.plan, collector)
 
 

@@ -169,8 +169,10 @@ class Striking:
         since, before_beat = (_beat_of_instant(tempo, instant) for instant in self.within)
         if self.strikes.rhythm is not None:  # notes that began before may end here
             begin = tempo.resolve(self.strikes.at)
-            since -= self.strikes.rhythm.begin(tempo, begin, int(LONGEST_CYCLES)) - begin
-        for hit_beat, hit_index, melody_hit in self.strikes.falls(self.piece, since, before_beat):
+            since -= self.strikes.rhythm.cycle_begin(tempo, begin, int(LONGEST_CYCLES)) - begin
+        for hit_beat, hit_index, melody_hit in self.strikes.played_hits(
+            self.piece, since, before_beat
+        ):
             start = tempo.seconds(hit_beat)
             if melody_hit.jitter != Length():
                 chance = _core.Chance(self.piece.seed, "jitter", self.strikes.name, 0, hit_index)
@@ -196,7 +198,7 @@ class Striking:
     def _passed(self, passing: Passing) -> float:
         """Strike the members that a sweep or a path passes, in every round."""
         strikes, tempo, end = self.strikes, self.piece.tempo_map, 0.0
-        draws = Draws(self.piece.seed, strikes.who)
+        draws = Draws(self.piece.seed, strikes.draw_key)
         assert self.assembly is not None
         assert strikes.length is not None
         parts = list(dict.fromkeys(target.part for target in strikes.to))

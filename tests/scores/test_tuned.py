@@ -174,7 +174,7 @@ def test_rhythms_strike_every_pitch(tmp_path):
     loaded = checked(text, tmp_path)
     assert loaded.piece is not None, loaded.diagnostics
     rhythm_strikes = next(s for s in loaded.piece.strikes if s.name == "r")
-    parts = [hit.to[0].part for _, _, hit in rhythm_strikes.falls(loaded.piece, 0.0, 20.0)]
+    parts = [hit.to[0].part for _, _, hit in rhythm_strikes.played_hits(loaded.piece, 0.0, 20.0)]
     assert parts == [
         "cells.C4",
         "cells.Db4",
