@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
-from ergon.repl.language.block_values import TICK_NAME, counts_runs
+from ergon.repl.language.block_values import TICK_NAME, has_tick
 from ergon.repl.language.blocks import RunBlock
 from ergon.repl.session import version_edits
 from ergon.repl.session.entry import Entry
@@ -98,8 +98,8 @@ class BlockRuns:
         self._last_runs[block_name] = run_beat
         run_position = Position(plus=Length(beats=run_beat))
         tick_values: tuple[str, ...] = ()
-        if counts_runs(schedule.head.piece.blocks.get(block_name, ())):
-            tick_values = (f"{TICK_NAME}={rule.trigger.count(tempo, rule.begin, run_beat)}",)
+        if has_tick(schedule.head.piece.blocks.get(block_name, ())):
+            tick_values = (f"{TICK_NAME}={rule.trigger.run_count(tempo, rule.begin, run_beat)}",)
         run_line = " ".join(("run", block_name, *tick_values))
         try:
             edit = version_edits.combined([RunBlock(block_name, tick_values)])

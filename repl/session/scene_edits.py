@@ -94,7 +94,7 @@ def _scene(command: versions.Scene) -> VersionEdit:
             else [scene(version, command.before), scene_found]
         )
         for missing_name in missing_text:
-            edited_texts = scene_matter.with_matter(edited_texts, piece, missing_name)
+            edited_texts = scene_matter.with_scene_parts(edited_texts, piece, missing_name)
             piece = piece if edited_texts is version.texts else piece_of(edited_texts)
         new_texts = {
             file: text

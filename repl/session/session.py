@@ -16,7 +16,7 @@ from ergon.notation.text.edit import EditError
 from ergon.notation.text.without_gc import without_gc
 from ergon.repl.language.complete import complete
 from ergon.repl.language.highlight import highlighted_tokens
-from ergon.repl.language.lines import is_whole
+from ergon.repl.language.lines import is_complete
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.session import session_commands
@@ -184,7 +184,7 @@ class Session(SessionCore):
 
     def is_whole(self, text: str) -> bool:
         """Whether Enter ends the text."""
-        return is_whole(text)
+        return is_complete(text)
 
     def run(self) -> None:
         """Start the threads that keep the session going until it is closed."""

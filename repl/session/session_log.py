@@ -217,7 +217,7 @@ class SessionLog:
         history, versions = self._history, self._schedule.past_versions
         past = [versions[n] for n in history.numbers[: history.index]]
         for before, after in itertools.pairwise(reversed(past[-_LOOKS_BACK:])):
-            if merging.differ(before.texts, after.texts, spot):
+            if merging.is_different_at(before.texts, after.texts, spot):
                 return before.line
         return ""
 

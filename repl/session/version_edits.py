@@ -111,7 +111,9 @@ def _plays(command: Plays, version: Version, beat: float) -> Texts:
 
 @edits_texts(Do)
 def _do(command: Do, version: Version, beat: float) -> Texts:
-    return parts.transform(version.texts, version.piece, command.player, beat, command.chain)
+    return parts.transform(
+        version.texts, version.piece, command.player, beat, command.transform_texts
+    )
 
 
 @edits_texts(StrikeModules)
@@ -266,7 +268,7 @@ def _map(command: midi_maps.Map) -> VersionEdit:
         struck = [] if isinstance(command, MapControl) else [command.target]
         played_texts = families.with_routes_of(version.texts, version.piece, struck)
         if isinstance(command, Hear) or (isinstance(command, MapNotes) and command.impulse is None):
-            played_texts = families.with_ready_acts(played_texts, command.target)
+            played_texts = families.with_act_modules(played_texts, command.target)
         after = version if played_texts is version.texts else with_texts(version, played_texts)
         return replace(after, maps=midi_maps.with_map(after, command))
 

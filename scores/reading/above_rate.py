@@ -29,9 +29,9 @@ def without_modes_above(
     """The instruments without CELs of `transposed` ones that lie above half the `rate` [Hz], and
     without the links to them; reports N405 for what is left out.
 
-    `transposed` are instruments, each with the name under which it is reported. What is `used`
-    (struck, automated, joined by other instruments, written at its own pitch) stays, and is refused
-    by the engine.
+    `transposed` are instruments, each with the name under which it is reported. What is
+    `used_modules` (struck, automated, joined by other instruments, written at its own pitch) stays,
+    and is refused by the engine.
     """
     too_high: dict[str, dict[str, float]] = {}
     for instrument_name in transposed:

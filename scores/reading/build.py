@@ -108,8 +108,8 @@ def key(values: Values, files: Files) -> Key:
 
 
 def gestures(values: Values, points_left: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
-    """Gestures with at most `room` points: one by the name "", or one for each axis of a path in
-    space.
+    """Gestures with at most `points_left` points: one by the name "", or one for each axis of a
+    path in space.
 
     None if an error was reported.
     """

@@ -19,7 +19,7 @@ _APPROACH_SHARE_MAX = 0.45  # largest share of the time to the next note
 def gesture_of_take(
     take: Values, files: Files, points_left: int, has_quarters: bool
 ) -> Gesture | None:
-    """The gesture of a MIDI take with at most `room` points; None if an error was reported.
+    """The gesture of a MIDI take with at most `points_left` points; None if an error was reported.
 
     Its times are in quarter notes. They count as beats if the piece `has_quarters` in all meters.
     """

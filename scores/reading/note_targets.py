@@ -18,7 +18,7 @@ from ergon.scores.reading.melody import Row
 
 @dataclass(frozen=True, slots=True)
 class NoteTargets:
-    """The targets of the words of a melody: notes of the instruments `to`, or modules by full
+    """The targets of the words of a melody: notes of `instruments`, or modules by full
     names.
     """
 

@@ -57,8 +57,9 @@ def transformed_strikes(
     part_names: PartNames,
     target_names: tuple[Name, ...],
 ) -> Strikes | None:
-    """Strikes by the clock, of a pattern or a phrase, after the transformations `do` of rhythms: as
-    a rhythm of the same strokes. `to` are the instruments whose notes they name.
+    """Strikes by the clock, of a pattern or a phrase, after the transformations `transforms_text`
+    of rhythms: as a rhythm of the same strokes. `target_names` are the instruments whose notes they
+    name.
 
     None if an error was reported.
     """
