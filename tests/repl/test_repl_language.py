@@ -47,7 +47,7 @@ def test_parse_examples_cover_every_command():
     }
 
 
-@pytest.mark.parametrize("form", verbs.FORMS, ids=lambda form: form.written)
+@pytest.mark.parametrize("form", verbs.FORMS, ids=lambda form: form.usage)
 def test_verb_examples_parse_and_appear_in_help(form: verbs.Form):
     assert isinstance(parsed(form.example.replace("as solo", "as solo-2")), Command)
     text = "\n".join(help.verb_help(form.verb))
