@@ -318,7 +318,7 @@ def _preflight_stage(piece: Piece, frozen: Sequence[LoadedPart]) -> Stage:
         piece, frozen = rehearsal_piece(piece), ()
     silent = frozenset(part.name for part in frozen)
     staged = stage(piece, planned=True, store=user_store(), silent=silent, on_fault="mute")
-    staged.placed = place_samples(frozen, staged.listening, Clock(0.0), staged.rate)
+    staged.recalled_outputs = place_samples(frozen, staged.listening, Clock(0.0), staged.rate)
     return staged
 
 

@@ -84,8 +84,8 @@ def _read_play(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> P
         gesture_names.append(play_words.Word(word, offset))
         return word
 
-    parsed_words = play_words.parse(slot_text, called=name_at)
-    for played_name in gesture_names or [parsed_words.what]:
+    parsed_words = play_words.parse(slot_text, name_at=name_at)
+    for played_name in gesture_names or [parsed_words.played]:
         _with_offset(played_name.offset, v.PLAYED_VALUE, played_name.text, scope)
     play_options = {}
     for option_name, option_word in parsed_words.options.items():
@@ -97,7 +97,10 @@ def _read_play(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> P
             option_word.offset, _option_value(option_name), option_word.text, scope
         )
     return ParsedPlay(
-        " ".join(parsed_words.what.text.split()), play_options, parsed_words.do, parsed_words
+        " ".join(parsed_words.played.text.split()),
+        play_options,
+        parsed_words.transforms,
+        parsed_words,
     )
 
 
@@ -174,7 +177,7 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
     play_options = dict(play.options)
     words_by_field = {
         "player": words["player"],
-        "what": _option_word(play.parsed_words.what, words["play"]),
+        "what": _option_word(play.parsed_words.played, words["play"]),
     }
     words_by_field |= {
         name: _option_word(word, words["play"]) for name, word in play.parsed_words.options.items()

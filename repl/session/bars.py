@@ -82,7 +82,7 @@ def _beginnings(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[
         last = n_before(play_beats, starts[-1] - SAME)
         for place_index in range(first, last):
             begun_text = (
-                play_beats.course.played(place_index)
+                play_beats.places.played_name(place_index)
                 if isinstance(play_beats, Steps)
                 else part_play.what
             )
@@ -106,7 +106,7 @@ def _strokes_within(
     elif strikes.pattern is not None:
         steps = strikes.steps(piece)
         for place_index in range(n_before(steps, first_beat), n_before(steps, last_beat)):
-            note = steps.course.named(place_index)
+            note = steps.places.name_in_place(place_index)
             if note is not None:
                 yield steps[place_index], note if strikes.voices else _STRIKE_SIGN
     elif strikes.rate is not None:

@@ -46,7 +46,7 @@ class Change:
     def needs_new_mixer(self) -> bool:
         """Whether the change needs a new mixer."""
         new, old = self.stage, self.old_stage
-        return new.network is not old.network or new.placed != old.placed
+        return new.network is not old.network or new.recalled_outputs != old.recalled_outputs
 
 
 @dataclass(frozen=True, slots=True)

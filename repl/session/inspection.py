@@ -83,7 +83,7 @@ def draw_name(version: Version, gesture_name: str, sounding: Piece, now: float) 
     curves = asked_and_done(
         rehearsal.simulation,
         first_gesture.key_index,
-        first_gesture.struck,
+        first_gesture.struck_mat,
         start,
         stop,
         displacement_ratio,
@@ -121,7 +121,9 @@ def draw_trace(
     player_key = piece.players[player_name].key
     last = trace_frame // tick_frames
     ticks = range(max(0, last - int(_TRACE_SECONDS * rate) // tick_frames), last)
-    is_real = hands is not None and any(hand.player == player_name for hand in running.stage.live)
+    is_real = hands is not None and any(
+        hand.player == player_name for hand in running.stage.live_hands
+    )
     if len(ticks) < _TRACE_TICKS_MIN:
         raise NotTakenError(f"{player_name} has not moved yet, so there is nothing to draw")
     if is_real and hands is not None:

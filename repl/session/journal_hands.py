@@ -103,7 +103,7 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
 
     recording = _recording_path(take)
     player_names = ", ".join(hand.player for hand in take.hands)
-    axes = [(hand.player, hand.key) for hand in stage.live]
+    axes = [(hand.player, hand.key) for hand in stage.live_hands]
     if recording.rate != stage.rate or recording.frames != tick_frames or recording.axes != axes:
         raise JournalError(f"{take.path} does not record {player_names} of this session")
     try:
@@ -112,7 +112,7 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
         raise JournalError(f"{take.path}: {error}") from None
     hands = tuple(
         RecordedHand(hand.index, hand.reach, np.ascontiguousarray(tick_positions[:, number]))
-        for number, hand in enumerate(stage.live)
+        for number, hand in enumerate(stage.live_hands)
     )
     return RecordedHands(
         hands, len(tick_positions) * tick_frames, tuple(_recording_warnings(take, recording))

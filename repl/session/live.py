@@ -47,10 +47,10 @@ class LiveEngine:
         self._performance: _core.Performance = perform(
             stage, replace(config, endless=True, loose=True)
         )
-        self._players = [hand.player for hand in stage.live]
+        self._players = [hand.player for hand in stage.live_hands]
         self._real = {player for board in config.boards for _, player in board.axes}
-        numbers = [hand.index for hand in stage.live if hand.player in self._real]
-        reaches = [hand.reach for hand in stage.live]
+        numbers = [hand.index for hand in stage.live_hands if hand.player in self._real]
+        reaches = [hand.reach for hand in stage.live_hands]
         self.bounds_finder = ForceBoundsFinder(self._performance.hand_limit, reaches, numbers)
         self._boards = [board.display_name for board in config.boards]
         self._players_by_board = [[player for _, player in board.axes] for board in config.boards]

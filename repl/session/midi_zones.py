@@ -41,7 +41,7 @@ class Zones:
         kind = data[0] & 0xF0
         if kind in _FOLLOWED_KINDS:
             event = MidiEvent(0, kind, (data[0] & 0x0F) + 1, data[1], data[1:])
-            for _ in self._wheels.moved(event):
+            for _ in self._wheels.follow(event):
                 pass
 
     def moves(

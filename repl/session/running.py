@@ -175,8 +175,8 @@ def stage_spans(
         real_hands=real,
         silent=frozenset(part.name for part in frozen),
         on_fault="mute",
-        going=StageTakeover(spans, old_stage, start_frame, moving, strike_points(version)),
+        takeover=StageTakeover(spans, old_stage, start_frame, moving, strike_points(version)),
         is_seen=is_seen,
     )
-    new_stage.placed = place_samples(frozen, new_stage.listening, clock, new_stage.rate)
+    new_stage.recalled_outputs = place_samples(frozen, new_stage.listening, clock, new_stage.rate)
     return new_stage

@@ -125,7 +125,7 @@ def _strokes_between(
         for step_index in range(
             n_before(pattern_steps, first_beat), n_before(pattern_steps, last_beat)
         ):
-            note_word = pattern_steps.course.named(step_index)
+            note_word = pattern_steps.places.name_in_place(step_index)
             if note_word is not None:
                 stroke_end = (
                     pattern_steps[step_index + 1]

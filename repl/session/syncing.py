@@ -63,7 +63,7 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Se
 
 def _next_round_beat(pattern_steps: Steps, after_beat: float) -> Sequence[float]:
     """The beat of the next place on which a round of a pattern begins."""
-    pattern = pattern_steps.course.pattern
+    pattern = pattern_steps.places.pattern
     count = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses
     place = n_before(pattern_steps, after_beat - SAME)
     place += -(place + pattern.skip) % count

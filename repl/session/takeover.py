@@ -53,10 +53,10 @@ class Takeovers:
             running.stage,
             running_after.start,
             ends_gestures=any(waiting_line.result().ends_gestures for waiting_line in lines),
-            stops=not running_after.clock.is_running,
+            is_stopped=not running_after.clock.is_running,
             resets=any(waiting_line.resets for waiting_line in lines),
         )
-        stage.placed = place_samples(
+        stage.recalled_outputs = place_samples(
             running_after.frozen, stage.listening, running_after.clock, stage.rate
         )
         return replace(running_after, stage=stage, serial=running.serial + 1)

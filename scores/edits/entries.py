@@ -13,7 +13,7 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.texts import SECTIONS, ListEdit, Texts
-from ergon.scores.gesture.transforms import parse_do
+from ergon.scores.gesture.transforms import parse_transform
 from ergon.scores.pattern import words
 from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
@@ -77,7 +77,7 @@ def _gesture_transform_text(transform: str) -> str:
     if transform.split()[:1] not in (["fast"], ["slow"]):
         return transform
     try:
-        return f"stretch {parse_do(transform).lengthening!r}"
+        return f"stretch {parse_transform(transform).lengthening!r}"
     except TextError as error:
         raise EditError(f"{quote(transform)} cannot be written out: {error.message}") from None
 
@@ -122,7 +122,7 @@ class PlacedEntry:
                 at=written_at(starts[first_start]), until=None, times=str(n_entries)
             )
             return part_entry if n_entries > 1 else part_entry.with_fields(every=None, times=None)
-        return self.entry.with_fields(**starts.part(first_start, stop_start, written_at))
+        return self.entry.with_fields(**starts.from_place(first_start, stop_start, written_at))
 
 
 def entry_of_play(play_words: words.PlayWords, play_text: str) -> Entry:
@@ -130,9 +130,9 @@ def entry_of_play(play_words: words.PlayWords, play_text: str) -> Entry:
     play_options = {name: word.text for name, word in play_words.options.items()}
     transforms = tuple(
         play_text[transformation.offset : transformation.offset + transformation.length]
-        for transformation in play_words.do
+        for transformation in play_words.transforms
     )
-    return Entry({"play": play_words.what.text, **play_options}, transforms)
+    return Entry({"play": play_words.played.text, **play_options}, transforms)
 
 
 def placed_entries(

@@ -149,7 +149,7 @@ class _Window:
             )
             if first_place == stop_place:
                 return texts.remove(path), False
-            changed_fields |= pattern_steps.part(first_place, stop_place, self.position)
+            changed_fields |= pattern_steps.from_place(first_place, stop_place, self.position)
         elif strikes.rate is not None:
             first_beat, last_beat = max(begin_beat, self.start), min(stop_beat, self.stop)
             if last_beat <= first_beat + SAME:
@@ -229,7 +229,9 @@ class _Window:
                 if first_place == len(pattern_steps):
                     score_texts = without_entry(score_texts, "automation", entry_index)
                     continue
-                entry_fields |= pattern_steps.part(first_place, len(pattern_steps), self.position)
+                entry_fields |= pattern_steps.from_place(
+                    first_place, len(pattern_steps), self.position
+                )
                 entry_fields["until"] = self.position(min(end_beat, self.stop))
             elif begin_beat < self.start - SAME and automation_entry.swing is not None:
                 period = self.map.after(begin_beat, automation_entry.swing.period) - begin_beat

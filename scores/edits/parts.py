@@ -183,12 +183,12 @@ def _occurrence_under_way(
     tempo, pattern_or_name = piece.tempo_map, placed_entry.play.what
     begin_beat = placed_entry.starts[-1] if placed_entry.starts else placed_entry.begin
     if isinstance(placed_entry.starts, Steps):
-        places = placed_entry.starts.course
+        places = placed_entry.starts.places
         last_played = next(
             (
                 place_index
                 for place_index in reversed(range(len(placed_entry.starts)))
-                if places.played(place_index)
+                if places.played_name(place_index)
             ),
             None,
         )
@@ -196,7 +196,7 @@ def _occurrence_under_way(
             return None
         begin_beat, pattern_or_name = (
             placed_entry.starts[last_played],
-            places.played(last_played) or "",
+            places.played_name(last_played) or "",
         )
         pattern_fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH_OPTION), None)
         placed_entry = replace(

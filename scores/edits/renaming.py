@@ -322,6 +322,8 @@ def _spans_in_pattern(
 ) -> Iterator[Span]:
     """The spans of a name in a play; in a pattern it stands at the offsets `offsets`."""
     for offset in (
-        [play_words.what.offset] if _is_named(play_words.what.text, name) else sorted({*offsets})
+        [play_words.played.offset]
+        if _is_named(play_words.played.text, name)
+        else sorted({*offsets})
     ):
         yield _span(node, offset, len(name))

@@ -33,18 +33,18 @@ def entries(
     _check_place_count(n_places)
     if not n_places:
         return
-    places = pattern_steps.course
+    places = pattern_steps.places
     if places.pattern.chance is None and _is_periodic(pattern_steps, n_places, round_beats):
         yield pattern_steps[0], pattern_entry
         return
     turns = _numbered_turns(pattern_entry) if places.pattern.turns else []
     beats_by_chain: dict[tuple[str, ...], list[tuple[float, str]]] = {}
     for place_index in range(n_places):
-        if (played_name := places.played(place_index)) is not None:
+        if (played_name := places.played_name(place_index)) is not None:
             chain = tuple(
                 text[transform.offset : transform.offset + transform.length]
                 for turn, text in turns
-                for transform in places.due(place_index, (turn,))
+                for transform in places.transforms_due(place_index, (turn,))
                 if transform is not None
             )
             beats_by_chain.setdefault(chain, []).append((pattern_steps[place_index], played_name))
@@ -98,7 +98,8 @@ def strikes(
         if name not in ("euclid", "swing", "skip")
     }
     places_with_names = (
-        (pattern_steps[place], pattern_steps.course.named(place)) for place in range(n_places)
+        (pattern_steps[place], pattern_steps.places.name_in_place(place))
+        for place in range(n_places)
     )
     named_beats = [(beat, name) for beat, name in places_with_names if name is not None]
     if notes_by_place:
@@ -120,13 +121,13 @@ def _check_place_count(n_places: int) -> None:
 
 def _is_periodic(pattern_steps: Steps, n_places: int, beats: float) -> bool:
     """Whether the `n_places` places after the first `n_places` repeat them `beats` later."""
-    places = pattern_steps.course
+    places = pattern_steps.places
     return (
         _plays_in_turn(places.pattern.order)
         and not places.pattern.turns
         and all(
             abs(pattern_steps.beat(n_places + place) - pattern_steps[place] - beats) < SAME
-            and places.named(n_places + place) == places.named(place)
+            and places.name_in_place(n_places + place) == places.name_in_place(place)
             for place in range(n_places)
         )
     )

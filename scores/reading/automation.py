@@ -89,7 +89,12 @@ class Automation:
         place_sequence = PlaceSequence(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
         begin = tempo.resolve(self.at)
         return line_steps(
-            tempo, begin, place_sequence, every=self.every, times=self.times, until=until_beat
+            tempo,
+            begin,
+            place_sequence,
+            step_length=self.every,
+            times=self.times,
+            end_beat=until_beat,
         )
 
 

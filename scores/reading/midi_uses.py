@@ -203,5 +203,5 @@ def _unused_contents(midi_survey: MidiSurvey, use: _FileUse) -> Iterator[str]:
         has_meter=use.has_meter,
         has_wheel=use.has_wheel,
         has_pressure=use.has_pressure,
-        follows=use.follows,
+        is_followed=use.follows,
     )

@@ -232,10 +232,10 @@ def _row(row_text: str, text_offset: int, text_node: Scalar, context: Context) -
             entry_fields[option_name] = option_value
     if is_refused:
         return None
-    entry_fields["do"] = parsed_row.play.do
+    entry_fields["do"] = parsed_row.play.transforms
     if "rate" in entry_fields:
         _unused_rate(context, _place(parsed_row.play.options["rate"], text_node))
-    what_words, end_word = parsed_row.play.what, parsed_row.play.options.get("until")
+    what_words, end_word = parsed_row.play.played, parsed_row.play.options.get("until")
     row_text = " ".join(what_words.text.split())
     row_place = _place(parsed_row.at, text_node)
     # In a literal block a row is one line of the file, so the column follows from that of
@@ -250,7 +250,7 @@ def _row(row_text: str, text_offset: int, text_node: Scalar, context: Context) -
     return _play_of_entry(
         cast("_EntryValues", entry_fields),
         context,
-        Played(Name(row_text, place), parsed_row.play.order, place),
+        Played(Name(row_text, place), parsed_row.play.pattern, place),
         row_place,
         _place(end_word, text_node) if end_word else None,
     )

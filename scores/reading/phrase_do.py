@@ -10,7 +10,7 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.named_values import parse_with_names
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
-from ergon.scores.gesture.transforms import ARITY, MEANINGS, Transform, parse_do
+from ergon.scores.gesture.transforms import ARITY, MEANINGS, Transform, parse_transform
 from ergon.scores.pattern.cycle_table import FORM_BY_WORD
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 
@@ -30,7 +30,7 @@ def split_transforms(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Tr
         if is_rhythm or (word in FORM_BY_WORD and word not in ARITY):
             parse_transforms(chain_text[part_start:], part_start)
             return tuple(chain), chain_text[part_start:].strip()
-        chain.append(parse_do(part_text, part_start))
+        chain.append(parse_transform(part_text, part_start))
         part_start += len(part_text) + 1
     return tuple(chain), ""
 

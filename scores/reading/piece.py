@@ -241,7 +241,7 @@ class Strikes:
         begin, stop = tempo.resolve(self.at), self.stop(tempo)
         place_sequence = PlaceSequence(self.pattern, Draws(piece.seed, self.draw_key))
         return line_steps(
-            tempo, begin, place_sequence, every=self.every, times=self.times, until=stop
+            tempo, begin, place_sequence, step_length=self.every, times=self.times, end_beat=stop
         )
 
 

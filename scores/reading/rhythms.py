@@ -274,8 +274,8 @@ def _cycle_events(
                 (
                     float(event.begin - cycle_number),
                     min(float(event.end - event.begin), LONGEST_CYCLES),
-                    min(float((event.end - event.begin) * event.what.length), LONGEST_CYCLES),
-                    event.what,
+                    min(float((event.end - event.begin) * event.value.length), LONGEST_CYCLES),
+                    event.value,
                 )
                 for event in onsets
             ]

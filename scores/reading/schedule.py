@@ -147,9 +147,9 @@ def _pattern_beats(
             tempo,
             begin_beat,
             part_play.place_sequence(piece.seed),
-            every=part_play.every,
+            step_length=part_play.every,
             times=part_play.times,
-            until=None if part_play.until is None else tempo.resolve(part_play.until),
+            end_beat=None if part_play.until is None else tempo.resolve(part_play.until),
             length=pattern_lengths.get,
             room=starts_left,
         )

@@ -362,7 +362,7 @@ def test_takeover_of_two_islands_with_one_hand(tmp_path: Path):
     version = Version(0, "", texts, piece_of(texts))
     real = {"remi": None, "zoe": None}
     begun = stage_first(version, Clock(), real, None)
-    zoe = next(hand.index for hand in begun.stage.live if hand.player == "zoe")
+    zoe = next(hand.index for hand in begun.stage.live_hands if hand.player == "zoe")
 
     def played(simulation: _core.Simulation, first: int, last: int) -> np.ndarray:
         frames = np.zeros((44 * (last - first), simulation.n_out))

@@ -432,7 +432,9 @@ def test_notes_of_instrument_share_output_channels():
     built = piece(f"{CALL}strikes: {{s: {{play: call, at: 0}}}}")
     staged = stage(built)
     assert staged.n_channels == 3  # cell, string, lone
-    assert {way.channel for way in staged.listening.ways if way.part.startswith("cell.")} == {0}
+    assert {way.channel for way in staged.listening.tap_routes if way.part.startswith("cell.")} == {
+        0
+    }
 
 
 def test_melody_rows_on_one_module_have_their_places():

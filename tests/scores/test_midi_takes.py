@@ -384,7 +384,7 @@ def test_hostile_midi_bytes_are_read_or_refused(tmp_path, seed):
             held = midi_survey._survey.__wrapped__(path, ())
             assert held.length >= 0.0
             assert 0.0 <= held.seconds(held.length) < 1e12
-            counts = [count for each in held.tracks for count in each.notes.values()]
+            counts = [count for each in held.tracks for count in each.counts_by_channel.values()]
             assert all(0 <= count.low <= count.high < 128 for count in counts)
         try:
             result = midi_file._read.__wrapped__(path, None, ())

@@ -94,7 +94,7 @@ def _same(version: Version, beat: float) -> Version:
 
 def cut_of(running: RunningVersion, texted: RunningVersion, act: Act, frame: int) -> RunningVersion:
     """The version of the texts, played by a cut of the stage before."""
-    stage = cut_stage(running.stage, frame, ends_gestures=act != "stop", stops=act != "hush")
+    stage = cut_stage(running.stage, frame, ends_gestures=act != "stop", is_stopped=act != "hush")
     return replace(texted, stage=stage)
 
 
