@@ -267,7 +267,7 @@ def _frozen_and_folder(
     other_parts = [part.name for part in folder.parts if part.name not in part_names]
     if other_parts:
         report.say(f"computed live, because the session has changed them: {', '.join(other_parts)}")
-    return folder.beside(Path(session_options.journal)), loaded_parts
+    return folder.relative_to(Path(session_options.journal)), loaded_parts
 
 
 def _performance_config(

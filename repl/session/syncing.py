@@ -21,10 +21,10 @@ def next_beginning(piece: Piece, voice_name: str, after_beat: float) -> float:
     """The first beat, not before `after_beat`, on which a voice begins again: a cycle of a rhythm,
     a round of a pattern, a phrase or a sweep, else a stroke or a gesture. Raises NotTakenError.
     """
-    coming = [
+    next_beats = [
         _next_beat(beats, after_beat) for beats in _beginning_beats(piece, voice_name, after_beat)
     ]
-    begins = [beat for beat in coming if beat is not None]
+    begins = [beat for beat in next_beats if beat is not None]
     if not begins:
         place_text = piece.tempo_map.written(after_beat)
         raise NotTakenError(
@@ -70,6 +70,6 @@ def _next_round_beat(pattern_steps: Steps, after_beat: float) -> Sequence[float]
     return [pattern_steps.beat(place)] if place < len(pattern_steps) else []
 
 
-def _next_beat(beats: Sequence[float], after: float) -> float | None:
-    place = n_before(beats, after - SAME)
+def _next_beat(beats: Sequence[float], after_beat: float) -> float | None:
+    place = n_before(beats, after_beat - SAME)
     return beats[place] if place < len(beats) else None

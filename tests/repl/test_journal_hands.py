@@ -90,14 +90,14 @@ class Played:
             board.may(periods)
         for board in self.boards:
             board.wait()
-        self.session.pump()
+        self.session.do_once()
         if (path := self.session.guidance.paths_due()) is not None:
             self.session.guidance.send(*path)
 
     def take_effect(self) -> None:
         """Until no line waits: a busy machine gives lines more time."""
         for _ in range(3000):
-            if not (self.session.schedule.waiting or self.session.schedule.changes.under_way):
+            if not (self.session.schedule.waiting or self.session.schedule.changes.pending):
                 return
             self.run(0.02)
         raise AssertionError("a line waits for a minute")

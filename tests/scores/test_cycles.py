@@ -64,7 +64,7 @@ STEADY = random_rhythms(is_steady=True)
 
 def played(part: Cycles[str], cycles: range = CYCLES) -> list[list[Event[str]]]:
     """The events of some cycles, those of one instant in alphabetical order."""
-    order = lambda event: (event.begin, event.what, event.end)  # noqa: E731
+    order = lambda event: (event.begin, event.value, event.end)  # noqa: E731
     return [sorted(part.onsets(cycle), key=order) for cycle in cycles]
 
 

@@ -215,10 +215,10 @@ def beats(text, every="1", tempo=FLAT, start=0.0, length=lambda name: None, **mo
         ("a b", {"every": "1/2", "times": 2}, [0, 0.5, 1, 1.5]),
         ("a b", {"every": "1bar", "start": 1.0, "times": 2}, [1, 5, 9, 13]),
         ("a b", {"every": "500ms", "times": 2}, [0, 0.5, 1, 1.5]),  # a beat is a second
-        ("a b", {"until": 3}, [0, 1, 2]),
-        ("a b", {"until": 3.5}, [0, 1, 2, 3]),
-        ("a b", {"until": 6, "times": 2}, [0, 1, 2, 3]),
-        ("a (b c)", {"until": 4, "start": 2.0}, [2, 3, 3.5]),
+        ("a b", {"end_beat": 3}, [0, 1, 2]),
+        ("a b", {"end_beat": 3.5}, [0, 1, 2, 3]),
+        ("a b", {"end_beat": 6, "times": 2}, [0, 1, 2, 3]),
+        ("a (b c)", {"end_beat": 4, "start": 2.0}, [2, 3, 3.5]),
         # A Euclidean rhythm lasts a bar unless `every` says how long a step is.
         ("a", {"every": None, "euclid": rhythm.Euclid(3, 8)}, [0, 1.5, 3]),
         ("a", {"every": None, "euclid": rhythm.Euclid(3, 8, 2), "times": 2},
@@ -228,7 +228,7 @@ def beats(text, every="1", tempo=FLAT, start=0.0, length=lambda name: None, **mo
         # Plain names follow each other.
         ("a b", {"every": None, "length": lambda name: Length(0.0, {"a": 2.0, "b": 0.5}[name]),
                  "times": 2}, [0, 2, 2.5, 4.5]),
-        ("a b", {"every": None, "length": lambda name: Length(seconds=0.25), "until": 0.6},
+        ("a b", {"every": None, "length": lambda name: Length(seconds=0.25), "end_beat": 0.6},
          [0, 0.25, 0.5]),
         # What is skipped leaves its time out.
         ("a b c", {"skip": 2, "times": 2}, [0, 1, 2, 3]),
@@ -245,7 +245,7 @@ def test_pattern_beats_follow_the_tempo():
 
 
 def test_pattern_beats_of_endless_line_on_demand():
-    complete = beats("walk a b c", every="1/16", until=62_000.0)
+    complete = beats("walk a b c", every="1/16", end_beat=62_000.0)
     assert len(complete) == 992_000
     assert complete[991_999] == pytest.approx(62_000 - 1 / 16)
     assert complete[-1] == complete[991_999]
@@ -260,7 +260,7 @@ def test_pattern_beats_of_endless_line_on_demand():
         ("a b", {"every": None, "length": lambda name: Length()}, "no duration"),
         ("a b", {"every": "0"}, "above 0"),
         ("a b", {"skip": 2}, "leaves out every place"),
-        ("a", {"every": "1/1000", "until": 1e6}, "more than 1,000,000 occurrences"),
+        ("a", {"every": "1/1000", "end_beat": 1e6}, "more than 1,000,000 occurrences"),
     ],
 )
 def test_pattern_options_without_beats_are_refused(text, options, words_):
